@@ -1,0 +1,129 @@
+/// Fixed-size data that crosses borders: no behaviour, SI units, no allocation.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+
+namespace dovetail {
+
+using Vec3 = Eigen::Matrix<double, 3, 1>;
+using Vec4 = Eigen::Matrix<double, 4, 1>;
+using Vec6 = Eigen::Matrix<double, 6, 1>;
+using Vec7 = Eigen::Matrix<double, 7, 1>;
+using Mat3 = Eigen::Matrix<double, 3, 3>;
+using Mat6 = Eigen::Matrix<double, 6, 6>;
+using Mat7 = Eigen::Matrix<double, 7, 7>;
+using Mat37 = Eigen::Matrix<double, 3, 7>;
+using Mat67 = Eigen::Matrix<double, 6, 7>;
+
+constexpr int kNumJoints = 7;
+
+/// How one task axis is driven (control.md section 2).
+enum class AxisMode : std::uint8_t {
+  kFree = 0,   ///< row dropped, left to the null space
+  kForce = 1,  ///< f* given by the action
+  kPose = 2,   ///< impedance law towards the Target's coordinate
+  kHold = 3,   ///< impedance law towards the pose latched at reset
+};
+
+/// Modes in twist order: X Y Z, then rotations about x (C), y (B), z (A).
+using TaskSpec = std::array<AxisMode, 6>;
+
+enum class Scheme : std::uint8_t {
+  kQp = 0,     ///< joint box hard, walls soft below it, torque rows inside
+  kPaper = 1,  ///< SCS then SJS, corrected, then the torque stage by blending
+};
+
+enum class BoundsKind : std::uint8_t {
+  kViability = 0,       ///< robust viability, the default (control.md section 3)
+  kPaperCorrected = 1,  ///< the paper's bound, velocity typo fixed, clipped to +-A
+  kPaperPrinted = 2,    ///< the paper's bound as printed, for comparison only
+};
+
+/// A serial chain of seven revolute joints about their local z axes.
+struct ChainParams {
+  std::array<Vec3, 7> origin_position;  ///< joint origin in the parent link [m]
+  std::array<Mat3, 7> origin_rotation;  ///< joint frame in the parent link
+  std::array<double, 7> mass;           ///< link mass [kg], payload in link 7
+  std::array<Vec3, 7> com;              ///< centre of mass in the link frame [m]
+  std::array<Mat3, 7> inertia;          ///< about the com, link axes [kg m2]
+  Vec3 tool_position;                   ///< TCP in the link-7 frame [m]
+  Mat3 tool_rotation;                   ///< TCP axes in the link-7 frame
+  Vec3 gravity{0.0, 0.0, -9.81};        ///< world axes [m/s2]
+};
+
+/// Operational-space law (control.md section 2).
+struct OscParams {
+  Vec6 stiffness = Vec6::Constant(400.0);    ///< K per axis [1/s2]
+  Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
+  Vec6 force_damping = Vec6::Zero();  ///< D on force axes [1/s]; 0 is the paper
+  double error_clamp_rotation = 0.5;  ///< [rad]
+  double error_clamp_position = 0.1;  ///< [m]
+  double f_clamp_linear = 30.0;       ///< largest |f*| per linear axis [m/s2]
+  double f_clamp_angular = 200.0;     ///< largest |f*| per rotation axis [rad/s2]
+  double k_null = 5.0;                ///< null-space damping k [1/s]
+  double length_scale = 0.15;         ///< L, scales rotation rows [m/rad]
+  double s0 = 0.02;                   ///< eigenvalue fade threshold [1/kg]
+  bool use_jdot = false;              ///< subtract dJ dq in the task
+  bool use_coriolis = false;          ///< add c to u0
+};
+
+/// Every limit; each one is enforced and has a flag (control.md sections 3-7, 9).
+struct LimitParams {
+  Vec7 q_min, q_max;  ///< joint position limits [rad]
+  Vec7 dq_max;        ///< joint speed limits [rad/s]
+  Vec7 tau_max;       ///< motor torque limits, gravity included [Nm]
+  Vec7 ddq_max;       ///< A, acceleration the motors can always give [rad/s2]
+  double eta = 0.6;   ///< share of A planned for braking
+  double kappa = 5.0;       ///< bound interval over the period
+  double delta_q = 0.002;   ///< joint position margin [rad]
+  double delta_v = 0.01;    ///< joint speed margin, as a share
+  bool walls = true;        ///< Cartesian walls on the TCP
+  Vec3 x_min, x_max;        ///< TCP walls, world [m]
+  Vec3 dx_max = Vec3::Constant(0.5);   ///< TCP speed per axis [m/s]
+  Vec3 ddx_max = Vec3::Constant(5.0);  ///< TCP acceleration per axis [m/s2]
+  double eta_wall = 0.5;    ///< share of ddx_max planned for braking
+  double delta_x = 0.005;   ///< wall margin [m]
+  double s0_wall = 1e-3;    ///< eigenvalue fade threshold of SCS [1/kg]
+  double rho = 1e6;         ///< weight of the wall slack in the QP
+  double beta = 0.3;        ///< gain of the disturbance estimate, 0 is off
+  Vec7 damping = Vec7::Zero();   ///< D_hat in the prediction [Nms/rad]
+  Vec7 armature = Vec7::Zero();  ///< rotor inertia in the prediction [kg m2]
+  bool mid_interval = true;      ///< evaluate the model at q + v dt / 2
+  bool exact_sjs = false;        ///< paper scheme: continue SJS to the QP's answer
+  Scheme scheme = Scheme::kQp;
+  BoundsKind bounds = BoundsKind::kViability;
+};
+
+/// One policy command, held until the next one.
+struct Target {
+  Vec6 f_star = Vec6::Zero();            ///< force axes: [m/s2, rad/s2], world
+  Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
+  Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation
+};
+
+/// What limited the last cycle. Masks: bit i is joint A(i+1) or axis X, Y, Z.
+struct Flags {
+  std::uint8_t joint_position = 0;      ///< the position limit bounds the joint
+  std::uint8_t joint_velocity = 0;      ///< the speed limit bounds the joint
+  std::uint8_t joint_acceleration = 0;  ///< +-A bounds the joint
+  std::uint8_t torque = 0;              ///< the motor torque bounds the joint
+  std::uint8_t wall_position = 0;       ///< a wall bounds the axis
+  std::uint8_t wall_velocity = 0;       ///< the TCP speed limit bounds the axis
+  std::uint8_t wall_acceleration = 0;   ///< the TCP acceleration bounds the axis
+  std::uint8_t wall_displaced = 0;      ///< a wall row could not be met this cycle
+  bool bad_input = false;               ///< non-finite input: damped hold
+  bool unsafe = false;   ///< even the safe action exceeded a torque: clipped
+  bool qp_early = false; ///< the QP stopped early; its safe answer was used
+  double displaced = 0.0;  ///< |a - a0| [rad/s2]
+};
+
+struct StepResult {
+  Vec7 tau;  ///< overlay torque, gravity excluded [Nm]
+  Vec7 a;    ///< commanded joint acceleration [rad/s2]
+  Vec7 a0;   ///< acceleration that the task asked for [rad/s2]
+  Flags flags;
+};
+
+}  // namespace dovetail

@@ -1,0 +1,15 @@
+"""Names for the array shapes that cross module borders (all float64)."""
+
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Vec3: TypeAlias = Array
+Vec4: TypeAlias = Array
+Vec6: TypeAlias = Array
+Vec7: TypeAlias = Array
+Mat33: TypeAlias = Array
+Mat67: TypeAlias = Array
+Mat77: TypeAlias = Array
