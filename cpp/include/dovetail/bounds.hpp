@@ -1,0 +1,51 @@
+/// Interval of accelerations of one coordinate (a joint or a wall axis) that
+/// keeps its position and speed inside their limits now and for ever after.
+/// Robust form of viability: Del Prete, RA-L 2018; docs/safety.md.
+#pragma once
+
+#include <cstdint>
+
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// Which limit set one end of the interval.
+enum class BoundCause : std::uint8_t {
+  kAcceleration = 0,
+  kVelocity = 1,
+  kPosition = 2
+};
+
+/// Parameters that a cycle's coordinates share. `kind` kPaperPrinted and
+/// kPaperCorrected use `dt`, `delta_x` and `delta_v` only.
+struct BoundsParams {
+  BoundsKind kind = BoundsKind::kViability;
+  double dt = 0.001;     ///< control period [s]
+  double kappa = 5.0;    ///< bound interval T over the period, >= 1
+  double eta = 0.6;      ///< share of a_max planned for braking, (0, 1]
+  double delta_x = 0.0;  ///< position margin [rad] or [m]
+  double delta_v = 0.0;  ///< speed margin, as a share of v_max
+};
+
+/// Accelerations lb <= a <= ub [rad/s2] or [m/s2]. Always lb <= ub, except
+/// kPaperPrinted, which can be empty (that is what it is kept to show).
+struct Interval {
+  double lb = 0.0;
+  double ub = 0.0;
+  BoundCause lb_cause = BoundCause::kAcceleration;
+  BoundCause ub_cause = BoundCause::kAcceleration;
+};
+
+/// Largest and smallest acceleration, held for one period, from which the
+/// coordinate can still stop inside its limits.
+/// \param x, v            position [rad, m] and speed
+/// \param x_min, x_max    position limits, margin not yet taken off
+/// \param v_max, a_max    speed and acceleration limits, both > 0
+/// Does not allocate, does not throw. Non-finite x or v give non-finite bounds
+/// or bounds of the wrong side: reject them before.
+[[nodiscard]] Interval acceleration_bounds(double x, double v, double x_min,
+                                           double x_max, double v_max,
+                                           double a_max,
+                                           const BoundsParams& params) noexcept;
+
+}  // namespace dovetail
