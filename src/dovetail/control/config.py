@@ -1,0 +1,244 @@
+"""Settings of the controller: the operational-space law and every limit.
+
+Values come from control.md section 9's table, measured on an iiwa 14; each is checked
+once, here, so that the control cycle never has to.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import numpy as np
+
+from dovetail.control.available import available_acceleration
+from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.task_spec import AXES
+from dovetail.errors import ConfigError
+from dovetail.types import JOINTS, Array, Vec3, Vec6, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.robot import Robot
+
+SCHEMES = ("qp", "paper")
+BOUNDS = ("viability", "paper-corrected", "paper-printed")
+
+PERIOD_MIN, PERIOD_MAX = 1e-4, 5e-3
+"""Range of control periods [s] for which limits were shown to hold."""
+
+_TASK_AXES, _XYZ = tuple(AXES), ("X", "Y", "Z")
+_PERIODS = (1e-3, 2e-3, 5e-3)
+_INTERVAL = (5e-3, 8e-3, 10e-3)  # kappa * period [s], kappa 5 / 4 / 2
+_DELTA_Q = (2e-3, 3e-3, 5e-3)  # rad, exact model
+_DELTA_V = (0.01, 0.02, 0.05)
+_DELTA_Q_HARDWARE = (5e-3, 5e-3, 40e-3)  # rad, combined mismatch and 30 N pushes
+_DELTA_V_HARDWARE = (0.05, 0.08, 0.30)
+_K_ROTATION = (400.0, 400.0, 150.0)  # 1/s2
+
+
+def _all(count: int, value: float) -> Callable[[], Array]:
+    return lambda: np.full(count, value)
+
+
+def check_period(period: float) -> float:
+    """Return the period [s], or raise ConfigError if limits are not proven there."""
+    if not PERIOD_MIN <= period <= PERIOD_MAX:
+        raise ConfigError(
+            f"control period is {period} s; allowed: {PERIOD_MIN} to {PERIOD_MAX} s, "
+            "the range in which the limits were shown to hold"
+        )
+    return float(period)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OscConfig:
+    """The operational-space law (Khatib 1987), axes in twist order X Y Z C B A."""
+
+    stiffness: Annotated[Vec6, Range(0.0, 1e4, "1/s2", _TASK_AXES)] = field(
+        default_factory=_all(6, 400.0)
+    )
+    """Stiffness K of pose and hold axes [1/s2], unit mass; less at long periods."""
+    damping_ratio: Annotated[Vec6, Range(0.0, 10.0, "1", _TASK_AXES)] = field(
+        default_factory=_all(6, 1.0)
+    )
+    """Damping ratio zeta of pose and hold axes [1]; D = 2 zeta sqrt(K)."""
+    force_damping: Annotated[Vec6, Range(0.0, 200.0, "1/s", _TASK_AXES)] = field(
+        default_factory=_all(6, 0.0)
+    )
+    """Damping of force axes [1/s]; 0 is the paper: f* accelerates to the limits."""
+    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.5
+    """Largest rotation error used [rad], so that a jump of theta is no torque step."""
+    error_clamp_position: Annotated[float, Range(1e-4, 2.0, "m")] = 0.1
+    """Largest position error used [m]."""
+    f_clamp_linear: Annotated[float, Range(1e-3, 1e3, "m/s2")] = 30.0
+    """Largest f* on a translation axis [m/s2]."""
+    f_clamp_angular: Annotated[float, Range(1e-3, 1e4, "rad/s2")] = 200.0
+    """Largest f* on a rotation axis [rad/s2]."""
+    k_null: Annotated[float, Range(0.0, 100.0, "1/s")] = 5.0
+    """Null-space damping k [1/s]; it can only take energy out."""
+    length_scale: Annotated[float, Range(1e-2, 10.0, "m/rad")] = 0.15
+    """Length L that weighs rotation rows in the task inertia [m/rad]."""
+    s0: Annotated[float, Range(1e-6, 10.0, "1/kg")] = 0.02
+    """Task inertia eigenvalue below which a direction fades out [1/kg]."""
+    use_jdot: bool = False
+    """Subtract dJ dq from f*; off as in the paper."""
+    use_coriolis: bool = False
+    """Add the Coriolis torque to the command; off as in the paper."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+    @classmethod
+    def for_period(cls, period: float, **overrides: Any) -> Self:
+        """Return the law for a control period [s]: softer rotations at 5 ms."""
+        k = float(np.interp(check_period(period), _PERIODS, _K_ROTATION))
+        settings: dict[str, Any] = {"stiffness": [400.0] * 3 + [k] * 3}
+        return cls(**(settings | overrides))
+
+    def params(self) -> "_core.OscParams":
+        """Copy into the C++ parameter struct."""
+        from dovetail import _core
+
+        params = _core.OscParams()
+        for f in fields(self):
+            setattr(params, f.name, getattr(self, f.name))
+        return params
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LimitConfig:
+    """Every limit of the motion; each one is enforced in C++ and has a flag."""
+
+    q_min: Annotated[Vec7, Range(-10.0, 10.0, "rad", JOINTS)]
+    """Lower joint limits [rad]."""
+    q_max: Annotated[Vec7, Range(-10.0, 10.0, "rad", JOINTS)]
+    """Upper joint limits [rad]."""
+    dq_max: Annotated[Vec7, Range(1e-3, 20.0, "rad/s", JOINTS)]
+    """Joint speed limits [rad/s]."""
+    tau_max: Annotated[Vec7, Range(1e-2, 1e4, "Nm", JOINTS)]
+    """Motor torque limits [Nm], gravity included."""
+    ddq_max: Annotated[Vec7, Range(1e-2, 1e3, "rad/s2", JOINTS)]
+    """Joint acceleration A that the motors can always give [rad/s2]."""
+    eta: Annotated[float, Range(0.05, 1.0, "1")] = 0.6
+    """Share of ddq_max planned for braking [1]; the rest covers model error."""
+    kappa: Annotated[float, Range(1.0, 50.0, "1")] = 5.0
+    """Interval of the bounds over the period [1]; larger chatters less."""
+    delta_q: Annotated[float, Range(0.0, 0.5, "rad")] = 0.002
+    """Margin before a joint limit [rad]."""
+    delta_v: Annotated[float, Range(0.0, 0.9, "1")] = 0.01
+    """Margin below the joint speed limit, as a share of it [1]."""
+    walls: bool = True
+    """Whether Cartesian limits on the TCP are enforced."""
+    x_min: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
+    """Lower walls of the TCP in the world [m]."""
+    x_max: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
+    """Upper walls of the TCP in the world [m]."""
+    dx_max: Annotated[Vec3, Range(1e-3, 10.0, "m/s", _XYZ)] = field(
+        default_factory=_all(3, 0.5)
+    )
+    """TCP speed limit per axis [m/s]."""
+    ddx_max: Annotated[Vec3, Range(1e-2, 1e3, "m/s2", _XYZ)] = field(
+        default_factory=_all(3, 5.0)
+    )
+    """TCP acceleration limit per axis [m/s2]."""
+    eta_wall: Annotated[float, Range(0.05, 1.0, "1")] = 0.5
+    """Share of ddx_max planned for braking before a wall [1]."""
+    delta_x: Annotated[float, Range(0.0, 0.2, "m")] = 0.005
+    """Margin before a wall [m]."""
+    s0_wall: Annotated[float, Range(1e-9, 10.0, "1/kg")] = 1e-3
+    """Wall mobility below which SCS fades a wall out [1/kg]."""
+    rho: Annotated[float, Range(1.0, 1e9, "1")] = 1e6
+    """Weight of the wall slack in the QP [1]: walls yield to joints only."""
+    beta: Annotated[float, Range(0.0, 0.9, "1")] = 0.3
+    """Gain of the disturbance estimate [1]; 0 is off, 1 is unstable with delay."""
+    damping: Annotated[Vec7, Range(0.0, 100.0, "Nms/rad", JOINTS)] = field(
+        default_factory=_all(7, 0.0)
+    )
+    """Joint damping that the prediction assumes [Nms/rad]."""
+    armature: Annotated[Vec7, Range(0.0, 100.0, "kg m2", JOINTS)] = field(
+        default_factory=_all(7, 0.0)
+    )
+    """Rotor inertia that the prediction assumes [kg m2]."""
+    mid_interval: bool = True
+    """Evaluate the model half a period ahead; five times less prediction error."""
+    exact_sjs: bool = False
+    """Paper scheme: continue SJS with an active set to the QP's answer."""
+    scheme: str = "qp"
+    """Saturation scheme: qp (default) or paper (SCS then SJS, corrected)."""
+    bounds: str = "viability"
+    """Bound formula: viability (default), paper-corrected or paper-printed."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+        pairs = (("q", JOINTS, "rad", 2 * self.delta_q), ("x", AXES[:3], "m", 0.0))
+        for name, labels, unit, room in pairs:
+            low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
+            for i, label in enumerate(labels):
+                if high[i] - low[i] <= room:
+                    raise ConfigError(
+                        f"{name}_min[{label}] is {low[i]:g} {unit} and "
+                        f"{name}_max[{label}] is {high[i]:g} {unit}: the range must be "
+                        f"wider than {room:g} {unit}"
+                    )
+        for name, known in (("scheme", SCHEMES), ("bounds", BOUNDS)):
+            if getattr(self, name) not in known:
+                raise ConfigError(
+                    f"unknown {name} {getattr(self, name)!r}; known: {', '.join(known)}"
+                )
+
+    @classmethod
+    def for_period(
+        cls, robot: "Robot", period: float, *, hardware: bool = False, **overrides: Any
+    ) -> Self:
+        """Return the limits of a robot at a control period, as measured to hold.
+
+        Between tabulated periods the margins of the longer one are used. Damping and
+        armature default to the nominal plant's (`DynamicsConfig`).
+
+        Args:
+            robot: Its limits, and its payload for ddq_max.
+            period: Control period [s], 0.1 to 5 ms.
+            hardware: Margins for model mismatch and 30 N pushes, not an exact model.
+            **overrides: Any field, for example x_min and x_max.
+
+        Raises:
+            ConfigError: Period out of range, or the payload leaves too little torque.
+        """
+        check_period(period)
+        row = int(np.searchsorted(_PERIODS, period * (1 - 1e-9)))
+        interval = max(5 * period if row == 0 else 0.0, 2 * period)
+        if row:
+            interval = float(np.interp(period, _PERIODS, _INTERVAL))
+        settings: dict[str, Any] = {
+            "q_min": robot.q_min,
+            "q_max": robot.q_max,
+            "dq_max": robot.dq_max,
+            "tau_max": robot.tau_max,
+            "x_min": [0.40, -0.20, 0.02],
+            "x_max": [0.80, 0.20, 0.40],
+            "kappa": interval / period,
+            "delta_q": (_DELTA_Q_HARDWARE if hardware else _DELTA_Q)[row],
+            "delta_v": (_DELTA_V_HARDWARE if hardware else _DELTA_V)[row],
+            "delta_x": 0.010 if hardware else 0.005,
+            "damping": 0.5,
+            "armature": 0.1,
+        } | overrides
+        if "ddq_max" not in settings:
+            settings["ddq_max"] = available_acceleration(
+                robot,
+                np.broadcast_to(settings["tau_max"], 7),
+                np.broadcast_to(settings["damping"], 7),
+                np.broadcast_to(settings["armature"], 7),
+            )
+        return cls(**settings)
+
+    def params(self) -> "_core.LimitParams":
+        """Copy into the C++ parameter struct."""
+        from dovetail import _core
+
+        params = _core.LimitParams()
+        for f in fields(self):
+            setattr(params, f.name, getattr(self, f.name))
+        params.scheme = _core.Scheme(SCHEMES.index(self.scheme))
+        params.bounds = _core.BoundsKind(BOUNDS.index(self.bounds))
+        return params

@@ -1,0 +1,60 @@
+"""Allowed range, unit and element names of a setting, written beside its type."""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from dovetail.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class Range:
+    """Annotation of a dataclass field: ``Annotated[float, Range(0, 1, "rad")]``."""
+
+    low: float
+    """Smallest allowed value."""
+    high: float
+    """Largest allowed value."""
+    unit: str
+    """Unit, ``1`` for a share or a count."""
+    labels: tuple[str, ...] = ()
+    """Names of the elements of an array; none for a single number."""
+
+
+def check_ranges(config: Any) -> None:
+    """Convert, freeze and check every annotated field of a frozen dataclass.
+
+    A single number given for an array fills it.
+
+    Raises:
+        ConfigError: Not numbers, a wrong shape, or an element out of its range.
+    """
+    for f in fields(config):
+        for allowed in getattr(f.type, "__metadata__", ()):
+            value = _checked(f.name, getattr(config, f.name), allowed)
+            object.__setattr__(config, f.name, value)
+
+
+def _checked(name: str, value: Any, allowed: Range) -> Any:
+    labels, unit = allowed.labels, allowed.unit
+    try:
+        array = np.array(value, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ConfigError(f"{name} must be numbers [{unit}]: {error}") from error
+    if array.ndim == 0 and labels:
+        array = np.full(len(labels), float(array))
+    if array.shape != ((len(labels),) if labels else ()):
+        wanted = f"{len(labels)} values ({' '.join(labels)})" if labels else "one value"
+        raise ConfigError(f"{name} has shape {array.shape}; give {wanted} in {unit}")
+    for i, x in enumerate(np.atleast_1d(array)):
+        if not allowed.low <= x <= allowed.high:  # false for nan, too
+            element = f"{name}[{labels[i]}]" if labels else name
+            raise ConfigError(
+                f"{element} is {x:g} {unit}; "
+                f"allowed: {allowed.low:g} to {allowed.high:g} {unit}"
+            )
+    if not labels:
+        return float(array)
+    array.setflags(write=False)
+    return array

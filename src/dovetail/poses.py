@@ -1,0 +1,133 @@
+"""Rotations and poses: the only file that converts between representations.
+
+Quaternions are ``wxyz``, unit length, ``w >= 0`` on output. Rotation matrices map
+child coordinates into the parent's.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dovetail.errors import ConfigError
+from dovetail.types import Mat33, Vec3, Vec4
+
+
+class Pose(NamedTuple):
+    """A frame in its parent, by default in the world."""
+
+    position: Vec3
+    """Origin of the frame in the parent [m], shape (3,)."""
+    quat_wxyz: Vec4
+    """Rotation of the frame in the parent, unit quaternion, shape (4,)."""
+
+
+def quat_normalized(quat: Vec4) -> Vec4:
+    """Scale a quaternion to unit length and turn its sign to ``w >= 0``.
+
+    Raises:
+        ConfigError: The quaternion has no length or is not finite.
+    """
+    quat = np.asarray(quat, dtype=float)
+    length = float(np.sqrt(quat @ quat))
+    if quat.shape != (4,) or not np.isfinite(length) or length < 1e-9:
+        raise ConfigError(
+            f"quaternion {quat.tolist()} is not a rotation: give four finite numbers "
+            "w x y z whose length is not 0"
+        )
+    return quat / (length if quat[0] >= 0.0 else -length)
+
+
+def quat_multiply(left: Vec4, right: Vec4) -> Vec4:
+    """Compose two rotations: first ``right``, then ``left``, with ``w >= 0``."""
+    w1, x1, y1, z1 = left
+    w2, x2, y2, z2 = right
+    quat = np.array(
+        [
+            w1 * w2 - x1 * x2 - y1 * y2 - z1 * z2,
+            w1 * x2 + x1 * w2 + y1 * z2 - z1 * y2,
+            w1 * y2 - x1 * z2 + y1 * w2 + z1 * x2,
+            w1 * z2 + x1 * y2 - y1 * x2 + z1 * w2,
+        ]
+    )
+    return quat if quat[0] >= 0.0 else -quat
+
+
+def quat_conjugate(quat: Vec4) -> Vec4:
+    """Invert a unit quaternion."""
+    return np.asarray(quat, dtype=float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def quat_from_matrix(rotation: Mat33) -> Vec4:
+    """Convert a rotation matrix to a quaternion, well conditioned everywhere.
+
+    Reference:
+        Shepperd 1978: divide by the largest of the four components.
+    """
+    R = np.asarray(rotation, dtype=float)
+    trace = R[0, 0] + R[1, 1] + R[2, 2]
+    squares = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])  # (4 q_i^2 + trace - 1) / 2
+    largest = int(np.argmax(squares))
+    if largest == 0:
+        quat = [1 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
+        return quat_normalized(np.array(quat))
+    i = largest - 1
+    j, k = (i + 1) % 3, (i + 2) % 3
+    quat = np.empty(4)
+    quat[0] = R[k, j] - R[j, k]
+    quat[1 + i] = 1.0 + R[i, i] - R[j, j] - R[k, k]
+    quat[1 + j] = R[j, i] + R[i, j]
+    quat[1 + k] = R[k, i] + R[i, k]
+    return quat_normalized(quat)
+
+
+def matrix_from_quat(quat: Vec4) -> Mat33:
+    """Convert a unit quaternion to a rotation matrix, shape (3, 3)."""
+    w, x, y, z = quat
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def quat_about_z(theta: float) -> Vec4:
+    """Return the rotation by ``theta`` [rad] about the world z axis."""
+    quat = np.array([np.cos(theta / 2), 0.0, 0.0, np.sin(theta / 2)])
+    return quat if quat[0] >= 0.0 else -quat
+
+
+def rotation_error(quat_d: Vec4, quat: Vec4) -> Vec3:
+    r"""Return the world rotation vector that turns ``quat`` into ``quat_d``.
+
+    .. math:: q_e = q_d \otimes q^{-1},\quad e = 2\,\mathrm{atan2}(|v|, w)\, v / |v|
+
+    Args:
+        quat_d: Desired rotation, wxyz.
+        quat: Current rotation, wxyz.
+
+    Returns:
+        Rotation vector [rad], shape (3,), world axes, length at most pi.
+    """
+    quat_e = quat_multiply(quat_d, quat_conjugate(quat))
+    length = float(np.sqrt(quat_e[1:] @ quat_e[1:]))
+    if length < 1e-12:  # sin(angle / 2) = angle / 2 to the last digit
+        return 2.0 * quat_e[1:]
+    return (2.0 * np.arctan2(length, quat_e[0]) / length) * quat_e[1:]
+
+
+def yaw_relative(quat: Vec4, quat_ref: Vec4) -> float:
+    """Return the turn about world z [rad] from ``quat_ref`` to ``quat``.
+
+    The swing-twist decomposition: the twist about z of ``quat quat_ref^-1``, in
+    (-pi, pi]; it is exact where the rest of the rotation is small.
+    """
+    quat_e = quat_multiply(quat, quat_conjugate(quat_ref))
+    return wrap_angle(2.0 * float(np.arctan2(quat_e[3], quat_e[0])))
+
+
+def wrap_angle(angle: float) -> float:
+    """Wrap an angle [rad] into (-pi, pi]."""
+    wrapped = float(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
+    return wrapped if wrapped > -np.pi else float(np.pi)
