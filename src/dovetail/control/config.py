@@ -170,7 +170,10 @@ class LimitConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self)
-        pairs = (("q", JOINTS, "rad", 2 * self.delta_q), ("x", AXES[:3], "m", 0.0))
+        pairs = (
+            ("q", JOINTS, "rad", 2 * self.delta_q),
+            ("x", _XYZ, "m", 2 * self.delta_x),
+        )
         for name, labels, unit, room in pairs:
             low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
             for i, label in enumerate(labels):

@@ -1,0 +1,155 @@
+"""Settings: what worked on the arm is the default; wrong values are refused by name."""
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from dovetail.control.build import make_controller
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.errors import ConfigError
+from dovetail.robot import Payload, iiwa14
+
+TASK = "XYZ:force A:pose BC:hold"
+
+
+@pytest.mark.parametrize(
+    ("period", "kappa", "delta_q", "delta_v", "k_rotation"),
+    [
+        (1e-3, 5, 2e-3, 0.01, 400),
+        (2e-3, 4, 3e-3, 0.02, 400),
+        (5e-3, 2, 5e-3, 0.05, 150),
+    ],
+)
+def test_limits_at_a_tabulated_period_are_the_table(
+    robot, period, kappa, delta_q, delta_v, k_rotation
+):
+    limits = LimitConfig.for_period(robot, period)
+    assert limits.kappa == pytest.approx(kappa)
+    assert (limits.delta_q, limits.delta_v) == (delta_q, delta_v)
+    assert (limits.eta, limits.beta, limits.delta_x) == (0.6, 0.3, 0.005)
+    assert OscConfig.for_period(period).stiffness[5] == k_rotation
+
+
+def test_margins_between_tabulated_periods_are_those_of_the_longer_one(robot):
+    limits = LimitConfig.for_period(robot, 3e-3)
+    assert (limits.delta_q, limits.delta_v) == (5e-3, 0.05)
+    assert 8e-3 < limits.kappa * 3e-3 < 10e-3
+    assert LimitConfig.for_period(robot, 5e-4).kappa == pytest.approx(5.0)
+
+
+def test_hardware_margins_are_wider(robot):
+    for period in (1e-3, 2e-3, 5e-3):
+        simulated = LimitConfig.for_period(robot, period)
+        hardware = LimitConfig.for_period(robot, period, hardware=True)
+        for name in ("delta_q", "delta_v", "delta_x"):
+            assert getattr(hardware, name) > getattr(simulated, name)
+
+
+@pytest.mark.parametrize("period", [0.0, 5e-5, 0.006, np.nan])
+def test_a_period_without_proven_limits_is_refused(robot, period):
+    with pytest.raises(ConfigError, match="control period"):
+        LimitConfig.for_period(robot, period)
+
+
+def test_acceleration_with_the_gripper_is_the_measured_one(robot):
+    limits = LimitConfig.for_period(robot, 1e-3)
+    np.testing.assert_allclose(limits.ddq_max, [15, 15, 15, 15, 20, 20, 20])
+
+
+def test_motors_can_give_the_derived_acceleration_everywhere(rng):
+    heavy = Payload(mass=5.0, com=np.array([0, 0, 0.1]), inertia=np.eye(3) * 0.02)
+    robot = iiwa14().with_tool(heavy, np.array([0.0, 0.0, 0.2]))
+    limits = LimitConfig.for_period(robot, 1e-3)
+    assert limits.ddq_max[5] < 20.0
+    chain = robot.chain()
+    for _ in range(5000):
+        q = rng.uniform(robot.q_min, robot.q_max)
+        dq = rng.uniform(-robot.dq_max, robot.dq_max)
+        M = np.abs(chain.inertia_matrix(q)) + np.diag(limits.armature)
+        tau = M @ limits.ddq_max + limits.damping * np.abs(dq)
+        tau += np.abs(chain.coriolis(q, dq)) + np.abs(chain.gravity(q))
+        assert (tau <= limits.tau_max).all()
+
+
+def test_a_payload_beyond_the_motors_names_the_joint():
+    brick = Payload(mass=12.0, com=np.array([0, 0, 0.2]), inertia=np.eye(3) * 0.1)
+    robot = iiwa14().with_tool(brick, np.array([0.0, 0.0, 0.3]))
+    with pytest.raises(ConfigError, match=r"joint A6 .* 12 kg payload"):
+        LimitConfig.for_period(robot, 1e-3)
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(LimitConfig)])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -1e9, "high"])
+def test_every_limit_refuses_values_out_of_its_range(robot, name, bad):
+    if name in ("walls", "mid_interval", "exact_sjs"):
+        pytest.skip("a switch")
+    with pytest.raises(ConfigError, match=name):
+        LimitConfig.for_period(robot, 1e-3, **{name: bad})
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(OscConfig)])
+@pytest.mark.parametrize("bad", [np.nan, -1.0, [1.0, 2.0]])
+def test_every_law_setting_refuses_values_out_of_its_range(name, bad):
+    if name in ("use_jdot", "use_coriolis"):
+        pytest.skip("a switch")
+    with pytest.raises(ConfigError, match=name):
+        OscConfig(**{name: bad})
+
+
+def test_a_wrong_element_is_named_with_unit_and_range(robot):
+    dq_max = np.array(robot.dq_max)
+    dq_max[4] = -0.5
+    with pytest.raises(
+        ConfigError, match=r"dq_max\[A5\] is -0.5 rad/s; allowed: 0.001"
+    ):
+        LimitConfig.for_period(robot, 1e-3, dq_max=dq_max)
+    with pytest.raises(ConfigError, match=r"stiffness\[B\] is nan 1/s2"):
+        OscConfig(stiffness=np.array([1, 1, 1, 1, np.nan, 1]))
+    with pytest.raises(
+        ConfigError, match=r"x_min\[Y\] is 0.3 m and x_max\[Y\] is 0.2 m"
+    ):
+        LimitConfig.for_period(robot, 1e-3, x_min=[0.4, 0.3, 0.0])
+    with pytest.raises(ConfigError, match=r"7 values \(A1 A2 A3 A4 A5 A6 A7\) in Nm"):
+        LimitConfig.for_period(robot, 1e-3, tau_max=np.ones(6))
+
+
+def test_unknown_scheme_and_bounds_list_the_known_ones(robot):
+    with pytest.raises(ConfigError, match="'best'; known: qp, paper"):
+        LimitConfig.for_period(robot, 1e-3, scheme="best")
+    with pytest.raises(ConfigError, match="known: viability, paper-corrected"):
+        LimitConfig.for_period(robot, 1e-3, bounds="none")
+
+
+def test_settings_cannot_be_changed_behind_the_controller(robot):
+    limits = LimitConfig.for_period(robot, 1e-3)
+    with pytest.raises(AttributeError):
+        limits.eta = 0.9
+    with pytest.raises(ValueError, match="read-only"):
+        limits.q_max[0] = 9.0
+
+
+def test_every_setting_reaches_the_cpp_parameters(robot):
+    limits = LimitConfig.for_period(robot, 2e-3, scheme="paper", bounds="paper-printed")
+    params = limits.params()
+    for f in fields(limits):
+        if f.name in ("scheme", "bounds"):
+            continue
+        np.testing.assert_array_equal(getattr(params, f.name), getattr(limits, f.name))
+    assert "paper" in str(params.scheme).lower()
+    assert "printed" in str(params.bounds).lower()
+    osc = OscConfig.for_period(2e-3, use_jdot=True)
+    for f in fields(osc):
+        value = getattr(osc.params(), f.name)
+        np.testing.assert_array_equal(value, getattr(osc, f.name))
+
+
+def test_the_builder_takes_a_task_as_text(robot, q_home):
+    limits = LimitConfig.for_period(robot, 1e-3)
+    controller = make_controller(robot, OscConfig(), limits, TASK, 1e-3)
+    pose = robot.tool_pose(q_home)
+    controller.reset(q_home, pose.position, pose.quat_wxyz)
+    with pytest.raises(ConfigError, match="unknown task axis"):
+        make_controller(robot, OscConfig(), limits, "W:force", 1e-3)
+    with pytest.raises(ConfigError, match="control period"):
+        make_controller(robot, OscConfig(), limits, TASK, 0.02)
