@@ -1,0 +1,79 @@
+/// Controller and MuJoCo in one loop, without Python: the fast road of MujocoPlant.
+///
+/// Works on the mjModel and mjData that the Python package `mujoco` made, through that
+/// package's own library, opened by its path. Compiled against one version's structs;
+/// any other version is refused at construction.
+#pragma once
+
+#include <mujoco/mjdata.h>
+#include <mujoco/mjmodel.h>
+
+#include <cstdint>
+#include <string>
+
+#include "dovetail/chain.hpp"
+#include "dovetail/channel.hpp"
+#include "dovetail/controller.hpp"
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// Numbers per control cycle: CYCLE_COLUMNS of plants/plant.py.
+constexpr int kCycleColumns = 42;
+
+class MujocoLoop {
+ public:
+  /// \param library  path of libmujoco, as the Python package loaded it
+  /// \param model, data  addresses of its mjModel and mjData, which must outlive this
+  /// \param nominal  chain whose gravity torque is added to every command
+  /// Throws std::runtime_error: library missing or of another version;
+  /// std::invalid_argument: the model is not a seven-joint arm.
+  MujocoLoop(const std::string& library, std::uintptr_t model, std::uintptr_t data,
+             const Chain& nominal, const Channel& channel, bool compensate_gravity);
+
+  /// Starts a trial from mjData's state: empties the delay, measures anew.
+  void reset() noexcept;
+
+  /// Holds the overlay torque tau [Nm] for `steps` physics steps.
+  /// Throws std::runtime_error when the simulation has diverged.
+  void apply(const Vec7& tau, int steps);
+
+  /// Runs `cycles` times: controller step, log row, `steps` physics steps. Does not
+  /// allocate. `log` holds cycles x kCycleColumns numbers.
+  /// Throws std::runtime_error when the simulation has diverged.
+  void run(Controller& controller, const Target& target, int cycles, int steps,
+           double* log);
+
+  void set_channel(const Channel& channel) noexcept { channel_ = channel; }
+  void seed(std::uint64_t seed) noexcept { channel_.seed(seed); }
+
+  /// Measured configuration [rad] and velocity [rad/s].
+  const Vec7& q() const noexcept { return q_; }
+  const Vec7& dq() const noexcept { return dq_; }
+
+  /// Force on peg and gripper in the last physics step [N], world axes.
+  const Vec3& contact_force() const noexcept { return force_; }
+
+ private:
+  void measure() noexcept;
+  void sum_contact_force() noexcept;
+  void require_finite() const;
+
+  using Step = void (*)(const mjModel*, mjData*);
+  using ContactForce = void (*)(const mjModel*, const mjData*, int, mjtNum*);
+
+  Step step_ = nullptr;
+  ContactForce contact_force_ = nullptr;
+  const mjModel* model_;
+  mjData* data_;
+  Chain nominal_;
+  Channel channel_;
+  bool compensate_gravity_;
+  int tool_body_ = 0;
+  Vec7 q_ = Vec7::Zero();
+  Vec7 dq_ = Vec7::Zero();
+  Vec3 force_ = Vec3::Zero();  // of the last physics step
+  Vec3 peak_ = Vec3::Zero();   // largest of the last command
+};
+
+}  // namespace dovetail

@@ -1,0 +1,168 @@
+#include "dovetail/mujoco_loop.hpp"
+
+#include <dlfcn.h>
+#include <mujoco/mujoco.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <stdexcept>
+
+namespace dovetail {
+
+namespace {
+
+constexpr double kDiverged = 200.0;  // [rad/s]; the joints' limit is 2.4
+
+template <typename Function>
+Function find_function(void* library, const std::string& path, const char* name) {
+  void* symbol = dlsym(library, name);
+  if (symbol == nullptr) {
+    throw std::runtime_error("MuJoCo library " + path + " has no function " + name);
+  }
+  return reinterpret_cast<Function>(symbol);
+}
+
+void* open_library(const std::string& path) {
+  void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) {
+    throw std::runtime_error("MuJoCo library " + path +
+                             " cannot be opened: " + dlerror());
+  }
+  const auto version = find_function<int (*)()>(library, path, "mj_version")();
+  if (version != mjVERSION_HEADER) {
+    throw std::runtime_error(
+        "MuJoCo library " + path + " is version " + std::to_string(version) +
+        ", the control loop was compiled against " + std::to_string(mjVERSION_HEADER) +
+        "; install the version that dovetail pins, or build dovetail again");
+  }
+  return library;
+}
+
+/// Appends numbers to one row of the log.
+struct RowWriter {
+  double* next;
+
+  template <typename Vector>
+  void put(const Vector& v) noexcept {
+    for (Eigen::Index i = 0; i < v.size(); ++i) *next++ = v[i];
+  }
+  void put_number(double x) noexcept { *next++ = x; }
+};
+
+Vec4 quat_wxyz(const Mat3& R) noexcept {
+  const Eigen::Quaterniond q(R);
+  const double sign = q.w() < 0.0 ? -1.0 : 1.0;
+  return sign * Vec4(q.w(), q.x(), q.y(), q.z());
+}
+
+}  // namespace
+
+MujocoLoop::MujocoLoop(const std::string& library, std::uintptr_t model,
+                       std::uintptr_t data, const Chain& nominal,
+                       const Channel& channel, bool compensate_gravity)
+    : model_(reinterpret_cast<const mjModel*>(model)),
+      data_(reinterpret_cast<mjData*>(data)),
+      nominal_(nominal),
+      channel_(channel),
+      compensate_gravity_(compensate_gravity) {
+  void* handle = open_library(library);
+  step_ = find_function<Step>(handle, library, "mj_step");
+  contact_force_ = find_function<ContactForce>(handle, library, "mj_contactForce");
+  if (model_->nq != kNumJoints || model_->nv != kNumJoints) {
+    throw std::invalid_argument("MuJoCo model has " + std::to_string(model_->nq) +
+                                " positions and " + std::to_string(model_->nv) +
+                                " velocities, the loop drives 7 hinges");
+  }
+  tool_body_ = model_->jnt_bodyid[kNumJoints - 1];
+  reset();
+}
+
+void MujocoLoop::reset() noexcept {
+  channel_.reset();
+  force_.setZero();
+  peak_.setZero();
+  measure();
+}
+
+void MujocoLoop::measure() noexcept {
+  q_ = Eigen::Map<const Vec7>(data_->qpos);
+  dq_ = Eigen::Map<const Vec7>(data_->qvel);
+  channel_.measure(q_, dq_);
+}
+
+void MujocoLoop::sum_contact_force() noexcept {
+  force_.setZero();
+  for (int i = 0; i < data_->ncon; ++i) {
+    const mjContact& contact = data_->contact[i];
+    const bool is_second = model_->geom_bodyid[contact.geom[1]] == tool_body_;
+    const bool is_first = model_->geom_bodyid[contact.geom[0]] == tool_body_;
+    if (is_first == is_second) continue;
+    mjtNum wrench[6];
+    contact_force_(model_, data_, i, wrench);
+    // Rows of the frame are the contact's axes; the force acts on the second geom.
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> axes(
+        contact.frame);
+    const Eigen::Map<const Vec3> local(wrench);
+    const Vec3 world = axes.transpose() * local;
+    force_ += is_second ? world : Vec3(-world);
+  }
+}
+
+void MujocoLoop::require_finite() const {
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (std::abs(data_->qvel[i]) < kDiverged) continue;  // false for nan, too
+    throw std::runtime_error("MuJoCo simulation diverged: joint A" +
+                             std::to_string(i + 1) + " moves at " +
+                             std::to_string(data_->qvel[i]) +
+                             " rad/s at t = " + std::to_string(data_->time) +
+                             " s; reduce physics_dt or the torques, then reset");
+  }
+}
+
+void MujocoLoop::apply(const Vec7& tau, int steps) {
+  const Vec7 sent = channel_.send(tau);
+  const double h = model_->opt.timestep;
+  Eigen::Map<Vec7> applied(data_->qfrc_applied);
+  ToolMotion motion;
+  peak_.setZero();
+  double largest = 0.0;
+  for (int i = 0; i < steps; ++i) {
+    applied = channel_.receive(sent, h);
+    if (compensate_gravity_) {
+      nominal_.tool_motion(Eigen::Map<const Vec7>(data_->qpos), Vec7::Zero(), motion);
+      applied += motion.g;
+    }
+    step_(model_, data_);
+    sum_contact_force();
+    const double size = force_.squaredNorm();
+    if (size > largest) {
+      largest = size;
+      peak_ = force_;
+    }
+    require_finite();
+  }
+  measure();
+}
+
+void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
+                     int steps, double* log) {
+  ToolMotion motion;
+  for (int i = 0; i < cycles; ++i) {
+    const StepResult result = controller.step(q_, dq_, target);
+    controller.chain().tool_motion(q_, dq_, motion);
+    RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
+    row.put_number(data_->time);
+    row.put(q_);
+    row.put(dq_);
+    row.put(result.tau);
+    row.put(motion.p);
+    row.put(quat_wxyz(motion.R));
+    row.put(motion.twist);
+    apply(result.tau, steps);
+    row.put(peak_);
+    row.put(target.f_star.head<3>());
+    row.put_number(static_cast<double>(pack_flags(result.flags)));
+  }
+}
+
+}  // namespace dovetail

@@ -1,0 +1,1 @@
+"""Arms: they follow a Target for a while, wherever the joints are."""

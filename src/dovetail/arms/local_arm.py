@@ -1,0 +1,104 @@
+"""Controller and plant in this process."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail.arms.arm import ArmState
+from dovetail.control.build import make_controller
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import TaskSpec
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, Plant
+from dovetail.poses import Pose, quat_from_matrix
+from dovetail.robot import Robot
+from dovetail.types import Array, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+_FORCE = slice(COLUMN["fx"], COLUMN["fz"] + 1)
+_FLAGS = COLUMN["flags"]
+
+
+class LocalArm:
+    """An arm made of the controller and a plant, both here."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        robot: Robot,
+        osc: OscConfig,
+        limits: LimitConfig,
+        task: TaskSpec | str,
+        period: float,
+    ) -> None:
+        """Build the controller over the plant.
+
+        Args:
+            plant: Where the torques go; closed with the arm.
+            robot: The controller's model, tool included.
+            osc: Operational-space law.
+            limits: Limits, made for the same robot and period.
+            task: Mode of each axis.
+            period: Control period [s].
+        """
+        self.plant = plant
+        self.robot = robot
+        self.period = period
+        self.task = TaskSpec.parse(task) if isinstance(task, str) else task
+        self.limits = limits
+        self.controller = make_controller(robot, osc, limits, self.task, period)
+        self._chain = robot.chain()
+        self._stamp = 0.0
+
+    def reset(self, q: Vec7, hole: Pose) -> ArmState:
+        """Put the arm at rest at q [rad], the hole at its pose; latch what is held."""
+        self.plant.reset(q, hole)
+        q_m, dq_m = self.plant.read()
+        hold = self.robot.tool_pose(np.asarray(q, dtype=float))
+        self.controller.reset(q_m, hold.position, hold.quat_wxyz)
+        self._stamp = 0.0
+        return self._state(q_m, dq_m, np.empty((0, len(CYCLE_COLUMNS))))
+
+    def step(self, target: "_core.Target", duration: float = 0.05) -> ArmState:
+        """Follow the target for a duration [s], a whole number of periods.
+
+        Raises:
+            ConfigError: The duration is not a whole number of periods.
+            PlantError: The simulation diverged.
+        """
+        cycles = round(duration / self.period)
+        if cycles < 1 or abs(cycles * self.period - duration) > 1e-9:
+            raise ConfigError(
+                f"duration is {duration} s, which is not a whole number of control "
+                f"periods of {self.period} s"
+            )
+        log, q, dq = self.plant.run_cycles(self.controller, target, cycles, self.period)
+        self._stamp += duration
+        return self._state(q, dq, log)
+
+    def _state(self, q: Vec7, dq: Vec7, log: Array) -> ArmState:
+        position, rotation = self._chain.pose(q)
+        velocity = self._chain.jacobian(q) @ dq
+        forces = log[:, _FORCE]
+        if len(log):
+            force = forces[np.argmax(np.einsum("ij,ij->i", forces, forces))]
+            flags = int(np.bitwise_or.reduce(log[:, _FLAGS].astype(np.int64)))
+        else:
+            force, flags = np.zeros(3), 0
+        return ArmState(
+            self._stamp,
+            q,
+            dq,
+            position,
+            quat_from_matrix(rotation),
+            velocity,
+            force,
+            flags,
+            log,
+        )
+
+    def close(self) -> None:
+        """Close the plant."""
+        self.plant.close()

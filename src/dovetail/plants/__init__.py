@@ -1,0 +1,1 @@
+"""Physics engines that play the arm: torques in, joint state out."""

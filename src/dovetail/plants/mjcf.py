@@ -1,0 +1,175 @@
+"""Write robot, tool, hole block and table as one MuJoCo model (MJCF)."""
+
+import importlib.util
+import math
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+
+from dovetail.poses import quat_from_matrix
+from dovetail.robot import Robot
+from dovetail.scene import Primitive, SceneConfig
+
+# Contact stiffness. refsafe raises the time constant to twice the step; the impedance
+# close to 1 keeps the static penetration at 30 N below 0.06 mm (tests/plants measures).
+_SOLREF = "0.002 1"
+_SOLIMP = "0.99 0.9995 0.0001 0.5 2"
+
+_HEADER = """\
+<mujoco model="dovetail">
+  <compiler angle="radian" autolimits="true"{meshdir}/>
+  <option integrator="implicitfast" cone="elliptic" jacobian="dense" solver="Newton"
+          iterations="30" ls_iterations="20" tolerance="1e-8" impratio="10">
+    <flag autoreset="disable" island="disable" sensor="disable" actuation="disable"
+          limit="disable" equality="disable" spring="disable"/>
+  </option>
+  <size memory="4M"/>
+  <visual><global offwidth="1280" offheight="960"/></visual>
+  <default>
+    <geom condim="3" solref="{solref}" solimp="{solimp}"/>
+    <default class="visual"><geom contype="0" conaffinity="0" group="1"/></default>
+    <default class="tool"><geom contype="1" conaffinity="0" mass="0"/></default>
+    <default class="world"><geom contype="0" conaffinity="1"/></default>
+  </default>
+{assets}  <worldbody>
+    <light pos="0.4 -1 2" dir="0 0.5 -1" castshadow="false"/>
+    <camera name="side" pos="0.6 -1.1 0.5" xyaxes="1 0 0 0 0.4 0.9"/>
+"""
+
+
+def build_mjcf(robot: Robot, scene: SceneConfig, *, visual_meshes: bool = False) -> str:
+    """Return the scene as an MJCF string.
+
+    Dynamics (masses as simulated, damping, friction, gravity) are not written here:
+    `MujocoPlant.configure` sets them on the compiled model, so that changing them does
+    not compile again.
+
+    Args:
+        robot: The arm with its tool.
+        scene: Geometry of peg and hole.
+        visual_meshes: Draw the arm with pybullet_data's meshes where that package is
+            installed; capsules otherwise. Never used for collisions.
+    """
+    meshes = _mesh_folder() if visual_meshes else None
+    lines = [_table(scene), *_block(scene), *_links(robot, scene, meshes)]
+    assets = _assets(scene, meshes)
+    header = _HEADER.format(
+        solref=_SOLREF,
+        solimp=_SOLIMP,
+        assets=assets,
+        meshdir=f" meshdir={quoteattr(str(meshes))}" if meshes else "",
+    )
+    return header + "\n".join(lines) + "\n  </worldbody>\n</mujoco>\n"
+
+
+def _mesh_folder() -> Path | None:
+    """Find pybullet_data's iiwa meshes without importing PyBullet."""
+    spec = importlib.util.find_spec("pybullet_data")
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    folder = Path(spec.submodule_search_locations[0]) / "kuka_iiwa" / "meshes"
+    return folder if (folder / "link_7.stl").exists() else None
+
+
+def _assets(scene: SceneConfig, meshes: Path | None) -> str:
+    lines = []
+    peg = scene.peg_primitive()
+    if peg.kind == "prism":
+        radius, half = peg.size
+        corners = [
+            (radius * math.cos(a), radius * math.sin(a), z)
+            for z in (-half, half)
+            for a in (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
+        ]
+        vertices = "  ".join(_numbers(corner) for corner in corners)
+        lines.append(f'    <mesh name="peg" vertex="{vertices}"/>')
+    if meshes is not None:
+        lines += [f'    <mesh file="link_{i}.stl"/>' for i in range(8)]
+    if not lines:
+        return ""
+    return "  <asset>\n" + "\n".join(lines) + "\n  </asset>\n"
+
+
+def _table(scene: SceneConfig) -> str:
+    return "    " + _geom(scene.table_primitive(), "world")
+
+
+def _block(scene: SceneConfig) -> list[str]:
+    parts = ["      " + _geom(part, "world") for part in scene.block_primitives()]
+    return [
+        '    <body name="hole" mocap="true" pos="0.6 0 0.1">',
+        *parts,
+        "    </body>",
+    ]
+
+
+def _links(robot: Robot, scene: SceneConfig, meshes: Path | None) -> list[str]:
+    """Write the serial chain; gripper and peg are geoms of the last link."""
+    lines = [_link_visual(0, robot, meshes)]
+    for i in range(7):
+        pad = "    " + "  " * i
+        pos = _numbers(robot.origin_position[i])
+        quat = _numbers(quat_from_matrix(robot.origin_rotation[i]))
+        lines.append(f'{pad}<body name="link{i + 1}" pos="{pos}" quat="{quat}">')
+        lines.append(f"{pad}  {_inertial(robot, i)}")
+        lines.append(f'{pad}  <joint name="A{i + 1}" type="hinge" axis="0 0 1"/>')
+        lines.append(f"{pad}  {_link_visual(i + 1, robot, meshes)}")
+    flange = _pose(robot.flange_position, robot.flange_rotation)
+    for part in scene.tool_primitives():
+        T_flange = np.eye(4)
+        T_flange[:3, :3], T_flange[:3, 3] = robot.flange_rotation, robot.flange_position
+        position = (T_flange @ [*part.position, 1.0])[:3]
+        quat = quat_from_matrix(robot.flange_rotation)
+        placed = part._replace(position=position, quat_wxyz=quat)
+        lines.append("                  " + _geom(placed, "tool"))
+    lines.append(f'                  <body name="flange" {flange}>')
+    tool = _pose(robot.tool_position, robot.tool_rotation)
+    lines.append(f'                    <site name="tcp" size="0.003" {tool}/></body>')
+    return [*lines, "    " + "</body>" * 7]
+
+
+def _inertial(robot: Robot, i: int) -> str:
+    I = robot.inertia[i]
+    full = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
+    return (
+        f'<inertial pos="{_numbers(robot.com[i])}" mass="{robot.mass[i]:.17g}" '
+        f'fullinertia="{_numbers(full)}"/>'
+    )
+
+
+def _link_visual(link: int, robot: Robot, meshes: Path | None) -> str:
+    """Draw a link by its mesh, or by a capsule to the next joint."""
+    if meshes is not None:
+        return (
+            f'<geom class="visual" type="mesh" mesh="link_{link}" '
+            f'rgba="0.85 0.5 0.2 1"/>'
+        )
+    end = robot.origin_position[link] if link < 7 else robot.flange_position
+    radius = 0.06 if link < 5 else 0.045
+    return (
+        f'<geom class="visual" type="capsule" size="{radius}" rgba="0.85 0.5 0.2 1" '
+        f'fromto="0 0 0 {_numbers(end)}" mass="0"/>'
+    )
+
+
+def _geom(part: Primitive, group: str) -> str:
+    shape = {
+        "box": f'type="box" size="{_numbers(part.size)}"',
+        "cylinder": f'type="cylinder" size="{_numbers(part.size)}"',
+        "prism": 'type="mesh" mesh="peg"',
+    }[part.kind]
+    return (
+        f'<geom class="{group}" name="{part.name}" {shape} '
+        f'pos="{_numbers(part.position)}" quat="{_numbers(part.quat_wxyz)}" '
+        f'rgba="{_numbers(part.rgba)}"/>'
+    )
+
+
+def _pose(position: np.ndarray, rotation: np.ndarray) -> str:
+    quat = quat_from_matrix(rotation)
+    return f'pos="{_numbers(position)}" quat="{_numbers(quat)}"'
+
+
+def _numbers(values: "np.ndarray | tuple[float, ...]") -> str:
+    return " ".join(f"{float(v):.17g}" for v in values)

@@ -1,0 +1,186 @@
+"""A plant in MuJoCo, whose control loop runs in C++."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail.errors import PlantError
+from dovetail.plants.mjcf import build_mjcf
+from dovetail.plants.plant import (
+    CYCLE_COLUMNS,
+    DynamicsConfig,
+    physics_steps,
+    require_configuration,
+)
+from dovetail.poses import Pose, quat_from_matrix
+from dovetail.robot import GRAVITY, Robot
+from dovetail.scene import SceneConfig
+from dovetail.types import Array, Vec3, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+
+def _library_path(mujoco: Any) -> str:
+    """Find the libmujoco that the Python package has loaded."""
+    folder = Path(mujoco.__file__).parent
+    names = ("libmujoco.so*", "libmujoco*.dylib", "mujoco.dll")
+    for name in names:
+        found = sorted(folder.glob(name))
+        if found:
+            return str(found[0])
+    raise PlantError(f"no MuJoCo library in {folder}; install mujoco again")
+
+
+class MujocoPlant:
+    """The arm and the scene in MuJoCo: torque control, gravity compensated inside."""
+
+    def __init__(
+        self,
+        scene: SceneConfig,
+        dynamics: DynamicsConfig | None = None,
+        *,
+        visual_meshes: bool = False,
+    ) -> None:
+        """Build the model.
+
+        Args:
+            scene: Geometry of peg and hole.
+            dynamics: Physics; the default is the model's.
+            visual_meshes: Draw the arm with meshes where pybullet_data is installed.
+
+        Raises:
+            PlantError: MuJoCo's version is not the one the loop was compiled against.
+        """
+        import mujoco
+
+        from dovetail import _core
+
+        self._mujoco = mujoco
+        self._core = _core
+        self.scene = scene
+        self.robot: Robot = scene.robot()
+        text = build_mjcf(self.robot, scene, visual_meshes=visual_meshes)
+        self.model = mujoco.MjModel.from_xml_string(text)
+        self.data = mujoco.MjData(self.model)
+        self._library = _library_path(mujoco)
+        self._channel = _core.Channel()
+        self._is_ready = False
+        self.configure(DynamicsConfig() if dynamics is None else dynamics)
+
+    def configure(self, dynamics: DynamicsConfig) -> None:
+        """Change the dynamics; call `reset` before the next torque."""
+        model = self.model
+        robot = self.scene.robot(dynamics.inertia)
+        for i in range(7):
+            body = model.body(f"link{i + 1}").id
+            moments, axes = np.linalg.eigh(robot.inertia[i])
+            if np.linalg.det(axes) < 0.0:
+                axes[:, 0] = -axes[:, 0]
+            scale = dynamics.mass_scale[i]
+            model.body_mass[body] = robot.mass[i] * scale
+            model.body_ipos[body] = robot.com[i]
+            model.body_inertia[body] = moments * scale
+            model.body_iquat[body] = quat_from_matrix(axes)
+        model.dof_damping[:] = dynamics.damping
+        model.dof_frictionloss[:] = dynamics.coulomb
+        model.dof_armature[:] = dynamics.armature
+        model.geom_friction[:, 0] = dynamics.contact_friction
+        model.opt.gravity[:] = np.add(GRAVITY, dynamics.gravity_residual)
+        self._mujoco.mj_resetData(model, self.data)
+        self._mujoco.mj_setConst(model, self.data)
+        self.dynamics = dynamics
+        self._is_ready = False
+        try:
+            self._loop = self._core.MujocoLoop(
+                self._library,
+                model._address,
+                self.data._address,
+                self.robot.chain(),
+                self._channel,
+                dynamics.gravity_compensation,
+            )
+        except RuntimeError as error:
+            raise PlantError(str(error)) from error
+
+    def attach_channel(self, channel: "_core.Channel") -> None:
+        """Put a twin's delay and noise between controller and joints."""
+        self._channel = channel
+        self._loop.set_channel(channel)
+
+    def seed(self, seed: int) -> None:
+        """Start the channel's noise again."""
+        self._channel.seed(seed)
+        self._loop.seed(seed)
+
+    def reset(self, q: Vec7, hole: Pose) -> None:
+        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+
+        Raises:
+            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+        """
+        q = require_configuration(q)
+        self.scene.require_reachable(self.robot, hole)
+        data = self.data
+        self._mujoco.mj_resetData(self.model, data)
+        data.qpos[:] = q
+        data.mocap_pos[0] = hole.position
+        data.mocap_quat[0] = hole.quat_wxyz
+        self._loop.reset()
+        self._is_ready = True
+
+    def read(self) -> tuple[Vec7, Vec7]:
+        """Return the measured configuration [rad] and velocity [rad/s]."""
+        return self._loop.read()
+
+    def apply(self, tau: Vec7, dt: float) -> None:
+        """Hold the overlay torque tau [Nm] for dt [s]; gravity is compensated inside.
+
+        Raises:
+            PlantError: The simulation diverged, or `reset` was not called.
+        """
+        steps = self._prepare(dt)
+        try:
+            self._loop.apply(np.asarray(tau, dtype=float), steps)
+        except RuntimeError as error:
+            raise PlantError(str(error)) from error
+
+    def run_cycles(
+        self,
+        controller: "_core.Controller",
+        target: "_core.Target",
+        cycles: int,
+        period: float,
+    ) -> tuple[Array, Vec7, Vec7]:
+        """Run the controller against the plant, all in C++; see `Plant.run_cycles`."""
+        steps = self._prepare(period)
+        log = np.empty((cycles, len(CYCLE_COLUMNS)))
+        try:
+            self._loop.run(controller, target, steps, log)
+        except RuntimeError as error:
+            raise PlantError(str(error)) from error
+        q, dq = self._loop.read()
+        return log, q, dq
+
+    def _prepare(self, period: float) -> int:
+        """Set the physics step for this control period and return their number."""
+        if not self._is_ready:
+            raise PlantError("plant was not reset since it was built or configured")
+        steps = physics_steps(period, self.dynamics.physics_dt)
+        self.model.opt.timestep = period / steps
+        return steps
+
+    def contact_force(self) -> Vec3:
+        """Return the force on peg and gripper in the last physics step [N], world."""
+        return self._loop.contact_force()
+
+    def tool_pose(self) -> Pose:
+        """Return the true pose of the TCP in the world, from MuJoCo's kinematics."""
+        self._mujoco.mj_kinematics(self.model, self.data)
+        site = self.data.site("tcp")
+        rotation = np.array(site.xmat).reshape(3, 3)
+        return Pose(np.array(site.xpos), quat_from_matrix(rotation))
+
+    def close(self) -> None:
+        """Do nothing: MuJoCo's memory belongs to Python."""

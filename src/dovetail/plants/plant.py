@@ -1,0 +1,224 @@
+"""What a plant is: joint torques in for one control period, joint state out."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Literal, Protocol
+
+import numpy as np
+
+from dovetail.errors import ConfigError, PlantError
+from dovetail.poses import Pose
+from dovetail.types import JOINTS, Array, Vec3, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.robot import Robot
+    from dovetail.scene import SceneConfig
+
+PLANTS = ("mujoco", "bullet")
+
+CYCLE_COLUMNS: tuple[str, ...] = (
+    "time",
+    *(f"q{i}" for i in range(1, 8)),
+    *(f"dq{i}" for i in range(1, 8)),
+    *(f"tau{i}" for i in range(1, 8)),
+    *("x", "y", "z", "qw", "qx", "qy", "qz"),
+    *("vx", "vy", "vz", "wx", "wy", "wz"),
+    *("fx", "fy", "fz", "fsx", "fsy", "fsz"),
+    "flags",
+)
+"""One row per control cycle, SI units: time [s] since reset; configuration [rad] and
+velocity [rad/s] as measured, noise included; overlay torque sent [Nm], without gravity;
+TCP pose [m, wxyz] and twist [m/s, rad/s] by the controller's model from the measured
+state; true contact force on peg and gripper [N], world axes, of the cycle's physics
+step where it was largest; f* of the target [m/s2]; flags as one number (pack_flags)."""
+
+COLUMN: dict[str, int] = {name: i for i, name in enumerate(CYCLE_COLUMNS)}
+"""Index of each column of a cycle log."""
+
+_SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DynamicsConfig:
+    """The physics behind the torque: everything here may differ from the model."""
+
+    inertia: Literal["drake", "pybullet", "lbr"] = "drake"
+    """Published inertia set of the simulated arm; the controller's is drake."""
+    mass_scale: tuple[float, ...] = (1.0,) * 7
+    """Mass and inertia of each link over the set's, payload included in link 7 [1]."""
+    gravity_residual: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """True gravity minus the compensated one, world axes [m/s2]."""
+    gravity_compensation: bool = True
+    """The lowest level adds the nominal model's gravity torque, as the cabinet does."""
+    damping: tuple[float, ...] = (0.5,) * 7
+    """Viscous friction of each joint [Nms/rad]."""
+    coulomb: tuple[float, ...] = _SEVEN
+    """Dry friction of each joint [Nm]."""
+    armature: tuple[float, ...] = (0.1,) * 7
+    """Rotor inertia at each joint [kg m2]."""
+    contact_friction: float = 0.3
+    """Sliding friction coefficient of peg and gripper on block and table [1]."""
+    physics_dt: float = 0.0025
+    """Largest physics step [s]; a control period is split into equal steps."""
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no arm has, by name and index."""
+        if self.inertia not in ("drake", "pybullet", "lbr"):
+            raise ConfigError(
+                f"dynamics inertia {self.inertia!r} is unknown; known sets: drake, "
+                "pybullet, lbr"
+            )
+        for name, (low, high, unit) in DYNAMICS_RANGES.items():
+            value = getattr(self, name)
+            if name in ("contact_friction", "physics_dt"):
+                _require_range(name, value, low, high, unit)
+                continue
+            labels = ("x", "y", "z") if name == "gravity_residual" else JOINTS
+            values = tuple(float(v) for v in value)
+            if len(values) != len(labels):
+                raise ConfigError(
+                    f"dynamics {name} has {len(values)} elements, needs "
+                    f"{len(labels)}: {', '.join(labels)}"
+                )
+            for label, v in zip(labels, values, strict=True):
+                _require_range(f"{name}[{label}]", v, low, high, unit)
+            object.__setattr__(self, name, values)
+
+
+DYNAMICS_RANGES: dict[str, tuple[float, float, str]] = {
+    "mass_scale": (0.1, 10.0, "1"),
+    "gravity_residual": (-20.0, 20.0, "m/s2"),
+    "damping": (0.0, 100.0, "Nms/rad"),
+    "coulomb": (0.0, 50.0, "Nm"),
+    "armature": (0.0, 10.0, "kg m2"),
+    "contact_friction": (0.0, 5.0, "1"),
+    "physics_dt": (1e-4, 5e-3, "s"),
+}
+"""Allowed range and unit of each number of a DynamicsConfig."""
+
+
+def _require_range(name: str, value: float, low: float, high: float, unit: str) -> None:
+    if not low <= value <= high:
+        raise ConfigError(
+            f"dynamics {name} is {value:g} {unit}, allowed is {low:g} to {high:g} "
+            f"{unit}"
+        )
+
+
+class Plant(Protocol):
+    """A simulated arm with the task's scene: torques in, joint state out."""
+
+    scene: "SceneConfig"
+    """Geometry of the task, as simulated."""
+    robot: "Robot"
+    """The nominal arm: the model whose gravity is compensated."""
+    dynamics: DynamicsConfig
+
+    def reset(self, q: Vec7, hole: Pose) -> None:
+        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+
+        Raises:
+            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+        """
+        ...
+
+    def read(self) -> tuple[Vec7, Vec7]:
+        """Return the measured configuration [rad] and velocity [rad/s]."""
+        ...
+
+    def apply(self, tau: Vec7, dt: float) -> None:
+        """Hold the overlay torque tau [Nm] for dt [s]; gravity is compensated inside.
+
+        Raises:
+            PlantError: The simulation diverged.
+        """
+        ...
+
+    def run_cycles(
+        self,
+        controller: "_core.Controller",
+        target: "_core.Target",
+        cycles: int,
+        period: float,
+    ) -> tuple[Array, Vec7, Vec7]:
+        """Run the controller against the plant.
+
+        Returns:
+            Log of shape (cycles, len(CYCLE_COLUMNS)), and configuration [rad] and
+            velocity [rad/s] as measured after the last cycle.
+
+        Raises:
+            PlantError: The simulation diverged.
+        """
+        ...
+
+    def contact_force(self) -> Vec3:
+        """Return the force on peg and gripper in the last physics step [N], world."""
+        ...
+
+    def tool_pose(self) -> Pose:
+        """Return the true pose of the TCP in the world, from the engine."""
+        ...
+
+    def configure(self, dynamics: DynamicsConfig) -> None:
+        """Change the dynamics; call `reset` before the next torque."""
+        ...
+
+    def seed(self, seed: int) -> None:
+        """Start the noise again; an ideal plant has none."""
+        ...
+
+    def attach_channel(self, channel: "_core.Channel") -> None:
+        """Put a twin's delay and noise between controller and joints."""
+        ...
+
+    def close(self) -> None:
+        """Release the engine; harmless when repeated."""
+        ...
+
+
+def make_plant(name: str, scene: "SceneConfig", dynamics: DynamicsConfig) -> Plant:
+    """Build a plant by its engine's name.
+
+    Args:
+        name: "mujoco" or "bullet".
+        scene: Geometry of the task.
+        dynamics: Physics of the arm and of the contacts.
+
+    Raises:
+        ConfigError: Unknown name.
+        MissingDependencyError: The engine is not installed.
+    """
+    if name == "mujoco":
+        from dovetail.plants.mujoco_plant import MujocoPlant
+
+        return MujocoPlant(scene, dynamics)
+    if name == "bullet":
+        from dovetail.plants.bullet_plant import BulletPlant
+
+        return BulletPlant(scene, dynamics)
+    raise ConfigError(f"plant {name!r} is unknown; known plants: {', '.join(PLANTS)}")
+
+
+def physics_steps(period: float, physics_dt: float) -> int:
+    """Return into how many physics steps a control period [s] is split."""
+    if not (math.isfinite(period) and period > 0.0):
+        raise PlantError(f"control period is {period} s; it must be > 0")
+    return max(1, math.ceil(period / physics_dt - 1e-9))
+
+
+def require_configuration(q: Vec7) -> Vec7:
+    """Return q as seven finite numbers [rad] or say which one is not."""
+    q = np.asarray(q, dtype=float)
+    if q.shape != (7,):
+        raise ConfigError(f"configuration has shape {q.shape}, needs (7,)")
+    for joint, value in zip(JOINTS, q, strict=True):
+        if not math.isfinite(value):
+            raise ConfigError(f"configuration q[{joint}] is {value} rad")
+    return q
+
+
+def dynamics_fields() -> tuple[str, ...]:
+    """Return the names of all fields of a DynamicsConfig."""
+    return tuple(f.name for f in fields(DynamicsConfig))
