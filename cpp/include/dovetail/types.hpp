@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <limits>
 
 namespace dovetail {
 
@@ -18,6 +19,9 @@ using Mat37 = Eigen::Matrix<double, 3, 7>;
 using Mat67 = Eigen::Matrix<double, 6, 7>;
 
 constexpr int kNumJoints = 7;
+
+/// Value of a setting that has no default: a controller refuses to start with it.
+constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 
 /// How one task axis is driven (control.md section 2).
 enum class AxisMode : std::uint8_t {
@@ -57,41 +61,44 @@ struct ChainParams {
 struct OscParams {
   Vec6 stiffness = Vec6::Constant(400.0);    ///< K per axis [1/s2]
   Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
-  Vec6 force_damping = Vec6::Zero();  ///< D on force axes [1/s]; 0 is the paper
-  double error_clamp_rotation = 0.5;  ///< [rad]
-  double error_clamp_position = 0.1;  ///< [m]
-  double f_clamp_linear = 30.0;       ///< largest |f*| per linear axis [m/s2]
-  double f_clamp_angular = 200.0;     ///< largest |f*| per rotation axis [rad/s2]
-  double k_null = 5.0;                ///< null-space damping k [1/s]
-  double length_scale = 0.15;         ///< L, scales rotation rows [m/rad]
-  double s0 = 0.02;                   ///< eigenvalue fade threshold [1/kg]
-  bool use_jdot = false;              ///< subtract dJ dq in the task
-  bool use_coriolis = false;          ///< add c to u0
+  Vec6 force_damping = Vec6::Zero();         ///< D on force axes [1/s]; 0 is the paper
+  double error_clamp_rotation = 0.5;         ///< [rad]
+  double error_clamp_position = 0.1;         ///< [m]
+  double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
+  double f_clamp_angular = 200.0;  ///< largest |f*| per rotation axis [rad/s2]
+  double k_null = 5.0;             ///< null-space damping k [1/s]
+  double length_scale = 0.15;      ///< L, scales rotation rows [m/rad]
+  double s0 = 0.02;                ///< eigenvalue fade threshold [1/kg]
+  bool use_jdot = false;           ///< subtract dJ dq in the task
+  bool use_coriolis = false;       ///< add c to u0
 };
 
 /// Every limit; each one is enforced and has a flag (control.md sections 3-7, 9).
 struct LimitParams {
-  Vec7 q_min, q_max;  ///< joint position limits [rad]
-  Vec7 dq_max;        ///< joint speed limits [rad/s]
-  Vec7 tau_max;       ///< motor torque limits, gravity included [Nm]
-  Vec7 ddq_max;       ///< A, acceleration the motors can always give [rad/s2]
-  double eta = 0.6;   ///< share of A planned for braking
-  double kappa = 5.0;       ///< bound interval over the period
-  double delta_q = 0.002;   ///< joint position margin [rad]
-  double delta_v = 0.01;    ///< joint speed margin, as a share
-  bool walls = true;        ///< Cartesian walls on the TCP
-  Vec3 x_min, x_max;        ///< TCP walls, world [m]
-  Vec3 dx_max = Vec3::Constant(0.5);   ///< TCP speed per axis [m/s]
-  Vec3 ddx_max = Vec3::Constant(5.0);  ///< TCP acceleration per axis [m/s2]
-  double eta_wall = 0.5;    ///< share of ddx_max planned for braking
-  double delta_x = 0.005;   ///< wall margin [m]
-  double s0_wall = 1e-3;    ///< eigenvalue fade threshold of SCS [1/kg]
-  double rho = 1e6;         ///< weight of the wall slack in the QP
-  double beta = 0.3;        ///< gain of the disturbance estimate, 0 is off
-  Vec7 damping = Vec7::Zero();   ///< D_hat in the prediction [Nms/rad]
-  Vec7 armature = Vec7::Zero();  ///< rotor inertia in the prediction [kg m2]
-  bool mid_interval = true;      ///< evaluate the model at q + v dt / 2
-  bool exact_sjs = false;        ///< paper scheme: continue SJS to the QP's answer
+  Vec7 q_min = Vec7::Constant(kUnset);    ///< lower joint position limits [rad]
+  Vec7 q_max = Vec7::Constant(kUnset);    ///< upper joint position limits [rad]
+  Vec7 dq_max = Vec7::Constant(kUnset);   ///< joint speed limits [rad/s]
+  Vec7 tau_max = Vec7::Constant(kUnset);  ///< motor torques, gravity included [Nm]
+  Vec7 ddq_max =
+      Vec7::Constant(kUnset);           ///< A, what the motors can always give [rad/s2]
+  double eta = 0.6;                     ///< share of A planned for braking
+  double kappa = 5.0;                   ///< bound interval over the period
+  double delta_q = 0.002;               ///< joint position margin [rad]
+  double delta_v = 0.01;                ///< speed margin, as a share
+  bool walls = true;                    ///< Cartesian walls on the TCP
+  Vec3 x_min = Vec3::Constant(kUnset);  ///< lower TCP walls, world [m]
+  Vec3 x_max = Vec3::Constant(kUnset);  ///< upper TCP walls, world [m]
+  Vec3 dx_max = Vec3::Constant(0.5);    ///< TCP speed per axis [m/s]
+  Vec3 ddx_max = Vec3::Constant(5.0);   ///< TCP acceleration per axis [m/s2]
+  double eta_wall = 0.5;                ///< share of ddx_max planned for braking
+  double delta_x = 0.005;               ///< wall margin [m]
+  double s0_wall = 1e-3;                ///< eigenvalue fade threshold of SCS [1/kg]
+  double rho = 1e6;                     ///< weight of the wall slack in the QP
+  double beta = 0.3;                    ///< gain of the disturbance estimate, 0 is off
+  Vec7 damping = Vec7::Zero();          ///< D_hat in the prediction [Nms/rad]
+  Vec7 armature = Vec7::Zero();         ///< rotor inertia in the prediction [kg m2]
+  bool mid_interval = true;             ///< evaluate the model at q + v dt / 2
+  bool exact_sjs = false;  ///< paper scheme: continue SJS to the QP's answer
   Scheme scheme = Scheme::kQp;
   BoundsKind bounds = BoundsKind::kViability;
 };
@@ -114,10 +121,25 @@ struct Flags {
   std::uint8_t wall_acceleration = 0;   ///< the TCP acceleration bounds the axis
   std::uint8_t wall_displaced = 0;      ///< a wall row could not be met this cycle
   bool bad_input = false;               ///< non-finite input: damped hold
-  bool unsafe = false;   ///< even the safe action exceeded a torque: clipped
-  bool qp_early = false; ///< the QP stopped early; its safe answer was used
+  bool unsafe = false;     ///< even the safe action exceeded a torque: clipped
+  bool qp_early = false;   ///< the QP stopped early; its safe answer was used
   double displaced = 0.0;  ///< |a - a0| [rad/s2]
 };
+
+/// All masks and switches of Flags in one number, exact in a double: bits 0-6
+/// joint_position, 7-13 joint_velocity, 14-20 joint_acceleration, 21-27 torque, 28-30
+/// wall_position, 31-33 wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced,
+/// 40 bad_input, 41 unsafe, 42 qp_early.
+constexpr std::int64_t pack_flags(const Flags& flags) noexcept {
+  const auto mask = [](std::uint8_t bits, int shift) {
+    return static_cast<std::int64_t>(bits) << shift;
+  };
+  return mask(flags.joint_position, 0) | mask(flags.joint_velocity, 7) |
+         mask(flags.joint_acceleration, 14) | mask(flags.torque, 21) |
+         mask(flags.wall_position, 28) | mask(flags.wall_velocity, 31) |
+         mask(flags.wall_acceleration, 34) | mask(flags.wall_displaced, 37) |
+         mask(flags.bad_input, 40) | mask(flags.unsafe, 41) | mask(flags.qp_early, 42);
+}
 
 struct StepResult {
   Vec7 tau;  ///< overlay torque, gravity excluded [Nm]

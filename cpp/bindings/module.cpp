@@ -1,0 +1,311 @@
+/// The Python module dovetail._core: borders only, no logic.
+#include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/pair.h>
+
+#include "bind_limits.hpp"
+#include "bind_mujoco.hpp"
+#include "dovetail/controller.hpp"
+#include "dovetail/parameters.hpp"
+#include "dovetail/rigid_plant.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace dovetail;
+
+namespace {
+
+template <size_t... Shape>
+using InputArray =
+    nb::ndarray<const double, nb::shape<Shape...>, nb::c_contig, nb::device::cpu>;
+using RowMat3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+
+ChainParams chain_params(InputArray<7, 3> origin_position,
+                         InputArray<7, 3, 3> origin_rotation, InputArray<7> mass,
+                         InputArray<7, 3> com, InputArray<7, 3, 3> inertia,
+                         const Vec3& tool_position, const Mat3& tool_rotation,
+                         const Vec3& gravity) {
+  ChainParams params;
+  for (int i = 0; i < kNumJoints; ++i) {
+    params.origin_position[i] = Eigen::Map<const Vec3>(origin_position.data() + 3 * i);
+    params.origin_rotation[i] =
+        Eigen::Map<const RowMat3>(origin_rotation.data() + 9 * i);
+    params.mass[i] = mass.data()[i];
+    params.com[i] = Eigen::Map<const Vec3>(com.data() + 3 * i);
+    params.inertia[i] = Eigen::Map<const RowMat3>(inertia.data() + 9 * i);
+  }
+  params.tool_position = tool_position;
+  params.tool_rotation = tool_rotation;
+  params.gravity = gravity;
+  check_chain(params);
+  return params;
+}
+
+ChainTerms terms_at(const Chain& chain, const Vec7& q, const Vec7& dq) {
+  ChainTerms terms;
+  chain.evaluate(q, dq, terms);
+  return terms;
+}
+
+void bind_chain(nb::module_& m) {
+  nb::class_<Chain>(m, "Chain",
+                    "Serial chain of seven revolute joints about their local z axes.")
+      .def(
+          "__init__",
+          [](Chain* self, InputArray<7, 3> origin_position,
+             InputArray<7, 3, 3> origin_rotation, InputArray<7> mass,
+             InputArray<7, 3> com, InputArray<7, 3, 3> inertia,
+             const Vec3& tool_position, const Mat3& tool_rotation,
+             const Vec3& gravity) {
+            new (self)
+                Chain(chain_params(origin_position, origin_rotation, mass, com, inertia,
+                                   tool_position, tool_rotation, gravity));
+          },
+          "origin_position"_a, "origin_rotation"_a, "mass"_a, "com"_a, "inertia"_a,
+          "tool_position"_a, "tool_rotation"_a, "gravity"_a,
+          "Positions [m] and rotations of the joints in the parent link, masses [kg], "
+          "centres of mass [m] in the link, inertias [kg m2] about them, tool in link "
+          "7, gravity [m/s2].")
+      .def(
+          "pose",
+          [](const Chain& chain, const Vec7& q) {
+            Vec3 p;
+            Mat3 R;
+            chain.pose(q, p, R);
+            return std::pair(p, R);
+          },
+          "q"_a, "TCP position [m], shape (3,), and axes in world, shape (3, 3).")
+      .def(
+          "jacobian",
+          [](const Chain& chain, const Vec7& q) {
+            return terms_at(chain, q, Vec7::Zero()).J;
+          },
+          "q"_a, "Jacobian of the TCP in world axes, linear first, shape (6, 7).")
+      .def(
+          "jacobian_dot_dq",
+          [](const Chain& chain, const Vec7& q, const Vec7& dq) {
+            return terms_at(chain, q, dq).dJdq;
+          },
+          "q"_a, "dq"_a, "TCP acceleration at zero ddq [m/s2, rad/s2], shape (6,).")
+      .def(
+          "inertia_matrix",
+          [](const Chain& chain, const Vec7& q) {
+            return terms_at(chain, q, Vec7::Zero()).M;
+          },
+          "q"_a, "Joint inertia [kg m2], shape (7, 7).")
+      .def(
+          "coriolis",
+          [](const Chain& chain, const Vec7& q, const Vec7& dq) {
+            return terms_at(chain, q, dq).c;
+          },
+          "q"_a, "dq"_a, "Coriolis and centrifugal torque [Nm], shape (7,).")
+      .def(
+          "gravity",
+          [](const Chain& chain, const Vec7& q) {
+            return terms_at(chain, q, Vec7::Zero()).g;
+          },
+          "q"_a, "Gravity torque [Nm]: what holds the arm still, shape (7,).");
+}
+
+void bind_parameters(nb::module_& m) {
+  nb::enum_<Scheme>(m, "Scheme", "How the limits act.")
+      .value("qp", Scheme::kQp)
+      .value("paper", Scheme::kPaper);
+  nb::enum_<BoundsKind>(m, "BoundsKind", "Formula of the acceleration bounds.")
+      .value("viability", BoundsKind::kViability)
+      .value("paper_corrected", BoundsKind::kPaperCorrected)
+      .value("paper_printed", BoundsKind::kPaperPrinted);
+  nb::class_<OscParams>(m, "OscParams", "Operational-space law.")
+      .def(nb::init<>())
+      .def_rw("stiffness", &OscParams::stiffness, "K per axis [1/s2].")
+      .def_rw("damping_ratio", &OscParams::damping_ratio, "zeta, D = 2 zeta sqrt(K).")
+      .def_rw("force_damping", &OscParams::force_damping, "D on force axes [1/s].")
+      .def_rw("error_clamp_rotation", &OscParams::error_clamp_rotation, "[rad]")
+      .def_rw("error_clamp_position", &OscParams::error_clamp_position, "[m]")
+      .def_rw("f_clamp_linear", &OscParams::f_clamp_linear, "Largest |f*| [m/s2].")
+      .def_rw("f_clamp_angular", &OscParams::f_clamp_angular, "Largest |f*| [rad/s2].")
+      .def_rw("k_null", &OscParams::k_null, "Null-space damping [1/s].")
+      .def_rw("length_scale", &OscParams::length_scale, "L of rotation rows [m/rad].")
+      .def_rw("s0", &OscParams::s0, "Eigenvalue fade threshold [1/kg].")
+      .def_rw("use_jdot", &OscParams::use_jdot, "Subtract dJ dq in the task.")
+      .def_rw("use_coriolis", &OscParams::use_coriolis, "Add c to u0.");
+  nb::class_<LimitParams>(m, "LimitParams", "Every limit. NaN means not set yet.")
+      .def(nb::init<>())
+      .def_rw("q_min", &LimitParams::q_min, "Lower joint limits [rad].")
+      .def_rw("q_max", &LimitParams::q_max, "Upper joint limits [rad].")
+      .def_rw("dq_max", &LimitParams::dq_max, "Joint speed limits [rad/s].")
+      .def_rw("tau_max", &LimitParams::tau_max, "Motor torques, with gravity [Nm].")
+      .def_rw("ddq_max", &LimitParams::ddq_max, "Joint acceleration A [rad/s2].")
+      .def_rw("eta", &LimitParams::eta, "Share of A planned for braking.")
+      .def_rw("kappa", &LimitParams::kappa, "Bound interval over the period.")
+      .def_rw("delta_q", &LimitParams::delta_q, "Joint position margin [rad].")
+      .def_rw("delta_v", &LimitParams::delta_v, "Speed margin, as a share.")
+      .def_rw("walls", &LimitParams::walls, "Cartesian walls on the TCP.")
+      .def_rw("x_min", &LimitParams::x_min, "Lower walls, world [m].")
+      .def_rw("x_max", &LimitParams::x_max, "Upper walls, world [m].")
+      .def_rw("dx_max", &LimitParams::dx_max, "TCP speed per axis [m/s].")
+      .def_rw("ddx_max", &LimitParams::ddx_max, "TCP acceleration per axis [m/s2].")
+      .def_rw("eta_wall", &LimitParams::eta_wall, "Share of ddx_max for braking.")
+      .def_rw("delta_x", &LimitParams::delta_x, "Wall margin [m].")
+      .def_rw("s0_wall", &LimitParams::s0_wall, "Fade threshold of SCS [1/kg].")
+      .def_rw("rho", &LimitParams::rho, "Weight of the wall slack.")
+      .def_rw("beta", &LimitParams::beta, "Gain of the disturbance estimate.")
+      .def_rw("damping", &LimitParams::damping, "Modelled friction [Nms/rad].")
+      .def_rw("armature", &LimitParams::armature, "Modelled rotor inertia [kg m2].")
+      .def_rw("mid_interval", &LimitParams::mid_interval, "Model at q + dq dt / 2.")
+      .def_rw("exact_sjs", &LimitParams::exact_sjs, "Continue SJS to the projection.")
+      .def_rw("scheme", &LimitParams::scheme, "qp or paper.")
+      .def_rw("bounds", &LimitParams::bounds, "Formula of the bounds.");
+}
+
+void bind_data(nb::module_& m) {
+  nb::class_<Target>(m, "Target", "One policy command, held until the next one.")
+      .def(
+          "__init__",
+          [](Target* self, const Vec6& f_star, const Vec3& position_d,
+             const Vec4& quat_wxyz_d) {
+            new (self) Target{f_star, position_d, quat_wxyz_d};
+          },
+          "f_star"_a = Vec6(Vec6::Zero()), "position_d"_a = Vec3(Vec3::Zero()),
+          "quat_wxyz_d"_a = Vec4(1.0, 0.0, 0.0, 0.0))
+      .def_rw("f_star", &Target::f_star, "Force axes: [m/s2, rad/s2], world, (6,).")
+      .def_rw("position_d", &Target::position_d, "Pose axes: TCP position [m], (3,).")
+      .def_rw("quat_wxyz_d", &Target::quat_wxyz_d, "Pose axes: TCP rotation, (4,).");
+  nb::class_<Flags>(m, "Flags",
+                    "What limited a cycle. Masks: bit i is joint A(i+1) or axis XYZ.")
+      .def_ro("joint_position", &Flags::joint_position)
+      .def_ro("joint_velocity", &Flags::joint_velocity)
+      .def_ro("joint_acceleration", &Flags::joint_acceleration)
+      .def_ro("torque", &Flags::torque)
+      .def_ro("wall_position", &Flags::wall_position)
+      .def_ro("wall_velocity", &Flags::wall_velocity)
+      .def_ro("wall_acceleration", &Flags::wall_acceleration)
+      .def_ro("wall_displaced", &Flags::wall_displaced, "A wall could not be met.")
+      .def_ro("bad_input", &Flags::bad_input, "Non-finite input: damped hold.")
+      .def_ro("unsafe", &Flags::unsafe, "The torque had to be clipped.")
+      .def_ro("qp_early", &Flags::qp_early, "The QP stopped early: safe answer.")
+      .def_ro("displaced", &Flags::displaced, "|a - a0| [rad/s2].")
+      .def_prop_ro(
+          "packed", &pack_flags,
+          "All in one int: bits 0-6 joint_position, 7-13 joint_velocity, 14-20 "
+          "joint_acceleration, 21-27 torque, 28-30 wall_position, 31-33 "
+          "wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced, 40 "
+          "bad_input, 41 unsafe, 42 qp_early.");
+  nb::class_<StepResult>(m, "StepResult", "What one cycle gave.")
+      .def_ro("tau", &StepResult::tau, "Overlay torque, gravity excluded [Nm].")
+      .def_ro("a", &StepResult::a, "Commanded joint acceleration [rad/s2].")
+      .def_ro("a0", &StepResult::a0, "What the task asked for [rad/s2].")
+      .def_ro("flags", &StepResult::flags, "What limited the cycle.");
+}
+
+TaskSpec task_from(const std::array<int, 6>& modes) {
+  TaskSpec task;
+  for (int i = 0; i < 6; ++i) {
+    const bool is_byte = modes[i] >= 0 && modes[i] <= 255;
+    task[i] = static_cast<AxisMode>(is_byte ? modes[i] : 255);
+  }
+  return task;
+}
+
+nb::dict model_of(const Controller& controller) {
+  const OscTerms& osc = controller.osc_terms();
+  const CycleBounds& bounds = controller.bounds();
+  const Mat7 N = Mat7::Identity() -
+                 osc.J.transpose() * osc.Lambda * osc.J * controller.inverse_inertia();
+  nb::dict model;
+  model["J_task"] = osc.J;
+  model["Lambda"] = osc.Lambda;
+  model["N"] = N;
+  model["M"] = controller.inertia();
+  model["Minv"] = controller.inverse_inertia();
+  model["h"] = controller.bias();
+  model["f"] = osc.f;
+  model["u0"] = osc.u0;
+  model["exact"] = osc.exact;
+  model["lb"] = bounds.lb;
+  model["ub"] = bounds.ub;
+  model["cl"] = bounds.cl;
+  model["cu"] = bounds.cu;
+  return model;
+}
+
+void bind_controller(nb::module_& m) {
+  nb::class_<Controller>(m, "Controller",
+                         "The one road from a Target to a torque; one thread only.")
+      .def(
+          "__init__",
+          [](Controller* self, const Chain& chain, const OscParams& osc,
+             const LimitParams& limits, const std::array<int, 6>& task, double period) {
+            new (self) Controller(chain.params(), osc, limits, task_from(task), period);
+          },
+          "chain"_a, "osc"_a, "limits"_a, "task"_a, "period"_a,
+          "task: modes of X Y Z C B A, 0 free, 1 force, 2 pose, 3 hold. period [s]. "
+          "Raises ValueError naming the element that is out of range.")
+      .def("reset", &Controller::reset, "q"_a, "position_hold"_a, "quat_hold"_a,
+           "Start afresh at rest at q [rad]; hold axes keep this TCP position [m] and "
+           "rotation (wxyz).")
+      .def("step", &Controller::step, "q"_a, "dq"_a, "target"_a,
+           "One cycle from measured q [rad], dq [rad/s]: overlay torque and flags.")
+      .def(
+          "osc_terms",
+          [](const Controller& self, const Vec7& q, const Vec7& dq,
+             const Target& target) {
+            Controller probe = self;  // a copy: the disturbance estimate stays as it is
+            static_cast<void>(probe.step(q, dq, target));
+            return model_of(probe);
+          },
+          "q"_a, "dq"_a, "target"_a = Target{},
+          "What a cycle at (q, dq) would use: J_task and Lambda with rotation rows "
+          "scaled by length_scale and zero rows for free axes, N, M (with armature), "
+          "Minv, h, f (scaled), u0, exact, lb, ub, cl, cu. Changes nothing.")
+      .def_prop_ro("limits", &Controller::limits, nb::rv_policy::copy,
+                   "A copy of the limits that are enforced.")
+      .def_prop_ro("period", &Controller::period, "Control period [s].")
+      .def_prop_ro("disturbance", &Controller::disturbance, nb::rv_policy::copy,
+                   "Estimated external torque [Nm], shape (7,).");
+}
+
+void bind_rigid_plant(nb::module_& m) {
+  nb::class_<RigidPlant>(m, "RigidPlant",
+                         "Exact rigid arm whose gravity is compensated, RK4.")
+      .def(
+          "__init__",
+          [](RigidPlant* self, const Chain& chain, const Vec7& damping,
+             const Vec7& armature, const Vec7& coulomb, double dt_sub,
+             const Chain* nominal) {
+            new (self) RigidPlant((nominal != nullptr ? *nominal : chain).params(),
+                                  chain.params(), {damping, armature, coulomb, dt_sub});
+          },
+          "chain"_a, "damping"_a = Vec7(Vec7::Zero()),
+          "armature"_a = Vec7(Vec7::Zero()), "coulomb"_a = Vec7(Vec7::Zero()),
+          "dt_sub"_a = 5e-4, "nominal"_a = nb::none(),
+          "chain moves; nominal (the same where None) compensates gravity. damping "
+          "[Nms/rad], armature [kg m2], coulomb [Nm], dt_sub [s].")
+      .def("reset", &RigidPlant::reset, "q"_a, "dq"_a)
+      .def(
+          "read",
+          [](const RigidPlant& plant) { return std::pair(plant.q(), plant.dq()); },
+          "(q [rad], dq [rad/s])")
+      .def("apply", &RigidPlant::apply, "tau"_a, "dt"_a,
+           "Hold the overlay torque tau [Nm] for dt [s].")
+      .def("acceleration", &RigidPlant::acceleration, "q"_a, "dq"_a, "tau"_a,
+           "ddq [rad/s2] at a state under tau [Nm].")
+      .def("kinetic_energy", &RigidPlant::kinetic_energy, "[J]")
+      .def("set_external_force", &RigidPlant::set_external_force, "f"_a,
+           "Force on the TCP [N], world axes, until changed.");
+}
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+  m.doc() = "Fixed-size robot control in C++: SI units, wxyz, [linear; angular].";
+  bind_chain(m);
+  bind_parameters(m);
+  bind_data(m);
+  bind_limits(m);
+  bind_controller(m);
+  bind_rigid_plant(m);
+  bind_mujoco(m);
+}

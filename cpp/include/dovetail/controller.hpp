@@ -1,0 +1,86 @@
+/// The one road from a Target to a torque: input check, model, disturbance estimate,
+/// task acceleration, bounds, limits, torque, flags. Every limit lies on it.
+#pragma once
+
+#include <array>
+
+#include "dovetail/bounds.hpp"
+#include "dovetail/chain.hpp"
+#include "dovetail/cholesky.hpp"
+#include "dovetail/osc.hpp"
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// Intervals of one cycle; the walls' are infinite where walls are off.
+struct CycleBounds {
+  Vec7 lb, ub;  ///< joints [rad/s2]
+  Vec3 cl, cu;  ///< TCP axes [m/s2]
+  std::array<BoundCause, 7> lb_cause, ub_cause;
+  std::array<BoundCause, 3> cl_cause, cu_cause;
+};
+
+/// Not thread-safe: one thread calls reset and step. Neither allocates or throws.
+class Controller {
+ public:
+  /// \param period  control period [s]
+  /// Throws std::invalid_argument naming the element that is out of range.
+  Controller(const ChainParams& chain, const OscParams& osc, const LimitParams& limits,
+             const TaskSpec& task, double period);
+
+  /// Starts afresh at q [rad] at rest: forgets the disturbance, latches the pose that
+  /// hold axes keep: TCP position [m] and rotation (wxyz).
+  void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold) noexcept;
+
+  /// One cycle. The torque is the overlay u: the lowest level adds gravity, and
+  /// |u + g(q)| <= tau_max always. Input that is not finite (or beyond 1000 rad or
+  /// rad/s): a damped hold and `bad_input`.
+  [[nodiscard]] StepResult step(const Vec7& q, const Vec7& dq,
+                                const Target& target) noexcept;
+
+  /// Estimated external torque r [Nm] (control.md section 7).
+  const Vec7& disturbance() const noexcept { return disturbance_; }
+  const OscTerms& osc_terms() const noexcept { return task_terms_; }
+  const CycleBounds& bounds() const noexcept { return bounds_; }
+  const Mat7& inertia() const noexcept { return terms_.M; }
+  const Mat7& inverse_inertia() const noexcept { return Minv_; }
+  const Vec7& bias() const noexcept { return h_; }
+  const Chain& chain() const noexcept { return chain_; }
+  const LimitParams& limits() const noexcept { return limits_; }
+  double period() const noexcept { return period_; }
+
+ private:
+  void update_disturbance(const Vec7& dq) noexcept;
+  void update_model(const Vec7& q, const Vec7& dq) noexcept;
+  void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
+  void limit_by_qp(StepResult& result) noexcept;
+  void limit_by_cascade(StepResult& result) noexcept;
+  void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;
+  void mark_walls(unsigned upper, unsigned lower, Flags& flags) const noexcept;
+  StepResult brake() noexcept;
+
+  Chain chain_;
+  OperationalSpace osc_;
+  LimitParams limits_;
+  double period_;
+  BoundsParams joint_params_;
+  BoundsParams wall_params_;
+
+  // the cycle's model, at q + dq period / 2 when mid_interval
+  ChainTerms terms_;  // M with armature
+  ToolMotion tool_;   // at the measured state
+  Cholesky<7> factor_;
+  Mat7 Minv_;
+  Vec7 h_;        // c + D dq - r
+  Vec7 lo_, hi_;  // overlay torque limits
+  OscTerms task_terms_;
+  CycleBounds bounds_;
+
+  // what the last cycle left
+  bool has_last_ = false;  // the last cycle ended normally
+  Vec7 disturbance_ = Vec7::Zero();
+  Vec7 dq_last_ = Vec7::Zero();
+  Vec7 tau_last_ = Vec7::Zero();
+};
+
+}  // namespace dovetail

@@ -1,0 +1,62 @@
+/// Operational-space control: what acceleration the task asks of the tool, and the
+/// joint torque that gives it (Khatib 1987), with damping in the null space.
+///
+/// Rows are in twist order, [linear; angular] in world axes at the TCP. Rotation rows
+/// are scaled by L [m/rad] so that one eigenvalue threshold serves all of them.
+#pragma once
+
+#include "dovetail/chain.hpp"
+#include "dovetail/cholesky.hpp"
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// The task at one state; rows of free axes are zero throughout.
+struct OscTerms {
+  Mat67 J;      ///< task Jacobian, rotation rows scaled by L
+  Mat6 Lambda;  ///< faded task inertia of J [kg]
+  Vec6 f;       ///< f*, rotation rows scaled by L [m/s2]
+  Vec7 u0;      ///< joint torque that the task asks for, without gravity [Nm]
+  bool exact;   ///< true where no eigenvalue was faded
+};
+
+/// 2 atan2(|vec|, w) vec/|vec| of the rotation R: the world rotation vector [rad].
+[[nodiscard]] Vec3 rotation_vector(const Mat3& R) noexcept;
+
+/// Angle of the twist of R about world z (swing-twist), in (-pi, pi] [rad].
+[[nodiscard]] double twist_about_z(const Mat3& R) noexcept;
+
+class OperationalSpace {
+ public:
+  OperationalSpace(const OscParams& params, const TaskSpec& task) noexcept;
+
+  /// Latches the pose that `hold` axes keep and that `pose` rotations refer to.
+  void reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
+
+  /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes.
+  /// \param p, R, twist  measured TCP position [m], axes and velocity
+  [[nodiscard]] Vec6 desired_acceleration(const Vec3& p, const Mat3& R,
+                                          const Vec6& twist,
+                                          const Target& target) const noexcept;
+
+  /// u0 = J^T Lambda (f* - dJ dq) + N M (-k dq) and what it is made of.
+  /// \param terms   chain at the model's configuration
+  /// \param M, M_factor  joint inertia with armature, and its Cholesky factor
+  void evaluate(const ChainTerms& terms, const Mat7& M, const Cholesky<7>& M_factor,
+                const Vec7& dq, const Vec6& f_star, OscTerms& out) const noexcept;
+
+  const OscParams& params() const noexcept { return params_; }
+  const TaskSpec& task() const noexcept { return task_; }
+
+ private:
+  Mat3 desired_rotation(const Mat3& R, const Target& target) const noexcept;
+
+  OscParams params_;
+  TaskSpec task_;
+  Vec6 scale_;    // per row: 0 free, 1 linear, L angular
+  Vec6 damping_;  // D per row [1/s]
+  Vec3 p_hold_ = Vec3::Zero();
+  Mat3 R_hold_ = Mat3::Identity();
+};
+
+}  // namespace dovetail

@@ -1,0 +1,257 @@
+#include "dovetail/controller.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dovetail/parameters.hpp"
+#include "dovetail/qp.hpp"
+#include "dovetail/saturation.hpp"
+
+namespace dovetail {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// Beyond these a number is not a measurement, and its square may overflow.
+constexpr double kLargestAngle = 1e3;   // [rad]
+constexpr double kLargestSpeed = 1e3;   // [rad/s]
+constexpr double kLargestTarget = 1e9;  // any element of a Target
+constexpr double kSmallestQuat = 1e-6;  // norm, below it there is no direction
+
+/// Every element finite and within +-limit (a NaN compares false).
+template <typename Vector>
+bool is_within(const Vector& v, double limit) noexcept {
+  return (v.array().abs() <= limit).all();
+}
+
+bool is_usable(const Target& target) noexcept {
+  return is_within(target.f_star, kLargestTarget) &&
+         is_within(target.position_d, kLargestTarget) &&
+         is_within(target.quat_wxyz_d, kLargestTarget) &&
+         target.quat_wxyz_d.norm() > kSmallestQuat;
+}
+
+/// The paper's bounds as printed may be empty: the side moved towards wins.
+Interval not_empty(Interval interval, double v) noexcept {
+  if (interval.lb <= interval.ub) return interval;
+  if (v >= 0.0) {
+    interval.lb = interval.ub;
+  } else {
+    interval.ub = interval.lb;
+  }
+  return interval;
+}
+
+std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
+
+}  // namespace
+
+Controller::Controller(const ChainParams& chain, const OscParams& osc,
+                       const LimitParams& limits, const TaskSpec& task, double period)
+    : chain_((check_chain(chain), chain)),
+      osc_((check_osc(osc), check_task(task), osc), task),
+      limits_((check_limits(limits), limits)),
+      period_((check_period(period), period)),
+      joint_params_{limits.bounds, period,         limits.kappa,
+                    limits.eta,    limits.delta_q, limits.delta_v},
+      wall_params_{limits.bounds,   period,         limits.kappa,
+                   limits.eta_wall, limits.delta_x, limits.delta_v} {
+  const auto walls_off = Vec3::Constant(kInfinity);
+  bounds_.cl = -walls_off;
+  bounds_.cu = walls_off;
+  bounds_.cl_cause.fill(BoundCause::kAcceleration);
+  bounds_.cu_cause.fill(BoundCause::kAcceleration);
+  reset(Vec7::Zero(), Vec3::Zero(), Vec4(1.0, 0.0, 0.0, 0.0));
+}
+
+void Controller::reset(const Vec7& q, const Vec3& p_hold,
+                       const Vec4& quat_hold) noexcept {
+  osc_.reset(p_hold, quat_hold);
+  disturbance_.setZero();
+  dq_last_.setZero();
+  tau_last_.setZero();
+  has_last_ = false;
+  update_model(is_within(q, kLargestAngle) ? q : Vec7::Zero(), Vec7::Zero());
+}
+
+/// r += beta (M ddq + h0 - u - r) over the interval that has just ended; terms_ and h_
+/// still hold that interval's model, and h0 = h_ + r.
+void Controller::update_disturbance(const Vec7& dq) noexcept {
+  if (!has_last_ || limits_.beta == 0.0) return;
+  const Vec7 change = dq - dq_last_;
+  const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
+  disturbance_ +=
+      limits_.beta * (terms_.M * change / period_ + h_ + viscous - tau_last_);
+}
+
+void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
+  const double ahead = limits_.mid_interval ? 0.5 * period_ : 0.0;
+  chain_.evaluate(q + ahead * dq, dq, terms_);
+  chain_.tool_motion(q, dq, tool_);
+  terms_.M.diagonal() += limits_.armature;
+  factor_.factor(terms_.M);
+  Minv_ = factor_.inverse();
+  h_ = terms_.c + limits_.damping.cwiseProduct(dq) - disturbance_;
+  lo_ = -limits_.tau_max - tool_.g;
+  hi_ = limits_.tau_max - tool_.g;
+}
+
+void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
+  for (int i = 0; i < kNumJoints; ++i) {
+    const Interval joint = not_empty(
+        acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
+                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_),
+        dq[i]);
+    bounds_.lb[i] = joint.lb;
+    bounds_.ub[i] = joint.ub;
+    bounds_.lb_cause[i] = joint.lb_cause;
+    bounds_.ub_cause[i] = joint.ub_cause;
+  }
+  if (!limits_.walls) return;
+  for (int i = 0; i < 3; ++i) {
+    const double speed = tool_.twist[i];
+    const Interval wall = not_empty(
+        acceleration_bounds(tool_.p[i], speed, limits_.x_min[i], limits_.x_max[i],
+                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_),
+        speed);
+    bounds_.cl[i] = wall.lb;
+    bounds_.cu[i] = wall.ub;
+    bounds_.cl_cause[i] = wall.lb_cause;
+    bounds_.cu_cause[i] = wall.ub_cause;
+  }
+}
+
+void Controller::mark_joints(unsigned upper, unsigned lower,
+                             Flags& flags) const noexcept {
+  for (int i = 0; i < kNumJoints; ++i) {
+    const bool is_upper = (upper >> i) & 1U;
+    if (!is_upper && !((lower >> i) & 1U)) continue;
+    switch (is_upper ? bounds_.ub_cause[i] : bounds_.lb_cause[i]) {
+      case BoundCause::kPosition:
+        flags.joint_position |= bit(i);
+        break;
+      case BoundCause::kVelocity:
+        flags.joint_velocity |= bit(i);
+        break;
+      case BoundCause::kAcceleration:
+        flags.joint_acceleration |= bit(i);
+        break;
+    }
+  }
+}
+
+void Controller::mark_walls(unsigned upper, unsigned lower,
+                            Flags& flags) const noexcept {
+  for (int i = 0; i < 3; ++i) {
+    const bool is_upper = (upper >> i) & 1U;
+    if (!is_upper && !((lower >> i) & 1U)) continue;
+    switch (is_upper ? bounds_.cu_cause[i] : bounds_.cl_cause[i]) {
+      case BoundCause::kPosition:
+        flags.wall_position |= bit(i);
+        break;
+      case BoundCause::kVelocity:
+        flags.wall_velocity |= bit(i);
+        break;
+      case BoundCause::kAcceleration:
+        flags.wall_acceleration |= bit(i);
+        break;
+    }
+  }
+}
+
+void Controller::limit_by_qp(StepResult& result) noexcept {
+  const Mat37 Jc = terms_.J.topRows<3>();
+  const Vec3 djc = terms_.dJdq.head<3>();
+  const QpResult qp =
+      solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc, djc, bounds_.cl,
+                bounds_.cu, h_, lo_, hi_, limits_.rho});
+  result.a = qp.a;
+  result.tau = qp.tau;
+  result.flags.torque = qp.torque;
+  result.flags.wall_displaced = qp.wall_displaced;
+  result.flags.unsafe = qp.unsafe;
+  result.flags.qp_early = !qp.ok;
+  mark_joints(qp.upper, qp.lower, result.flags);
+  mark_walls(qp.wall_upper, qp.wall_lower, result.flags);
+}
+
+void Controller::limit_by_cascade(StepResult& result) noexcept {
+  Vec7 a = result.a0;
+  const Mat37 Jc = terms_.J.topRows<3>();
+  const Vec3 djc = terms_.dJdq.head<3>();
+  if (limits_.walls) {
+    const SaturationResult walls =
+        scs(a, Minv_, Jc, djc, bounds_.cl, bounds_.cu, limits_.s0_wall);
+    mark_walls(walls.upper, walls.lower, result.flags);
+    a = walls.a;
+  }
+  const SaturationResult joints = limits_.exact_sjs
+                                      ? sjs_exact(a, Minv_, bounds_.lb, bounds_.ub)
+                                      : sjs(a, Minv_, bounds_.lb, bounds_.ub);
+  mark_joints(joints.upper, joints.lower, result.flags);
+  result.flags.qp_early = !joints.ok;
+  const Vec7 a_safe = Vec7::Zero().cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const TorqueBlend blend = blend_torque(joints.a, a_safe, terms_.M, h_, lo_, hi_);
+  result.a = blend.a;
+  result.tau = blend.tau;
+  result.flags.torque = blend.limited;
+  result.flags.unsafe = blend.unsafe;
+  if (!limits_.walls) return;
+  const Vec3 ddx = Jc * result.a + djc;
+  for (int i = 0; i < 3; ++i) {
+    if (ddx[i] > bounds_.cu[i] + kWallTolerance ||
+        ddx[i] < bounds_.cl[i] - kWallTolerance) {
+      result.flags.wall_displaced |= bit(i);
+    }
+  }
+}
+
+/// Without a measurement: slow down along the last known motion, as the model predicts
+/// it, until the arm rests; then the torque is zero and gravity compensation holds it.
+StepResult Controller::brake() noexcept {
+  StepResult result;
+  const double time = std::max(limits_.kappa * period_, 0.02);  // [s], softly
+  const Vec7 most = limits_.eta * limits_.ddq_max;
+  result.a = (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
+  result.a0 = result.a;
+  result.tau = terms_.M * result.a + limits_.damping.cwiseProduct(dq_last_);
+  result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);
+  result.flags.bad_input = true;
+  dq_last_ += period_ * result.a;
+  has_last_ = false;
+  return result;
+}
+
+StepResult Controller::step(const Vec7& q, const Vec7& dq,
+                            const Target& target) noexcept {
+  if (!is_within(q, kLargestAngle) || !is_within(dq, kLargestSpeed) ||
+      !is_usable(target)) {
+    return brake();
+  }
+  update_disturbance(dq);
+  update_model(q, dq);
+  update_bounds(q, dq);
+
+  StepResult result;
+  const Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
+  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star, task_terms_);
+  result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
+  if (limits_.scheme == Scheme::kQp) {
+    limit_by_qp(result);
+  } else {
+    limit_by_cascade(result);
+  }
+  const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
+  if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
+    result.flags.unsafe = true;
+  }
+  result.tau = clipped;
+  result.flags.displaced = (result.a - result.a0).norm();
+  dq_last_ = dq;
+  tau_last_ = result.tau;
+  has_last_ = true;
+  return result;
+}
+
+}  // namespace dovetail

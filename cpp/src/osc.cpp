@@ -1,0 +1,182 @@
+#include "dovetail/osc.hpp"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace dovetail {
+namespace {
+
+using Eigen::Quaterniond;
+
+/// delta = swing * twist, the twist about world z, the swing's axis level.
+struct SwingTwist {
+  Quaterniond twist = Quaterniond::Identity();
+  Vec3 swing = Vec3::Zero();  // rotation vector [rad], z component zero
+};
+
+Vec3 rotation_vector(Quaterniond quat) noexcept {
+  if (quat.w() < 0.0) quat.coeffs() = -quat.coeffs();
+  const double length = quat.vec().norm();
+  if (length < 1e-12) return 2.0 * quat.vec();
+  return (2.0 * std::atan2(length, quat.w()) / length) * quat.vec();
+}
+
+Quaterniond rotation_from_vector(const Vec3& v) noexcept {
+  const double angle = v.norm();
+  if (angle < 1e-12) return Quaterniond(1.0, 0.5 * v.x(), 0.5 * v.y(), 0.5 * v.z());
+  const Vec3 axis = v * (std::sin(0.5 * angle) / angle);
+  return Quaterniond(std::cos(0.5 * angle), axis.x(), axis.y(), axis.z());
+}
+
+SwingTwist split_about_z(const Quaterniond& delta) noexcept {
+  SwingTwist parts;
+  const double length = std::hypot(delta.w(), delta.z());
+  if (length > 1e-9) {  // below: upside down, the twist is undefined, identity taken
+    parts.twist = Quaterniond(delta.w() / length, 0.0, 0.0, delta.z() / length);
+  }
+  parts.swing = rotation_vector(delta * parts.twist.conjugate());
+  parts.swing.z() = 0.0;
+  return parts;
+}
+
+bool is_impedance(AxisMode mode) noexcept {
+  return mode == AxisMode::kPose || mode == AxisMode::kHold;
+}
+
+/// Shortens v to at most `limit`, direction kept.
+template <typename Vector>
+void clamp_norm(Vector&& v, double limit) noexcept {
+  const double length = v.norm();
+  if (length > limit) v *= limit / length;
+}
+
+/// U diag(w(s)/s) U^T of A, w fading from 1 to 0 below s0.
+Mat6 faded_inverse(const Mat6& A, double s0) noexcept {
+  const Eigen::SelfAdjointEigenSolver<Mat6> eigen(A);
+  Vec6 weight;
+  for (int i = 0; i < 6; ++i) {
+    const double s = eigen.eigenvalues()[i];
+    const double t = std::clamp(s / s0, 0.0, 1.0);
+    // (3 t^2 - 2 t^3) / s, written so that it is finite at s = 0
+    weight[i] = s >= s0 ? 1.0 / s : t * (3.0 - 2.0 * t) / s0;
+  }
+  return eigen.eigenvectors() * weight.asDiagonal() * eigen.eigenvectors().transpose();
+}
+
+}  // namespace
+
+Vec3 rotation_vector(const Mat3& R) noexcept { return rotation_vector(Quaterniond(R)); }
+
+double twist_about_z(const Mat3& R) noexcept {
+  const Quaterniond quat(R);
+  return std::remainder(2.0 * std::atan2(quat.z(), quat.w()), 2.0 * M_PI);
+}
+
+OperationalSpace::OperationalSpace(const OscParams& params,
+                                   const TaskSpec& task) noexcept
+    : params_(params), task_(task) {
+  for (int i = 0; i < 6; ++i) {
+    const bool is_linear = i < 3;
+    scale_[i] =
+        task[i] == AxisMode::kFree ? 0.0 : (is_linear ? 1.0 : params.length_scale);
+    damping_[i] = is_impedance(task[i])
+                      ? 2.0 * params.damping_ratio[i] * std::sqrt(params.stiffness[i])
+                      : params.force_damping[i];
+  }
+}
+
+void OperationalSpace::reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
+  p_hold_ = p_hold;
+  R_hold_ = Quaterniond(quat_hold[0], quat_hold[1], quat_hold[2], quat_hold[3])
+                .normalized()
+                .toRotationMatrix();
+}
+
+Mat3 OperationalSpace::desired_rotation(const Mat3& R,
+                                        const Target& target) const noexcept {
+  const Vec4& d = target.quat_wxyz_d;
+  const Quaterniond quat_d = Quaterniond(d[0], d[1], d[2], d[3]).normalized();
+  const Quaterniond quat_hold(R_hold_);
+  const SwingTwist wanted = split_about_z(quat_d * quat_hold.conjugate());
+  const SwingTwist measured = split_about_z(Quaterniond(R) * quat_hold.conjugate());
+  Vec3 swing = Vec3::Zero();
+  for (int i = 0; i < 2; ++i) {
+    const AxisMode mode = task_[3 + i];
+    if (mode == AxisMode::kPose) swing[i] = wanted.swing[i];
+    if (!is_impedance(mode)) swing[i] = measured.swing[i];
+  }
+  Quaterniond twist = Quaterniond::Identity();
+  if (task_[5] == AxisMode::kPose) twist = wanted.twist;
+  if (!is_impedance(task_[5])) twist = measured.twist;
+  return (rotation_from_vector(swing) * twist * quat_hold).toRotationMatrix();
+}
+
+Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
+                                            const Vec6& twist,
+                                            const Target& target) const noexcept {
+  Vec6 error = Vec6::Zero();
+  for (int i = 0; i < 3; ++i) {
+    if (task_[i] == AxisMode::kPose) error[i] = target.position_d[i] - p[i];
+    if (task_[i] == AxisMode::kHold) error[i] = p_hold_[i] - p[i];
+  }
+  if (is_impedance(task_[3]) || is_impedance(task_[4]) || is_impedance(task_[5])) {
+    const Vec3 e = rotation_vector(desired_rotation(R, target) * R.transpose());
+    for (int i = 0; i < 3; ++i) {
+      if (is_impedance(task_[3 + i])) error[3 + i] = e[i];
+    }
+  }
+  clamp_norm(error.head<3>(), params_.error_clamp_position);
+  clamp_norm(error.tail<3>(), params_.error_clamp_rotation);
+
+  Vec6 f = Vec6::Zero();
+  for (int i = 0; i < 6; ++i) {
+    if (task_[i] == AxisMode::kFree) continue;
+    const double limit = i < 3 ? params_.f_clamp_linear : params_.f_clamp_angular;
+    const double drive = is_impedance(task_[i])
+                             ? params_.stiffness[i] * error[i]
+                             : std::clamp(target.f_star[i], -limit, limit);
+    f[i] = std::clamp(drive - damping_[i] * twist[i], -limit, limit);
+  }
+  return f;
+}
+
+void OperationalSpace::evaluate(const ChainTerms& terms, const Mat7& M,
+                                const Cholesky<7>& M_factor, const Vec7& dq,
+                                const Vec6& f_star, OscTerms& out) const noexcept {
+  out.J.noalias() = scale_.asDiagonal() * terms.J;
+  out.f = scale_.cwiseProduct(f_star);
+  if (params_.use_jdot) out.f -= scale_.cwiseProduct(terms.dJdq);
+
+  // A = Y^T Y with Y = L^-1 J^T. Free rows are zero: a one on the diagonal keeps A
+  // regular and decouples them.
+  Eigen::Matrix<double, 7, 6> Y = out.J.transpose();
+  M_factor.solve_lower(Y);
+  Mat6 A;
+  A.noalias() = Y.transpose() * Y;
+  double free_rows = 0.0;
+  for (int i = 0; i < 6; ++i) {
+    if (task_[i] != AxisMode::kFree) continue;
+    A(i, i) = 1.0;
+    free_rows += 1.0;
+  }
+  Cholesky<6> A_factor;
+  out.exact = A_factor.factor(A);
+  if (out.exact) {
+    out.Lambda = A_factor.inverse();
+    // |A^-1|_F <= 1/s0: every eigenvalue is at least s0
+    const double s0 = params_.s0;
+    out.exact = (out.Lambda.squaredNorm() - free_rows) * s0 * s0 <= 1.0;
+  }
+  if (!out.exact) out.Lambda = faded_inverse(A, params_.s0);
+  for (int i = 0; i < 6; ++i) {
+    if (task_[i] == AxisMode::kFree) out.Lambda(i, i) = 0.0;
+  }
+
+  const Vec6 task_force = out.Lambda * (out.f + params_.k_null * (out.J * dq));
+  out.u0.noalias() = out.J.transpose() * task_force - params_.k_null * (M * dq);
+  if (params_.use_coriolis) out.u0 += terms.c;
+}
+
+}  // namespace dovetail
