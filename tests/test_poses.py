@@ -1,5 +1,7 @@
 """Rotations obey the group's axioms, whatever their representation."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -47,7 +49,7 @@ def test_conversion_of_a_matrix_is_accurate_near_half_turns(rng):
 
 def test_product_of_quaternions_is_product_of_matrices(rng):
     quats = random_quats(rng, 200)
-    for left, right in zip(quats, quats[1:], strict=False):
+    for left, right in itertools.pairwise(quats):
         product = quat_multiply(left, right)
         assert product[0] >= 0.0
         np.testing.assert_allclose(
@@ -74,7 +76,7 @@ def test_rotation_error_of_a_turn_about_z_is_that_turn(rng):
 
 def test_rotation_error_ignores_the_sign_of_either_quaternion(rng):
     quats = random_quats(rng, 100)
-    for desired, current in zip(quats, quats[1:], strict=False):
+    for desired, current in itertools.pairwise(quats):
         error = rotation_error(desired, current)
         assert np.linalg.norm(error) <= np.pi + TOLERANCE
         for signs in ((-1, 1), (1, -1), (-1, -1)):

@@ -131,3 +131,27 @@ def wrap_angle(angle: float) -> float:
     """Wrap an angle [rad] into (-pi, pi]."""
     wrapped = float(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
     return wrapped if wrapped > -np.pi else float(np.pi)
+
+
+def quat_from_vector(vector: Vec3) -> Vec4:
+    """Convert a rotation vector [rad], shape (3,), to a quaternion."""
+    angle = float(np.sqrt(vector @ vector))
+    half_sinc = 0.5 * np.sinc(angle / (2.0 * np.pi))  # sin(angle / 2) / angle
+    quat = np.concatenate([[np.cos(0.5 * angle)], half_sinc * vector])
+    return quat if quat[0] >= 0.0 else -quat
+
+
+def swing_twist(quat: Vec4) -> tuple[Vec3, Vec4]:
+    """Split a rotation into a twist about world z and, after it, a level swing.
+
+    Returns:
+        Swing as a rotation vector with z component 0 [rad], and the twist quaternion;
+        where the swing is half a turn the twist is undefined and none is taken.
+    """
+    identity = np.array([1.0, 0.0, 0.0, 0.0])
+    length = float(np.hypot(quat[0], quat[3]))
+    twist = np.array([quat[0], 0.0, 0.0, quat[3]]) / length
+    if length < 1e-9:
+        twist = identity
+    swing = rotation_error(quat_multiply(quat, quat_conjugate(twist)), identity)
+    return swing * np.array([1.0, 1.0, 0.0]), twist

@@ -26,7 +26,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 
 def _frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
     """Copy to a read-only float array of this shape, or say what is wrong."""
-    array = np.array(value, dtype=float)
+    array = np.array(value, dtype=float, order="C")
     if array.shape != shape:
         raise ConfigError(f"{name} has shape {array.shape}; it must be {shape}")
     if not np.isfinite(array).all():

@@ -5,12 +5,12 @@ once, here, so that the control cycle never has to.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 
-from dovetail.control.available import available_acceleration
+from dovetail.control.available import REFERENCE, available_acceleration
 from dovetail.control.ranges import Range, check_ranges
 from dovetail.control.task_spec import AXES
 from dovetail.errors import ConfigError
@@ -226,14 +226,13 @@ class LimitConfig:
             "damping": 0.5,
             "armature": 0.1,
         } | overrides
-        if "ddq_max" not in settings:
-            settings["ddq_max"] = available_acceleration(
-                robot,
-                np.broadcast_to(settings["tau_max"], 7),
-                np.broadcast_to(settings["damping"], 7),
-                np.broadcast_to(settings["armature"], 7),
-            )
-        return cls(**settings)
+        if "ddq_max" in settings:
+            return cls(**settings)
+        checked = cls(ddq_max=REFERENCE, **settings)
+        ddq_max = available_acceleration(
+            robot, checked.tau_max, checked.damping, checked.armature
+        )
+        return replace(checked, ddq_max=ddq_max)
 
     def params(self) -> "_core.LimitParams":
         """Copy into the C++ parameter struct."""
@@ -241,7 +240,8 @@ class LimitConfig:
 
         params = _core.LimitParams()
         for f in fields(self):
-            setattr(params, f.name, getattr(self, f.name))
+            if f.name not in ("scheme", "bounds"):
+                setattr(params, f.name, getattr(self, f.name))
         params.scheme = _core.Scheme(SCHEMES.index(self.scheme))
         params.bounds = _core.BoundsKind(BOUNDS.index(self.bounds))
         return params

@@ -1,0 +1,203 @@
+"""The controller in NumPy: one cycle as equations, in the order of Khatib 1987.
+
+It is what the C++ controller is compared with, and the one to read first. It takes
+checked settings and finite input, and is about a thousand times slower.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail import poses
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import FREE, HOLD, POSE, TaskSpec
+from dovetail.types import Array
+
+if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.robot import Robot
+
+
+class ReferenceController:
+    """Operational-space control below every limit."""
+
+    def __init__(
+        self, robot: "Robot", osc: OscConfig, limits: LimitConfig, task: str, dt: float
+    ) -> None:
+        self.chain, self.osc, self.limits, self.dt = robot.chain(), osc, limits, dt
+        self.modes = np.array(TaskSpec.parse(task).modes)
+        self.is_servo = np.isin(self.modes, (POSE, HOLD))
+        self.scale = (self.modes != FREE) * np.repeat([1.0, osc.length_scale], 3)
+        D = 2.0 * osc.damping_ratio * np.sqrt(osc.stiffness)
+        self.D = np.where(self.is_servo, D, osc.force_damping)
+
+    def reset(self, q: Array, position_hold: Array, quat_hold: Array) -> None:
+        """Latch the pose that hold axes keep, and forget the disturbance."""
+        self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
+        self.r, self.last = np.zeros(7), None
+
+    def step(self, q: Array, dq: Array, target: "_core.Target") -> tuple[Array, ...]:
+        """Return overlay torque [Nm], its acceleration and the wanted one [rad/s2]."""
+        chain, osc, lim, dt = self.chain, self.osc, self.limits, self.dt
+        # Disturbance  r += beta (M ddq + h - u)  of the interval that has just ended
+        if self.last is not None:
+            M, h, dq_last, u = self.last
+            ddq = (dq - dq_last) / dt
+            lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u  # at the mean speed
+            self.r = self.r + lim.beta * lost
+        # Model  M a + h = u,  half a period ahead
+        q_model = q + 0.5 * dt * dq if lim.mid_interval else q
+        M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
+        Minv = np.linalg.inv(M)
+        c = chain.coriolis(q_model, dq)
+        h = c + lim.damping * dq - self.r
+        J_tool, dJdq = chain.jacobian(q_model), chain.jacobian_dot_dq(q_model, dq)
+        # Task  u0 = J^T Lambda (f* - dJ dq) + N M (-k dq),  N = I - J^T Lambda J M^-1
+        (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
+        f = self.desired_acceleration(p, R, twist, target) - osc.use_jdot * dJdq
+        J = self.scale[:, None] * J_tool
+        Lambda = faded_inverse(J @ Minv @ J.T, osc.s0)
+        N = np.eye(7) - J.T @ Lambda @ J @ Minv
+        u0 = J.T @ Lambda @ (self.scale * f) + N @ M @ (-osc.k_null * dq)
+        a0 = Minv @ (u0 + osc.use_coriolis * c - h)
+        # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
+        joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
+        lb, ub = self.intervals(q, dq, *joint)
+        wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
+        cl_cu = self.intervals(p, twist[:3], *wall, lim.delta_x)
+        rows = (J_tool[:3], dJdq[:3], *cl_cu) if lim.walls else None
+        g = chain.gravity(q)
+        lo, hi = -lim.tau_max - g, lim.tau_max - g
+        if lim.scheme == "qp":
+            a = solve_qp(M, a0, lb, ub, rows, (M, h, lo, hi), lim.rho)
+        else:
+            a = saturate(a0, Minv, *rows, lim.s0_wall) if rows else a0
+            box = (
+                np.eye(7),
+                np.zeros(7),
+                lb,
+                ub,
+                1e-12,
+            )  # no mobility of a joint fades
+            a = solve_qp(M, a, lb, ub) if lim.exact_sjs else saturate(a, Minv, *box)
+            a = blend(np.clip(a, lb, ub), np.clip(0.0, lb, ub), M, h, lo, hi)
+        u = np.clip(M @ a + h, lo, hi)
+        self.last = (M, h, dq, u)
+        return u, a, a0
+
+    def desired_acceleration(
+        self, p: Array, R: Array, twist: Array, target: "_core.Target"
+    ) -> Array:
+        """f* = K e - D xdot on pose and hold axes, the action on force axes."""
+        osc, quat = self.osc, poses.quat_from_matrix(R)
+        p_d = np.where(self.modes[:3] == POSE, target.position_d, self.p_hold)
+        e_rot = poses.rotation_error(self.desired_rotation(quat, target), quat)
+        e = self.is_servo * np.append(p_d - p, e_rot)
+        clamps = np.array([osc.error_clamp_position, osc.error_clamp_rotation])
+        lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
+        e *= np.repeat(clamps / np.maximum(clamps, lengths), 3)  # direction kept
+        most = np.repeat([osc.f_clamp_linear, osc.f_clamp_angular], 3)
+        f = np.where(
+            self.is_servo, osc.stiffness * e, np.clip(target.f_star, -most, most)
+        )
+        return np.clip(f - self.D * twist, -most, most)
+
+    def desired_rotation(self, quat: Array, target: "_core.Target") -> Array:
+        """Swing and twist about world z, each from the target, hold or measurement."""
+        from_hold = poses.quat_conjugate(self.quat_hold)
+        quat_d = poses.quat_normalized(target.quat_wxyz_d)
+        wanted = poses.swing_twist(poses.quat_multiply(quat_d, from_hold))
+        measured = poses.swing_twist(poses.quat_multiply(quat, from_hold))
+        held = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        parts = {POSE: wanted, HOLD: held}
+        about_x, about_y, about_z = (
+            parts.get(int(m), measured) for m in self.modes[3:]
+        )
+        swing = poses.quat_from_vector(np.array([about_x[0][0], about_y[0][1], 0.0]))
+        turn = poses.quat_multiply(swing, about_z[1])
+        return poses.quat_multiply(turn, self.quat_hold)
+
+    def intervals(
+        self, x: Array, v: Array, x_min: Array, x_max: Array, v_max: Array,
+        a_max: Array, eta: float, delta: float,
+    ) -> tuple[Array, Array]:  # fmt: skip
+        """Accelerations [lb, ub] from which each coordinate can still stop in time."""
+        kind, dt, T = self.limits.bounds, self.dt, self.limits.kappa * self.dt
+
+        def upper(d: float, v: float, speed: float, V: float, A: float) -> float:
+            if kind == "viability":
+                V = (1.0 - self.limits.delta_v) * V
+                return viable(d - delta, v, V, A, T, eta * A)
+            speed = speed if kind == "paper-printed" else v  # printed: position there
+            a = min(2.0 * (d - v * dt) / dt**2, (V - speed) / dt, A)
+            return a if kind == "paper-printed" else max(a, -A)
+
+        ub = np.array([*map(upper, x_max - x, v, x, v_max, a_max)])
+        lb = -np.array([*map(upper, x - x_min, -v, -x, v_max, a_max)])  # by mirror
+        side = np.where(v >= 0.0, ub, lb)  # not viable: the side moved towards wins
+        return np.where(lb > ub, side, lb), np.where(lb > ub, side, ub)
+
+
+def viable(d: float, v: float, V: float, A: float, T: float, brake: float) -> float:
+    """Largest a over T after which braking still stops within d (Del Prete 2018)."""
+    pos = 2.0 * (d - v * T) / T**2
+    if v > 0.0 and pos <= -v / T:  # turning point inside the interval
+        pos = min(-(v**2) / (2.0 * d), -v / T) if d > 0.0 else -np.inf
+    b, c = T * (2.0 * v + brake * T), v**2 - 2.0 * brake * (d - v * T)
+    disc = b**2 - 4.0 * T**2 * c
+    stop = max((-b + np.sqrt(disc)) / (2.0 * T**2), -v / T) if disc >= 0 else -v / T
+    return max(min(pos, stop, (V - v) / T, A), -A)
+
+
+def faded_inverse(A: Array, s0: float) -> Array:
+    """U diag(w(s) / s) U^T: exact above s0, fading smoothly to nothing below."""
+    s, U = np.linalg.eigh(A)
+    t = np.clip(s / s0, 0.0, 1.0)
+    weight = np.where(t < 1.0, t * (3.0 - 2.0 * t) / s0, 1.0 / np.maximum(s, s0))
+    return (U * weight) @ U.T
+
+
+def saturate(
+    a0: Array, Minv: Array, J: Array, bias: Array, low: Array, high: Array, s0: float
+) -> Array:
+    """SCS, or SJS with J = I: rows J a + bias found outside are held from then on."""
+    held, bound, a = np.zeros(len(J), dtype=bool), np.zeros(len(J)), a0
+    while True:
+        row = J @ a + bias
+        new = ~held & ((row > high + 1e-9) | (row < low - 1e-9))
+        if not new.any():
+            return a
+        held, bound = held | new, np.where(new, np.clip(row, low, high), bound)
+        J_held, missing = J[held], (bound - J @ a0 - bias)[held]
+        mobility = J_held @ Minv @ J_held.T
+        a = a0 + Minv @ J_held.T @ faded_inverse(mobility, s0) @ missing
+
+
+def blend(a: Array, a_safe: Array, M: Array, h: Array, lo: Array, hi: Array) -> Array:
+    """Largest step from a safe action that the motors can give; never a clip."""
+    safe, change = M @ a_safe + h, M @ (a - a_safe)
+    room = np.where(change > 0.0, hi - safe, lo - safe)
+    share = np.where(change != 0.0, room / np.where(change != 0.0, change, 1.0), 1.0)
+    return a_safe + np.clip(share.min(), 0.0, 1.0) * (a - a_safe)
+
+
+def solve_qp(
+    M: Array, a0: Array, lb: Array, ub: Array, walls: tuple | None = None,
+    torque: tuple | None = None, rho: float = 1.0,
+) -> Array:  # fmt: skip
+    """Min |a - a0|_M^2 + rho |s|^2 in the box: walls soft by s, torque rows hard."""
+    import qpsolvers
+
+    G, h, P = np.empty((0, 10)), [], np.eye(10)  # unknowns a and sqrt(rho) s
+    P[:7, :7] = M
+    for rows, soft in ((walls, -np.eye(3) / np.sqrt(rho)), (torque, np.zeros((7, 3)))):
+        if rows is not None:
+            A, offset, low, high = rows
+            G = np.vstack([G, np.hstack([A, soft]), np.hstack([-A, soft])])
+            h += [*(high - offset), *(offset - low)]
+    box = {"lb": np.append(lb, [-1e6] * 3), "ub": np.append(ub, [1e6] * 3)}
+    cost = -P @ np.append(a0, np.zeros(3))
+    x = qpsolvers.solve_qp(P, cost, G, np.array(h), **box, solver="quadprog")
+    if x is None:
+        raise ArithmeticError("the joint box and the torque limits exclude each other")
+    return np.clip(x[:7], lb, ub)
