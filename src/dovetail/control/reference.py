@@ -72,13 +72,7 @@ class ReferenceController:
             a = solve_qp(M, a0, lb, ub, rows, (M, h, lo, hi), lim.rho)
         else:
             a = saturate(a0, Minv, *rows, lim.s0_wall) if rows else a0
-            box = (
-                np.eye(7),
-                np.zeros(7),
-                lb,
-                ub,
-                1e-12,
-            )  # no mobility of a joint fades
+            box = (np.eye(7), np.zeros(7), lb, ub, 1e-12)  # SJS: nothing fades
             a = solve_qp(M, a, lb, ub) if lim.exact_sjs else saturate(a, Minv, *box)
             a = blend(np.clip(a, lb, ub), np.clip(0.0, lb, ub), M, h, lo, hi)
         u = np.clip(M @ a + h, lo, hi)
@@ -97,9 +91,8 @@ class ReferenceController:
         lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
         e *= np.repeat(clamps / np.maximum(clamps, lengths), 3)  # direction kept
         most = np.repeat([osc.f_clamp_linear, osc.f_clamp_angular], 3)
-        f = np.where(
-            self.is_servo, osc.stiffness * e, np.clip(target.f_star, -most, most)
-        )
+        action = np.clip(target.f_star, -most, most)
+        f = np.where(self.is_servo, osc.stiffness * e, action)
         return np.clip(f - self.D * twist, -most, most)
 
     def desired_rotation(self, quat: Array, target: "_core.Target") -> Array:
@@ -195,7 +188,8 @@ def solve_qp(
             A, offset, low, high = rows
             G = np.vstack([G, np.hstack([A, soft]), np.hstack([-A, soft])])
             h += [*(high - offset), *(offset - low)]
-    box = {"lb": np.append(lb, [-1e6] * 3), "ub": np.append(ub, [1e6] * 3)}
+    ends = lb - 1e-11, ub + 1e-11  # quadprog takes lb = ub for a contradiction
+    box = {"lb": np.append(ends[0], [-1e6] * 3), "ub": np.append(ends[1], [1e6] * 3)}
     cost = -P @ np.append(a0, np.zeros(3))
     x = qpsolvers.solve_qp(P, cost, G, np.array(h), **box, solver="quadprog")
     if x is None:

@@ -1,0 +1,104 @@
+"""The C++ controller equals the readable NumPy one, in closed loop."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from dovetail import _core
+from dovetail.control.build import make_controller
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.reference import ReferenceController
+from dovetail.control.task_spec import MODES, TaskSpec
+from dovetail.poses import quat_normalized
+
+TOLERANCE = 1e-8  # relative to the largest |a0|, at least 1 [rad/s2]; Nm for torques
+EVERY_TASK = [
+    str(TaskSpec(modes)) for modes in itertools.product(range(len(MODES)), repeat=6)
+]
+WIDE_WALLS = {"x_min": [-1.2, -1.2, -0.5], "x_max": [1.2, 1.2, 1.6]}
+
+
+def random_target(rng, robot, q, action):
+    pose = robot.tool_pose(q)
+    quat = pose.quat_wxyz + rng.normal(0.0, rng.choice([0.02, 1.0]), 4)
+    return _core.Target(
+        rng.uniform(-1.0, 1.0, 6) * action * np.array([1, 1, 1, 7, 7, 7]),
+        pose.position + rng.normal(0.0, 0.1, 3),
+        quat_normalized(quat),
+    )
+
+
+def largest_difference(robot, q_start, osc, limits, period, tasks, rng, cycles):
+    """Run each task in closed loop on the exact plant; return the worst error."""
+    worst, states, limited, exotic = 0.0, 0, 0, 0
+    plant = _core.RigidPlant(robot.chain(), armature=limits.armature)
+    for task in tasks:
+        mine = ReferenceController(robot, osc, limits, task, period)
+        theirs = make_controller(robot, osc, limits, task, period)
+        q = q_start + rng.normal(0.0, 0.3, 7)
+        q = np.clip(q, robot.q_min + 0.05, robot.q_max - 0.05)
+        hold = robot.tool_pose(q)
+        for controller in (mine, theirs):
+            controller.reset(q, hold.position, hold.quat_wxyz)
+        plant.reset(q, rng.uniform(-0.5, 0.5, 7) * robot.dq_max)
+        for cycle in range(cycles):
+            if cycle % 5 == 0:
+                target = random_target(rng, robot, q, rng.choice([1.0, 10.0, 30.0]))
+                plant.set_external_force(rng.uniform(-20.0, 20.0, 3))
+            q, dq = plant.read()
+            result = theirs.step(q, dq, target)
+            if result.flags.unsafe or result.flags.qp_early:
+                exotic += 1
+                break  # outside the problem that both solve: the next task
+            tau, a, a0 = mine.step(q, dq, target)
+            scale = max(1.0, float(np.abs(a0).max()))
+            errors = (result.tau - tau, result.a - a, result.a0 - a0)
+            worst = max(worst, *(float(np.abs(e).max()) / scale for e in errors))
+            limited += result.flags.packed != 0
+            states += 1
+            plant.apply(result.tau, period)
+    return worst, states, limited, exotic
+
+
+@pytest.mark.parametrize("scheme", ["qp", "paper"])
+def test_cpp_equals_the_reference_for_every_task(robot, q_home, rng, scheme):
+    limits = LimitConfig.for_period(robot, 1e-3, scheme=scheme, **WIDE_WALLS)
+    worst, states, limited, exotic = largest_difference(
+        robot, q_home, OscConfig(), limits, 1e-3, EVERY_TASK, rng, 2
+    )
+    assert worst < TOLERANCE
+    assert states > 8000
+    assert limited > 1000
+    assert exotic < 50
+
+
+@pytest.mark.parametrize(
+    ("period", "settings"),
+    [
+        (1e-3, {}),
+        (5e-3, {}),
+        (2e-3, {"scheme": "paper"}),
+        (2e-3, {"scheme": "paper", "exact_sjs": True}),
+        (1e-3, {"bounds": "paper-corrected"}),
+        (1e-3, {"bounds": "paper-printed", "scheme": "paper", "walls": False}),
+        (1e-3, {"mid_interval": False, "walls": False}),
+        (1e-3, {"beta": 0.0, "damping": 0.0, "armature": 0.0}),
+        (5e-3, {"tau_max": [250.0, 250.0, 130.0, 130.0, 60.0, 30.0, 25.0]}),
+    ],
+)
+def test_cpp_equals_the_reference_over_long_runs(robot, q_home, rng, period, settings):
+    osc = OscConfig.for_period(
+        period,
+        use_jdot=period > 1e-3,
+        use_coriolis=period > 1e-3,
+        force_damping=[0.0, 1.0, 5.0, 0.0, 2.0, 0.0],
+    )
+    limits = LimitConfig.for_period(robot, period, **({**WIDE_WALLS, **settings}))
+    tasks = ["XYZ:force A:pose BC:hold", "XYZ:pose ABC:pose", "ZA:force XYBC:hold"]
+    worst, states, limited, _ = largest_difference(
+        robot, q_home, osc, limits, period, tasks, rng, 150
+    )
+    assert worst < TOLERANCE
+    assert states > 100
+    assert limited > 50
