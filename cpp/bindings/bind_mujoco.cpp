@@ -64,6 +64,7 @@ void bind_mujoco(nb::module_& m) {
           "controller"_a, "target"_a, "steps"_a, "log"_a.noconvert())
       .def("read", [](const MujocoLoop& self) { return State(self.q(), self.dq()); })
       .def("contact_force", &MujocoLoop::contact_force)
+      .def("contact_force_peak", &MujocoLoop::contact_force_peak)
       .def("set_channel", &MujocoLoop::set_channel, "channel"_a)
       .def("seed", &MujocoLoop::seed, "seed"_a);
 }

@@ -54,6 +54,9 @@ class MujocoLoop {
   /// Force on peg and gripper in the last physics step [N], world axes.
   const Vec3& contact_force() const noexcept { return force_; }
 
+  /// The largest such force of the last command [N].
+  const Vec3& contact_force_peak() const noexcept { return peak_; }
+
  private:
   void measure() noexcept;
   void sum_contact_force() noexcept;

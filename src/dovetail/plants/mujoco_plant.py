@@ -175,6 +175,10 @@ class MujocoPlant:
         """Return the force on peg and gripper in the last physics step [N], world."""
         return self._loop.contact_force()
 
+    def contact_force_peak(self) -> Vec3:
+        """Return the largest such force during the last `apply` [N], world."""
+        return self._loop.contact_force_peak()
+
     def tool_pose(self) -> Pose:
         """Return the true pose of the TCP in the world, from MuJoCo's kinematics."""
         self._mujoco.mj_kinematics(self.model, self.data)

@@ -157,6 +157,10 @@ class Plant(Protocol):
         """Return the force on peg and gripper in the last physics step [N], world."""
         ...
 
+    def contact_force_peak(self) -> Vec3:
+        """Return the largest such force during the last `apply` [N], world."""
+        ...
+
     def tool_pose(self) -> Pose:
         """Return the true pose of the TCP in the world, from the engine."""
         ...

@@ -1,0 +1,51 @@
+"""The control cycle over any plant, in Python: the reference of the C++ loop."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail.plants.plant import CYCLE_COLUMNS, Plant
+from dovetail.poses import quat_from_matrix
+from dovetail.types import Array, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+
+def run_cycles(
+    plant: Plant,
+    controller: "_core.Controller",
+    target: "_core.Target",
+    cycles: int,
+    period: float,
+    start: float,
+) -> tuple[Array, Vec7, Vec7]:
+    """Run the controller against a plant; see `Plant.run_cycles`.
+
+    Args:
+        plant: Where the torques go.
+        controller: The controller, reset.
+        target: Held during all cycles.
+        cycles: Number of control cycles.
+        period: Control period [s].
+        start: Time since the plant's reset [s].
+    """
+    log = np.empty((cycles, len(CYCLE_COLUMNS)))
+    chain = plant.robot.chain()
+    q, dq = plant.read()
+    for i in range(cycles):
+        result = controller.step(q, dq, target)
+        position, rotation = chain.pose(q)
+        quat = quat_from_matrix(rotation)
+        twist = chain.jacobian(q) @ dq
+        tau = result.tau
+        plant.apply(tau, period)
+        log[i] = (
+            start + i * period,
+            *(*q, *dq, *tau),
+            *(*position, *quat, *twist),
+            *(*plant.contact_force_peak(), *target.f_star[:3]),
+            result.flags.packed,
+        )
+        q, dq = plant.read()
+    return log, q, dq
