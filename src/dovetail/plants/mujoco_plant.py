@@ -57,14 +57,15 @@ class MujocoPlant:
 
         from dovetail import _core
 
-        self._mujoco = mujoco
+        engine: Any = mujoco  # its stubs do not name what the package re-exports
+        self._mujoco = engine
         self._core = _core
         self.scene = scene
         self.robot: Robot = scene.robot()
         text = build_mjcf(self.robot, scene, visual_meshes=visual_meshes)
-        self.model = mujoco.MjModel.from_xml_string(text)
-        self.data = mujoco.MjData(self.model)
-        self._library = _library_path(mujoco)
+        self.model = engine.MjModel.from_xml_string(text)
+        self.data = engine.MjData(self.model)
+        self._library = _library_path(engine)
         self._channel = _core.Channel()
         self._is_ready = False
         self.configure(DynamicsConfig() if dynamics is None else dynamics)

@@ -1,0 +1,272 @@
+"""Twins: plants made to differ from the model on purpose; they play the real robot.
+
+A twin is a TOML file in which every key of `TwinConfig` is present and no other. A
+result on a twin says "twin", never "robot".
+"""
+
+import math
+import tomllib
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import PLANTS, DynamicsConfig, Plant, make_plant
+from dovetail.poses import Pose
+from dovetail.types import Array, Vec3, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.scene import SceneConfig
+
+TWIN_FOLDER = Path(__file__).parent.parent / "twins"
+"""Where the shipped twins are."""
+
+_SCALARS: dict[str, tuple[float, float, str]] = {
+    "command_delay": (0.0, 0.1, "s"),
+    "torque_noise": (0.0, 20.0, "Nm"),
+    "position_noise": (0.0, 0.01, "rad"),
+    "velocity_noise": (0.0, 0.5, "rad/s"),
+    "clearance_offset": (-0.005, 0.005, "m"),
+}
+_DYNAMICS = (
+    "inertia",
+    "mass_scale",
+    "gravity_residual",
+    "damping",
+    "coulomb",
+    "armature",
+    "contact_friction",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinConfig:
+    """Everything in which a twin differs from the model. No key has a default."""
+
+    description: str
+    """What this twin stands for, one line."""
+    engine: Literal["mujoco", "bullet"]
+    """Physics engine: another one than the policy was trained in."""
+    seed: int
+    """Seed of the noise, >= 0."""
+    inertia: Literal["drake", "pybullet", "lbr"]
+    """Published inertia set of the arm; the controller's is drake."""
+    mass_scale: tuple[float, ...]
+    """Mass and inertia of each link over the set's, payload in link 7 [1]."""
+    gravity_residual: tuple[float, float, float]
+    """True gravity minus the compensated one, world axes [m/s2]."""
+    damping: tuple[float, ...]
+    """Viscous friction of each joint [Nms/rad]."""
+    coulomb: tuple[float, ...]
+    """Dry friction of each joint [Nm]."""
+    armature: tuple[float, ...]
+    """Rotor inertia at each joint [kg m2]."""
+    command_delay: float
+    """Delay of the torque command [s], rounded to physics steps."""
+    torque_noise: float
+    """Standard deviation of the torque, per joint and command [Nm]."""
+    position_noise: float
+    """Standard deviation of the encoders, per joint and reading [rad]."""
+    velocity_noise: float
+    """Standard deviation of the measured velocity, per joint and reading [rad/s]."""
+    contact_friction: float
+    """Sliding friction coefficient of peg and gripper [1]."""
+    clearance_offset: float
+    """True clearance minus the scene's, per side [m]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a number out of range, by name."""
+        if self.engine not in PLANTS:
+            raise ConfigError(
+                f"twin engine {self.engine!r} is unknown; known: {', '.join(PLANTS)}"
+            )
+        if type(self.seed) is not int or self.seed < 0:
+            raise ConfigError(f"twin seed is {self.seed!r}; give a whole number >= 0")
+        for name, (low, high, unit) in _SCALARS.items():
+            value = _number(name, getattr(self, name))
+            if not low <= value <= high:
+                raise ConfigError(
+                    f"twin {name} is {value:g} {unit}, allowed is {low:g} to "
+                    f"{high:g} {unit}"
+                )
+        for name in (
+            "mass_scale",
+            "gravity_residual",
+            "damping",
+            "coulomb",
+            "armature",
+        ):
+            values = getattr(self, name)
+            if not isinstance(values, (list, tuple)):
+                raise ConfigError(f"twin {name} is {values!r}; give a list of numbers")
+            object.__setattr__(self, name, tuple(_number(name, v) for v in values))
+        _number("contact_friction", self.contact_friction)
+        self.dynamics()  # checks lengths and ranges of what the engine simulates
+
+    def dynamics(self) -> DynamicsConfig:
+        """Return the part that the engine simulates."""
+        return DynamicsConfig(**{name: getattr(self, name) for name in _DYNAMICS})
+
+    def to_toml(self) -> str:
+        """Write the twin as the text of a file that `load_twin` reads."""
+        lines = []
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if isinstance(value, str):
+                escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+                text = f'"{escaped}"'
+            elif isinstance(value, tuple):
+                text = "[" + ", ".join(repr(v) for v in value) + "]"
+            else:
+                text = repr(value)
+            lines.append(f"{f.name} = {text}")
+        return "\n".join(lines) + "\n"
+
+
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ConfigError(f"twin {name} holds {value!r}, which is no number")
+    if not math.isfinite(value):
+        raise ConfigError(f"twin {name} holds {value}; it must be finite")
+    return float(value)
+
+
+def list_twins() -> tuple[str, ...]:
+    """Return the names of the shipped twins."""
+    return tuple(sorted(path.stem for path in TWIN_FOLDER.glob("*.toml")))
+
+
+def load_twin(name_or_path: str | Path) -> TwinConfig:
+    """Read a shipped twin by name, or any twin by the path of its file.
+
+    Raises:
+        ConfigError: No such twin, damaged file, unknown or missing key, or a value out
+            of range; the message lists the known names.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        path = TWIN_FOLDER / f"{name_or_path}.toml"
+    if not path.is_file():
+        raise ConfigError(
+            f"no twin {str(name_or_path)!r}; shipped twins: {', '.join(list_twins())}; "
+            "or give the path of a .toml file"
+        )
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"twin file {path} is not TOML: {error}") from error
+    known = [f.name for f in fields(TwinConfig)]
+    unknown = [key for key in table if key not in known]
+    missing = [key for key in known if key not in table]
+    if unknown or missing:
+        raise ConfigError(
+            f"twin file {path}: unknown keys: {', '.join(unknown) or 'none'}; missing "
+            f"keys: {', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
+        )
+    try:
+        return TwinConfig(**table)
+    except ConfigError as error:
+        raise ConfigError(f"twin file {path}: {error}") from error
+
+
+class TwinPlant:
+    """A plant with a twin's dynamics, and its delay and noise at the joints."""
+
+    def __init__(
+        self, config: TwinConfig, scene: "SceneConfig", *, engine: str | None = None
+    ) -> None:
+        """Build the engine with the twin's dynamics.
+
+        Args:
+            config: The twin.
+            scene: Geometry as the policy knows it; the twin's clearance differs.
+            engine: Another engine than the file's.
+
+        Raises:
+            ConfigError: The twin's clearance would be negative.
+            MissingDependencyError: The engine is not installed.
+        """
+        from dovetail import _core
+
+        clearance = scene.clearance + config.clearance_offset
+        if clearance < 0.0:
+            raise ConfigError(
+                f"twin clearance_offset {config.clearance_offset * 1e3:g} mm makes the "
+                f"clearance of {scene.clearance * 1e3:g} mm negative; allowed is "
+                f"{-scene.clearance * 1e3:g} mm and more"
+            )
+        self.config = config
+        self.scene = replace(scene, clearance=clearance)
+        self.plant: Plant = make_plant(
+            engine or config.engine, self.scene, config.dynamics()
+        )
+        self.robot = self.plant.robot
+        self.plant.attach_channel(
+            _core.Channel(
+                delay=config.command_delay,
+                torque_noise=config.torque_noise,
+                position_noise=config.position_noise,
+                velocity_noise=config.velocity_noise,
+                seed=config.seed,
+            )
+        )
+
+    @property
+    def dynamics(self) -> DynamicsConfig:
+        """Return what the engine simulates."""
+        return self.plant.dynamics
+
+    @dynamics.setter
+    def dynamics(self, dynamics: DynamicsConfig) -> None:
+        self.plant.configure(dynamics)
+
+    def configure(self, dynamics: DynamicsConfig) -> None:
+        """Replace the twin's dynamics; delay and noise stay."""
+        self.plant.configure(dynamics)
+
+    def attach_channel(self, channel: "_core.Channel") -> None:
+        """Replace the twin's delay and noise."""
+        self.plant.attach_channel(channel)
+
+    def seed(self, seed: int) -> None:
+        """Start the noise again from another seed than the file's."""
+        self.plant.seed(seed)
+
+    def reset(self, q: Vec7, hole: Pose) -> None:
+        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0."""
+        self.plant.reset(q, hole)
+
+    def read(self) -> tuple[Vec7, Vec7]:
+        """Return the measured configuration [rad] and velocity [rad/s], with noise."""
+        return self.plant.read()
+
+    def apply(self, tau: Vec7, dt: float) -> None:
+        """Hold the overlay torque [Nm] for dt [s], late and noisy as configured."""
+        self.plant.apply(tau, dt)
+
+    def run_cycles(
+        self,
+        controller: "_core.Controller",
+        target: "_core.Target",
+        cycles: int,
+        period: float,
+    ) -> tuple[Array, Vec7, Vec7]:
+        """Run the controller against the twin; see `Plant.run_cycles`."""
+        return self.plant.run_cycles(controller, target, cycles, period)
+
+    def contact_force(self) -> Vec3:
+        """Return the force on peg and gripper in the last physics step [N], world."""
+        return self.plant.contact_force()
+
+    def contact_force_peak(self) -> Vec3:
+        """Return the largest such force during the last `apply` [N], world."""
+        return self.plant.contact_force_peak()
+
+    def tool_pose(self) -> Pose:
+        """Return the true pose of the TCP in the world."""
+        return self.plant.tool_pose()
+
+    def close(self) -> None:
+        """Release the engine; harmless when repeated."""
+        self.plant.close()
