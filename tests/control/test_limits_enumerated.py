@@ -1,0 +1,324 @@
+"""Every field of LimitConfig shows in the motion: a declared limit is an enforced one.
+
+Each field has one check that changes this field alone. A field without a check fails.
+"""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from dovetail.control.config import LimitConfig
+
+TASK = "XYZ:force ABC:force"
+HOLD = "XYZ:force ABC:hold"
+WALLS = {"x_min": [-2.0, -2.0, -2.0], "x_max": [2.0, 2.0, 2.0], "dx_max": 5.0}
+LOOSE = {"ddx_max": 100.0, "delta_x": 0.0, "delta_q": 0.0, "delta_v": 0.0, **WALLS}
+PERIOD = 1e-3
+SLACK = 1e-9  # of values that the controller commands exactly
+REAL = 2e-3  # m, m/s, rad, rad/s: the motion against the command, over 1 ms
+
+
+class Bench:
+    """Loose limits, and a push of every joint or axis towards one of them."""
+
+    def __init__(self, robot, run_loop, q_home):
+        self.robot, self.run_loop, self.q = robot, run_loop, q_home
+        self.chain = robot.chain()
+        self.loose = LimitConfig.for_period(robot, PERIOD, **LOOSE)
+
+    def joint(self, limits, i, sign=1.0, gain=6.0, **options):
+        def f_star(q):
+            return sign * gain * self.chain.jacobian(q)[:, i]
+
+        return self.run_loop(limits, f_star, TASK, **options)
+
+    def axis(self, limits, i, sign=1.0, gain=2.0, **options):
+        f = np.zeros(6)
+        f[i] = sign * gain
+        return self.run_loop(limits, lambda q: f, HOLD, **options)
+
+    def with_element(self, name, i, value):
+        array = np.array(getattr(self.loose, name))
+        array[i] = value
+        return replace(self.loose, **{name: array})
+
+
+@pytest.fixture(scope="module")
+def bench(robot, run_loop, q_home):
+    return Bench(robot, run_loop, q_home)
+
+
+def require_joint_position(bench, name, sign):
+    for i in range(7):
+        free = bench.joint(bench.loose, i, sign)
+        limit = free.q[0, i] + 0.3 * (free.q[-1, i] - free.q[0, i])
+        assert not free.bits("joint_position")
+        held = bench.joint(bench.with_element(name, i, limit), i, sign)
+        assert held.bits("joint_position") >> i & 1, f"{name}[A{i + 1}]"
+        assert (sign * (held.q[:, i] - limit)).max() < REAL, f"{name}[A{i + 1}]"
+
+
+def check_q_min(bench):
+    require_joint_position(bench, "q_min", -1.0)
+
+
+def check_q_max(bench):
+    require_joint_position(bench, "q_max", 1.0)
+
+
+def check_dq_max(bench):
+    for i in range(7):
+        free = bench.joint(bench.loose, i, cycles=150)
+        limit = 0.4 * np.abs(free.dq[:, i]).max()
+        assert not free.bits("joint_velocity") >> i & 1
+        held = bench.joint(bench.with_element("dq_max", i, limit), i, cycles=150)
+        assert held.bits("joint_velocity") >> i & 1, f"dq_max[A{i + 1}]"
+        assert np.abs(held.dq[:, i]).max() < limit + REAL, f"dq_max[A{i + 1}]"
+
+
+def check_ddq_max(bench):
+    for i in range(7):
+        free = bench.joint(bench.loose, i)
+        limit = 0.4 * np.abs(free.a[:, i]).max()
+        assert not free.bits("joint_acceleration")
+        held = bench.joint(bench.with_element("ddq_max", i, limit), i)
+        assert held.bits("joint_acceleration") >> i & 1, f"ddq_max[A{i + 1}]"
+        assert np.abs(held.a[:, i]).max() <= limit + SLACK, f"ddq_max[A{i + 1}]"
+
+
+def check_tau_max(bench):
+    for i in range(7):
+        free = bench.joint(bench.loose, i, cycles=50)
+        gravity = np.abs(bench.chain.gravity(bench.q)[i])
+        most = np.abs(free.motor[:, i]).max()
+        sign = 1.0
+        if most < gravity + 0.05:  # the push relieves the motor: push the other way
+            sign = -1.0
+            free = bench.joint(bench.loose, i, sign, cycles=50)
+            most = np.abs(free.motor[:, i]).max()
+        limit = gravity + 0.5 * (most - gravity)
+        assert not free.bits("torque")
+        held = bench.joint(bench.with_element("tau_max", i, limit), i, sign, cycles=50)
+        assert held.bits("torque") >> i & 1, f"tau_max[A{i + 1}]"
+        assert not held.bits("unsafe")
+        assert np.abs(held.motor[:, i]).max() <= limit + SLACK, f"tau_max[A{i + 1}]"
+
+
+def require_wall_position(bench, name, sign):
+    for i in range(3):
+        free = bench.axis(bench.loose, i, sign)
+        limit = free.position[0, i] + 0.3 * (free.position[-1, i] - free.position[0, i])
+        assert not free.bits("wall_position")
+        held = bench.axis(bench.with_element(name, i, limit), i, sign)
+        assert held.bits("wall_position") >> i & 1, f"{name}[{i}]"
+        assert (sign * (held.position[:, i] - limit)).max() < REAL, f"{name}[{i}]"
+
+
+def check_x_min(bench):
+    require_wall_position(bench, "x_min", -1.0)
+
+
+def check_x_max(bench):
+    require_wall_position(bench, "x_max", 1.0)
+
+
+def check_dx_max(bench):
+    for i in range(3):
+        free = bench.axis(bench.loose, i, cycles=150)
+        limit = 0.4 * np.abs(free.speed[:, i]).max()
+        assert not free.bits("wall_velocity")
+        held = bench.axis(bench.with_element("dx_max", i, limit), i, cycles=150)
+        assert held.bits("wall_velocity") >> i & 1
+        assert np.abs(held.speed[:, i]).max() < limit + REAL
+
+
+def check_ddx_max(bench):
+    for i in range(3):
+        free = bench.axis(bench.loose, i, cycles=100)
+        assert not free.bits("wall_acceleration")
+        held = bench.axis(bench.with_element("ddx_max", i, 0.8), i, cycles=100)
+        assert held.bits("wall_acceleration") >> i & 1
+        assert np.abs(held.ddx[:, i]).max() <= 0.8 + 1e-5  # soft: rho
+
+
+def peak_braking(run, name, values):
+    """The largest deceleration while the position limit bounds the motion."""
+    active = [getattr(f, name) & 1 == 1 for f in run.flags]
+    return float(-values[np.array(active)].min())
+
+
+def check_eta(bench):
+    limits = bench.with_element("q_max", 0, bench.q[0] + 0.1)
+    A = limits.ddq_max[0]
+    hard = peak_braking(r := bench.joint(limits, 0), "joint_position", r.a[:, 0])
+    soft_limits = replace(limits, eta=0.2)
+    soft = peak_braking(r := bench.joint(soft_limits, 0), "joint_position", r.a[:, 0])
+    assert 0.4 * A < hard < 0.65 * A
+    assert soft < 0.25 * A
+
+
+def check_eta_wall(bench):
+    limits = replace(bench.with_element("x_max", 0, 0.62), ddx_max=[5.0] * 3)
+    hard = peak_braking(r := bench.axis(limits, 0), "wall_position", r.ddx[:, 0])
+    soft_limits = replace(limits, eta_wall=0.15)
+    soft = peak_braking(r := bench.axis(soft_limits, 0), "wall_position", r.ddx[:, 0])
+    assert 2.0 < hard < 2.8
+    assert soft < 1.0
+
+
+def check_kappa(bench):
+    limits = bench.with_element("dq_max", 0, 0.3)
+    for kappa in (1.0, 30.0):
+        run = bench.joint(replace(limits, kappa=kappa), 0)
+        assert run.bits("joint_velocity") & 1
+        room = (0.3 - run.dq[:, 0]) / (kappa * PERIOD)
+        assert (run.a[:, 0] <= room + 1e-6).all()
+    jump = np.abs(np.diff(run.a[:, 0])).max()
+    sharp = bench.joint(replace(limits, kappa=1.0), 0)
+    assert jump < 0.3 * np.abs(np.diff(sharp.a[:, 0])).max()
+
+
+def check_delta_q(bench):
+    limits = bench.with_element("q_max", 0, bench.q[0] + 0.1)
+    for margin in (0.0, 0.03):
+        run = bench.joint(replace(limits, delta_q=margin), 0, cycles=600)
+        closest = (limits.q_max[0] - run.q[:, 0]).min()
+        assert run.bits("joint_position") & 1
+        assert closest == pytest.approx(margin, abs=REAL)
+
+
+def check_delta_v(bench):
+    limits = bench.with_element("dq_max", 0, 0.3)
+    for margin in (0.0, 0.3):
+        run = bench.joint(replace(limits, delta_v=margin), 0)
+        assert run.bits("joint_velocity") & 1
+        assert run.dq[:, 0].max() == pytest.approx(0.3 * (1 - margin), abs=REAL)
+
+
+def check_delta_x(bench):
+    limits = replace(bench.with_element("x_max", 0, 0.64), ddx_max=[5.0] * 3)
+    for margin in (0.0, 0.02):
+        run = bench.axis(replace(limits, delta_x=margin), 0, cycles=800)
+        closest = (0.64 - run.position[:, 0]).min()
+        assert run.bits("wall_position") & 1
+        assert closest == pytest.approx(margin, abs=REAL)
+
+
+def check_walls(bench):
+    limits = bench.with_element("x_max", 0, 0.60)
+    on, off = bench.axis(limits, 0), bench.axis(replace(limits, walls=False), 0)
+    assert on.bits("wall_position") & 1
+    assert on.position[:, 0].max() < 0.60 + REAL
+    assert off.bits("wall_position") == 0
+    assert off.position[:, 0].max() > 0.60 + 10 * REAL
+
+
+def check_rho(bench):
+    limits = replace(bench.with_element("x_max", 0, 0.62), ddx_max=5.0)
+    assert not bench.axis(limits, 0).bits("wall_displaced")
+    assert bench.axis(replace(limits, rho=1.0), 0).bits("wall_displaced") & 1
+
+
+def check_s0_wall(bench):
+    limits = replace(bench.with_element("x_max", 0, 0.62), ddx_max=5.0, scheme="paper")
+    assert not bench.axis(limits, 0).bits("wall_displaced")
+    assert bench.axis(replace(limits, s0_wall=5.0), 0).bits("wall_displaced") & 1
+
+
+def check_beta(bench):
+    push = np.array([8.0, -5.0, 6.0])
+    expected = bench.chain.jacobian(bench.q)[:3].T @ push
+    for beta, share in ((0.0, 0.0), (0.3, 1.0)):
+        run = bench.axis(
+            replace(bench.loose, beta=beta), 0, gain=0.0, cycles=60, push=push
+        )
+        np.testing.assert_allclose(
+            run.disturbance[-1], share * expected, atol=0.1 * np.abs(expected).max()
+        )
+
+
+def prediction_error(run):
+    return float(np.abs(run.ddq - run.a).max())
+
+
+def check_damping(bench):
+    limits = replace(bench.loose, beta=0.0)
+    speed = {"dq": np.full(7, 0.5), "cycles": 20, "damping": 2.0}
+    without = bench.axis(replace(limits, damping=0.0), 0, **speed)
+    known = bench.axis(replace(limits, damping=2.0), 0, **speed)
+    assert prediction_error(known) < 0.1 * prediction_error(without)
+
+
+def check_armature(bench):
+    limits = replace(bench.loose, beta=0.0)
+    without = bench.axis(replace(limits, armature=0.0), 0, cycles=20)
+    known = bench.axis(replace(limits, armature=0.1), 0, cycles=20)
+    assert prediction_error(known) < 0.1 * prediction_error(without)
+
+
+def check_mid_interval(bench):
+    limits = replace(bench.loose, beta=0.0, damping=0.0, armature=0.0, walls=False)
+    rng, errors = np.random.default_rng(0), {True: [], False: []}
+    for _ in range(40):
+        state = {
+            "q": rng.uniform(0.7 * limits.q_min, 0.7 * limits.q_max),
+            "dq": rng.uniform(-0.8 * limits.dq_max, 0.8 * limits.dq_max),
+        }
+        for mid in (True, False):
+            run = bench.axis(
+                replace(limits, mid_interval=mid),
+                0,
+                cycles=1,
+                damping=0.0,
+                armature=0.0,
+                **state,
+            )
+            errors[mid].append(prediction_error(run))
+    assert max(errors[True]) < 0.4 * max(errors[False])
+
+
+def check_exact_sjs(bench):
+    limits = replace(bench.loose, scheme="paper", walls=False, ddq_max=2.0)
+    M = bench.chain.inertia_matrix(bench.q) + np.diag(limits.armature)
+    costs = []
+    for exact in (False, True):
+        run = bench.joint(replace(limits, exact_sjs=exact), 5, gain=40.0, cycles=1)
+        step = run.a[0] - run.a0[0]
+        costs.append(float(step @ M @ step))
+        assert run.bits("joint_acceleration")
+    projected = bench.joint(replace(limits, scheme="qp"), 5, gain=40.0, cycles=1)
+    np.testing.assert_allclose(run.a, projected.a, atol=1e-6)
+    assert costs[1] <= costs[0] + SLACK
+
+
+def check_scheme(bench):
+    limits = replace(bench.with_element("x_max", 0, 0.60), ddq_max=1.0)
+    qp = bench.axis(limits, 0, cycles=400)
+    paper = bench.axis(replace(limits, scheme="paper"), 0, cycles=400)
+    assert qp.bits("wall_position") & 1
+    assert np.abs(qp.a - paper.a).max() > 1e-3
+
+
+def check_bounds(bench):
+    limits = bench.with_element("q_max", 0, bench.q[0] + 0.1)
+    for kind, overshoots in (("viability", False), ("paper-corrected", True)):
+        run = bench.joint(replace(limits, bounds=kind), 0, gain=10.0)
+        assert (run.q[:, 0].max() > limits.q_max[0] + REAL) == overshoots
+
+
+CHECKS = {
+    name.removeprefix("check_"): check
+    for name, check in globals().items()
+    if name.startswith("check_")
+}
+
+
+@pytest.mark.parametrize("name", [f.name for f in fields(LimitConfig)])
+def test_every_limit_shows_when_it_alone_is_changed(bench, name):
+    assert name in CHECKS, f"LimitConfig.{name} has no check that it is enforced"
+    CHECKS[name](bench)
+
+
+def test_every_check_belongs_to_a_limit():
+    assert set(CHECKS) == {f.name for f in fields(LimitConfig)}
