@@ -1,0 +1,1 @@
+"""Try a policy many times, and say honestly what came out."""

@@ -1,0 +1,157 @@
+"""The figures of an evaluation as PNG: the tool's paths and the contact force."""
+
+from collections.abc import Sequence
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from dovetail.evaluate.outcome import Outcome
+from dovetail.scene import SceneConfig
+from dovetail.types import Array
+
+INSERTED = "#0b7a75"
+MISSED = "#d1495b"
+_BLOCK = "#e9e4da"
+_INK = "#4a4640"
+_VIEW = 60.0  # half width of a view [mm]
+
+
+def hole_outline(scene: SceneConfig) -> Array:
+    """Return the hole's outline in its own frame [m], closed, shape (points, 2)."""
+    edge = scene.inner_radius + scene.clearance
+    if scene.peg == "square":
+        return edge * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
+    radius, corners = (2.0 * edge, 3) if scene.peg == "triangle" else (edge, 72)
+    angle = np.arange(corners + 1) * 2.0 * np.pi / corners
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def draw_paths(
+    outcomes: Sequence[Outcome],
+    labels: Sequence[str],
+    *,
+    scene: SceneConfig,
+    title: str,
+) -> bytes:
+    """Draw the peg tip's path of every try, one column per hole pose.
+
+    Above the view from the top with the hole's outline, below the view along the
+    hole's y with a cut through the block; both in the hole's frame.
+
+    Args:
+        outcomes: The tries.
+        labels: Names of the hole poses.
+        scene: Geometry of the hole.
+        title: Line above the figure: what was tried on what.
+
+    Returns:
+        A PNG file.
+    """
+    figure = Figure(figsize=(3.4 * len(labels), 6.6), dpi=130, layout="constrained")
+    figure.suptitle(title, fontsize=11, color=_INK)
+    grid = figure.subplots(2, len(labels), squeeze=False)
+    for column, label in enumerate(labels):
+        tries = [outcome for outcome in outcomes if outcome.pose == column]
+        top, side = grid[0, column], grid[1, column]
+        inserted = sum(outcome.success for outcome in tries)
+        top.set_title(f"pose {label}: {inserted}/{len(tries)}", fontsize=10)
+        _draw_block(top, side, scene)
+        for outcome in tries:
+            path = 1e3 * outcome.path
+            style = {
+                "color": INSERTED if outcome.success else MISSED,
+                "linewidth": 0.8,
+                "alpha": 0.65,
+            }
+            top.plot(path[:, 0], path[:, 1], **style)
+            side.plot(path[:, 0], path[:, 2], **style)
+            for axes, row in ((top, 1), (side, 2)):
+                axes.plot(*path[0, [0, row]], "o", color=style["color"], markersize=2)
+        for axes, across in ((top, "y"), (side, "z")):
+            axes.set_ylabel(f"{across} [mm]" if column == 0 else "", fontsize=8)
+    for axes in grid[1]:
+        axes.set_xlabel("x in the hole's frame [mm]", fontsize=8)
+    _fit(grid, outcomes)
+    _add_legend(figure)
+    return _png(figure)
+
+
+def _draw_block(top: Any, side: Any, scene: SceneConfig) -> None:
+    outline, outer = 1e3 * hole_outline(scene), 0.5e3 * scene.block_width
+    bottom, floor = -1e3 * scene.block_height, -1e3 * scene.hole_depth
+    block = outer * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
+    left, right = outline[:, 0].min(), outline[:, 0].max()
+    cut = [(-outer, 0), (left, 0), (left, floor), (right, floor), (right, 0)]
+    cut += [(outer, 0), (outer, bottom), (-outer, bottom)]
+    style = {"facecolor": _BLOCK, "edgecolor": _INK, "linewidth": 0.8}
+    top.fill(*block.T, **style)
+    top.fill(*outline.T, **style | {"facecolor": "white"})
+    side.fill(*np.array(cut).T, **style)
+
+
+def _fit(grid: Any, outcomes: Sequence[Outcome]) -> None:
+    """Give all top views, and all side views, the same range."""
+    paths = [1e3 * outcome.path for outcome in outcomes]
+    low = np.min([path.min(axis=0) for path in paths], axis=0) - 5.0
+    high = np.max([path.max(axis=0) for path in paths], axis=0) + 5.0
+    low, high = np.minimum(low, -_VIEW), np.maximum(high, _VIEW)
+    for row, across in ((0, 1), (1, 2)):
+        for axes in grid[row]:
+            axes.set_xlim(low[0], high[0])
+            axes.set_ylim(low[across], high[across])
+            axes.set_aspect("equal", adjustable="box")
+            axes.tick_params(labelsize=7)
+            axes.spines[["top", "right"]].set_visible(False)
+
+
+def _add_legend(figure: Any) -> None:
+    handles = [
+        Line2D([], [], color=INSERTED, label="inserted"),
+        Line2D([], [], color=MISSED, label="not inserted"),
+        Line2D([], [], color=_INK, marker="o", ls="", markersize=3, label="start"),
+    ]
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=3,
+        frameon=False,
+        fontsize=8,
+    )
+
+
+def draw_forces(outcomes: Sequence[Outcome]) -> bytes:
+    """Draw how the peak and the mean contact force spread over the tries.
+
+    Returns:
+        A PNG file.
+    """
+    figure = Figure(figsize=(7.6, 2.7), dpi=130, layout="constrained")
+    peak_axes, mean_axes = figure.subplots(1, 2)
+    for axes, name, key in (
+        (peak_axes, "peak contact force of a try [N]", "force_peak"),
+        (mean_axes, "mean contact force of a try, in contact [N]", "force_mean"),
+    ):
+        split = [
+            [getattr(o, key) for o in outcomes if o.success],
+            [getattr(o, key) for o in outcomes if not o.success],
+        ]
+        everything = np.array(split[0] + split[1])
+        bins = np.linspace(0.0, max(1.0, 1.05 * everything.max()), 25)
+        axes.hist(split, bins, stacked=True, color=[INSERTED, MISSED])
+        p95 = np.percentile(everything, 95)
+        axes.axvline(p95, color=_INK, linewidth=1, linestyle="--")
+        axes.set_title(f"95 % of the tries below {p95:.1f} N", fontsize=9, color=_INK)
+        axes.set_xlabel(name, fontsize=8)
+        axes.set_ylabel("tries", fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.spines[["top", "right"]].set_visible(False)
+    return _png(figure)
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png")
+    return buffer.getvalue()

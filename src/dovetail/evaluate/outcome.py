@@ -1,0 +1,39 @@
+"""What is kept of one try: numbers for the table and the tool's path."""
+
+from dataclasses import dataclass
+
+from dovetail.types import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Result of one try of a policy."""
+
+    pose: int
+    """Index of the hole pose."""
+    attempt: int
+    """Number of the try at this pose, from 0."""
+    seed: int
+    """Seed of the environment's reset: start pose and noise."""
+    success: bool
+    """The peg ended at least the required depth inside the hole."""
+    steps: int
+    """Policy steps taken (50 ms each)."""
+    depth: float
+    """Insertion depth at the end [m]."""
+    force_mean: float
+    """Mean contact force over the cycles in contact [N]; 0 without contact."""
+    force_peak: float
+    """Largest contact force in any control cycle [N]."""
+    contact_cycles: int
+    """Control cycles in contact."""
+    violations: int
+    """Control cycles in which a measured value lay outside its limit."""
+    path: Array
+    """Tool position in the hole's frame [m], shape (cycles, 3), z out of the hole."""
+    log: str
+    """File name of the Episode log, or empty when none was kept."""
+
+    def numbers(self) -> dict[str, int | float | bool | str]:
+        """Return everything but the path, for JSON."""
+        return {name: value for name, value in vars(self).items() if name != "path"}

@@ -1,0 +1,150 @@
+"""The transfer table: successes per hole pose with Wilson intervals, force, limits."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dovetail.errors import ConfigError
+from dovetail.evaluate.outcome import Outcome
+
+
+class Interval(NamedTuple):
+    """A confidence interval of a proportion, both ends inside 0 to 1."""
+
+    low: float
+    high: float
+
+
+def wilson_interval(successes: int, tries: int, *, z: float = 1.959964) -> Interval:
+    r"""Return the Wilson score interval of a success rate.
+
+    .. math:: \frac{p + z^2/2n \pm z\sqrt{p(1-p)/n + z^2/4n^2}}{1 + z^2/n}
+
+    Args:
+        successes: Number of successes, 0 to `tries`.
+        tries: Number of tries n, at least 1.
+        z: Normal quantile; the default gives 95 %.
+
+    Returns:
+        The interval's two ends, each 0 to 1.
+
+    Raises:
+        ConfigError: the counts are impossible.
+
+    Reference:
+        Wilson 1927, J. Am. Stat. Assoc. 22, 209-212.
+    """
+    if tries < 1 or not 0 <= successes <= tries:
+        raise ConfigError(
+            f"{successes} successes of {tries} tries is impossible: "
+            "needs tries >= 1 and 0 <= successes <= tries"
+        )
+    rate = successes / tries
+    spread = z * math.sqrt(rate * (1 - rate) / tries + z**2 / (4 * tries**2))
+    centre = rate + z**2 / (2 * tries)
+    scale = 1 + z**2 / tries
+    low = 0.0 if successes == 0 else (centre - spread) / scale
+    high = 1.0 if successes == tries else (centre + spread) / scale
+    return Interval(low, high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One line of the table: all tries at one hole pose, or all of them."""
+
+    label: str
+    """Name of the hole pose, or "all"."""
+    tries: int
+    """Number of tries."""
+    successes: int
+    """Number of tries that ended inside the hole."""
+    interval: Interval
+    """Wilson 95 % interval of the success rate."""
+    steps_median: float
+    """Median policy steps to insert, successful tries only; nan without one."""
+    steps_max: float
+    """Most policy steps to insert, successful tries only; nan without one."""
+    force_mean: float
+    """Mean contact force over the cycles in contact of all tries [N]."""
+    force_peak_p95: float
+    """95th percentile over the tries of the peak contact force [N]."""
+    force_peak: float
+    """Largest contact force seen in any try [N]."""
+    violations: int
+    """Control cycles in which a measured value lay outside its limit."""
+
+
+def summarise(outcomes: Sequence[Outcome], labels: Sequence[str]) -> list[Row]:
+    """Return one row per hole pose, in order, and a last one over all.
+
+    Args:
+        outcomes: Every try; at least one per pose.
+        labels: Name of each hole pose; `Outcome.pose` indexes it.
+
+    Raises:
+        ConfigError: a pose has no try.
+    """
+    rows = [
+        _row(label, [outcome for outcome in outcomes if outcome.pose == index])
+        for index, label in enumerate(labels)
+    ]
+    return [*rows, _row("all", outcomes)]
+
+
+def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
+    if not outcomes:
+        raise ConfigError(f"hole pose {label} has no try to summarise")
+    steps = np.array([o.steps for o in outcomes if o.success], dtype=float)
+    peaks = np.array([o.force_peak for o in outcomes])
+    in_contact = np.array([o.contact_cycles for o in outcomes])
+    means = np.array([o.force_mean for o in outcomes])
+    total = in_contact.sum()
+    successes = sum(o.success for o in outcomes)
+    return Row(
+        label=label,
+        tries=len(outcomes),
+        successes=successes,
+        interval=wilson_interval(successes, len(outcomes)),
+        steps_median=float(np.median(steps)) if steps.size else math.nan,
+        steps_max=float(steps.max()) if steps.size else math.nan,
+        force_mean=float((means * in_contact).sum() / total) if total else 0.0,
+        force_peak_p95=float(np.percentile(peaks, 95)),
+        force_peak=float(peaks.max()),
+        violations=sum(o.violations for o in outcomes),
+    )
+
+
+COLUMNS = (
+    "hole pose",
+    "success",
+    "Wilson 95 %",
+    "steps to insert",
+    "contact force mean",
+    "peak p95",
+    "peak max",
+    "limit violations",
+)
+"""Headings of the table, in the order of `cells`."""
+
+
+def cells(row: Row) -> tuple[str, ...]:
+    """Return a row as text, one cell per entry of `COLUMNS`."""
+    steps = (
+        "none"
+        if math.isnan(row.steps_median)
+        else f"{row.steps_median:.0f} (max {row.steps_max:.0f})"
+    )
+    low, high = row.interval
+    return (
+        row.label,
+        f"{row.successes}/{row.tries}",
+        f"{100 * low:.1f} - {100 * high:.1f} %",
+        steps,
+        f"{row.force_mean:.1f} N",
+        f"{row.force_peak_p95:.1f} N",
+        f"{row.force_peak:.1f} N",
+        str(row.violations),
+    )

@@ -1,0 +1,223 @@
+"""Run a policy many times at given hole poses, from seeded starts."""
+
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from dovetail.episode import Episode
+from dovetail.errors import ConfigError
+from dovetail.evaluate.outcome import Outcome
+from dovetail.plants.plant import COLUMN
+from dovetail.poses import Pose, matrix_from_quat, quat_about_z
+from dovetail.types import Array
+
+CONTACT_THRESHOLD = 0.1
+"""A control cycle with at least this contact force counts as in contact [N]."""
+
+
+class HolePose(NamedTuple):
+    """A named place of the hole: mouth centre in the world, turned about z."""
+
+    name: str
+    x: float
+    """[m]"""
+    y: float
+    """[m]"""
+    z: float
+    """[m]"""
+    theta: float
+    """[rad]"""
+
+    def pose(self) -> Pose:
+        """Return the hole's frame in the world, z out of the hole."""
+        return Pose(np.array([self.x, self.y, self.z]), quat_about_z(self.theta))
+
+
+HOLE_POSES = (
+    HolePose("A", 0.56, -0.045, 0.085, -0.15),
+    HolePose("B", 0.60, 0.045, 0.10, 0.10),
+    HolePose("C", 0.64, -0.01, 0.115, 0.20),
+)
+"""The three hole poses of the transfer table: x, y, z and theta all differ."""
+
+
+class Job(NamedTuple):
+    """One try to run."""
+
+    pose: int
+    attempt: int
+    seed: int
+
+
+def plan_trials(num_poses: int, tries: int, seed: int) -> list[Job]:
+    """Return every try with a seed of its own, in the order of the table.
+
+    Raises:
+        ConfigError: `tries` is below 1 or `seed` is negative.
+    """
+    if tries < 1:
+        raise ConfigError(f"tries is {tries}; needs at least 1")
+    if seed < 0:
+        raise ConfigError(f"seed is {seed}; needs 0 or more")
+    return [
+        Job(pose, attempt, _seed_of(seed, pose, attempt))
+        for pose in range(num_poses)
+        for attempt in range(tries)
+    ]
+
+
+def _seed_of(seed: int, pose: int, attempt: int) -> int:
+    return int(np.random.SeedSequence([seed, pose, attempt]).generate_state(1)[0])
+
+
+class Trialist:
+    """One environment and one policy, ready for any number of tries."""
+
+    def __init__(
+        self,
+        make_env: Callable[[], gym.Env],
+        load_policy: Callable[[], Callable[[Array], Array]],
+        poses: Sequence[HolePose],
+        logs: Path | None,
+    ) -> None:
+        """Build the environment and load the policy once.
+
+        Args:
+            make_env: Builds the environment; the tries share it.
+            load_policy: Loads the policy.
+            poses: Hole poses that jobs refer to by index.
+            logs: Existing folder for the Episode logs, or None to keep none.
+        """
+        self._policy = load_policy()
+        self._env = make_env()
+        self._poses = poses
+        self._logs = logs
+
+    def run(self, job: Job) -> Outcome:
+        """Run one try from reset to success or time-out, and log it."""
+        hole = self._poses[job.pose].pose()
+        episode = Episode(metadata=self._describe(job))
+        observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
+        blocks: list[Array] = []
+        steps, violations, done = 0, 0, False
+        try:
+            while not done:
+                action = self._policy(observation)
+                observation, reward, ended, cut, info = self._env.step(action)
+                steps += 1
+                violations += int(info["limit_violations"])
+                blocks.append(self._state().log)
+                episode.append(blocks[-1], steps - 1, action, float(reward))
+                done = ended or cut
+        finally:
+            log = self._keep(episode, job)
+        return _outcome(job, np.vstack(blocks), hole, steps, violations, info, log)
+
+    def close(self) -> None:
+        """Release the environment."""
+        self._env.close()
+
+    def _state(self) -> Any:
+        return self._env.unwrapped.state  # type: ignore[attr-defined]
+
+    def _describe(self, job: Job) -> dict[str, Any]:
+        pose = self._poses[job.pose]
+        return {"hole_pose": pose._asdict(), **job._asdict()}
+
+    def _keep(self, episode: Episode, job: Job) -> str:
+        if self._logs is None:
+            return ""
+        name = f"{self._poses[job.pose].name}_{job.attempt:02d}.npz"
+        episode.save(self._logs / name)
+        return name
+
+
+def _outcome(
+    job: Job,
+    log: Array,
+    hole: Pose,
+    steps: int,
+    violations: int,
+    info: dict[str, Any],
+    file: str,
+) -> Outcome:
+    force = np.linalg.norm(_columns(log, "fx", "fy", "fz"), axis=1)
+    in_contact = force >= CONTACT_THRESHOLD
+    path = _columns(log, "x", "y", "z") - hole.position
+    return Outcome(
+        pose=job.pose,
+        attempt=job.attempt,
+        seed=job.seed,
+        success=bool(info["success"]),
+        steps=steps,
+        depth=float(info["depth"]),
+        force_mean=float(force[in_contact].mean()) if in_contact.any() else 0.0,
+        force_peak=float(force.max()),
+        contact_cycles=int(in_contact.sum()),
+        violations=violations,
+        path=path @ matrix_from_quat(hole.quat_wxyz),
+        log=file,
+    )
+
+
+def _columns(log: Array, *names: str) -> Array:
+    return log[:, [COLUMN[name] for name in names]]
+
+
+def run_trials(
+    make_env: Callable[[], gym.Env],
+    load_policy: Callable[[], Callable[[Array], Array]],
+    jobs: Sequence[Job],
+    *,
+    poses: Sequence[HolePose] = HOLE_POSES,
+    logs: Path | None = None,
+    workers: int = 1,
+) -> Iterator[Outcome]:
+    """Run every job and yield the outcomes as they come, in order.
+
+    The outcome of a job depends on its seed alone, not on the number of workers.
+
+    Args:
+        make_env: Builds an environment; each worker builds one. With more than one
+            worker it must be picklable.
+        load_policy: Loads the policy, under the same condition.
+        jobs: The tries.
+        poses: Hole poses that the jobs refer to by index.
+        logs: Existing folder for the Episode logs, or None to keep none.
+        workers: Number of processes; 1 stays in this one.
+
+    Raises:
+        ConfigError: `workers` is below 1.
+    """
+    if workers < 1:
+        raise ConfigError(f"workers is {workers}; needs at least 1")
+    if workers == 1:
+        trialist = Trialist(make_env, load_policy, poses, logs)
+        try:
+            yield from map(trialist.run, jobs)
+        finally:
+            trialist.close()
+        return
+    with ProcessPoolExecutor(
+        workers,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_start_worker,
+        initargs=(make_env, load_policy, poses, logs),
+    ) as pool:
+        yield from pool.map(_run_in_worker, jobs)
+
+
+_of_this_process: list[Trialist] = []
+
+
+def _start_worker(*settings: Any) -> None:
+    _of_this_process.append(Trialist(*settings))
+
+
+def _run_in_worker(job: Job) -> Outcome:
+    return _of_this_process[0].run(job)
