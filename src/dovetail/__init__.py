@@ -1,0 +1,16 @@
+"""Train contact-rich manipulation in simulation, transfer it to a robot, inside limits.
+
+Importing the package registers the Gymnasium environments by name only; nothing heavy
+is loaded before one of them is made.
+"""
+
+import gymnasium
+
+gymnasium.register(
+    id="dovetail/PegInHole-v0",
+    entry_point="dovetail.envs.peg_in_hole:PegInHoleEnv",
+)
+gymnasium.register(
+    id="dovetail/RailClip-v0",
+    entry_point="dovetail.envs.rail_clip:RailClipEnv",
+)

@@ -1,0 +1,1 @@
+"""Gymnasium environments: one policy step is 50 ms of the arm's time."""

@@ -1,0 +1,50 @@
+"""Rewards: plain functions of plain numbers."""
+
+import math
+from dataclasses import dataclass
+
+from dovetail.types import Vec3
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardConfig:
+    """Weights of the insertion reward (Kaspar et al. 2020)."""
+
+    alpha: float = 0.6
+    """Weight of the Euclidean distance to the target [1/m]."""
+    beta: float = 0.4
+    """Weight of the Manhattan distance to the target [1/m]."""
+    gamma: float = 0.1
+    """Weight of the rotation error about the vertical [1/rad]."""
+    bonus: float = 50.0
+    """Reward added once, on success."""
+
+
+def insertion_reward(
+    position_error: Vec3, theta_error: float, success: bool, config: RewardConfig
+) -> float:
+    r"""Weigh how far the tool is from its target, plus a bonus on success.
+
+    .. math:: r = -(\alpha |x|_2 + \beta |x|_1 + \gamma |\theta|) + 50\,[success]
+
+    Args:
+        position_error: Tool minus target [m], shape (3,).
+        theta_error: Tool's rotation about the vertical minus the target's [rad].
+        success: Whether the task is done in this step.
+        config: Weights and bonus.
+
+    Returns:
+        Reward of one policy step, dimensionless.
+
+    Reference:
+        Kaspar, Munoz Osorio, Bock 2020, section IV.
+    """
+    x, y, z = (float(value) for value in position_error)
+    distance = math.sqrt(x * x + y * y + z * z)
+    manhattan = abs(x) + abs(y) + abs(z)
+    cost = (
+        config.alpha * distance
+        + config.beta * manhattan
+        + config.gamma * abs(theta_error)
+    )
+    return (config.bonus if success else 0.0) - cost

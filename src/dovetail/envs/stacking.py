@@ -1,0 +1,56 @@
+"""Past (observation, action) pairs, appended to the newest observation."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.errors import ConfigError
+
+
+class History:
+    """The last `size` (observation, action) pairs, newest first.
+
+    At the start of an episode there is no past: every slot holds the first
+    observation and a zero action.
+    """
+
+    def __init__(self, size: int, num_observations: int, num_actions: int) -> None:
+        """Reserve the memory.
+
+        Args:
+            size: Number of past pairs, >= 0; 0 gives the observation alone.
+            num_observations: Length of one observation.
+            num_actions: Length of one action.
+        """
+        if size < 0:
+            raise ConfigError(f"stack is {size}; allowed: 0 or more past pairs")
+        self.size = size
+        self._num_observations = num_observations
+        self._pair = num_observations + num_actions
+        length = num_observations + size * self._pair
+        self._stacked = np.zeros(length, dtype=np.float32)
+
+    def __len__(self) -> int:
+        """Length of the stacked observation."""
+        return len(self._stacked)
+
+    def reset(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Forget the past; return the stacked first observation."""
+        stacked, count = self._stacked, self._num_observations
+        stacked[:] = 0.0
+        stacked[:count] = observation
+        for start in range(count, len(stacked), self._pair):
+            stacked[start : start + count] = observation
+        return stacked.copy()
+
+    def push(
+        self, action: NDArray[np.float32], observation: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        """Remember the action just taken; return the new stacked observation."""
+        stacked, count, pair = self._stacked, self._num_observations, self._pair
+        if self.size:
+            past = stacked[count : len(stacked) - pair].copy()
+            stacked[count + pair :] = past
+            stacked[count : 2 * count] = stacked[:count]
+            stacked[2 * count : count + pair] = action
+        stacked[:count] = observation
+        return stacked.copy()
