@@ -1,22 +1,20 @@
 """From a policy's action to the arm's Target, for any task spec."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.task_spec import TaskSpec
+from dovetail.control.task_spec import AXES, FORCE, MODES, POSE, TaskSpec
 from dovetail.errors import ConfigError
-from dovetail.poses import Pose, quat_from_vector, quat_multiply
+from dovetail.types import Vec3, Vec4
 
 if TYPE_CHECKING:
     from dovetail import _core
 
 ACTION_AXES = ("X", "Y", "Z", "A", "B", "C")
 """Order of the action's numbers; axes that the policy does not command are skipped."""
-
-_TWIST_INDEX = {"X": 0, "Y": 1, "Z": 2, "C": 3, "B": 4, "A": 5}
-_FORCE, _POSE = 1, 2
 
 
 class CommandMap:
@@ -46,70 +44,83 @@ class CommandMap:
             f_scale_angular: f* at action 1 on A B C [rad/s2].
             theta_range: Rotation at action 1 on pose axes A B C [rad].
             position_range: Displacement at action 1 on pose axes X Y Z [m].
-        """
-        modes = [int(mode) for mode in task.modes]
-        self.axes = tuple(
-            axis for axis in ACTION_AXES if modes[_TWIST_INDEX[axis]] in (_FORCE, _POSE)
-        )
-        if not self.axes:
-            raise ConfigError(
-                f"task '{task}' gives the policy nothing to command: "
-                "put at least one axis of X Y Z A B C to force or pose"
-            )
-        self.scale = np.array(
-            [
-                (f_scale if axis in "XYZ" else f_scale_angular)
-                if modes[_TWIST_INDEX[axis]] == _FORCE
-                else (position_range if axis in "XYZ" else theta_range)
-                for axis in self.axes
-            ]
-        )
-        self._force = [
-            (i, _TWIST_INDEX[axis])
-            for i, axis in enumerate(self.axes)
-            if modes[_TWIST_INDEX[axis]] == _FORCE
-        ]
-        self._shift = [
-            (i, _TWIST_INDEX[axis])
-            for i, axis in enumerate(self.axes)
-            if modes[_TWIST_INDEX[axis]] == _POSE and axis in "XYZ"
-        ]
-        self._turn = {
-            axis: i
-            for i, axis in enumerate(self.axes)
-            if modes[_TWIST_INDEX[axis]] == _POSE and axis in "ABC"
-        }
 
-    @property
-    def size(self) -> int:
+        Raises:
+            ConfigError: The task commands no axis.
+        """
+        scales = {
+            (FORCE, True): f_scale,
+            (FORCE, False): f_scale_angular,
+            (POSE, True): position_range,
+            (POSE, False): theta_range,
+        }
+        modes = {axis: task.modes[AXES.index(axis)] for axis in ACTION_AXES}
+        commanded = [axis for axis in ACTION_AXES if modes[axis] in (FORCE, POSE)]
+        if not commanded:
+            raise ConfigError(
+                f"task '{task}' gives the policy nothing to command: put at least one "
+                f"axis of {' '.join(ACTION_AXES)} to {MODES[FORCE]} or {MODES[POSE]}"
+            )
+        self.axes = tuple(commanded)
+        self.scale = [scales[modes[axis], axis in "XYZ"] for axis in commanded]
+        self._force = [
+            (i, AXES.index(axis))
+            for i, axis in enumerate(commanded)
+            if modes[axis] == FORCE
+        ]
+        self._pose = [
+            (i, AXES.index(axis))
+            for i, axis in enumerate(commanded)
+            if modes[axis] == POSE
+        ]
+        self._f_star = np.zeros(6)
+        self._position = np.zeros(3)
+        self._quat = np.zeros(4)
+
+    def __len__(self) -> int:
         """Length of the action."""
         return len(self.axes)
 
-    def write_target(
-        self, action: NDArray[np.float64], goal: Pose, target: "_core.Target"
+    def fill(
+        self,
+        target: "_core.Target",
+        action: NDArray[np.float32],
+        goal_position: Vec3,
+        goal_quat: Vec4,
     ) -> None:
-        """Write the action into the target that the arm follows.
+        """Write the action into a Target, relative to the goal pose.
 
         Args:
-            action: One number in [-1, 1] per commanded axis, in the order of `axes`.
-            goal: Tool pose that pose axes are relative to.
             target: Overwritten.
+            action: In [-1, 1], shape (len(self),).
+            goal_position: Tool position when done [m], world axes.
+            goal_quat: Tool rotation when done, wxyz.
         """
-        scaled = self.scale * action
-        f_star = np.zeros(6)
-        for i, axis in self._force:
-            f_star[axis] = scaled[i]
-        position = goal.position
-        if self._shift:
-            position = position.copy()
-            for i, axis in self._shift:
-                position[axis] += scaled[i]
-        quat = goal.quat_wxyz
-        if self._turn:
-            turn = np.zeros(3)
-            for axis, i in self._turn.items():
-                turn["CBA".index(axis)] = scaled[i]
-            quat = quat_multiply(quat_from_vector(turn), quat)
-        target.f_star = f_star
-        target.position_d = position
-        target.quat_wxyz_d = quat
+        values = action.tolist()
+        for i, index in self._force:
+            self._f_star[index] = self.scale[i] * values[i]
+        self._position[:] = goal_position
+        quat = tuple(goal_quat.tolist())
+        for i, index in self._pose:
+            value = self.scale[i] * values[i]
+            if index < 3:
+                self._position[index] += value
+            else:
+                quat = _turn(quat, index - 3, value)
+        self._quat[:] = quat
+        target.f_star = self._f_star
+        target.position_d = self._position
+        target.quat_wxyz_d = self._quat
+
+
+def _turn(
+    quat: tuple[float, ...], axis: int, angle: float
+) -> tuple[float, float, float, float]:
+    """Turn a rotation by `angle` [rad] about world x, y or z (0, 1, 2)."""
+    w, x, y, z = quat
+    c, s = math.cos(angle / 2.0), math.sin(angle / 2.0)
+    if axis == 2:
+        return c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w
+    if axis == 1:
+        return c * w - s * y, c * x + s * z, c * y + s * w, c * z - s * x
+    return c * w - s * x, c * x + s * w, c * y - s * z, c * z + s * y

@@ -1,0 +1,53 @@
+"""Build an arm in this process for an environment, over a plant or a twin."""
+
+from pathlib import Path
+
+from dovetail.arms.local_arm import LocalArm
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import TaskSpec
+from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.scene import SceneConfig
+
+WALLS_MIN = (0.38, -0.22, 0.03)
+WALLS_MAX = (0.82, 0.22, 0.30)
+"""Walls of the TCP [m], world axes: they enclose every start and every hole."""
+SPEED_MAX = 0.25
+"""Speed limit of the TCP per axis [m/s]."""
+
+
+def build_local_arm(
+    scene: SceneConfig,
+    task: TaskSpec,
+    *,
+    plant: str,
+    twin: str | Path | None,
+    period: float,
+    force_damping: float,
+    walls: tuple[tuple[float, ...], tuple[float, ...]] = (WALLS_MIN, WALLS_MAX),
+) -> LocalArm:
+    """Build controller and plant.
+
+    Args:
+        scene: Geometry of the task.
+        task: Mode of each axis.
+        plant: Engine's name; not used with a twin, which names its own.
+        twin: Name of a shipped twin or path of a twin file; None for the plain plant.
+        period: Control period [s].
+        force_damping: Damping D of force axes [1/s]; 0 is the paper.
+        walls: Lower and upper walls of the TCP [m].
+
+    Raises:
+        ConfigError: Unknown plant or twin, or a setting out of range.
+    """
+    robot = scene.robot()
+    limits = LimitConfig.for_period(
+        robot, period, x_min=walls[0], x_max=walls[1], dx_max=[SPEED_MAX] * 3
+    )
+    osc = OscConfig.for_period(period, force_damping=[force_damping] * 6)
+    body = (
+        make_plant(plant, scene, DynamicsConfig())
+        if twin is None
+        else TwinPlant(load_twin(twin), scene)
+    )
+    return LocalArm(body, robot, osc, limits, task, period)

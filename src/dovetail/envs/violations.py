@@ -1,0 +1,40 @@
+"""Count control cycles whose measured state lies outside a limit."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.robot import Robot
+from dovetail.types import Array
+
+
+class ViolationCounter:
+    """The robot's joint limits and the walls, without any of the controller's margins."""
+
+    def __init__(
+        self, robot: Robot, x_min: Sequence[float], x_max: Sequence[float]
+    ) -> None:
+        """Take the limits.
+
+        Args:
+            robot: Joint position [rad] and speed [rad/s] limits.
+            x_min: Lower walls of the TCP [m].
+            x_max: Upper walls of the TCP [m].
+        """
+        self._low = np.full(len(CYCLE_COLUMNS), -np.inf)
+        self._high = np.full(len(CYCLE_COLUMNS), np.inf)
+        for names, low, high in (
+            ([f"q{i}" for i in range(1, 8)], robot.q_min, robot.q_max),
+            ([f"dq{i}" for i in range(1, 8)], -robot.dq_max, robot.dq_max),
+            (["x", "y", "z"], x_min, x_max),
+        ):
+            columns = [CYCLE_COLUMNS.index(name) for name in names]
+            self._low[columns], self._high[columns] = low, high
+
+    def count(self, log: Array) -> int:
+        """Return how many rows of a cycle log lie outside a limit."""
+        outside = (log < self._low) | (log > self._high)
+        if not outside.any():
+            return 0
+        return int(np.count_nonzero(outside.any(axis=1)))
