@@ -1,0 +1,328 @@
+#define BOOST_TEST_MODULE controller
+#include <boost/test/included/unit_test.hpp>
+#include <cstdlib>
+#include <functional>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+#include "adversary.hpp"
+#include "dovetail/controller.hpp"
+
+using namespace dovetail;
+using namespace dovetail::testing;
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kPeriod = 0.001;
+
+/// Cycles of each closed-loop run; DOVETAIL_CYCLES asks for longer ones.
+long closed_loop_cycles() {
+  const char* text = std::getenv("DOVETAIL_CYCLES");
+  return text != nullptr ? std::atol(text) : 20000;
+}
+
+Controller make_controller(const LimitParams& limits, const OscParams& osc = {}) {
+  return {iiwa14_with_tool(), osc, limits, kPegTask, kPeriod};
+}
+
+/// At rest, tool down, holding the pose that it has.
+struct Resting {
+  ChainParams chain = iiwa14_with_tool();
+  Vec7 q = tool_down_posture();
+  Vec3 p;
+  Mat3 R;
+  Target target;
+  LimitParams limits = limits_for(kPeriod);
+
+  Resting() {
+    Chain(chain).pose(q, p, R);
+    target.quat_wxyz_d = quat_of(R);
+  }
+
+  StepResult first_step(const LimitParams& with, const Vec7& dq = Vec7::Zero()) {
+    Controller controller = make_controller(with);
+    controller.reset(q, p, quat_of(R));
+    return controller.step(q, dq, target);
+  }
+
+  LimitParams free_limits() const {
+    LimitParams wide = limits;
+    wide.q_min.setConstant(-100.0);
+    wide.q_max.setConstant(100.0);
+    wide.dq_max.setConstant(900.0);
+    wide.ddq_max.setConstant(1e6);
+    wide.tau_max.setConstant(1e6);
+    wide.walls = false;
+    return wide;
+  }
+};
+
+std::string message_of(const std::function<void()>& build) {
+  try {
+    build();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+void require_no_violation(const Violations& result) {
+  BOOST_TEST(result.joint_position_count == 0);
+  BOOST_TEST(result.joint_speed_count == 0);
+  BOOST_TEST(result.joint_position == 0.0);
+  BOOST_TEST(result.joint_speed == 0.0);
+  BOOST_TEST(result.torque < 1e-9);
+  BOOST_TEST(result.unsafe == 0);
+  BOOST_TEST(result.early == 0);
+}
+
+}  // namespace
+
+BOOST_FIXTURE_TEST_SUITE(one_cycle, Resting)
+
+BOOST_AUTO_TEST_CASE(at_rest_on_the_target_the_overlay_torque_is_zero) {
+  const StepResult result = first_step(limits);
+  BOOST_TEST(result.tau.norm() < 1e-9);
+  BOOST_TEST(pack_flags(result.flags) == 0);
+}
+
+BOOST_AUTO_TEST_CASE(below_the_limits_the_task_torque_is_unchanged) {
+  target.f_star << 1.0, -0.5, 0.5, 0, 0, 0;
+  Controller controller = make_controller(limits);
+  controller.reset(q, p, quat_of(R));
+  const StepResult result = controller.step(q, Vec7::Zero(), target);
+  BOOST_TEST(pack_flags(result.flags) == 0);
+  BOOST_TEST((result.tau - controller.osc_terms().u0).norm() < 1e-9);
+  BOOST_TEST((result.a - result.a0).norm() < 1e-9);
+}
+
+BOOST_AUTO_TEST_CASE(each_limit_shows_its_flag_when_it_alone_is_tightened) {
+  target.f_star << 0, 0, 5.0, 0, 0, 0;  // upwards
+  const LimitParams wide = free_limits();
+  BOOST_TEST(pack_flags(first_step(wide).flags) == 0);
+
+  LimitParams one = wide;
+  one.ddq_max.setConstant(1.0);
+  BOOST_TEST(first_step(one).flags.joint_acceleration != 0);
+  BOOST_TEST(first_step(one).a.cwiseAbs().maxCoeff() <= 1.0);
+
+  one = wide;
+  one.dq_max.setConstant(0.005);
+  BOOST_TEST(first_step(one).flags.joint_velocity != 0);
+
+  one = wide;
+  one.q_min = q - Vec7::Constant(one.delta_q + 1e-6);
+  one.q_max = q + Vec7::Constant(one.delta_q + 1e-6);
+  one.ddq_max.setConstant(15.0);
+  BOOST_TEST(first_step(one).flags.joint_position != 0);
+
+  one = wide;
+  one.tau_max = Vec7::Constant(60.0);
+  BOOST_TEST(first_step(one).flags.torque != 0);
+
+  one = wide;
+  one.walls = true;
+  one.x_max.z() = p.z() + one.delta_x + 1e-6;
+  BOOST_TEST(first_step(one).flags.wall_position == 4);
+
+  one = wide;
+  one.walls = true;
+  one.ddx_max.setConstant(1.0);
+  BOOST_TEST((first_step(one).flags.wall_acceleration & 4) == 4);
+
+  one = wide;
+  one.walls = true;
+  one.dx_max.setConstant(0.01);
+  BOOST_TEST(first_step(one).flags.wall_velocity == 4);
+}
+
+BOOST_AUTO_TEST_CASE(acceleration_and_torque_stay_inside_whatever_the_input) {
+  std::mt19937_64 random(3);
+  for (const Scheme scheme : {Scheme::kQp, Scheme::kPaper}) {
+    limits.scheme = scheme;
+    Controller controller = make_controller(limits);
+    controller.reset(q, p, quat_of(R));
+    for (int k = 0; k < 20000; ++k) {
+      const Vec7 at = random_posture(random, limits, -0.1);
+      const Vec7 dq = random_vector(random, 2.5);
+      target.f_star = random_vector<Vec6>(random, 100.0);
+      // without memory: jumps of the state are not the plant's doing
+      controller.reset(at, p, quat_of(R));
+      const StepResult result = controller.step(at, dq, target);
+      ToolMotion motion;
+      controller.chain().tool_motion(at, dq, motion);
+      const Vec7 motor = (result.tau + motion.g).cwiseAbs();
+      BOOST_REQUIRE((motor - limits.tau_max).maxCoeff() < 1e-9);
+      BOOST_REQUIRE((result.a.cwiseAbs() - limits.ddq_max).maxCoeff() < 1e-9);
+      BOOST_REQUIRE((result.a - controller.bounds().ub).maxCoeff() < 1e-9);
+      BOOST_REQUIRE((controller.bounds().lb - result.a).maxCoeff() < 1e-9);
+      if (result.flags.unsafe) continue;
+      const Vec7 expected = controller.inertia() * result.a + controller.bias();
+      BOOST_REQUIRE((result.tau - expected).norm() < 1e-5);
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(input_that_is_not_finite_gives_a_damped_hold) {
+  for (const double bad : {kNaN, std::numeric_limits<double>::infinity(), 1e300}) {
+    Controller controller = make_controller(limits);
+    controller.reset(q, p, quat_of(R));
+    RigidPlant plant(chain, chain, {});
+    plant.reset(q, Vec7::Constant(0.3));
+    static_cast<void>(controller.step(q, plant.dq(), target));
+    Vec7 wrong = q;
+    wrong[2] = bad;
+    double energy = plant.kinetic_energy();
+    for (int k = 0; k < 1000; ++k) {
+      const StepResult result = controller.step(wrong, Vec7::Zero(), target);
+      BOOST_REQUIRE(result.flags.bad_input);
+      BOOST_REQUIRE(result.tau.allFinite());
+      plant.apply(result.tau, kPeriod);
+      BOOST_REQUIRE(plant.kinetic_energy() < energy + 1e-3);
+      energy = plant.kinetic_energy();
+    }
+    BOOST_TEST(plant.dq().cwiseAbs().maxCoeff() < 0.05);
+    BOOST_TEST(controller.step(wrong, Vec7::Zero(), target).tau.norm() < 1e-3);
+    const StepResult next = controller.step(plant.q(), plant.dq(), target);
+    BOOST_TEST(!next.flags.bad_input);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(every_bad_element_is_noticed) {
+  Controller controller = make_controller(limits);
+  controller.reset(q, p, quat_of(R));
+  const auto is_bad = [&](const Vec7& at, const Vec7& dq, const Target& command) {
+    return controller.step(at, dq, command).flags.bad_input;
+  };
+  for (int i = 0; i < 7; ++i) {
+    Vec7 wrong = q;
+    wrong[i] = kNaN;
+    BOOST_TEST(is_bad(wrong, Vec7::Zero(), target));
+    BOOST_TEST(is_bad(q, wrong, target));
+  }
+  for (int i = 0; i < 6; ++i) {
+    Target wrong = target;
+    wrong.f_star[i] = kNaN;
+    BOOST_TEST(is_bad(q, Vec7::Zero(), wrong));
+  }
+  for (int i = 0; i < 3; ++i) {
+    Target wrong = target;
+    wrong.position_d[i] = kNaN;
+    BOOST_TEST(is_bad(q, Vec7::Zero(), wrong));
+  }
+  Target wrong = target;
+  wrong.quat_wxyz_d.setZero();
+  BOOST_TEST(is_bad(q, Vec7::Zero(), wrong));
+  BOOST_TEST(!is_bad(q, Vec7::Zero(), target));
+}
+
+BOOST_AUTO_TEST_CASE(disturbance_estimate_finds_an_outside_force) {
+  Controller controller = make_controller(limits);
+  controller.reset(q, p, quat_of(R));
+  RigidPlant plant(chain, chain, {});
+  plant.reset(q, Vec7::Zero());
+  const Vec3 push(6.0, -3.0, 2.0);
+  plant.set_external_force(push);
+  for (int k = 0; k < 60; ++k) {
+    const StepResult result = controller.step(plant.q(), plant.dq(), target);
+    plant.apply(result.tau, kPeriod);
+  }
+  ChainTerms terms;
+  Chain(chain).evaluate(plant.q(), plant.dq(), terms);
+  const Vec7 expected = terms.J.topRows<3>().transpose() * push;
+  BOOST_TEST((controller.disturbance() - expected).norm() < 0.02 * expected.norm());
+}
+
+BOOST_AUTO_TEST_CASE(wrong_settings_are_refused_by_name_value_and_range) {
+  const auto refuse = [&](const std::function<void(LimitParams&)>& spoil) {
+    LimitParams spoiled = limits;
+    spoil(spoiled);
+    return message_of([&] { make_controller(spoiled); });
+  };
+  BOOST_TEST(refuse([](auto& l) { l.q_min[2] = l.q_max[2]; }).find("q_min[2]") == 0U);
+  BOOST_TEST(refuse([](auto& l) { l.ddq_max[6] = -1.0; }) ==
+             "ddq_max[6] is -1 rad/s2; allowed: a finite number above 0");
+  BOOST_TEST(refuse([](auto& l) { l.tau_max[0] = kNaN; }).find("tau_max[0]") == 0U);
+  BOOST_TEST(refuse([](auto& l) { l.eta = 1.5; }).find("eta is 1.5") == 0U);
+  BOOST_TEST(refuse([](auto& l) { l.kappa = 0.5; }).find("kappa is 0.5") == 0U);
+  BOOST_TEST(refuse([](auto& l) { l.x_max[1] = -1.0; }).find("x_min[1]") == 0U);
+  BOOST_TEST(message_of([] {
+               Controller(iiwa14_with_tool(), {}, {}, kPegTask, 1e-3);
+             }).find("q_min[0] is nan") == 0U);
+  BOOST_TEST(message_of([&] {
+               Controller(iiwa14_with_tool(), {}, limits, kPegTask, 0.0);
+             }).find("period is 0 s") == 0U);
+}
+
+BOOST_AUTO_TEST_SUITE_END()
+
+BOOST_AUTO_TEST_SUITE(closed_loop)
+
+BOOST_AUTO_TEST_CASE(adversary_never_breaks_joint_limits_or_walls) {
+  for (const double period : {0.001, 0.005}) {
+    AdversarySettings settings;
+    settings.episode = 2.0;
+    const Violations result =
+        Adversary(limits_for(period), period, settings, 1).run(closed_loop_cycles());
+    require_no_violation(result);
+    BOOST_TEST(result.wall_count == 0);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(adversary_never_breaks_walls_from_the_working_posture) {
+  for (const double period : {0.001, 0.005}) {
+    AdversarySettings settings;
+    settings.is_random_start = false;
+    const Violations result =
+        Adversary(limits_for(period), period, settings, 2).run(closed_loop_cycles());
+    require_no_violation(result);
+    BOOST_TEST(result.wall == 0.0);
+    BOOST_TEST(result.wall_speed == 0.0);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(adversary_never_breaks_joint_limits_under_the_paper_cascade) {
+  for (const bool is_exact : {false, true}) {
+    LimitParams limits = limits_for(0.001);
+    limits.scheme = Scheme::kPaper;
+    limits.exact_sjs = is_exact;
+    limits.walls = false;
+    AdversarySettings settings;
+    settings.episode = 2.0;
+    require_no_violation(
+        Adversary(limits, 0.001, settings, 3).run(closed_loop_cycles()));
+  }
+}
+
+BOOST_AUTO_TEST_CASE(weak_motors_keep_torque_and_joint_limits_together) {
+  for (const Scheme scheme : {Scheme::kQp, Scheme::kPaper}) {
+    LimitParams limits = limits_for(0.001);
+    limits.tau_max *= 0.5;
+    limits.ddq_max *= 0.5;
+    limits.scheme = scheme;
+    limits.walls = false;
+    AdversarySettings settings;
+    settings.episode = 2.0;
+    settings.is_random_start = false;
+    require_no_violation(
+        Adversary(limits, 0.001, settings, 4).run(closed_loop_cycles()));
+  }
+}
+
+BOOST_AUTO_TEST_CASE(friction_and_rotors_that_the_model_knows_change_nothing) {
+  LimitParams limits = limits_for(0.001);
+  AdversarySettings settings;
+  settings.episode = 2.0;
+  settings.plant.damping.setConstant(0.5);
+  settings.plant.armature.setConstant(0.1);
+  limits.damping = settings.plant.damping;
+  limits.armature = settings.plant.armature;
+  const Violations result =
+      Adversary(limits, 0.001, settings, 5).run(closed_loop_cycles());
+  require_no_violation(result);
+  BOOST_TEST(result.wall_count == 0);
+}
+
+BOOST_AUTO_TEST_SUITE_END()
