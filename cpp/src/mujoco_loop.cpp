@@ -11,7 +11,7 @@ namespace dovetail {
 
 namespace {
 
-constexpr double kDiverged = 200.0;  // [rad/s]; the joints' limit is 2.4
+constexpr double kDiverged = 50.0;  // [rad/s]; the joints' limit is 2.4
 
 template <typename Function>
 Function find_function(void* library, const std::string& path, const char* name) {

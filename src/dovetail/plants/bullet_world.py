@@ -1,0 +1,131 @@
+"""Bodies in PyBullet: the arm as a multi-body, block and table as fixed boxes."""
+
+from typing import Any
+
+import numpy as np
+
+from dovetail.poses import Pose, quat_from_matrix
+from dovetail.robot import Robot
+from dovetail.scene import Primitive
+from dovetail.types import Array
+
+WORLD = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+"""The world's own frame."""
+
+_JOINTS = list(range(7))
+
+
+def xyzw(quat_wxyz: Array) -> list[float]:
+    """Return a quaternion in Bullet's order."""
+    w, x, y, z = (float(v) for v in quat_wxyz)
+    return [x, y, z, w]
+
+
+class BulletWorld:
+    """Adds bodies to one connected engine."""
+
+    def __init__(self, bullet: Any, client: int) -> None:
+        """Remember the pybullet module and its connection."""
+        self._bullet = bullet
+        self._client = client
+
+    def _add_shapes(self, parts: list[Primitive]) -> int:
+        """Make one compound shape of boxes and cylinders; return its id."""
+        p = self._bullet
+        boxes = {"box": p.GEOM_BOX, "cylinder": p.GEOM_CYLINDER}
+        return p.createCollisionShapeArray(
+            shapeTypes=[boxes[part.kind] for part in parts],
+            halfExtents=[
+                list(part.size) if part.kind == "box" else [0.0, 0.0, 0.0]
+                for part in parts
+            ],
+            radii=[part.size[0] for part in parts],
+            lengths=[2.0 * part.size[-1] for part in parts],
+            collisionFramePositions=[part.position.tolist() for part in parts],
+            collisionFrameOrientations=[xyzw(part.quat_wxyz) for part in parts],
+            physicsClientId=self._client,
+        )
+
+    def add_fixed(self, parts: list[Primitive], frame: Pose) -> None:
+        """Add fixed shapes given in a frame."""
+        p, client = self._bullet, self._client
+        # One body per part: Bullet's box-box contacts are best without compounds.
+        for part in parts:
+            place, turn = p.multiplyTransforms(
+                list(frame.position),
+                xyzw(frame.quat_wxyz),
+                part.position.tolist(),
+                xyzw(part.quat_wxyz),
+            )
+            still = part._replace(
+                position=np.zeros(3), quat_wxyz=np.array([1.0, 0.0, 0.0, 0.0])
+            )
+            body = p.createMultiBody(
+                baseMass=0.0,
+                baseCollisionShapeIndex=self._add_shapes([still]),
+                basePosition=place,
+                baseOrientation=turn,
+                physicsClientId=client,
+            )
+            # Bullet multiplies the two coefficients: the tool carries the number.
+            p.changeDynamics(body, -1, lateralFriction=1.0, physicsClientId=client)
+
+    def add_arm(
+        self,
+        robot: Robot,
+        tool: list[Primitive],
+        links: tuple[Array, Array, Array],
+        friction: float,
+    ) -> int:
+        """Build the serial chain, torque-controlled and without any damping.
+
+        Args:
+            robot: Geometry.
+            tool: Collision shapes on the flange.
+            links: Masses [kg] (7,), centres [m] (7, 3), inertias [kg m2] (7, 3, 3).
+            friction: Sliding friction coefficient of the tool.
+
+        Returns:
+            Bullet's body id.
+        """
+        p, client = self._bullet, self._client
+        mass, com, inertia = links
+        moments, axes = np.linalg.eigh(inertia)
+        axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
+        shapes = self._add_shapes([_in_link(part, robot) for part in tool])
+        body = p.createMultiBody(
+            baseMass=0.0,
+            linkMasses=mass.tolist(),
+            linkCollisionShapeIndices=[-1] * 6 + [shapes],
+            linkVisualShapeIndices=[-1] * 7,
+            linkPositions=robot.origin_position.tolist(),
+            linkOrientations=[xyzw(quat_from_matrix(R)) for R in robot.origin_rotation],
+            linkInertialFramePositions=com.tolist(),
+            linkInertialFrameOrientations=[xyzw(quat_from_matrix(R)) for R in axes],
+            linkParentIndices=_JOINTS,
+            linkJointTypes=[p.JOINT_REVOLUTE] * 7,
+            linkJointAxis=[[0.0, 0.0, 1.0]] * 7,
+            physicsClientId=client,
+        )
+        for link in range(-1, 7):
+            p.changeDynamics(
+                body, link, linearDamping=0.0, angularDamping=0.0, jointDamping=0.0,
+                lateralFriction=friction, physicsClientId=client,
+            )  # fmt: skip
+        for link in _JOINTS:
+            p.changeDynamics(
+                body, link, localInertiaDiagonal=moments[link].tolist(),
+                physicsClientId=client,
+            )  # fmt: skip
+            # Bullet gives every joint a velocity motor; without force it is off.
+            p.setJointMotorControl2(
+                body, link, p.VELOCITY_CONTROL, force=0.0, physicsClientId=client
+            )
+        return body
+
+
+def _in_link(part: Primitive, robot: Robot) -> Primitive:
+    """Move a part from the flange frame to the link-7 frame."""
+    R = robot.flange_rotation
+    position = robot.flange_position + R @ part.position
+    return part._replace(position=position, quat_wxyz=quat_from_matrix(R))
