@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from dovetail.errors import ConfigError, LimitError
+from dovetail.errors import ConfigError, ReachError
 from dovetail.iiwa14 import INERTIA_SETS
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
 from dovetail.robot import Payload, Robot, iiwa14, merge_bodies
@@ -152,6 +152,8 @@ def test_inverse_kinematics_recovers_random_reachable_poses(robot, rng):
 
 
 def test_a_pose_out_of_reach_says_by_how_much(robot, q_home):
-    with pytest.raises(LimitError, match=r"stays .* mm") as caught:
+    with pytest.raises(ReachError, match=r"stays .* mm") as caught:
         robot.inverse_kinematics(Pose(np.array([1.5, 0.0, 0.3]), DOWN), q_home)
     assert caught.value.position_error == pytest.approx(0.45, abs=0.1)
+    with pytest.raises(ConfigError, match="position is"):
+        robot.inverse_kinematics(Pose(np.array([np.nan, 0.0, 0.3]), DOWN), q_home)

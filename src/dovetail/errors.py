@@ -13,6 +13,19 @@ class LimitError(DovetailError, ValueError):
     """A state or command lies outside a limit."""
 
 
+class ReachError(LimitError):
+    """A pose lies outside the reachable workspace."""
+
+    def __init__(
+        self, message: str, position_error: float, rotation_error: float
+    ) -> None:
+        super().__init__(message)
+        self.position_error = position_error
+        """How far the closest configuration stays away [m]."""
+        self.rotation_error = rotation_error
+        """How far it stays turned away [rad]."""
+
+
 class PlantError(DovetailError, RuntimeError):
     """A simulated plant cannot be built or has failed."""
 

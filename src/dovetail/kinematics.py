@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dovetail.errors import LimitError
+from dovetail.errors import ConfigError, ReachError
 from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix, rotation_error
 from dovetail.types import Mat33, Vec3, Vec6, Vec7
 
@@ -49,12 +49,19 @@ def solve_pose(
         Configuration [rad], shape (7,).
 
     Raises:
-        LimitError: No configuration found; carries ``position_error`` [m] and
-            ``rotation_error`` [rad] of the closest one.
+        ReachError: No configuration found; carries how far the closest one stays away.
+        ConfigError: The pose or the seed is not finite.
 
     Reference:
         Levenberg 1944; Sugihara 2011 (damping from the error).
     """
+    for name, values in (
+        ("position", pose.position),
+        ("quat_wxyz", pose.quat_wxyz),
+        ("q_seed", q_seed),
+    ):
+        if not np.isfinite(values).all():
+            raise ConfigError(f"{name} is {np.asarray(values).tolist()}: not finite")
     q_min, q_max = robot.q_min + margin, robot.q_max - margin
     seed = np.clip(np.asarray(q_seed, dtype=float), q_min, q_max)
     target = (np.asarray(pose.position, dtype=float), matrix_from_quat(pose.quat_wxyz))
@@ -130,18 +137,17 @@ def _pose_error(translation: Vec3, R: Mat33) -> Vec6:
     return np.concatenate([translation, axis])
 
 
-def _unreachable(chain: "_core.Chain", pose: Pose, q: Vec7) -> LimitError:
+def _unreachable(chain: "_core.Chain", pose: Pose, q: Vec7) -> ReachError:
     """Say how far the closest configuration stays away."""
     position, rotation = chain.pose(q)
     short = float(np.linalg.norm(pose.position - np.asarray(position)))
     error = rotation_error(pose.quat_wxyz, quat_from_matrix(rotation))
     turn = float(np.linalg.norm(error))
     x, y, z = (float(v) for v in pose.position)
-    problem = LimitError(
+    return ReachError(
         f"no configuration inside the joint limits puts the tool at "
         f"({x:.3f}, {y:.3f}, {z:.3f}) m: the closest found stays {short * 1e3:.1f} mm "
-        f"and {np.rad2deg(turn):.2f} deg away; choose a pose nearer to the robot"
+        f"and {np.rad2deg(turn):.2f} deg away; choose a pose nearer to the robot",
+        short,
+        turn,
     )
-    problem.position_error = short  # type: ignore[attr-defined]
-    problem.rotation_error = turn  # type: ignore[attr-defined]
-    return problem

@@ -12,7 +12,7 @@ from dovetail.control.reference import ReferenceController
 from dovetail.control.task_spec import MODES, TaskSpec
 from dovetail.poses import quat_normalized
 
-TOLERANCE = 1e-8  # relative to the largest |a0|, at least 1 [rad/s2]; Nm for torques
+TOLERANCE = 1e-8  # rad/s2 and Nm
 EVERY_TASK = [
     str(TaskSpec(modes)) for modes in itertools.product(range(len(MODES)), repeat=6)
 ]
@@ -41,10 +41,11 @@ def largest_difference(robot, q_start, osc, limits, period, tasks, rng, cycles):
         hold = robot.tool_pose(q)
         for controller in (mine, theirs):
             controller.reset(q, hold.position, hold.quat_wxyz)
-        plant.reset(q, rng.uniform(-0.5, 0.5, 7) * robot.dq_max)
+        speed = rng.choice([0.02, 0.5])
+        plant.reset(q, rng.uniform(-speed, speed, 7) * robot.dq_max)
         for cycle in range(cycles):
             if cycle % 5 == 0:
-                target = random_target(rng, robot, q, rng.choice([1.0, 10.0, 30.0]))
+                target = random_target(rng, robot, q, rng.choice([0.1, 3.0, 30.0]))
                 plant.set_external_force(rng.uniform(-20.0, 20.0, 3))
             q, dq = plant.read()
             result = theirs.step(q, dq, target)
@@ -52,9 +53,8 @@ def largest_difference(robot, q_start, osc, limits, period, tasks, rng, cycles):
                 exotic += 1
                 break  # outside the problem that both solve: the next task
             tau, a, a0 = mine.step(q, dq, target)
-            scale = max(1.0, float(np.abs(a0).max()))
             errors = (result.tau - tau, result.a - a, result.a0 - a0)
-            worst = max(worst, *(float(np.abs(e).max()) / scale for e in errors))
+            worst = max(worst, *(float(np.abs(e).max()) for e in errors))
             limited += result.flags.packed != 0
             states += 1
             plant.apply(result.tau, period)
@@ -65,11 +65,11 @@ def largest_difference(robot, q_start, osc, limits, period, tasks, rng, cycles):
 def test_cpp_equals_the_reference_for_every_task(robot, q_home, rng, scheme):
     limits = LimitConfig.for_period(robot, 1e-3, scheme=scheme, **WIDE_WALLS)
     worst, states, limited, exotic = largest_difference(
-        robot, q_home, OscConfig(), limits, 1e-3, EVERY_TASK, rng, 2
+        robot, q_home, OscConfig(), limits, 1e-3, EVERY_TASK, rng, 3
     )
     assert worst < TOLERANCE
-    assert states > 8000
-    assert limited > 1000
+    assert states > 12000
+    assert 1000 < limited < states
     assert exotic < 50
 
 
