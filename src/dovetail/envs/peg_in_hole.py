@@ -30,6 +30,7 @@ from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
 from dovetail.envs.violations import ViolationCounter
 from dovetail.errors import ConfigError
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec4, Vec7
@@ -71,7 +72,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 10 | tool minus target rotation about the vertical | rad | symmetric log, s = 0.02 rad | +-5.1 |
     | 11-13 | tool velocity x, y, z | m/s | symmetric log, s = 0.02 m/s | +-5 |
 
-    The symmetric log is `sign(x) ln(1 + |x| / s)`. Everything comes from measured
+    The symmetric log is `sign(x) ln(1 + |x| / s)`; on z, x is counted from the hole's
+    mouth, a fixed offset of `hole_depth` from the target. Everything comes from measured
     joint angles and the hole tracker, never from the simulation's truth.
 
     ## Reward
@@ -117,6 +119,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         force_damping: float = 40.0,
         theta_range: float = 0.2,
         position_range: float = 0.05,
+        scheme: str = "qp",
+        engine: str | None = None,
+        dynamics: DynamicsConfig | None = None,
         tracker: HoleTracker | None = None,
         randomisation: RandomisationConfig | None = None,
         reward: RewardConfig | None = None,
@@ -139,6 +144,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             force_damping: Damping of force axes [1/s]; 0 is the paper.
             theta_range: Rotation at action 1 on pose axes A B C [rad].
             position_range: Displacement at action 1 on pose axes X Y Z [m].
+            scheme: How limits are kept, "qp" or "paper".
+            engine: Physics engine of the twin, if not the one in its file.
+            dynamics: Physics of the plain plant; a twin has its own.
             tracker: Where the hole is; None is the simulation's truth.
             randomisation: Ranges of starts and holes.
             reward: Weights of the reward.
@@ -160,6 +168,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             period=period,
             force_damping=force_damping,
             walls=self.walls(),
+            scheme=scheme,
+            engine=engine,
+            dynamics=dynamics,
         )
         self.max_steps = max_steps
         self.randomisation = randomisation or RandomisationConfig()
@@ -173,7 +184,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             position_range=position_range,
         )
         robot = self.arm.robot
-        self.scaling = ObservationScaling(robot.q_min, robot.q_max)
+        self.scaling = ObservationScaling(
+            robot.q_min, robot.q_max, self.scene.hole_depth
+        )
         self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
         self._violations = ViolationCounter(robot, *self.walls())
         self._target = _core.Target()
