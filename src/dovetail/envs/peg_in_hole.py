@@ -266,7 +266,11 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         raw = self._locate()
         info = self._info(raw)
         reward = insertion_reward(
-            raw[7:10], info["theta_error"], info["success"], self.reward_config
+            raw[7:10],
+            info["theta_error"],
+            info["success"],
+            self.reward_config,
+            info["contact_force_max"],
         )
         return (
             self._history.push(action, self.scaling.scale(raw)),

@@ -18,10 +18,18 @@ class RewardConfig:
     """Weight of the rotation error about the vertical [1/rad]."""
     bonus: float = 50.0
     """Reward added once, on success."""
+    force_weight: float = 0.0
+    """Weight of contact force above `force_free` [1/N]; 0 is the paper's reward."""
+    force_free: float = 10.0
+    """Contact force that costs nothing [N]."""
 
 
 def insertion_reward(
-    position_error: Vec3, theta_error: float, success: bool, config: RewardConfig
+    position_error: Vec3,
+    theta_error: float,
+    success: bool,
+    config: RewardConfig,
+    force: float = 0.0,
 ) -> float:
     r"""Weigh how far the tool is from its target, plus a bonus on success.
 
@@ -32,6 +40,7 @@ def insertion_reward(
         theta_error: Tool's rotation about the vertical minus the target's [rad].
         success: Whether the task is done in this step.
         config: Weights and bonus.
+        force: Largest contact force of the step [N]; counts only with `force_weight`.
 
     Returns:
         Reward of one policy step, dimensionless.
@@ -47,4 +56,6 @@ def insertion_reward(
         + config.beta * manhattan
         + config.gamma * abs(theta_error)
     )
+    if config.force_weight > 0.0 and force > config.force_free:
+        cost += config.force_weight * (force - config.force_free)
     return (config.bonus if success else 0.0) - cost
