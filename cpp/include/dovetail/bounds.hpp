@@ -16,8 +16,8 @@ enum class BoundCause : std::uint8_t {
   kPosition = 2
 };
 
-/// Parameters that a cycle's coordinates share. `kind` kPaperPrinted and
-/// kPaperCorrected use `dt`, `delta_x` and `delta_v` only.
+/// Parameters that a cycle's coordinates share. The paper's kinds use `dt` only: they
+/// have no margins.
 struct BoundsParams {
   BoundsKind kind = BoundsKind::kViability;
   double dt = 0.001;     ///< control period [s]
@@ -44,8 +44,7 @@ struct Interval {
 /// Does not allocate, does not throw. Non-finite x or v give non-finite bounds
 /// or bounds of the wrong side: reject them before.
 [[nodiscard]] Interval acceleration_bounds(double x, double v, double x_min,
-                                           double x_max, double v_max,
-                                           double a_max,
+                                           double x_max, double v_max, double a_max,
                                            const BoundsParams& params) noexcept;
 
 }  // namespace dovetail

@@ -22,21 +22,19 @@ struct SaturationResult {
 /// that puts the saturated rows of Jc a + djc on their bounds cl, cu [m/s2].
 /// Rows accumulate; at most 4 passes. Near a singularity of the saturated rows
 /// their mobility is faded below s0 [1/kg] and the rows are met in part.
-[[nodiscard]] SaturationResult scs(const Vec7& a0, const Mat7& Minv,
-                                   const Mat37& Jc, const Vec3& djc,
-                                   const Vec3& cl, const Vec3& cu,
+[[nodiscard]] SaturationResult scs(const Vec7& a0, const Mat7& Minv, const Mat37& Jc,
+                                   const Vec3& djc, const Vec3& cl, const Vec3& cu,
                                    double s0) noexcept;
 
 /// Saturation in joint space with accumulated joints: inside [lb, ub] exactly,
 /// at most 8 passes, bit-equal to a0 if nothing saturates. Requires lb <= ub.
-[[nodiscard]] SaturationResult sjs(const Vec7& a0, const Mat7& Minv,
-                                   const Vec7& lb, const Vec7& ub) noexcept;
+[[nodiscard]] SaturationResult sjs(const Vec7& a0, const Mat7& Minv, const Vec7& lb,
+                                   const Vec7& ub) noexcept;
 
 /// SJS continued by a primal active set to the M-norm projection of a0 on the
 /// box: continuous in a0, inside [lb, ub] exactly whatever `ok` says.
 [[nodiscard]] SaturationResult sjs_exact(const Vec7& a0, const Mat7& Minv,
-                                         const Vec7& lb,
-                                         const Vec7& ub) noexcept;
+                                         const Vec7& lb, const Vec7& ub) noexcept;
 
 /// Outcome of the torque stage.
 struct TorqueBlend {
@@ -50,8 +48,8 @@ struct TorqueBlend {
 /// Largest step from a safe action towards the wanted one whose torque M a + h
 /// stays inside [lo, hi]. Both actions inside a convex set (box, walls) keep
 /// the result in it.
-[[nodiscard]] TorqueBlend blend_torque(const Vec7& a, const Vec7& a_safe,
-                                       const Mat7& M, const Vec7& h,
-                                       const Vec7& lo, const Vec7& hi) noexcept;
+[[nodiscard]] TorqueBlend blend_torque(const Vec7& a, const Vec7& a_safe, const Mat7& M,
+                                       const Vec7& h, const Vec7& lo,
+                                       const Vec7& hi) noexcept;
 
 }  // namespace dovetail

@@ -1,0 +1,109 @@
+#include "dovetail/bounds.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace dovetail {
+namespace {
+
+struct Bound {
+  double value;
+  BoundCause cause;
+};
+
+/// The smallest of the three limits, and which one it is.
+Bound smallest(double position, double velocity, double acceleration) noexcept {
+  Bound bound{acceleration, BoundCause::kAcceleration};
+  if (velocity < bound.value) bound = {velocity, BoundCause::kVelocity};
+  if (position < bound.value) bound = {position, BoundCause::kPosition};
+  return bound;
+}
+
+/// Largest constant acceleration over T that keeps the position below d all along.
+double position_bound(double d, double v, double T) noexcept {
+  const double at_end = 2.0 * (d - v * T) / (T * T);
+  if (v <= 0.0 || at_end > -v / T) return at_end;
+  // The turning point lies inside the interval.
+  if (d <= 0.0) return -std::numeric_limits<double>::infinity();
+  return std::min(-v * v / (2.0 * d), -v / T);
+}
+
+/// Largest constant acceleration over T after which braking with `brake` stops before
+/// d.
+double stopping_bound(double d, double v, double T, double brake) noexcept {
+  const double b = T * (2.0 * v + brake * T);
+  const double c = v * v - 2.0 * brake * (d - v * T);
+  const double discriminant = b * b - 4.0 * T * T * c;
+  const double standstill = -v / T;
+  if (!(discriminant >= 0.0)) return standstill;
+  return std::max((-b + std::sqrt(discriminant)) / (2.0 * T * T), standstill);
+}
+
+/// Upper bound by viability; the lower one is this one mirrored.
+Bound viability_upper(double d, double v, double v_max, double a_max, double T,
+                      double brake) noexcept {
+  // Common case, no root: full acceleration over T is still viable.
+  const double v_end = v + a_max * T;
+  const double room = d - v * T - 0.5 * a_max * T * T;
+  const double v_brake = std::max(v_end, 0.0);
+  if (d >= 0.0 && v_end <= v_max && 2.0 * brake * room >= v_brake * v_brake) {
+    return {a_max, BoundCause::kAcceleration};
+  }
+  const double position =
+      std::min(position_bound(d, v, T), stopping_bound(d, v, T, brake));
+  Bound bound = smallest(position, (v_max - v) / T, a_max);
+  bound.value = std::max(bound.value, -a_max);
+  return bound;
+}
+
+/// Upper bound of the paper: only the next sample is asked to be inside.
+Bound paper_upper(double d, double v, double speed_room, double a_max,
+                  double dt) noexcept {
+  return smallest(2.0 * (d - v * dt) / (dt * dt), speed_room / dt, a_max);
+}
+
+/// Outside the viable set both ends can cross: the side the coordinate moves to wins.
+Interval join(const Bound& lower, const Bound& upper, double v) noexcept {
+  Interval interval{-lower.value, upper.value, lower.cause, upper.cause};
+  if (interval.lb > interval.ub) {
+    if (v >= 0.0) {
+      interval.lb = interval.ub;
+      interval.lb_cause = interval.ub_cause;
+    } else {
+      interval.ub = interval.lb;
+      interval.ub_cause = interval.lb_cause;
+    }
+  }
+  return interval;
+}
+
+}  // namespace
+
+Interval acceleration_bounds(double x, double v, double x_min, double x_max,
+                             double v_max, double a_max,
+                             const BoundsParams& params) noexcept {
+  const double dt = params.dt;
+  if (params.kind == BoundsKind::kPaperPrinted) {
+    // The printed speed bound has x where v is meant; kept as it is.
+    const Bound upper = paper_upper(x_max - x, v, v_max - x, a_max, dt);
+    const Bound lower = paper_upper(x - x_min, -v, v_max + x, a_max, dt);
+    return {-lower.value, upper.value, lower.cause, upper.cause};
+  }
+  if (params.kind == BoundsKind::kPaperCorrected) {
+    Bound upper = paper_upper(x_max - x, v, v_max - v, a_max, dt);
+    Bound lower = paper_upper(x - x_min, -v, v_max + v, a_max, dt);
+    upper.value = std::max(upper.value, -a_max);
+    lower.value = std::max(lower.value, -a_max);
+    return join(lower, upper, v);
+  }
+  const double T = params.kappa * dt;
+  const double brake = params.eta * a_max;
+  const double speed = (1.0 - params.delta_v) * v_max;
+  const double room_up = x_max - params.delta_x - x;
+  const double room_down = x - params.delta_x - x_min;
+  return join(viability_upper(room_down, -v, speed, a_max, T, brake),
+              viability_upper(room_up, v, speed, a_max, T, brake), v);
+}
+
+}  // namespace dovetail
