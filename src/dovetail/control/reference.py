@@ -34,7 +34,8 @@ class ReferenceController:
     def reset(self, q: Array, position_hold: Array, quat_hold: Array) -> None:
         """Latch the pose that hold axes keep, and forget the disturbance."""
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
-        self.r, self.last = np.zeros(7), None
+        self.r = np.zeros(7)
+        self.last: tuple[Array, ...] | None = None
 
     def step(self, q: Array, dq: Array, target: "_core.Target") -> tuple[Array, ...]:
         """Return overlay torque [Nm], its acceleration and the wanted one [rad/s2]."""
@@ -188,10 +189,10 @@ def solve_qp(
             A, offset, low, high = rows
             G = np.vstack([G, np.hstack([A, soft]), np.hstack([-A, soft])])
             h += [*(high - offset), *(offset - low)]
-    ends = lb - 1e-11, ub + 1e-11  # quadprog takes lb = ub for a contradiction
-    box = {"lb": np.append(ends[0], [-1e6] * 3), "ub": np.append(ends[1], [1e6] * 3)}
-    cost = -P @ np.append(a0, np.zeros(3))
-    x = qpsolvers.solve_qp(P, cost, G, np.array(h), **box, solver="quadprog")
+    low = np.append(lb - 1e-11, [-1e6] * 3)  # quadprog takes lb = ub for a
+    high = np.append(ub + 1e-11, [1e6] * 3)  # contradiction
+    cost, h = -P @ np.append(a0, np.zeros(3)), np.array(h)
+    x = qpsolvers.solve_qp(P, cost, G, h, lb=low, ub=high, solver="quadprog")
     if x is None:
         raise ArithmeticError("the joint box and the torque limits exclude each other")
     return np.clip(x[:7], lb, ub)
