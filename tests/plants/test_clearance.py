@@ -1,0 +1,60 @@
+"""Narrow holes in MuJoCo: walls that hold, and pegs that go in."""
+
+import numpy as np
+import pytest
+
+from dovetail.plants.mujoco_plant import MujocoPlant
+from dovetail.poses import rotation_error
+from dovetail.scene import PEG_SHAPES, SceneConfig
+from plants.conftest import HOLE, TOOL_DOWN, start_above
+
+PERIODS = [0.005, 0.001]
+
+
+def hold_and_push(plant, force, seconds, period):
+    """Push at the tip [N], the other directions held by springs; return the offset."""
+    chain = plant.robot.chain()
+    start = plant.tool_pose().position
+    held = np.where(force == 0.0, 3000.0, 0.0)
+    for _ in range(round(seconds / period)):
+        q, dq = plant.read()
+        pose = plant.robot.tool_pose(q)
+        pull = held * (start - pose.position)
+        turn = 60.0 * rotation_error(TOOL_DOWN, pose.quat_wxyz)
+        J = chain.jacobian(q)
+        plant.apply(J.T @ np.array([*(force + pull), *turn]) - 10.0 * dq, period)
+    return plant.tool_pose().position - HOLE.position
+
+
+@pytest.mark.parametrize("period", PERIODS)
+@pytest.mark.parametrize("clearance", [0.00006, 0.0001, 0.0005, 0.004])
+@pytest.mark.parametrize("peg", PEG_SHAPES)
+def test_wall_gives_less_than_the_clearance_under_30_newton(peg, clearance, period):
+    plant = MujocoPlant(SceneConfig(peg=peg, clearance=clearance))
+    # The +x side: a flat of square and round, the corner of the triangle.
+    direction = np.array([-1.0 if peg == "triangle" else 1.0, 0.0, 0.0])
+    plant.reset(start_above(plant.robot, z=0.085), HOLE)
+    offset = hold_and_push(plant, 30.0 * direction, 1.0, period)
+    deepest = -min(plant.data.contact.dist)
+    assert deepest < min(10e-6, clearance)
+    assert offset @ direction == pytest.approx(clearance, abs=1.2e-4 + 0.02 * clearance)
+    assert -plant.contact_force() @ direction == pytest.approx(30.0, rel=0.05)
+
+
+@pytest.mark.parametrize("period", PERIODS)
+@pytest.mark.parametrize("clearance", [0.00006, 0.0001, 0.0005, 0.004])
+@pytest.mark.parametrize("peg", PEG_SHAPES)
+def test_peg_in_the_mouth_slides_to_the_floor(peg, clearance, period):
+    scene = SceneConfig(peg=peg, clearance=clearance)
+    plant = MujocoPlant(scene)
+    plant.reset(start_above(plant.robot, z=0.098), HOLE)
+    offset = hold_and_push(plant, np.array([0.0, 0.0, -10.0]), 2.5, period)
+    assert offset[2] < -scene.success_depth
+
+
+@pytest.mark.parametrize("peg", PEG_SHAPES)
+def test_peg_beside_the_hole_stays_outside(peg):
+    plant = MujocoPlant(SceneConfig(peg=peg))
+    plant.reset(start_above(plant.robot, x=0.603, z=0.102), HOLE)
+    offset = hold_and_push(plant, np.array([0.0, 0.0, -30.0]), 0.5, 0.005)
+    assert offset[2] > -0.003  # it may tilt into the mouth, no further
