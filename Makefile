@@ -1,0 +1,93 @@
+# make demo    set up, then the main job: the shipped policy on a twin
+# make test    set up for development, then every test, C++ included
+# make lint    what CI checks besides the tests
+# make format  write Python and C++ in the house's format
+#
+# PYTHON=python3.11 make ...   chooses the interpreter of the set-up
+# ARGS="--tries 5" make demo   passes options on; for make test they go to pytest
+
+PYTHON ?= python3
+VENV ?= .venv
+BUILD ?= build
+ARGS ?=
+
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+NATIVE := --config-settings=cmake.define.DOVETAIL_NATIVE=ON
+
+# With a development set-up there, the demo uses it instead of a second one.
+DEVELOP := $(VENV)/.set-up-develop
+USE := $(VENV)/.set-up-use
+SET_UP := $(if $(wildcard $(DEVELOP)),$(DEVELOP),$(USE))
+
+SETTINGS := pyproject.toml constraints.txt CMakeLists.txt
+CPP := $(shell find cpp -name '*.[ch]pp')
+PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
+EXTRAS := bullet,learn,log,test,lint
+
+.PHONY: demo test test-cpp test-sanitized test-python lint format clean
+
+demo: $(SET_UP)
+	$(BIN)/dovetail demo $(ARGS)
+
+test: test-cpp test-python
+
+test-cpp: $(DEVELOP)
+	$(BIN)/cmake -S . -B $(BUILD)/tests -G Ninja $(CMAKE_ARGS) -DDOVETAIL_TESTS=ON
+	$(BIN)/cmake --build $(BUILD)/tests --target cpp_tests
+	$(BIN)/ctest --test-dir $(BUILD)/tests --output-on-failure
+
+test-sanitized: $(DEVELOP)
+	$(BIN)/cmake -S . -B $(BUILD)/sanitized -G Ninja $(CMAKE_ARGS) \
+	  -DDOVETAIL_TESTS=ON -DDOVETAIL_SANITIZE=ON
+	$(BIN)/cmake --build $(BUILD)/sanitized --target cpp_tests
+	$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure
+
+# pytest comes last: its closing line says how many tests passed.
+test-python: $(DEVELOP)
+	$(BIN)/python -m pytest $(ARGS)
+
+lint: $(DEVELOP)
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/python -m nanobind.stubgen -q -m dovetail._core -o src/dovetail/_core.pyi
+	$(BIN)/pyright --pythonpath $(BIN)/python
+	$(BIN)/clang-format --dry-run -Werror $(CPP)
+	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs src cpp tests examples
+
+format: $(DEVELOP)
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+	$(BIN)/clang-format -i $(CPP)
+
+clean:
+	rm -rf $(BUILD)
+
+CMAKE_ARGS = -DPython_EXECUTABLE=$(abspath $(BIN)/python) \
+  -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN)/ninja) -DDOVETAIL_NATIVE=ON
+
+$(BIN)/python:
+	@command -v $(PYTHON) >/dev/null || { echo "$(PYTHON) not found: install \
+	Python 3.11 or newer, or name it with PYTHON=..."; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo \
+	"$$($(PYTHON) --version) is too old: dovetail needs 3.11 or newer; name another \
+	with PYTHON=python3.11"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) cannot make \
+	virtual environments: install its venv module (Debian: apt install python3-venv)"; \
+	exit 1; }
+	@$(PYTHON) -c 'import pathlib, sysconfig, sys; \
+	sys.exit(not (pathlib.Path(sysconfig.get_path("include")) / "Python.h").exists())' \
+	|| { echo "$(PYTHON) has no header files: install them (Debian: apt install \
+	python3-dev)"; exit 1; }
+	@command -v $${CXX:-c++} >/dev/null || command -v g++ >/dev/null \
+	|| command -v clang++ >/dev/null || { echo "no C++ compiler found: install g++ or \
+	clang++ with C++20 (Debian: apt install g++), or name it with CXX=..."; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(USE): $(SETTINGS) $(CPP) $(PACKAGE) | $(BIN)/python
+	$(PIP) install -c constraints.txt $(NATIVE) .
+	@touch $@
+
+$(DEVELOP): $(SETTINGS) $(CPP) | $(BIN)/python
+	$(PIP) install -c constraints.txt $(NATIVE) -e '.[$(EXTRAS)]'
+	@touch $@
