@@ -50,7 +50,7 @@ def write_atomic(path: Path, data: bytes | str) -> Path:
         `path`.
 
     Raises:
-        LogError: the disk is full or the folder is not writable.
+        LogError: The disk is full or the folder is not writable.
     """
     content = data.encode() if isinstance(data, str) else data
     beside = None

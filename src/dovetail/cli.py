@@ -1,0 +1,84 @@
+"""The command `dovetail`: finds the subcommand, runs it, and words its errors."""
+
+import importlib
+import sys
+from collections.abc import Sequence
+
+import tyro
+from rich.console import Console
+
+from dovetail.errors import DovetailError
+
+COMMANDS = {
+    "demo": ("Demo", "try the shipped policy on a twin: the main job"),
+    "train": ("Train", "train a policy in a simulation"),
+    "evaluate": ("Evaluate", "try a policy on a plant or a twin"),
+    "twin": ("Twin", "list the twins, or show one"),
+    "doctor": ("Doctor", "check this installation"),
+}
+"""Subcommands: the settings class in `dovetail.commands.<name>`, and what it does.
+
+A subcommand's file is imported only when it is asked for, so that the learning stack
+is not needed, nor waited for, by the others.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Run `dovetail` with command-line words and leave with its exit code."""
+    sys.exit(run(list(sys.argv[1:] if argv is None else argv)))
+
+
+def run(words: list[str]) -> int:
+    """Run one command line.
+
+    Args:
+        words: The command line without the program's name. `--debug` anywhere shows
+            the traceback of an error.
+
+    Returns:
+        0 when it went well, 2 on a wrong setting or input, 130 when interrupted;
+        `doctor` gives 1 when something essential is broken.
+    """
+    is_debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    if not words or words[0] in ("-h", "--help"):
+        print(_help())
+        return 0 if words else 2
+    try:
+        return _run_command(words[0], words[1:])
+    except DovetailError as error:
+        if is_debug:
+            raise
+        print(f"dovetail: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("dovetail: interrupted", file=sys.stderr)
+        return 130
+
+
+def _run_command(name: str, words: list[str]) -> int:
+    if name not in COMMANDS:
+        raise DovetailError(
+            f"unknown command {name!r}; known commands: {', '.join(COMMANDS)}"
+        )
+    module = importlib.import_module(f"dovetail.commands.{name}")
+    settings = getattr(module, COMMANDS[name][0])
+    command = tyro.cli(settings, args=words, prog=f"dovetail {name}")
+    return command.run(Console())
+
+
+def _help() -> str:
+    lines = [f"  {name:10}{text}" for name, (_, text) in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: dovetail COMMAND [OPTIONS]",
+            "",
+            *lines,
+            "",
+            "dovetail COMMAND --help lists the options; --debug shows tracebacks",
+        ]
+    )
+
+
+if __name__ == "__main__":
+    main()

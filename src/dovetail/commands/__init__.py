@@ -1,0 +1,1 @@
+"""The subcommands of `dovetail`: one file, one settings class with `run` each."""

@@ -1,0 +1,40 @@
+"""`dovetail demo`: the main job with the policy that ships in the package."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from rich.console import Console
+
+from dovetail.commands.evaluate import print_files
+from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Demo:
+    """Try the shipped policy 20 times at each of 3 hole poses on a twin."""
+
+    policy: str = "peg_square"
+    """Policy: the name of a shipped one, or a file."""
+    twin: str = "medium"
+    """Twin to try on: the name of a shipped one, or a .toml file."""
+    tries: int = 20
+    """Tries at each of the three hole poses."""
+    workers: int = 1
+    """Processes that share the tries."""
+    out: Path | None = None
+    """Folder for the results; default a new one, by the time, in demo-results."""
+
+    def run(self, console: Console) -> int:
+        """Evaluate and say where everything is."""
+        now = datetime.now().astimezone()
+        out = self.out or Path("demo-results") / f"{now:%Y-%m-%d_%H%M%S}"
+        config = EvaluationConfig(
+            policy=self.policy,
+            twin=self.twin,
+            tries=self.tries,
+            workers=self.workers,
+            out=out,
+        )
+        print_files(evaluate(config, console), console)
+        return 0

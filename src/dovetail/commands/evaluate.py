@@ -1,0 +1,29 @@
+"""`dovetail evaluate`: any policy, any plant or twin, any peg."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate(EvaluationConfig):
+    """Try a policy at three hole poses; write table, figures, report and logs."""
+
+    policy: Annotated[str, tyro.conf.Positional]
+    """Policy: a file (.safetensors or .json) or the name of a shipped one."""
+
+    def run(self, console: Console) -> int:
+        """Evaluate and say where everything is."""
+        print_files(evaluate(self, console), console)
+        return 0
+
+
+def print_files(evaluation: Evaluation, console: Console) -> None:
+    """Say where everything was written."""
+    console.print(f"written to {evaluation.folder}:", soft_wrap=True)
+    for path in evaluation.files:
+        console.print(f"  {path.relative_to(evaluation.folder)}", highlight=False)

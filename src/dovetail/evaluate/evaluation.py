@@ -1,0 +1,307 @@
+"""One evaluation from its settings to the written report."""
+
+import importlib.metadata
+import os
+import platform
+import shlex
+import subprocess
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import gymnasium as gym
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+from dovetail.errors import ConfigError, PolicyError
+from dovetail.evaluate.figures import draw_forces, draw_paths
+from dovetail.evaluate.files import claim_output_folder, write_atomic
+from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.report import Report
+from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
+from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
+from dovetail.learn.policy import Policy
+from dovetail.plants.plant import PLANTS
+from dovetail.plants.twin import list_twins, load_twin
+from dovetail.scene import SceneConfig
+
+POLICY_FOLDER = Path(__file__).parent.parent / "policies"
+"""Where the shipped policies are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationConfig:
+    """What to try, where, and how often."""
+
+    policy: str
+    """Policy: a file (.safetensors or .json) or the name of a shipped one."""
+    plant: str | None = None
+    """Engine of an ideal plant, mujoco or bullet; or give a twin."""
+    twin: str | None = None
+    """Twin to try on: the name of a shipped one, or a .toml file."""
+    peg: str | None = None
+    """Shape of peg and hole: square, triangle or round; default the policy's."""
+    clearance: float | None = None
+    """Gap between peg and hole on each side [m]; default the policy's."""
+    tries: int = 20
+    """Tries at each of the three hole poses."""
+    seed: int = 0
+    """Seed of starts and noise, 0 or more."""
+    workers: int = 1
+    """Processes that share the tries; the outcome does not depend on it."""
+    out: Path = Path("results")
+    """Folder for table, figures, report and logs; new or empty."""
+
+
+class Evaluation(NamedTuple):
+    """What an evaluation gave and where it is."""
+
+    rows: list[Row]
+    outcomes: list[Outcome]
+    report: Report
+    folder: Path
+    files: list[Path]
+
+
+def list_policies() -> tuple[str, ...]:
+    """Return the names of the shipped policies."""
+    return tuple(sorted(path.stem for path in POLICY_FOLDER.glob("*.safetensors")))
+
+
+def find_policy(name_or_path: str) -> Path:
+    """Return the path of a policy given as a file or by a shipped policy's name.
+
+    Raises:
+        ConfigError: Neither; lists the shipped ones.
+    """
+    path = Path(name_or_path).expanduser()
+    if path.is_file() or path.with_suffix(".safetensors").is_file():
+        return path
+    if name_or_path in list_policies():
+        return POLICY_FOLDER / f"{name_or_path}.safetensors"
+    raise ConfigError(
+        f"no policy {name_or_path!r}: there is no such file, and the shipped policies "
+        f"are: {', '.join(list_policies()) or 'none'}"
+    )
+
+
+def environment_options(
+    config: EvaluationConfig, policy: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the keyword arguments of the environment for a policy.
+
+    Args:
+        config: Plant or twin, and what differs from the policy's own task.
+        policy: The policy's description; "env" holds its environment's settings.
+
+    Raises:
+        ConfigError: Neither or both of plant and twin, or an unknown one.
+        PolicyError: The description names no task.
+    """
+    if (config.plant is None) == (config.twin is None):
+        raise ConfigError(
+            "give either a plant or a twin to try the policy on; known plants: "
+            f"{', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}"
+        )
+    if not isinstance(policy.get("env"), Mapping) or "env_id" not in policy:
+        raise PolicyError(
+            "the policy's JSON file has no env_id or no env, so its environment is "
+            "unknown; export the policy again"
+        )
+    options = dict(policy["env"])
+    for name in ("plant", "twin", "peg", "clearance"):
+        if (value := getattr(config, name)) is not None:
+            options[name] = value
+    if config.twin is not None:
+        options.pop("plant", None)
+        if Path(config.twin).suffix == ".toml":
+            options["twin"] = str(Path(config.twin).expanduser().absolute())
+        load_twin(options["twin"])
+    return options
+
+
+def name_ground(config: EvaluationConfig) -> str:
+    """Return where a result was found: a twin is called a twin, never a robot."""
+    if config.twin is None:
+        return f"simulation ({config.plant})"
+    return f"twin {Path(config.twin).stem} ({load_twin(config.twin).engine})"
+
+
+def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
+    """Try the policy, print the table, and write everything into the folder.
+
+    Args:
+        config: What to do.
+        console: Where the progress bar and the table go.
+
+    Raises:
+        DovetailError: A setting, the policy or the disk; see its message.
+    """
+    jobs = plan_trials(len(HOLE_POSES), config.tries, config.seed)
+    file = find_policy(config.policy)
+    policy = Policy.load(file)
+    options = environment_options(config, policy.metadata)
+    make_env = partial(
+        gym.make, policy.metadata["env_id"], disable_env_checker=True, **options
+    )
+    scene = _inspect(make_env, policy)
+    folder = claim_output_folder(config.out)
+    logs = folder / "logs"
+    logs.mkdir()
+
+    started = datetime.now(UTC)
+    load = partial(Policy.load, file)
+    outcomes = _run(config, jobs, make_env, load, logs, console)
+    rows = summarise(outcomes, [pose.name for pose in HOLE_POSES])
+    ground = name_ground(config)
+    report = Report(
+        title=f"{file.stem}, {scene.peg} peg, "
+        f"{1e3 * scene.clearance:g} mm clearance per side, on {ground}",
+        ground=ground,
+        rows=rows,
+        outcomes=outcomes,
+        config=_settings(config, options),
+        policy=policy.metadata,
+        provenance=provenance(started),
+        command=command_line(config),
+    )
+    console.print(render_table(report))
+    files = write_report(report, folder, scene)
+    return Evaluation(rows, outcomes, report, folder, [*files, logs])
+
+
+def _inspect(make_env: Callable[[], gym.Env], policy: Policy) -> SceneConfig:
+    """Return the environment's scene; says what is wrong before any process starts."""
+    env = make_env()
+    observation, _ = env.reset(seed=0, options={"hole": HOLE_POSES[0].pose()})
+    action = policy(observation)
+    scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
+    env.close()
+    if action.shape != env.action_space.shape:
+        raise PolicyError(
+            f"the policy gives actions of shape {action.shape}, its environment takes "
+            f"{env.action_space.shape}: it was trained for another task"
+        )
+    return scene
+
+
+def _run(
+    config: EvaluationConfig,
+    jobs: list[Job],
+    make_env: Any,
+    load_policy: Any,
+    logs: Path,
+    console: Console,
+) -> list[Outcome]:
+    outcomes: list[Outcome] = []
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[inserted]} inserted"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        console=console,
+    ) as progress:
+        bar = progress.add_task("tries", total=len(jobs), inserted=0)
+        for outcome in run_trials(
+            make_env, load_policy, jobs, logs=logs, workers=config.workers
+        ):
+            outcomes.append(outcome)
+            progress.update(bar, advance=1, inserted=sum(o.success for o in outcomes))
+    return outcomes
+
+
+def render_table(report: Report) -> Table:
+    """Return the transfer table for a terminal."""
+    table = Table(title=report.title, title_justify="left")
+    for index, name in enumerate(COLUMNS):
+        table.add_column(name, justify="left" if index == 0 else "right")
+    for row in report.rows[:-1]:
+        table.add_row(*cells(row))
+    table.add_section()
+    table.add_row(*cells(report.rows[-1]), style="bold")
+    return table
+
+
+def write_report(report: Report, folder: Path, scene: SceneConfig) -> list[Path]:
+    """Write figures, JSON and HTML, the HTML last.
+
+    Raises:
+        LogError: The disk is full or the folder is not writable.
+    """
+    labels = [row.label for row in report.rows[:-1]]
+    paths = draw_paths(report.outcomes, labels, scene=scene, title=report.title)
+    forces = draw_forces(report.outcomes)
+    captions = {"Paths of the peg's tip": paths, "Contact force": forces}
+    return [
+        write_atomic(folder / "paths.png", paths),
+        write_atomic(folder / "forces.png", forces),
+        write_atomic(folder / "report.json", report.to_json()),
+        write_atomic(folder / "report.html", report.to_html(captions)),
+    ]
+
+
+def _settings(config: EvaluationConfig, options: Mapping[str, Any]) -> dict[str, Any]:
+    settings = asdict(replace(config, out=config.out.absolute()))
+    settings["environment"] = dict(options)
+    settings["hole poses (x y z [m], theta [rad])"] = {
+        pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}"
+        for pose in HOLE_POSES
+    }
+    if config.twin is not None:
+        settings["twin file"] = asdict(load_twin(config.twin))
+    return {name: value for name, value in settings.items() if value is not None}
+
+
+def command_line(config: EvaluationConfig) -> str:
+    """Return the command that makes an evaluation again, its folder aside."""
+    words = ["dovetail", "evaluate", config.policy]
+    for name in ("plant", "twin", "peg", "clearance", "tries", "seed"):
+        if (value := getattr(config, name)) is not None:
+            words += [f"--{name}", str(value)]
+    return shlex.join([*words, "--out", "results-again"])
+
+
+def provenance(started: datetime) -> dict[str, Any]:
+    """Return what a number depends on besides its settings: versions and machine."""
+    versions = {
+        name: importlib.metadata.version(name)
+        for name in ("dovetail", "mujoco", "numpy", "gymnasium")
+    }
+    return {
+        "started (UTC)": started.isoformat(timespec="seconds"),
+        "duration [s]": round((datetime.now(UTC) - started).total_seconds(), 1),
+        **{f"version of {name}": version for name, version in versions.items()},
+        "python": platform.python_version(),
+        "commit": _commit(),
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
+    }
+
+
+def _commit() -> str:
+    """Return the commit of the checkout that runs, or say that there is none."""
+    command = ["git", "describe", "--always", "--dirty"]
+    try:
+        answer = subprocess.run(
+            command,
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=10,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return "installed package, no checkout"
+    return answer.stdout.strip()
