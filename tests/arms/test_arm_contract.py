@@ -1,0 +1,147 @@
+"""What every arm must do alike; one file for all of them."""
+
+import numpy as np
+import pytest
+
+from dovetail import _core
+from dovetail.arms.local_arm import LocalArm
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, DynamicsConfig, make_plant
+from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
+from dovetail.scene import SceneConfig
+
+TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+ARMS = ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet), "twin"]
+
+
+def build(kind, task="XYZ:force A:pose BC:hold", period=0.005):
+    """Build a local arm over an engine or the easy twin."""
+    if kind == "bullet":
+        pytest.importorskip("pybullet")
+    scene = SceneConfig()
+    robot = scene.robot()
+    if kind == "twin":
+        plant = TwinPlant(load_twin("easy"), scene)
+    else:
+        plant = make_plant(kind, scene, DynamicsConfig())
+    osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
+    limits = LimitConfig.for_period(robot, period)
+    return LocalArm(plant, robot, osc, limits, task, period)
+
+
+@pytest.fixture(params=ARMS)
+def arm(request):
+    arm = build(request.param)
+    yield arm
+    arm.close()
+
+
+def start(arm, z=0.16):
+    return arm.robot.inverse_kinematics(
+        Pose(np.array([0.60, 0.0, z]), TOOL_DOWN), Q_SEED
+    )
+
+
+def push(f_star, theta=0.0):
+    quat = quat_multiply(quat_about_z(theta), TOOL_DOWN)
+    return _core.Target(f_star=np.array([*f_star, 0.0, 0.0, 0.0]), quat_wxyz_d=quat)
+
+
+def test_reset_gives_the_start_at_rest(arm):
+    q = start(arm)
+    state = arm.reset(q, HOLE)
+    assert state.stamp == 0.0
+    np.testing.assert_allclose(state.q, q, atol=1e-3)
+    np.testing.assert_allclose(state.position, [0.60, 0.0, 0.16], atol=1e-3)
+    np.testing.assert_allclose(state.velocity, np.zeros(6), atol=0.02)
+    assert state.log.shape == (0, len(CYCLE_COLUMNS))
+
+
+def test_step_logs_every_control_cycle(arm):
+    arm.reset(start(arm), HOLE)
+    first = arm.step(push([0.0, 0.0, 0.0]))
+    second = arm.step(push([0.0, 0.0, 0.0]), duration=0.02)
+    assert first.log.shape == (10, len(CYCLE_COLUMNS))
+    assert second.log.shape == (4, len(CYCLE_COLUMNS))
+    assert second.stamp == pytest.approx(0.07)
+    times = np.concatenate([first.log[:, 0], second.log[:, 0]])
+    np.testing.assert_allclose(times, 0.005 * np.arange(14), atol=1e-9)
+
+
+def test_without_a_command_the_arm_stays(arm):
+    before = arm.reset(start(arm), HOLE)
+    for _ in range(20):
+        state = arm.step(push([0.0, 0.0, 0.0]))
+    # The easy twin's gravity residual of 0.08 m/s2 pushes against D = 16 1/s.
+    np.testing.assert_allclose(state.position, before.position, atol=0.02)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_force_axis_moves_the_tool_along_it(arm, axis):
+    before = arm.reset(start(arm, z=0.20), HOLE)
+    f_star = 2.0 * np.eye(3)[axis]
+    for _ in range(6):
+        state = arm.step(push(f_star))
+    moved = state.position - before.position
+    assert moved[axis] > 0.015
+    assert np.abs(np.delete(moved, axis)).max() < 0.3 * moved[axis]
+
+
+def test_pose_axis_follows_theta_while_the_rest_is_held(arm):
+    arm.reset(start(arm), HOLE)
+    for _ in range(30):
+        state = arm.step(push([0.0, 0.0, 0.0], theta=0.15))
+    wanted = quat_multiply(quat_about_z(0.15), TOOL_DOWN)
+    error = rotation_error(wanted, state.quat_wxyz)
+    np.testing.assert_allclose(error, np.zeros(3), atol=0.03)
+
+
+def test_contact_is_felt_and_limited_by_the_command(arm):
+    arm.reset(start(arm, z=0.108), HOLE)
+    for _ in range(20):
+        state = arm.step(push([0.4, 0.0, -1.5]))
+    assert 1.0 < np.linalg.norm(state.contact_force) < 60.0
+    force = state.log[:, COLUMN["fx"] : COLUMN["fz"] + 1]
+    largest = np.linalg.norm(force, axis=1).max()
+    assert np.linalg.norm(state.contact_force) == pytest.approx(largest)
+
+
+def test_speed_limit_raises_its_flag(arm):
+    arm.reset(start(arm), HOLE)
+    flags = 0
+    for _ in range(10):
+        flags |= arm.step(push([0.0, 12.0, 0.0])).flags
+    assert flags & (0b111 << 28 | 0b111 << 31 | 0b111 << 34)  # a wall's bound
+
+
+def test_reset_begins_an_equal_trial(arm):
+    logs = []
+    for _ in range(2):
+        arm.plant.seed(3)
+        arm.reset(start(arm), HOLE)
+        logs.append([arm.step(push([1.0, -0.5, -2.0])).log for _ in range(15)])
+    np.testing.assert_array_equal(np.array(logs[0]), np.array(logs[1]))
+
+
+@pytest.mark.parametrize("duration", [0.0, 0.003, 0.0126, -0.05])
+def test_duration_that_is_no_whole_number_of_periods_is_refused(arm, duration):
+    arm.reset(start(arm), HOLE)
+    with pytest.raises(ConfigError, match="not a whole number of control periods"):
+        arm.step(push([0.0, 0.0, 0.0]), duration=duration)
+
+
+def test_engines_move_alike_in_free_air():
+    logs = []
+    for kind in ("mujoco", "bullet"):
+        arm = build(kind)
+        arm.reset(start(arm, z=0.25), HOLE)
+        for i in range(20):
+            f_star = 3.0 * np.array([np.sin(0.4 * i), np.cos(0.4 * i), 0.2])
+            state = arm.step(push(f_star, theta=0.1))
+        logs.append(state.position)
+        arm.close()
+    np.testing.assert_allclose(logs[0], logs[1], atol=1e-4)
