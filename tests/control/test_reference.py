@@ -65,10 +65,10 @@ def largest_difference(robot, q_start, osc, limits, period, tasks, rng, cycles):
 def test_cpp_equals_the_reference_for_every_task(robot, q_home, rng, scheme):
     limits = LimitConfig.for_period(robot, 1e-3, scheme=scheme, **WIDE_WALLS)
     worst, states, limited, exotic = largest_difference(
-        robot, q_home, OscConfig(), limits, 1e-3, EVERY_TASK, rng, 3
+        robot, q_home, OscConfig(), limits, 1e-3, EVERY_TASK, rng, 2
     )
     assert worst < TOLERANCE
-    assert states > 12000
+    assert states > 8000
     assert 1000 < limited < states
     assert exotic < 50
 
