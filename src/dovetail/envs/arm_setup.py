@@ -1,12 +1,13 @@
 """Build an arm in this process for an environment, over a plant or a twin."""
 
 from pathlib import Path
+from typing import cast
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.scene import SceneConfig
 
@@ -45,7 +46,8 @@ def build_local_arm(
         dynamics: Physics of the plain plant; a twin has its own.
 
     Raises:
-        ConfigError: Dynamics given with a twin, unknown plant or twin, or a setting out of range.
+        ConfigError: Dynamics given with a twin, unknown plant or twin, or a setting out
+            of range.
     """
     if twin is not None and dynamics is not None:
         raise ConfigError("dynamics and twin exclude each other: a twin has its own")
@@ -59,9 +61,9 @@ def build_local_arm(
         scheme=scheme,
     )
     osc = OscConfig.for_period(period, force_damping=[force_damping] * 6)
-    body = (
-        make_plant(plant, scene, dynamics or DynamicsConfig())
-        if twin is None
-        else TwinPlant(load_twin(twin), scene, engine=engine)
-    )
+    body: Plant
+    if twin is None:
+        body = make_plant(plant, scene, dynamics or DynamicsConfig())
+    else:
+        body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
     return LocalArm(body, robot, osc, limits, task, period)

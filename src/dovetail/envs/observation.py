@@ -33,19 +33,19 @@ further values are clipped."""
 
 
 class ObservationScaling:
-    """Scales joint angles by their limits, the rest by a symmetric logarithm.
+    r"""Scales joint angles by their limits, the rest by a symmetric logarithm.
 
-    .. math:: y = sign(x) \\ln(1 + |x| / s)
+    .. math:: y = sign(x) \ln(1 + |x| / s)
 
-    It is monotone and invertible and gives the network millimetres near the hole. On
-    z it is taken from the hole's mouth, `z_offset` above the target, because that is
-    where millimetres decide: with 0 the peg was inserted half as often after 15,000
-    steps.
+    It is monotone and invertible and gives the network millimetres near the hole. The
+    position is taken from the hole's mouth, a fixed `mouth_offset` from the target,
+    because that is where millimetres decide: without it the peg was inserted half as
+    often after 15,000 steps.
     """
 
-    def __init__(self, q_min: Vec7, q_max: Vec7, z_offset: float) -> None:
-        """Take the joint limits [rad] and the mouth's height above the target [m]."""
-        self._z_offset = z_offset
+    def __init__(self, q_min: Vec7, q_max: Vec7, mouth_offset: Vec3) -> None:
+        """Take the joint limits [rad] and the mouth minus the target [m], world."""
+        self._mouth_offset = np.asarray(mouth_offset, dtype=float)
         self._q_mid = (q_max + q_min) / 2.0
         self._q_half = (q_max - q_min) / 2.0
         self._scale = np.array(
@@ -57,7 +57,7 @@ class ObservationScaling:
         out = np.empty(NUM_OBSERVATIONS, dtype=np.float32)
         out[:7] = (raw[:7] - self._q_mid) / self._q_half
         tail = raw[7:].copy()
-        tail[2] -= self._z_offset
+        tail[:3] -= self._mouth_offset
         out[7:] = np.copysign(np.log1p(np.abs(tail) / self._scale), tail)
         np.maximum(out, -OBSERVATION_HIGH, out=out)
         return np.minimum(out, OBSERVATION_HIGH, out=out)
@@ -68,7 +68,7 @@ class ObservationScaling:
             "joint_middle": self._q_mid.tolist(),
             "joint_half_range": self._q_half.tolist(),
             "symmetric_log": self._scale.tolist(),
-            "z_offset": self._z_offset,
+            "mouth_offset": self._mouth_offset.tolist(),
         }
 
 

@@ -21,25 +21,22 @@ from dovetail.envs.observation import (
     observe,
 )
 from dovetail.envs.randomisation import (
+    TOOL_DOWN,
     RandomisationConfig,
     sample_hole,
     sample_start,
-    tool_down,
 )
 from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
 from dovetail.envs.violations import ViolationCounter
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.poses import Pose, matrix_from_quat
+from dovetail.poses import Pose, matrix_from_quat, quat_multiply
 from dovetail.scene import SceneConfig
-from dovetail.types import Array, Vec4, Vec7
+from dovetail.types import Array, Vec3, Vec4, Vec7
 
 POLICY_PERIOD = 0.05
 """Time between two actions [s]."""
-
-Q_SEED: Vec7 = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
-"""Configuration from which inverse kinematics starts [rad]: elbow up, tool down."""
 
 
 class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -98,9 +95,38 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     target), `contact_force_max` [N] of the step, `limit_violations` (control cycles of
     the step outside a joint or wall limit, by the measured state) and `observation_raw`
     (14 numbers, unscaled).
+
+    Args:
+        arm: The arm to use; None builds a `LocalArm` from the next arguments.
+        plant: Physics engine, "mujoco" or "bullet".
+        peg: Shape of peg and hole: "square", "triangle" or "round".
+        clearance: Gap between peg and hole on each side [m], >= 0.
+        task: Mode of each axis.
+        stack: Number of past (observation, action) pairs to append.
+        twin: Name or file of a twin to use in place of the plain plant.
+        period: Control period [s].
+        max_steps: Episode length [policy steps of 50 ms].
+        f_scale: f* at action 1 on X Y Z [m/s2].
+        f_scale_angular: f* at action 1 on A B C [rad/s2].
+        force_damping: Damping of force axes [1/s]; 0 is the paper.
+        theta_range: Rotation at action 1 on pose axes A B C [rad].
+        position_range: Displacement at action 1 on pose axes X Y Z [m].
+        scheme: How limits are kept, "qp" or "paper".
+        engine: Physics engine of the twin, if not the one in its file.
+        dynamics: Physics of the plain plant; a twin has its own.
+        tracker: Where the hole is; None is the simulation's truth.
+        randomisation: Ranges of starts and holes.
+        reward: Weights of the reward.
+        render_mode: None; there is nothing to render here.
+
+    Raises:
+        ConfigError: An unknown name or a number out of range.
     """  # noqa: E501
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": []}
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium's name)
+
+    q_seed: ClassVar[Vec7] = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
+    """Where inverse kinematics starts [rad]: elbow up, tool down."""
 
     def __init__(
         self,
@@ -127,34 +153,6 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         reward: RewardConfig | None = None,
         render_mode: str | None = None,
     ) -> None:
-        """Build the environment, and the arm unless one is given.
-
-        Args:
-            arm: The arm to use; None builds a `LocalArm` from the next arguments.
-            plant: Physics engine, "mujoco" or "bullet".
-            peg: Shape of peg and hole: "square", "triangle" or "round".
-            clearance: Gap between peg and hole on each side [m], >= 0.
-            task: Mode of each axis.
-            stack: Number of past (observation, action) pairs to append.
-            twin: Name or file of a twin to use in place of the plain plant.
-            period: Control period [s].
-            max_steps: Episode length [policy steps of 50 ms].
-            f_scale: f* at action 1 on X Y Z [m/s2].
-            f_scale_angular: f* at action 1 on A B C [rad/s2].
-            force_damping: Damping of force axes [1/s]; 0 is the paper.
-            theta_range: Rotation at action 1 on pose axes A B C [rad].
-            position_range: Displacement at action 1 on pose axes X Y Z [m].
-            scheme: How limits are kept, "qp" or "paper".
-            engine: Physics engine of the twin, if not the one in its file.
-            dynamics: Physics of the plain plant; a twin has its own.
-            tracker: Where the hole is; None is the simulation's truth.
-            randomisation: Ranges of starts and holes.
-            reward: Weights of the reward.
-            render_mode: None; there is nothing to render here.
-
-        Raises:
-            ConfigError: An unknown name or a number out of range.
-        """
         self.render_mode = render_mode
         self.scene = SceneConfig(peg=peg, clearance=clearance)  # type: ignore[arg-type]
         self.task = TaskSpec.parse(task)
@@ -183,28 +181,46 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             theta_range=theta_range,
             position_range=position_range,
         )
-        robot = self.arm.robot
-        self.scaling = ObservationScaling(
-            robot.q_min, robot.q_max, self.scene.hole_depth
-        )
-        self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
-        self._violations = ViolationCounter(robot, *self.walls())
-        self._target = _core.Target()
         self._lateral_max = clearance * math.sqrt(2.0) + 0.002
-        pair = np.concatenate(
-            [OBSERVATION_HIGH, np.ones(len(self.commands), dtype=np.float32)]
-        )
-        high = np.concatenate([OBSERVATION_HIGH, *([pair] * stack)])
-        self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
-        self.action_space = gymnasium.spaces.Box(
-            -1.0, 1.0, (len(self.commands),), dtype=np.float32
-        )
+        self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
+        self._prepare()
+        self._set_spaces(stack)
         self.state: ArmState
         self.hole: Pose
+
+    def _prepare(self) -> None:
+        """Take from the arm what each step needs."""
+        robot = self.arm.robot
+        task = getattr(self.arm, "task", self.task)
+        if task != self.task:
+            raise ConfigError(
+                f"the arm's task is '{task}', the environment's is '{self.task}'; give "
+                "both the same"
+            )
+        self.scaling = ObservationScaling(
+            robot.q_min, robot.q_max, self.scene.hole_depth * self.mouth_direction()
+        )
+        walls = self.walls()
+        limits = getattr(self.arm, "limits", None)
+        if limits is not None and limits.walls:
+            walls = limits.x_min, limits.x_max
+        self._violations = ViolationCounter(robot, *walls)
+        self._target = _core.Target()
+
+    def _set_spaces(self, stack: int) -> None:
+        size = len(self.commands)
+        pair = np.concatenate([OBSERVATION_HIGH, np.ones(size, dtype=np.float32)])
+        high = np.concatenate([OBSERVATION_HIGH, *([pair] * stack)])
+        self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
 
     def walls(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return lower and upper walls of the TCP [m], world axes."""
         return WALLS_MIN, WALLS_MAX
+
+    def mouth_direction(self) -> Vec3:
+        """Return where the mouth is from the target, world axes, unit length."""
+        return np.array([0.0, 0.0, 1.0])
 
     def draw_hole(self) -> Pose:
         """Draw the true pose of the hole's mouth for an episode."""
@@ -217,7 +233,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def goal_rotation(self, hole: Pose) -> Vec4:
         """Return the tool's rotation (wxyz) when the peg is aligned with the hole."""
-        return tool_down(2.0 * math.atan2(hole.quat_wxyz[3], hole.quat_wxyz[0]))
+        return quat_multiply(hole.quat_wxyz, TOOL_DOWN)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -245,7 +261,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if options.get("start") is not None:
             q = np.asarray(options["start"], dtype=float)
         else:
-            q = self.arm.robot.inverse_kinematics(self.draw_start(hole), Q_SEED)
+            q = self.arm.robot.inverse_kinematics(self.draw_start(hole), self.q_seed)
         self.hole = hole
         if seed is not None and hasattr(self.arm, "plant"):
             self.arm.plant.seed(seed)  # type: ignore[attr-defined]

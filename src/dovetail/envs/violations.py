@@ -10,7 +10,7 @@ from dovetail.types import Array
 
 
 class ViolationCounter:
-    """The robot's joint limits and the walls, without any of the controller's margins."""
+    """The robot's joint limits and the walls, without the controller's margins."""
 
     def __init__(
         self, robot: Robot, x_min: Sequence[float], x_max: Sequence[float]

@@ -1,0 +1,370 @@
+"""The log of one episode: every control cycle, columns with units, one file.
+
+NPZ by default, Parquet where pyarrow is installed (by the file's suffix). A file is
+written beside its place and renamed there: it is whole or absent. Reading executes
+nothing (no pickle) and checks everything.
+"""
+
+import json
+import os
+import signal
+import tempfile
+import threading
+import zipfile
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from types import FrameType, TracebackType
+from typing import Any, BinaryIO, Self, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dovetail.errors import LogError, MissingDependencyError
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.types import Array
+
+FORMAT = 1
+
+OBSERVED = (
+    *(f"obs_q{i}" for i in range(1, 8)),
+    *("obs_x", "obs_y", "obs_z", "obs_theta", "obs_vx", "obs_vy", "obs_vz"),
+)
+"""The policy's observation, unscaled; present where it was given."""
+
+_Handler: TypeAlias = Callable[[int, FrameType | None], Any] | int | None
+
+_UNIT_OF_STEM = {
+    "time": "s",
+    "q": "rad",
+    "dq": "rad/s",
+    "tau": "Nm",
+    **dict.fromkeys(("x", "y", "z"), "m"),
+    **dict.fromkeys(("qw", "qx", "qy", "qz", "flags", "step", "action", "reward"), "1"),
+    **dict.fromkeys(("vx", "vy", "vz"), "m/s"),
+    **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
+    **dict.fromkeys(("fx", "fy", "fz"), "N"),
+    **dict.fromkeys(("fsx", "fsy", "fsz"), "m/s2"),
+    "theta": "rad",
+}
+_MAY_BE_NAN = ("fx", "fy", "fz")  # an arm that cannot measure contact forces
+
+
+def unit_of(column: str) -> str:
+    """Return the unit of a log column.
+
+    Raises:
+        LogError: No such column.
+    """
+    stem = column.removeprefix("obs_").rstrip("0123456789")
+    if stem not in _UNIT_OF_STEM:
+        raise LogError(
+            f"unknown log column {column!r}; known: {', '.join(CYCLE_COLUMNS)}, step, "
+            f"action1.., reward, {', '.join(OBSERVED)}"
+        )
+    return _UNIT_OF_STEM[stem]
+
+
+def log_columns(num_actions: int, has_observation: bool) -> tuple[str, ...]:
+    """Return the columns of a log with so many actions."""
+    actions = tuple(f"action{i + 1}" for i in range(num_actions))
+    observed = OBSERVED if has_observation else ()
+    return (*CYCLE_COLUMNS, "step", *actions, "reward", *observed)
+
+
+class Episode:
+    """Everything that happened in one episode, at the control rate.
+
+    As a context manager with a `path` it writes what it has when the block ends,
+    also by an exception or SIGTERM.
+    """
+
+    def __init__(
+        self, *, metadata: Mapping[str, Any], path: str | Path | None = None
+    ) -> None:
+        """Start an empty log.
+
+        Args:
+            metadata: Plain data (robot, task, seed, ...); versions, date and format are
+                added.
+            path: File to write when used as a context manager.
+        """
+        facts = {
+            "format": FORMAT,
+            "created": datetime.now(UTC).isoformat(timespec="seconds"),
+            "versions": {name: _version(name) for name in ("dovetail", "numpy")},
+        }
+        self.metadata: dict[str, Any] = facts | dict(metadata)
+        self.columns: tuple[str, ...] = ()
+        self._path = Path(path) if path is not None else None
+        self._blocks: list[Array] = []
+        self._before: _Handler = None
+
+    def __len__(self) -> int:
+        """Number of rows: control cycles."""
+        return sum(len(block) for block in self._blocks)
+
+    def append(
+        self,
+        log: Array,
+        step: int,
+        action: ArrayLike,
+        reward: float,
+        observation: ArrayLike | None = None,
+    ) -> None:
+        """Add one policy step.
+
+        Args:
+            log: The step's control cycles, columns `CYCLE_COLUMNS`.
+            step: Number of the step, from 0.
+            action: The policy's action in [-1, 1].
+            reward: The step's reward.
+            observation: The unscaled observation after the step, shape (14,).
+
+        Raises:
+            LogError: A shape differs from `CYCLE_COLUMNS` or from the first step's.
+        """
+        numbers = np.asarray(action, dtype=float).ravel()
+        observed = () if observation is None else np.asarray(observation, dtype=float)
+        columns = log_columns(len(numbers), observation is not None)
+        self.columns = self.columns or columns
+        extra = np.concatenate([[step], numbers, [reward], observed])
+        width = log.shape[1] + len(extra) if log.ndim == 2 else 0
+        if width != len(columns) or columns != self.columns:
+            raise LogError(
+                f"step {step}: a log of shape {log.shape}, {len(numbers)} actions and "
+                f"{len(observed)} observations do not make the episode's "
+                f"{len(self.columns)} columns; give every step the same"
+            )
+        self._blocks.append(np.hstack([log, np.tile(extra, (len(log), 1))]))
+
+    @property
+    def data(self) -> Array:
+        """All rows, shape (cycles, columns)."""
+        if not self._blocks:
+            return np.empty((0, len(self.columns)))
+        if len(self._blocks) > 1:
+            self._blocks = [np.vstack(self._blocks)]
+        return self._blocks[0]
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each column."""
+        return tuple(unit_of(column) for column in self.columns)
+
+    def __getitem__(self, column: str) -> Array:
+        """Return one column by name, shape (cycles,).
+
+        Raises:
+            LogError: No such column; lists the log's.
+        """
+        if column not in self.columns:
+            raise LogError(
+                f"the log has no column {column!r}; it has {', '.join(self.columns)}"
+            )
+        return self.data[:, self.columns.index(column)]
+
+    def save(self, path: str | Path) -> Path:
+        """Write the log: Parquet if the suffix is .parquet, else NPZ.
+
+        Returns:
+            `path`.
+
+        Raises:
+            LogError: The disk is full or not writable; a file that was there before
+                stays as it was, and the log stays in memory.
+        """
+        path = Path(path)
+        write = _write_parquet if path.suffix == ".parquet" else _write_npz
+        beside = None
+        try:
+            with tempfile.NamedTemporaryFile(
+                dir=path.parent, prefix=f".{path.name}.", delete=False
+            ) as file:
+                beside = Path(file.name)
+                write(self, file)  # type: ignore[arg-type]
+                file.flush()
+                os.fsync(file.fileno())
+            beside.chmod(0o644)
+            beside.replace(path)
+        except OSError as error:
+            was = "is as it was before" if path.exists() else "does not exist"
+            raise LogError(
+                f"cannot write the log {path} ({len(self)} cycles): "
+                f"{error.strerror or error}; the file {was}, nothing half-written is "
+                "left, and the log is still in memory: free some space and save again"
+            ) from error
+        finally:
+            if beside is not None:
+                beside.unlink(missing_ok=True)
+        return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """Read a log and check it.
+
+        Raises:
+            LogError: Missing, damaged, of another format, or with wrong columns, units
+                or numbers; says which.
+            MissingDependencyError: A Parquet file and no pyarrow.
+        """
+        path = Path(path)
+        read = _read_parquet if path.suffix == ".parquet" else _read_npz
+        try:
+            data, columns, units, text = read(path)
+            metadata = json.loads(text)
+        except MissingDependencyError:
+            raise
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+            raise LogError(
+                f"the log {path} cannot be read: {error}; it is missing, cut short or "
+                "no dovetail log"
+            ) from error
+        if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
+            found = metadata.get("format") if isinstance(metadata, dict) else None
+            raise LogError(
+                f"the log {path} has format {found}; this version reads {FORMAT}"
+            )
+        _check(path, data, columns, units)
+        episode = cls(metadata=metadata)
+        episode.columns = columns
+        episode._blocks = [data]
+        return episode
+
+    def __enter__(self) -> Self:
+        """Turn SIGTERM into an exit that still writes."""
+        if threading.current_thread() is threading.main_thread():
+            self._before = signal.signal(signal.SIGTERM, _exit_on_signal)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Write what was logged, however the block ended."""
+        try:
+            if self._path is not None:
+                if kind is not None:
+                    self.metadata["ended_by"] = f"{kind.__name__}: {error}"
+                self.save(self._path)
+        finally:
+            if self._before is not None:
+                signal.signal(signal.SIGTERM, self._before)
+                self._before = None
+
+
+def _exit_on_signal(number: int, _: FrameType | None) -> None:
+    raise SystemExit(128 + number)
+
+
+def _check(
+    path: Path, data: Array, columns: tuple[str, ...], units: tuple[str, ...]
+) -> None:
+    """Refuse a log whose columns, units or numbers are not what they should be."""
+    num_actions = sum(name.startswith("action") for name in columns)
+    if columns and columns != log_columns(num_actions, OBSERVED[0] in columns):
+        raise LogError(
+            f"the log {path} has the columns {', '.join(columns)}; expected "
+            f"{', '.join(log_columns(num_actions, OBSERVED[0] in columns))}"
+        )
+    if data.dtype != np.float64 or data.ndim != 2 or data.shape[1] != len(columns):
+        raise LogError(
+            f"the log {path} has data of shape {data.shape} and type {data.dtype}; "
+            f"its {len(columns)} columns need (cycles, {len(columns)}) float64"
+        )
+    if len(units) != len(columns):
+        raise LogError(
+            f"the log {path} has {len(units)} units for {len(columns)} columns"
+        )
+    for name, unit, values in zip(columns, units, data.T, strict=True):
+        if unit != unit_of(name):
+            raise LogError(
+                f"the log {path}: column {name} is in {unit!r}, expected "
+                f"{unit_of(name)!r}"
+            )
+        bad = np.isinf(values) if name in _MAY_BE_NAN else ~np.isfinite(values)
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise LogError(
+                f"the log {path}: column {name} is {values[row]} in row {row}; it must "
+                "be finite"
+            )
+    if len(data) > 1 and not (np.diff(data[:, 0]) > 0.0).all():
+        row = int(np.argmin(np.diff(data[:, 0]) > 0.0)) + 1
+        raise LogError(f"the log {path}: time does not increase at row {row}")
+
+
+_Parts: TypeAlias = tuple[Array, tuple[str, ...], tuple[str, ...], str]
+
+
+def _metadata_text(episode: Episode) -> str:
+    return json.dumps(episode.metadata, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    """Return what JSON can hold for arrays, NumPy numbers and paths."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return str(value)
+
+
+def _write_npz(episode: Episode, file: BinaryIO) -> None:
+    np.savez(
+        file,
+        data=episode.data,
+        columns=np.array(episode.columns, dtype=str),
+        units=np.array(episode.units, dtype=str),
+        metadata=np.array(_metadata_text(episode)),
+    )
+
+
+def _read_npz(path: Path) -> _Parts:
+    with np.load(path, allow_pickle=False) as arrays:
+        if isinstance(arrays, np.ndarray):
+            raise ValueError("it is a single array")
+        columns = tuple(str(name) for name in arrays["columns"])
+        units = tuple(str(unit) for unit in arrays["units"])
+        return arrays["data"], columns, units, str(arrays["metadata"])
+
+
+def _pyarrow() -> tuple[Any, Any]:
+    try:
+        import pyarrow
+        import pyarrow.parquet as parquet
+    except ImportError as error:
+        raise MissingDependencyError(
+            'a Parquet log needs pyarrow: pip install "dovetail[log]", or use the '
+            "suffix .npz"
+        ) from error
+    return pyarrow, parquet
+
+
+def _write_parquet(episode: Episode, file: BinaryIO) -> None:
+    pyarrow, parquet = _pyarrow()
+    fields = [
+        pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit})
+        for name, unit in zip(episode.columns, episode.units, strict=True)
+    ]
+    schema = pyarrow.schema(fields, metadata={"dovetail": _metadata_text(episode)})
+    columns = [np.ascontiguousarray(values) for values in episode.data.T]
+    parquet.write_table(pyarrow.Table.from_arrays(columns, schema=schema), file)
+
+
+def _read_parquet(path: Path) -> _Parts:
+    _, parquet = _pyarrow()
+    table = parquet.read_table(path)
+    text = (table.schema.metadata or {})[b"dovetail"].decode()
+    units = tuple((f.metadata or {})[b"unit"].decode() for f in table.schema)
+    columns = tuple(table.column_names)
+    data = np.column_stack([table[name].to_numpy() for name in columns])
+    return data, columns, units, text
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
