@@ -68,7 +68,7 @@ struct OscParams {
   double f_clamp_angular = 200.0;  ///< largest |f*| per rotation axis [rad/s2]
   double k_null = 5.0;             ///< null-space damping k [1/s]
   double length_scale = 0.15;      ///< L, scales rotation rows [m/rad]
-  double s0 = 0.02;                ///< eigenvalue fade threshold [1/kg]
+  double s0 = 0.005;               ///< eigenvalue fade threshold [1/kg]
   bool use_jdot = false;           ///< subtract dJ dq in the task
   bool use_coriolis = false;       ///< add c to u0
 };

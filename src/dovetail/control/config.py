@@ -78,8 +78,9 @@ class OscConfig:
     """Null-space damping k [1/s]; it can only take energy out."""
     length_scale: Annotated[float, Range(1e-2, 10.0, "m/rad")] = 0.15
     """Length L that weighs rotation rows in the task inertia [m/rad]."""
-    s0: Annotated[float, Range(1e-6, 10.0, "1/kg")] = 0.02
-    """Task inertia eigenvalue below which a direction fades out [1/kg]."""
+    s0: Annotated[float, Range(1e-6, 10.0, "1/kg")] = 0.005
+    """Task inertia eigenvalue below which a direction fades out [1/kg]. With rotor
+    inertia in the model the tool-down home pose has 0.0145: 0.02 would fade there."""
     use_jdot: bool = False
     """Subtract dJ dq from f*; off as in the paper."""
     use_coriolis: bool = False
