@@ -230,9 +230,10 @@ class BulletPlant:
         M[_JOINTS, _JOINTS] += self._armature + h * self._damping
         bias = true.coriolis(q, dq) + true.gravity(q) + self._damping * dq
         contact = self._contact_torque
-        a = np.linalg.solve(M, tau - bias + contact)
+        Minv = np.asarray(np.linalg.inv(M), dtype=np.float64)
+        a = Minv @ (tau - bias + contact)
         if self._coulomb.any():
-            a += _dry_friction(np.linalg.inv(M), dq + h * a, self._coulomb, h)
+            a += _dry_friction(Minv, dq + h * a, self._coulomb, h)
         return (
             simulated.inertia_matrix(q) @ a
             + simulated.coriolis(q, dq)
