@@ -31,7 +31,7 @@ from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
 from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
-from dovetail.learn.policy import Policy
+from dovetail.learn.policy import Policy, policy_files
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
 from dovetail.scene import SceneConfig
@@ -86,8 +86,8 @@ def find_policy(name_or_path: str) -> Path:
         ConfigError: Neither; lists the shipped ones.
     """
     path = Path(name_or_path).expanduser()
-    if path.is_file() or path.with_suffix(".safetensors").is_file():
-        return path
+    if any(file.is_file() for file in policy_files(path)):
+        return policy_files(path)[0]
     if name_or_path in list_policies():
         return POLICY_FOLDER / f"{name_or_path}.safetensors"
     raise ConfigError(
@@ -107,17 +107,11 @@ def environment_options(
 
     Raises:
         ConfigError: Neither or both of plant and twin, or an unknown one.
-        PolicyError: The description names no task.
     """
     if (config.plant is None) == (config.twin is None):
         raise ConfigError(
             "give either a plant or a twin to try the policy on; known plants: "
             f"{', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}"
-        )
-    if not isinstance(policy.get("env"), Mapping) or "env_id" not in policy:
-        raise PolicyError(
-            "the policy's JSON file has no env_id or no env, so its environment is "
-            "unknown; export the policy again"
         )
     options = dict(policy["env"])
     for name in ("plant", "twin", "peg", "clearance"):

@@ -101,21 +101,21 @@ class Trialist:
     def run(self, job: Job) -> Outcome:
         """Run one try from reset to success or time-out, and log it."""
         hole = self._poses[job.pose].pose()
-        episode = Episode(metadata=self._describe(job))
+        file = self._log_file(job)
         observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
         blocks: list[Array] = []
         steps, violations, done = 0, 0, False
-        try:
+        with Episode(metadata=self._describe(job), path=file) as episode:
             while not done:
                 action = self._policy(observation)
                 observation, reward, ended, cut, info = self._env.step(action)
+                blocks.append(self._state().log)
+                raw = info["observation_raw"]
+                episode.append(blocks[-1], steps, action, float(reward), raw)
                 steps += 1
                 violations += int(info["limit_violations"])
-                blocks.append(self._state().log)
-                episode.append(blocks[-1], steps - 1, action, float(reward))
                 done = ended or cut
-        finally:
-            log = self._keep(episode, job)
+        log = "" if file is None else file.name
         return _outcome(job, np.vstack(blocks), hole, steps, violations, info, log)
 
     def close(self) -> None:
@@ -129,12 +129,10 @@ class Trialist:
         pose = self._poses[job.pose]
         return {"hole_pose": pose._asdict(), **job._asdict()}
 
-    def _keep(self, episode: Episode, job: Job) -> str:
+    def _log_file(self, job: Job) -> Path | None:
         if self._logs is None:
-            return ""
-        name = f"{self._poses[job.pose].name}_{job.attempt:02d}.npz"
-        episode.save(self._logs / name)
-        return name
+            return None
+        return self._logs / f"{self._poses[job.pose].name}_{job.attempt:02d}.npz"
 
 
 def _outcome(

@@ -1,0 +1,116 @@
+"""The report stands alone, and says what it must."""
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail.evaluate.figures import draw_forces, draw_paths, hole_outline
+from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.report import Report
+from dovetail.evaluate.transfer import summarise
+from dovetail.scene import SceneConfig
+
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture
+def report(rng):
+    outcomes = [
+        Outcome(
+            pose=pose,
+            attempt=0,
+            seed=3,
+            success=pose == 0,
+            steps=40 if pose == 0 else 200,
+            depth=0.028 if pose == 0 else 0.001,
+            force_mean=1.5,
+            force_peak=7.0,
+            contact_cycles=10,
+            violations=0,
+            path=np.cumsum(rng.normal(scale=1e-3, size=(50, 3)), axis=0),
+            log=f"{pose}.npz",
+        )
+        for pose in range(2)
+    ]
+    return Report(
+        title="peg_square on twin <medium>",
+        ground="twin medium (mujoco)",
+        rows=summarise(outcomes, ["A", "B"]),
+        outcomes=outcomes,
+        config={"tries": 1, "twin": "medium"},
+        policy={"provenance": {"command": "dovetail train --seed 0"}},
+        provenance={"python": "3.11"},
+        command="dovetail evaluate peg_square --twin medium",
+    )
+
+
+def test_json_holds_rows_and_tries_and_is_strict(report):
+    content = json.loads(report.to_json(), parse_constant=pytest.fail)
+    assert [row["label"] for row in content["rows"]] == ["A", "B", "all"]
+    assert content["rows"][1]["steps_median"] is None
+    assert content["rows"][0]["interval"] == pytest.approx([0.2065, 1.0], abs=1e-4)
+    assert content["tries"][0]["log"] == "0.npz"
+    assert "path" not in content["tries"][0]
+
+
+def test_html_needs_nothing_from_outside(report):
+    page = report.to_html({"Paths": PNG})
+    sources = re.findall(r'(?:src|href)="([^"]*)"', page)
+    assert len(sources) == 1
+    assert sources[0].startswith("data:image/png;base64,")
+    assert "http" not in page
+    assert "<script" not in page
+    assert "@import" not in page
+
+
+def test_html_says_table_settings_policy_and_how_to_repeat(report):
+    page = report.to_html({"Paths": PNG})
+    for text in (
+        "1/2",
+        "0/1",
+        "Wilson 95 %",
+        report.command,
+        "provenance.command",
+        "dovetail train --seed 0",
+        "Settings",
+        "twin medium (mujoco)",
+    ):
+        assert text in page
+
+
+def test_html_escapes_what_users_write(report):
+    page = report.to_html({})
+    assert "twin &lt;medium&gt;" in page
+    assert "<medium>" not in page
+
+
+def test_a_twin_is_never_called_a_robot(report):
+    assert "robot" not in report.to_html({"Paths": PNG}).lower()
+
+
+@pytest.mark.parametrize("peg", ["square", "triangle", "round"])
+def test_figures_are_png_for_every_peg(report, peg):
+    scene = SceneConfig(peg=peg)
+    figure = draw_paths(
+        report.outcomes, ["A", "B"], scene=scene, title="paths of a test"
+    )
+    assert figure.startswith(PNG)
+    assert draw_forces(report.outcomes).startswith(PNG)
+
+
+def test_forces_without_any_contact_are_drawn(report):
+    silent = [replace(o, force_peak=0.0, force_mean=0.0) for o in report.outcomes]
+    assert draw_forces(silent).startswith(PNG)
+
+
+@pytest.mark.parametrize("peg", ["square", "triangle", "round"])
+def test_outline_is_closed_and_its_flats_lie_clearance_outside_the_peg(peg):
+    scene = SceneConfig(peg=peg, clearance=0.001)
+    outline = hole_outline(scene)
+    np.testing.assert_allclose(outline[0], outline[-1], atol=1e-12)
+    middles = 0.5 * (outline[1:] + outline[:-1])
+    nearest = np.linalg.norm(middles, axis=1).min()
+    assert nearest == pytest.approx(scene.inner_radius + 0.001, rel=2e-3)

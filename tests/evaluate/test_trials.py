@@ -1,0 +1,139 @@
+"""Tries are seeded, logged, and measured in the hole's frame."""
+
+from functools import partial
+from types import SimpleNamespace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from dovetail.episode import Episode
+from dovetail.errors import ConfigError
+from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+
+CYCLES = 10
+
+
+class FallingEnv(gym.Env):
+    """The tool sinks 4 mm per step from above the hole; no physics."""
+
+    def __init__(self, drop=0.004, force=(3.0, 0.0, 4.0), fail_at=None):
+        self.observation_space = gym.spaces.Box(-1, 1, (14,))
+        self.action_space = gym.spaces.Box(-1, 1, (4,))
+        self.drop, self.force, self.fail_at = drop, force, fail_at
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.hole = options["hole"]
+        self.height = self.np_random.uniform(0.01, 0.05)
+        self.time, self.steps = 0.0, 0
+        return np.zeros(14), {}
+
+    def step(self, action):
+        if self.steps == self.fail_at:
+            raise RuntimeError("the plant diverged")
+        log = np.zeros((CYCLES, len(CYCLE_COLUMNS)))
+        log[:, COLUMN["time"]] = self.time + 0.005 * np.arange(CYCLES)
+        log[:, COLUMN["x"] : COLUMN["z"] + 1] = self.hole.position
+        log[:, COLUMN["z"]] += self.height - self.drop * np.linspace(0, 1, CYCLES)
+        if self.height < 0.0:
+            log[CYCLES // 2 :, COLUMN["fx"] : COLUMN["fz"] + 1] = self.force
+        self.time, self.steps = self.time + 0.05, self.steps + 1
+        self.height -= self.drop
+        self.state = SimpleNamespace(log=log)
+        success = self.height <= -0.028
+        info = {
+            "success": success,
+            "depth": -self.height,
+            "limit_violations": 1 if self.steps == 2 else 0,
+            "observation_raw": np.zeros(14),
+        }
+        return np.zeros(14), 0.0, success, self.steps >= 30 and not success, info
+
+
+def idle_policy():
+    return lambda observation: np.zeros(4, dtype=np.float32)
+
+
+def run(jobs, make_env=FallingEnv, **options):
+    return list(run_trials(make_env, idle_policy, jobs, **options))
+
+
+def test_hole_poses_differ_in_x_y_z_and_theta():
+    for values in zip(*(pose[1:] for pose in HOLE_POSES), strict=True):
+        assert len(set(values)) == 3
+    assert len({pose.name for pose in HOLE_POSES}) == 3
+
+
+def test_plan_gives_every_try_a_seed_of_its_own_and_the_same_each_time():
+    jobs = plan_trials(3, 20, seed=0)
+    assert len(jobs) == 60
+    assert len({job.seed for job in jobs}) == 60
+    assert jobs == plan_trials(3, 20, seed=0)
+    assert jobs != plan_trials(3, 20, seed=1)
+
+
+@pytest.mark.parametrize(("tries", "seed"), [(0, 0), (-1, 0), (1, -1)])
+def test_impossible_plans_are_refused(tries, seed):
+    with pytest.raises(ConfigError, match="needs"):
+        plan_trials(3, tries, seed)
+
+
+def test_outcomes_come_in_order_with_what_the_environment_said():
+    outcomes = run(plan_trials(3, 2, seed=0))
+    assert [(o.pose, o.attempt) for o in outcomes] == [
+        (pose, attempt) for pose in range(3) for attempt in range(2)
+    ]
+    for o in outcomes:
+        assert o.success
+        assert o.depth >= 0.028
+        assert o.violations == 1
+        assert 10 <= o.steps <= 25
+
+
+def test_the_same_seed_gives_the_same_outcome_and_another_seed_another():
+    first, again, other = run([Job(0, 0, 5), Job(0, 0, 5), Job(0, 0, 6)])
+    np.testing.assert_array_equal(first.path, again.path)
+    assert first.path[0, 2] != other.path[0, 2]
+
+
+def test_path_is_in_the_holes_frame():
+    (outcome,) = run([Job(2, 0, 5)])
+    np.testing.assert_allclose(outcome.path[:, :2], 0.0, atol=1e-12)
+    assert outcome.path.shape == (CYCLES * outcome.steps, 3)
+    assert 0.0 < outcome.path[0, 2] <= 0.05
+
+
+def test_force_is_averaged_over_the_cycles_in_contact_only():
+    (outcome,) = run([Job(0, 0, 5)])
+    assert outcome.force_peak == pytest.approx(5.0)
+    assert outcome.force_mean == pytest.approx(5.0)
+    assert 0 < outcome.contact_cycles < CYCLES * outcome.steps
+
+
+def test_a_try_that_times_out_is_no_success():
+    (outcome,) = run([Job(0, 0, 5)], partial(FallingEnv, drop=1e-5))
+    assert not outcome.success
+    assert outcome.steps == 30
+
+
+def test_every_try_leaves_a_log_that_loads(tmp_path):
+    outcomes = run(plan_trials(1, 2, seed=3), logs=tmp_path)
+    for o in outcomes:
+        episode = Episode.load(tmp_path / o.log)
+        assert len(episode) == CYCLES * o.steps
+        assert episode.metadata["seed"] == o.seed
+        assert episode.metadata["hole_pose"]["name"] == "A"
+
+
+def test_a_try_that_dies_still_leaves_its_log(tmp_path):
+    with pytest.raises(RuntimeError, match="diverged"):
+        run([Job(0, 0, 5)], partial(FallingEnv, fail_at=4), logs=tmp_path)
+    episode = Episode.load(tmp_path / "A_00.npz")
+    assert len(episode) == 4 * CYCLES
+
+
+def test_no_worker_at_all_is_refused():
+    with pytest.raises(ConfigError, match="workers is 0"):
+        run([Job(0, 0, 5)], workers=0)

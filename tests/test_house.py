@@ -1,0 +1,137 @@
+"""The house's own rules: short files, imports one way, names that say something."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "src" / "dovetail"
+FOLDERS = ("src", "cpp", "tests", "examples", "benchmarks", "docs", "typings")
+MAX_LINES = 400
+EMPTY_NAMES = {"utils", "util", "common", "helper", "helpers", "manager", "misc"}
+
+LAYERS = (
+    {"types", "poses", "errors", "kinematics", "iiwa14", "robot", "robot_file"},
+    {"scene"},
+    {"control", "plants"},
+    {"arms", "cabinet", "episode"},
+    {"envs", "identify", "perceive"},
+    {"learn", "evaluate", "view"},
+    {"commands", "doctor"},
+    {"cli"},
+)
+"""Modules and folders of the package; each imports from its own layer and from above."""
+
+
+def sources(*suffixes):
+    return sorted(
+        path
+        for folder in FOLDERS
+        for path in (ROOT / folder).rglob("*")
+        if path.suffix in suffixes and path.name != "_core.pyi"
+    )
+
+
+def layer_of(name):
+    for index, names in enumerate(LAYERS):
+        if name in names:
+            return index
+    return None
+
+
+def imports(path):
+    """Yield the first part below dovetail of each import, TYPE_CHECKING left out."""
+    tree = ast.parse(path.read_text())
+    skipped = {
+        node
+        for branch in ast.walk(tree)
+        if isinstance(branch, ast.If) and "TYPE_CHECKING" in ast.dump(branch.test)
+        for statement in branch.body
+        for node in ast.walk(statement)
+    }
+    for node in ast.walk(tree):
+        if node in skipped:
+            continue
+        if isinstance(node, ast.ImportFrom) and (node.module or "") == "dovetail":
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            match = re.match(r"dovetail\.(\w+)", node.module or "")
+            if match:
+                yield match[1]
+
+
+def test_files_have_at_most_400_lines():
+    long = {
+        str(path.relative_to(ROOT)): count
+        for path in sources(".py", ".pyi", ".cpp", ".hpp")
+        if (count := len(path.read_text().splitlines())) > MAX_LINES
+    }
+    assert not long
+
+
+def test_functions_have_at_most_60_lines_of_code():
+    """Docstrings are not counted."""
+    long = []
+    for path in sources(".py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+                body = node.body
+                start = node.lineno
+                if ast.get_docstring(node) and len(body) > 1:
+                    start = body[1].lineno
+                if (node.end_lineno or start) - start + 1 > 60:
+                    long.append(f"{path.relative_to(ROOT)}: {node.name}")
+    assert not long
+
+
+@pytest.mark.parametrize(
+    "path", sorted(PACKAGE.rglob("*.py")), ids=lambda p: str(p.relative_to(PACKAGE))
+)
+def test_imports_point_one_way(path):
+    own = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    if own == "__init__":
+        return
+    index = layer_of(own)
+    assert index is not None, f"{own} has no layer: add it to LAYERS"
+    for name in imports(path):
+        if name == "_core":
+            continue
+        assert layer_of(name) is not None, f"{name} has no layer: add it to LAYERS"
+        assert layer_of(name) <= index, f"{own} must not import {name}"
+
+
+def test_no_file_has_an_empty_name():
+    names = {path: path.stem.lower() for path in sources(".py", ".cpp", ".hpp")}
+    empty = [
+        str(path.relative_to(ROOT))
+        for path, name in names.items()
+        if EMPTY_NAMES & set(name.split("_"))
+    ]
+    assert not empty
+
+
+def test_no_open_ends_are_left_in_the_code():
+    words = re.compile("TO" + "DO|FIX" + "ME|X" + "XX|NotImplemented" + "Error")
+    left = [
+        f"{path.relative_to(ROOT)}:{number}"
+        for path in sources(".py", ".cpp", ".hpp")
+        for number, line in enumerate(path.read_text().splitlines(), 1)
+        if words.search(line)
+    ]
+    assert not left
+
+
+def test_the_core_knows_nothing_of_python():
+    for path in [*ROOT.glob("cpp/src/*"), *ROOT.glob("cpp/include/dovetail/*")]:
+        text = path.read_text()
+        assert "nanobind" not in text, path
+        assert "Python.h" not in text, path
+
+
+def test_nothing_loads_pickles():
+    for path in sorted(PACKAGE.rglob("*.py")):
+        text = path.read_text()
+        assert not re.search(r"^\s*(import|from) (pickle|cloudpickle)", text, re.M), path
+        assert "allow_pickle=True" not in text, path
