@@ -62,12 +62,14 @@ def test_observed_columns_are_the_environments():
 
 def test_a_log_is_written_when_the_block_dies_by_an_exception(tmp_path):
     path = tmp_path / "log.npz"
-    with (
-        pytest.raises(ZeroDivisionError),
-        Episode(metadata={}, path=path) as episode,
-    ):
-        episode.append(cycles(10), 0, [0.0], 0.0)
-        raise ZeroDivisionError("division by zero")
+
+    def die():
+        with Episode(metadata={}, path=path) as episode:
+            episode.append(cycles(10), 0, [0.0], 0.0)
+            raise ZeroDivisionError("division by zero")
+
+    with pytest.raises(ZeroDivisionError):
+        die()
     loaded = Episode.load(path)
     assert len(loaded) == 10
     assert loaded.metadata["ended_by"] == "ZeroDivisionError: division by zero"

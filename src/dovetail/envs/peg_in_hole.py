@@ -38,6 +38,8 @@ from dovetail.types import Array, Vec3, Vec4, Vec7
 POLICY_PERIOD = 0.05
 """Time between two actions [s]."""
 
+_ONE = np.float32(1.0)
+
 
 class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Push a peg into a hole whose pose is known, under a torque-controlled arm.
@@ -275,7 +277,14 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Follow an action for 50 ms."""
-        action = np.clip(np.asarray(action, dtype=np.float32), -1.0, 1.0)
+        action = np.asarray(action, dtype=np.float32)
+        if action.shape != self.action_space.shape or not np.isfinite(action).all():
+            raise ConfigError(
+                f"the action is {action.tolist()}; it must be "
+                f"{len(self.commands)} finite numbers, one for each of "
+                f"{' '.join(self.commands.axes)}"
+            )
+        action = np.maximum(np.minimum(action, _ONE), -_ONE)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1

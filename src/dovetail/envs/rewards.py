@@ -48,7 +48,7 @@ def insertion_reward(
     Reference:
         Kaspar, Munoz Osorio, Bock 2020, section IV.
     """
-    x, y, z = (float(value) for value in position_error)
+    x, y, z = position_error.tolist()
     distance = math.sqrt(x * x + y * y + z * z)
     manhattan = abs(x) + abs(y) + abs(z)
     cost = (

@@ -1,0 +1,55 @@
+"""An arm without physics: the tool goes where it is told, at once."""
+
+import numpy as np
+
+from dovetail.arms.arm import ArmState
+from dovetail.envs.randomisation import tool_down
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.scene import SceneConfig
+
+
+class FakeArm:
+    """`place(...)` says what the next state measures; Targets are recorded."""
+
+    period = 0.005
+
+    def __init__(self):
+        self.robot = SceneConfig().robot()
+        self.targets = []
+        self.closed = False
+        self.place()
+
+    def place(self, position=(0.6, 0.0, 0.2), yaw=0.0, velocity=(0, 0, 0), **extra):
+        log = np.zeros((10, len(CYCLE_COLUMNS)))
+        log[:, CYCLE_COLUMNS.index("x")] = position[0]
+        log[:, CYCLE_COLUMNS.index("y")] = position[1]
+        log[:, CYCLE_COLUMNS.index("z")] = position[2]
+        self.state = ArmState(
+            0.0,
+            np.asarray(extra.get("q", np.full(7, 0.1)), dtype=float),
+            np.zeros(7),
+            np.asarray(position, dtype=float),
+            tool_down(yaw),
+            np.array([*velocity, 0.0, 0.0, 0.0], dtype=float),
+            np.asarray(extra.get("force", (0.0, 0.0, 0.0)), dtype=float),
+            0,
+            extra.get("log", log),
+        )
+
+    def reset(self, q, hole):
+        self.start, self.hole = q, hole
+        return self.state
+
+    def step(self, target, duration=0.05):
+        assert duration == 0.05
+        self.targets.append(
+            (
+                np.array(target.f_star),
+                np.array(target.position_d),
+                np.array(target.quat_wxyz_d),
+            )
+        )
+        return self.state
+
+    def close(self):
+        self.closed = True

@@ -1,0 +1,326 @@
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+from dovetail.control.build import make_controller
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.envs.randomisation import tool_down
+from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.poses import Pose, quat_about_z
+
+from .fake_arm import FakeArm
+
+HOLE = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0))
+TARGET = np.array([0.6, 0.0, 0.07])
+
+
+@pytest.fixture
+def fake():
+    """Environment over a fake arm, the hole at HOLE."""
+    arm = FakeArm()
+    env = PegInHoleEnv(arm)
+    env.reset(seed=0, options={"hole": HOLE, "start": np.zeros(7)})
+    return env, arm
+
+
+@pytest.fixture(scope="module")
+def real():
+    env = PegInHoleEnv()
+    yield env
+    env.close()
+
+
+def act(env, *action):
+    return env.step(np.array(action or [0.0] * 4, dtype=np.float32))
+
+
+def test_gymnasium_makes_it_by_name_and_it_passes_check_env():
+    env = gym.make(
+        "dovetail/PegInHole-v0",
+        plant="mujoco",
+        peg="square",
+        clearance=0.001,
+        task="XYZ:force A:pose BC:hold",
+        stack=0,
+    )
+    check_env(env.unwrapped)
+    env.close()
+
+
+def test_check_env_passes_with_stacking():
+    env = PegInHoleEnv(stack=4)
+    check_env(env)
+    assert env.observation_space.shape == (14 + 4 * 18,)
+    env.close()
+
+
+def test_the_same_seed_gives_the_same_episode(real):
+    rng = np.random.default_rng(1)
+    actions = rng.uniform(-1, 1, (30, 4)).astype(np.float32)
+
+    def roll():
+        seen = [real.reset(seed=3)[0]]
+        seen += [real.step(action)[0] for action in actions]
+        return np.array(seen)
+
+    first = roll()
+    np.testing.assert_array_equal(first, roll())
+    assert not np.array_equal(first[0], real.reset(seed=4)[0])
+
+
+def test_observation_is_measured_joints_tool_minus_target_theta_and_velocity(fake):
+    env, arm = fake
+    q = np.linspace(-1.0, 1.0, 7)
+    arm.place((0.61, -0.02, 0.15), yaw=0.3, velocity=(0.1, 0.2, -0.3), q=q)
+    observation, _, _, _, info = act(env)
+    raw = info["observation_raw"]
+    np.testing.assert_allclose(raw[:7], q)
+    np.testing.assert_allclose(raw[7:10], np.array([0.61, -0.02, 0.15]) - TARGET)
+    assert raw[10] == pytest.approx(0.3)
+    np.testing.assert_allclose(raw[11:], [0.1, 0.2, -0.3])
+    np.testing.assert_allclose(observation[:7], q / arm.robot.q_max, rtol=1e-6)
+    from_mouth = np.array([0.01, -0.02, 0.05])
+    scaled = np.sign(from_mouth) * np.log(1 + np.abs(from_mouth) / 0.002)
+    np.testing.assert_allclose(observation[7:10], scaled, rtol=1e-5)
+    assert observation[10] == pytest.approx(np.log(1 + 0.3 / 0.02), rel=1e-5)
+    assert observation[13] == pytest.approx(-np.log(1 + 0.3 / 0.02), rel=1e-5)
+
+
+def test_theta_is_relative_to_the_hole(fake):
+    env, arm = fake
+    turned = Pose(HOLE.position, quat_about_z(0.25))
+    arm.place(yaw=0.35)
+    _, info = env.reset(options={"hole": turned, "start": np.zeros(7)})
+    assert info["theta_error"] == pytest.approx(0.10)
+    act(env, 0, 0, 0, 0)
+    np.testing.assert_allclose(arm.targets[-1][2], tool_down(0.25), atol=1e-9)
+    act(env, 0, 0, 0, 1)
+    np.testing.assert_allclose(arm.targets[-1][2], tool_down(0.45), atol=1e-9)
+
+
+def test_the_action_is_an_acceleration_and_a_rotation_relative_to_the_hole(fake):
+    env, arm = fake
+    act(env, 0.5, -1.0, 0.25, -0.5)
+    f_star, _, quat = arm.targets[-1]
+    np.testing.assert_allclose(f_star, [2.0, -4.0, 1.0, 0, 0, 0])
+    np.testing.assert_allclose(quat, tool_down(-0.1), atol=1e-9)
+
+
+def test_an_action_beyond_one_is_clipped_to_one(fake):
+    env, arm = fake
+    act(env, 3.0, -7.0, 0.0, 2.0)
+    np.testing.assert_allclose(arm.targets[-1][0][:3], [4.0, -4.0, 0.0])
+
+
+@pytest.mark.parametrize("action", [[0.0] * 3, [0.0, 0.0, np.nan, 0.0]])
+def test_an_action_of_another_size_or_not_finite_is_refused(fake, action):
+    env, _ = fake
+    with pytest.raises(ConfigError, match="must be 4 finite numbers, one for each of"):
+        act(env, *action)
+
+
+def test_reward_is_the_papers(fake):
+    env, arm = fake
+    arm.place(np.add(TARGET, [0.03, 0.0, 0.04]), yaw=-0.2)
+    _, reward, terminated, truncated, _ = act(env)
+    assert reward == pytest.approx(-(0.6 * 0.05 + 0.4 * 0.07 + 0.1 * 0.2))
+    assert not terminated
+    assert not truncated
+
+
+def test_success_is_28_mm_deep_and_inside_and_ends_the_episode_with_50(fake):
+    env, arm = fake
+    arm.place(np.add(TARGET, [0.0, 0.0, 0.0019]))
+    _, reward, terminated, truncated, info = act(env)
+    assert (terminated, truncated, info["success"]) == (True, False, True)
+    assert info["depth"] == pytest.approx(0.0281)
+    assert reward == pytest.approx(50.0 - 0.0019)
+
+
+@pytest.mark.parametrize(
+    "offset", [(0.0, 0.0, 0.0021), (0.004, 0.0, 0.0), (0.09, 0, 0)]
+)
+def test_too_high_or_beside_the_hole_is_no_success(fake, offset):
+    env, arm = fake
+    arm.place(TARGET + offset)
+    _, _, terminated, _, info = act(env)
+    assert not terminated
+    assert not info["success"]
+
+
+def test_after_max_steps_the_episode_is_truncated_not_terminated():
+    env = PegInHoleEnv(FakeArm(), max_steps=3)
+    env.reset(options={"hole": HOLE, "start": np.zeros(7)})
+    ends = [act(env)[2:4] for _ in range(3)]
+    assert ends == [(False, False), (False, False), (False, True)]
+
+
+def test_success_in_the_last_step_terminates():
+    arm = FakeArm()
+    env = PegInHoleEnv(arm, max_steps=1)
+    env.reset(options={"hole": HOLE, "start": np.zeros(7)})
+    arm.place(TARGET)
+    assert act(env)[2:4] == (True, False)
+
+
+def test_info_has_contact_force_and_limit_violations(fake):
+    env, arm = fake
+    log = np.zeros((10, len(CYCLE_COLUMNS)))
+    log[:, [CYCLE_COLUMNS.index(a) for a in "xyz"]] = [0.6, 0.0, 0.2]
+    log[2, CYCLE_COLUMNS.index("q3")] = arm.robot.q_max[2] + 1e-3
+    log[2, CYCLE_COLUMNS.index("dq1")] = 9.0
+    log[7, CYCLE_COLUMNS.index("z")] = -0.1
+    arm.place(force=(3.0, 0.0, -4.0), log=log)
+    info = act(env)[4]
+    assert info["contact_force_max"] == pytest.approx(5.0)
+    assert info["limit_violations"] == 2
+
+
+def test_state_and_hole_can_be_read_and_close_closes_the_arm(fake):
+    env, arm = fake
+    act(env)
+    assert env.state is arm.state
+    np.testing.assert_array_equal(env.hole.position, HOLE.position)
+    env.close()
+    assert arm.closed
+
+
+def test_the_start_configuration_puts_the_tool_down_at_the_drawn_pose(real):
+    for seed in range(20):
+        _, info = real.reset(seed=seed)
+        assert abs(info["theta_error"]) <= 0.2 + 1e-3
+        offset = info["position_error"] - [0.0, 0.0, 0.03]
+        assert (np.abs(offset[:2]) <= 0.12 + 1e-3).all()
+        assert -0.031 <= offset[2] <= 0.121
+
+
+def test_no_start_touches_anything(real):
+    for seed in range(20):
+        real.reset(seed=seed)
+        info = act(real)[4]
+        assert info["contact_force_max"] == 0.0
+
+
+def test_what_is_seen_on_a_twin_is_what_the_joints_measure():
+    env = PegInHoleEnv(twin="medium")
+    chain = env.arm.robot.chain()
+    env.reset(seed=0)
+    info = act(env, 0.5, 0.5, -0.5, 0.5)[4]
+    raw = info["observation_raw"]
+    seen = raw[7:10] + env.hole.position - [0.0, 0.0, 0.03]
+    np.testing.assert_allclose(seen, chain.pose(raw[:7])[0], atol=1e-12)
+    true = env.arm.plant.tool_pose().position
+    assert 0.0 < np.linalg.norm(seen - true) < 0.01
+    env.close()
+
+
+def test_the_walls_hold_every_start_and_hole(real):
+    limits = real.arm.limits
+    config = real.randomisation
+    centre = np.asarray(config.hole_centre)
+    reach = np.asarray(config.hole_range)
+    low = centre - reach + [-config.start_xy, -config.start_xy, -0.030]
+    high = centre + reach + [config.start_xy, config.start_xy, config.start_z[1]]
+    margin = limits.delta_x
+    assert (low - margin > limits.x_min).all()
+    assert (high + margin < limits.x_max).all()
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"plant": "gazebo"}, "plant 'gazebo' is unknown; known plants: mujoco"),
+        ({"peg": "hexagon"}, "peg 'hexagon' is unknown; known shapes: square"),
+        ({"clearance": -0.001}, "clearance"),
+        ({"task": "XYW:force"}, "unknown task axis 'W'"),
+        ({"task": "XYZ:push"}, "unknown mode 'push'"),
+        ({"task": "XYZ:hold ABC:hold"}, "nothing to command"),
+        ({"stack": -1}, "stack is -1"),
+        ({"max_steps": 0}, "max_steps is 0"),
+        ({"period": 0.5}, "control period is 0.5 s"),
+        ({"twin": "nice"}, "no twin 'nice'; shipped twins: "),
+    ],
+)
+def test_a_wrong_setting_is_an_error_that_says_what_is_known(settings, message):
+    with pytest.raises(ConfigError, match=message):
+        PegInHoleEnv(**settings)
+
+
+def test_an_arm_of_another_task_is_refused(real):
+    with pytest.raises(ConfigError, match="the arm's task is"):
+        PegInHoleEnv(real.arm, task="XYZ:force ABC:hold")
+
+
+@pytest.mark.parametrize(
+    ("position", "message"),
+    [
+        ((0.9, 0.0, 0.1), "is too far by 0.088 m"),
+        ((0.6, 0.3, 0.1), "y = 0.3000 m, which is 0.0850 m outside"),
+        ((0.6, 0.0, 0.01), "raise the hole"),
+    ],
+)
+def test_a_hole_out_of_reach_is_refused_saying_by_how_much(real, position, message):
+    hole = Pose(np.array(position), quat_about_z(0.0))
+    with pytest.raises(ConfigError, match=message):
+        real.reset(options={"hole": hole})
+
+
+def test_an_unknown_reset_option_lists_the_known_ones(real):
+    with pytest.raises(ConfigError, match="unknown reset options: holes; known: hole"):
+        real.reset(options={"holes": HOLE})
+
+
+@pytest.mark.parametrize(
+    ("task", "num_actions"),
+    [
+        ("XYZ:force ABC:pose", 6),
+        ("XYZ:force ABC:hold", 3),
+        ("XYZ:force A:pose", 4),
+        ("Z:force A:pose XYBC:hold", 2),
+        ("XYZ:pose A:pose BC:hold", 4),
+    ],
+)
+def test_other_tasks_step(task, num_actions):
+    env = PegInHoleEnv(task=task)
+    env.reset(seed=0)
+    action = np.full(num_actions, 0.5, dtype=np.float32)
+    observation, reward, *_ = env.step(action)
+    assert env.action_space.shape == (num_actions,)
+    assert env.observation_space.contains(observation)
+    assert np.isfinite(reward)
+    env.close()
+
+
+@pytest.mark.bullet
+def test_the_environment_runs_on_pybullet():
+    pytest.importorskip("pybullet")
+    env = PegInHoleEnv(plant="bullet")
+    first, _ = env.reset(seed=0)
+    again, _ = PegInHoleEnv().reset(seed=0)
+    np.testing.assert_allclose(first, again, atol=1e-4)
+    act(env, 0.5, 0.5, -0.5, 0.5)
+    env.close()
+
+
+@pytest.mark.bullet
+def test_pybullet_refuses_the_triangle():
+    pytest.importorskip("pybullet")
+    with pytest.raises((ConfigError, MissingDependencyError), match="triangle"):
+        PegInHoleEnv(plant="bullet", peg="triangle")
+
+
+def test_force_damping_and_limits_reach_the_controller():
+    env = PegInHoleEnv(force_damping=16.0, period=0.001)
+    assert env.arm.period == 0.001
+    np.testing.assert_allclose(env.arm.limits.dx_max, [0.25] * 3)
+    osc = OscConfig.for_period(0.001, force_damping=[16.0] * 6)
+    limits = LimitConfig.for_period(env.arm.robot, 0.001)
+    controller = make_controller(env.arm.robot, osc, limits, env.task, 0.001)
+    assert controller is not None
+    env.reset(seed=0)
+    act(env, 0.0, 0.0, 1.0, 0.0)
+    assert len(env.state.log) == 50
+    env.close()
