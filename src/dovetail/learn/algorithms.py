@@ -1,0 +1,122 @@
+"""The learning algorithms, built by SBX (JAX) on Stable-Baselines3 from one config."""
+
+import os
+from typing import Any
+
+import numpy as np
+
+from dovetail.errors import MissingDependencyError
+from dovetail.learn.config import TrainConfig
+
+_LARGEST_BUFFER = 1_000_000
+_WITH_ENTROPY = ("sac", "tqc", "crossq")
+
+
+def derive_seed(*numbers: int) -> int:
+    """Return a seed of 31 bits that is far from those of neighbouring numbers."""
+    return int(np.random.SeedSequence(numbers).generate_state(1)[0] >> 1)
+
+
+def limit_threads() -> None:
+    """Keep the numerical libraries to one thread; call before their first import.
+
+    Networks this small gain nothing from more, and several seeds share the cores.
+    """
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    os.environ.setdefault("JAX_PLATFORMS", "cpu")
+    os.environ.setdefault(
+        "XLA_FLAGS",
+        "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1",
+    )
+
+
+def import_sbx() -> Any:
+    """Import SBX on one thread, or say how to get it.
+
+    Raises:
+        MissingDependencyError: The extra `learn` is not installed.
+    """
+    limit_threads()
+    try:
+        import sbx
+        import torch
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"training needs the extra 'learn' ({error}): "
+            "pip install 'dovetail[learn]' -c constraints.txt"
+        ) from error
+    torch.set_num_threads(1)
+    return sbx
+
+
+def make_vec_env(config: TrainConfig) -> Any:
+    """Return `num_envs` environments in this process, rewards scaled for training.
+
+    Episode returns in `info["episode"]` stay unscaled.
+    """
+    import gymnasium as gym
+    from gymnasium.wrappers import TransformReward
+    from stable_baselines3.common.monitor import Monitor
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+    from dovetail.envs.rewards import RewardConfig
+
+    reward = RewardConfig(force_weight=config.force_weight)
+
+    def make() -> Any:
+        options = config.env_options()
+        env = gym.make(config.env, disable_env_checker=True, reward=reward, **options)
+        return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
+
+    return DummyVecEnv([make] * config.num_envs)
+
+
+def make_model(config: TrainConfig, env: Any) -> Any:
+    """Build the SBX algorithm, its networks drawn from the config's seed.
+
+    Args:
+        config: Settings.
+        env: Vectorised environment.
+
+    Raises:
+        MissingDependencyError: The extra `learn` is not installed.
+    """
+    sbx = import_sbx()
+    kind = {
+        "sac": sbx.SAC,
+        "ppo": sbx.PPO,
+        "ddpg": sbx.DDPG,
+        "td3": sbx.TD3,
+        "tqc": sbx.TQC,
+        "crossq": sbx.CrossQ,
+    }[config.algorithm]
+    settings: dict[str, Any] = {
+        "learning_rate": config.learning_rate,
+        "gamma": config.gamma,
+        "batch_size": config.batch_size,
+        "seed": derive_seed(config.seed),
+        "policy_kwargs": {"net_arch": list(config.net)},
+    }
+    if config.algorithm == "ppo":
+        settings["n_steps"] = config.rollout_steps
+    else:
+        settings |= _off_policy_settings(config, env.action_space.shape[0])
+        settings["policy_kwargs"]["layer_norm"] = config.layer_norm
+    return kind("MlpPolicy", env, **settings)
+
+
+def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any]:
+    settings: dict[str, Any] = {
+        "buffer_size": min(config.steps + config.num_envs, _LARGEST_BUFFER),
+        "learning_starts": config.learning_starts,
+        "train_freq": 1,
+        "gradient_steps": config.num_envs * config.updates_per_step,
+    }
+    if config.algorithm in _WITH_ENTROPY:
+        settings["ent_coef"] = config.entropy_coefficient()
+    else:
+        from stable_baselines3.common.noise import NormalActionNoise
+
+        spread = np.full(num_actions, config.exploration_noise)
+        settings["action_noise"] = NormalActionNoise(np.zeros(num_actions), spread)
+    return settings

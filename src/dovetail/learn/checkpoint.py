@@ -1,0 +1,208 @@
+"""Checkpoints of a training run: no pickle, whole or absent, resumable after a kill.
+
+A checkpoint is a folder `step-<n>`: networks and optimisers (msgpack through flax), the
+replay buffer (NPZ), counters and checksums (JSON). It is written beside its place,
+flushed to the disk and renamed, so that a folder of that name is complete. The last two
+are kept. Random generators are not stored: a resumed run seeds them anew from its seed
+and step (`seed_run`), so the same checkpoint always continues in the same way.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dovetail.errors import ConfigError, LogError
+from dovetail.learn.algorithms import derive_seed
+
+VERSION = 1
+KEPT = 2
+
+_STATES = ("actor_state", "qf_state", "qf1_state", "qf2_state", "vf_state")
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
+_BUFFER = (
+    *("observations", "next_observations", "actions"),
+    *("rewards", "dones", "timeouts"),
+)
+_FACTS = "checkpoint.json"
+_NETWORKS = "networks.msgpack"
+_REPLAY = "replay.npz"
+
+
+class Counters(NamedTuple):
+    """What a checkpoint knows beside the model."""
+
+    step: int
+    """Environment steps done."""
+    wall_time: float
+    """Training time so far [s]."""
+
+
+def save_checkpoint(folder: Path, model: Any, wall_time: float) -> Path:
+    """Write a checkpoint of an SBX algorithm, then remove all but the last two.
+
+    Args:
+        folder: Folder of checkpoints; created.
+        model: The algorithm.
+        wall_time: Training time so far [s].
+
+    Returns:
+        The checkpoint's folder.
+
+    Raises:
+        LogError: The disk is full or not writable; older checkpoints are kept.
+    """
+    place = folder / f"step-{model.num_timesteps:010d}"
+    beside = folder / f".{place.name}.part"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for leftover in folder.glob(".*.part"):
+            shutil.rmtree(leftover)
+        beside.mkdir()
+        _write(beside, model, wall_time)
+        if place.exists():
+            shutil.rmtree(place)
+        beside.rename(place)
+        _sync(folder)
+    except OSError as error:
+        shutil.rmtree(beside, ignore_errors=True)
+        kept = ", ".join(path.name for path in list_checkpoints(folder)) or "none"
+        raise LogError(
+            f"cannot write the checkpoint {place}: {error.strerror}; kept: {kept}; free "
+            "some space and continue with --resume"
+        ) from error
+    for old in list_checkpoints(folder)[:-KEPT]:
+        shutil.rmtree(old)
+    return place
+
+
+def list_checkpoints(folder: Path) -> list[Path]:
+    """Return the complete checkpoints, oldest first."""
+    return sorted(path for path in folder.glob("step-*") if path.is_dir())
+
+
+def load_checkpoint(place: Path, model: Any, seed: int) -> Counters:
+    """Put a freshly built algorithm of the same settings into a checkpoint's state.
+
+    Args:
+        place: The checkpoint's folder.
+        model: The algorithm; its environments start new episodes.
+        seed: The run's seed.
+
+    Raises:
+        ConfigError: The checkpoint is damaged, or of other settings.
+    """
+    try:
+        facts = json.loads((place / _FACTS).read_bytes())
+        if facts["version"] != VERSION:
+            raise ValueError(
+                f"version {facts['version']}; this release reads {VERSION}"
+            )
+        for name, digest in facts["sha256"].items():
+            if hashlib.sha256((place / name).read_bytes()).hexdigest() != digest:
+                raise ValueError(f"{name} is damaged: its SHA-256 differs")
+        _set_states(model, (place / _NETWORKS).read_bytes())
+        if getattr(model, "replay_buffer", None) is not None:
+            _set_replay(model.replay_buffer, place / _REPLAY)
+        for name in _COUNTERS:
+            setattr(model, name, int(facts[name]))
+    except (OSError, ValueError, KeyError) as error:
+        raise ConfigError(
+            f"checkpoint {place} cannot be used: {error}; remove it to continue from the "
+            "one before, or start a new run folder"
+        ) from error
+    seed_run(model, seed, model.num_timesteps)
+    return Counters(int(facts["num_timesteps"]), float(facts["wall_time"]))
+
+
+def seed_run(model: Any, seed: int, step: int) -> None:
+    """Start every random number of a run from its seed and step.
+
+    The environments' next `reset` uses seeds of their own, far from those of other runs
+    and other steps: Stable-Baselines3 alone would give runs with neighbouring seeds the
+    same episodes.
+    """
+    import jax
+
+    model.set_random_seed(derive_seed(seed, step, 0))
+    model.policy.key = jax.random.PRNGKey(derive_seed(seed, step, 1))
+    if hasattr(model.policy, "reset_noise"):
+        model.policy.reset_noise()
+    env = model.get_env()
+    env._seeds = [derive_seed(seed, step, 2, i) for i in range(env.num_envs)]
+
+
+def _states(model: Any) -> dict[str, tuple[Any, str]]:
+    """Return who holds each trained state."""
+    found = {n: (model.policy, n) for n in _STATES if hasattr(model.policy, n)}
+    if hasattr(model, "ent_coef_state"):
+        found["ent_coef_state"] = (model, "ent_coef_state")
+    return found
+
+
+def _write(folder: Path, model: Any, wall_time: float) -> None:
+    from flax import serialization
+
+    states = {name: getattr(*where) for name, where in _states(model).items()}
+    _write_file(folder / _NETWORKS, serialization.to_bytes(states))
+    buffer = getattr(model, "replay_buffer", None)
+    if buffer is not None:
+        count = buffer.buffer_size if buffer.full else buffer.pos
+        arrays = {name: getattr(buffer, name)[:count] for name in _BUFFER}
+        with (folder / _REPLAY).open("wb") as file:
+            np.savez(file, position=buffer.pos, full=buffer.full, **arrays)
+            file.flush()
+            os.fsync(file.fileno())
+    facts = {
+        "version": VERSION,
+        **{name: int(getattr(model, name)) for name in _COUNTERS},
+        "wall_time": wall_time,
+        "sha256": {
+            path.name: hashlib.sha256(path.read_bytes()).hexdigest()
+            for path in sorted(folder.iterdir())
+        },
+    }
+    _write_file(folder / _FACTS, json.dumps(facts, indent=2).encode())
+    _sync(folder)
+
+
+def _set_states(model: Any, content: bytes) -> None:
+    from flax import serialization
+
+    places = _states(model)
+    fresh = {name: getattr(*where) for name, where in places.items()}
+    states = serialization.from_bytes(fresh, content)
+    for name, where in places.items():
+        setattr(*where, states[name])
+
+
+def _set_replay(buffer: Any, path: Path) -> None:
+    with np.load(path, allow_pickle=False) as arrays:
+        for name in _BUFFER:
+            content, room = arrays[name], getattr(buffer, name)
+            if content.shape[1:] != room.shape[1:] or len(content) > len(room):
+                raise ValueError(
+                    f"replay buffer {name} has shape {content.shape}, this run's has "
+                    f"room for {room.shape}"
+                )
+            room[: len(content)] = content
+        buffer.pos, buffer.full = int(arrays["position"]), bool(arrays["full"])
+
+
+def _write_file(path: Path, content: bytes) -> None:
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _sync(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

@@ -1,0 +1,196 @@
+"""Settings of a training run: one frozen dataclass, also the command line's options."""
+
+import shlex
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from dovetail.errors import ConfigError
+
+Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
+ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
+
+ENV_FIELDS = (
+    *("plant", "peg", "clearance", "task", "stack", "period"),
+    *("f_scale", "f_scale_angular", "force_damping"),
+    *("theta_range", "position_range", "max_steps", "scheme"),
+)
+"""Fields that are handed to the environment as they are."""
+
+_NOT_COMPARED = ("out", "resume")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """Settings of one training run, or of several seeds of it."""
+
+    out: Path = Path("runs/peg_square")
+    """Run folder: new or empty, unless `resume`."""
+    resume: bool = False
+    """Continue from the newest checkpoint in `out`, with the same settings."""
+    env: str = "dovetail/PegInHole-v0"
+    """Gymnasium id of the environment."""
+    plant: str = "mujoco"
+    """Physics engine to train in: mujoco or bullet."""
+    peg: str = "square"
+    """Shape of peg and hole: square, triangle (MuJoCo only) or round."""
+    clearance: float = 0.0005
+    """Gap between peg and hole on each side [m]."""
+    task: str = "XYZ:force A:pose BC:hold"
+    """Mode of each axis: force, pose, hold or free."""
+    stack: int = 0
+    """Number of past (observation, action) pairs in the observation."""
+    period: float = 0.005
+    """Control period [s]; an action acts for 50 ms."""
+    f_scale: float = 4.0
+    """f* at action 1 on X Y Z [m/s2]."""
+    f_scale_angular: float = 20.0
+    """f* at action 1 on A B C [rad/s2]."""
+    force_damping: float = 40.0
+    """Damping D of force axes [1/s]: f_scale / D is the largest speed; 0 is the paper."""
+    theta_range: float = 0.2
+    """Rotation at action 1 on pose axes A B C [rad]."""
+    position_range: float = 0.05
+    """Displacement at action 1 on pose axes X Y Z [m]."""
+    max_steps: int = 200
+    """Actions per episode."""
+    scheme: str = "qp"
+    """How the controller keeps its limits: qp or paper."""
+    algorithm: Algorithm = "sac"
+    """Learning algorithm (SBX)."""
+    steps: int = 60_000
+    """Environment steps in all, over all environments."""
+    seed: int = 0
+    """Seed of everything random; with `seeds`, of the first run."""
+    seeds: int = 1
+    """Number of runs with seeds seed, seed + 1, ..., as many at once as cores."""
+    num_envs: int = 4
+    """Environments stepped in turn by one process."""
+    updates_per_step: int = 2
+    """Gradient steps per environment step (not ppo)."""
+    gamma: float = 0.99
+    """Discount per 50 ms step [1]."""
+    learning_rate: float = 3e-4
+    """Step size of Adam, actor and critic [1]."""
+    batch_size: int = 256
+    """Transitions per gradient step."""
+    net: tuple[int, ...] = (128, 128)
+    """Width of each hidden layer, actor and critic alike."""
+    layer_norm: bool = True
+    """Layer normalisation in the critic (not ppo): it diverges on the bonus without."""
+    ent_coef: str = "auto_0.1"
+    """Entropy coefficient (sac, tqc, crossq): a number, or auto_START to adapt it."""
+    reward_scale: float = 5.0
+    """Factor on the reward inside training only; what is reported is unscaled."""
+    force_weight: float = 0.0
+    """Weight of contact force in the reward [1/N], see RewardConfig; 0 is the paper."""
+    learning_starts: int = 1000
+    """Steps of random actions before the first gradient step (not ppo)."""
+    exploration_noise: float = 0.1
+    """Standard deviation of the noise added to actions (ddpg, td3) [1]."""
+    rollout_steps: int = 512
+    """Steps per environment between two updates (ppo)."""
+    checkpoint_interval: int = 5000
+    """Steps between two checkpoints: the most that a kill can lose."""
+    eval_episodes: int = 200
+    """Episodes of the deterministic evaluation at the end; 0 leaves it out."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be trained, by name and range."""
+        object.__setattr__(self, "out", Path(self.out))
+        object.__setattr__(self, "net", tuple(int(width) for width in self.net))
+        if self.algorithm not in ALGORITHMS:
+            raise ConfigError(
+                f"algorithm {self.algorithm!r} is unknown; known: "
+                f"{', '.join(ALGORITHMS)}"
+            )
+        for name, (low, high) in _RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ConfigError(f"{name} is {value}; allowed: {low:g} to {high:g}")
+        if not self.net or not all(1 <= width <= 8192 for width in self.net):
+            raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
+        self.entropy_coefficient()
+
+    def entropy_coefficient(self) -> str | float:
+        """Return `ent_coef` as SBX takes it: "auto", "auto_START" or a number."""
+        start = self.ent_coef.removeprefix("auto").removeprefix("_")
+        try:
+            value = float(start) if start else 1.0
+        except ValueError:
+            value = -1.0
+        if not 0.0 < value < 1e6:
+            raise ConfigError(
+                f"ent_coef is {self.ent_coef!r}; allowed: auto, auto_START or a number, "
+                "each above 0, e.g. auto_0.1"
+            )
+        return self.ent_coef if self.ent_coef.startswith("auto") else value
+
+    def env_options(self) -> dict[str, Any]:
+        """Return the keyword arguments of the environment, as JSON knows them."""
+        return {name: getattr(self, name) for name in ENV_FIELDS}
+
+    def for_seed(self, seed: int) -> "TrainConfig":
+        """Return the run of one of several seeds, in its own sub-folder."""
+        return replace(self, seed=seed, seeds=1, out=self.out / f"seed-{seed}")
+
+    def to_json(self) -> dict[str, Any]:
+        """Return every setting that decides the result, as JSON knows it."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in values.items()
+            if name not in _NOT_COMPARED
+        }
+
+    def require_same(self, other: dict[str, Any]) -> None:
+        """Refuse to continue a run that was started with other settings.
+
+        Args:
+            other: `to_json` of the run's own settings.
+
+        Raises:
+            ConfigError: Names the field and both values.
+        """
+        mine = self.to_json()
+        for name in [*mine, *(other.keys() - mine.keys())]:
+            if mine.get(name) != other.get(name):
+                raise ConfigError(
+                    f"cannot resume {self.out}: {name} is {mine.get(name)!r}, the run "
+                    f"was started with {other.get(name)!r}; give {name} the run's value "
+                    "or choose another --out"
+                )
+
+    def command(self) -> str:
+        """Return the command line that trains with these settings."""
+        default = TrainConfig().to_json()
+        words = ["dovetail", "train"]
+        for name, value in self.to_json().items():
+            if value == default[name]:
+                continue
+            option = name.replace("_", "-")
+            if isinstance(value, bool):
+                words.append(f"--{option}" if value else f"--no-{option}")
+            else:
+                values = value if isinstance(value, list) else [value]
+                words += [f"--{option}", *map(str, values)]
+        return shlex.join(words)
+
+
+_RANGES: dict[str, tuple[float, float]] = {
+    "steps": (1, 1e9),
+    "seed": (0, 2**31 - 1),
+    "seeds": (1, 1000),
+    "num_envs": (1, 256),
+    "updates_per_step": (1, 64),
+    "gamma": (0.0, 0.99999),
+    "learning_rate": (1e-7, 1.0),
+    "batch_size": (2, 65536),
+    "reward_scale": (1e-6, 1e6),
+    "force_weight": (0.0, 1e3),
+    "learning_starts": (0, 1e9),
+    "exploration_noise": (0.0, 2.0),
+    "rollout_steps": (2, 1e6),
+    "checkpoint_interval": (1, 1e9),
+    "eval_episodes": (0, 1e6),
+}

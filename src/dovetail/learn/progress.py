@@ -1,0 +1,215 @@
+"""What a run shows while it trains: progress.csv with a row per episode, and a bar."""
+
+import csv
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from dovetail.errors import ConfigError
+from dovetail.evaluate.files import write_atomic
+
+WINDOW = 50
+"""Finished episodes behind the success rate and the reward that are shown."""
+
+
+class EpisodeRow(NamedTuple):
+    """One finished episode: a row of progress.csv."""
+
+    step: int
+    """Environment steps of the run when it ended."""
+    reward: float
+    """Sum of its unscaled rewards."""
+    length: int
+    """Policy steps of 50 ms."""
+    success: int
+    """1 when the task was done."""
+    contact_force_max: float
+    """Largest contact force [N]."""
+    wall_time: float
+    """Training time of the run when it ended [s]."""
+
+
+class Status(NamedTuple):
+    """Where a run stands."""
+
+    step: int
+    """Environment steps done."""
+    success: float
+    """Success rate of the last `WINDOW` episodes; nan before the first."""
+    reward: float
+    """Mean unscaled reward of the same; nan before the first."""
+    rate: float
+    """Environment steps per second, lately."""
+
+
+Report = Callable[[Status], None]
+"""Told now and then where a run stands."""
+
+
+class EpisodeLog:
+    """Appends finished episodes to progress.csv; a kill loses at most the last row."""
+
+    def __init__(self, path: Path, step: int) -> None:
+        """Open the file, dropping episodes after `step`: they will be lived again."""
+        rows = [row for row in read_progress(path) if row.step <= step]
+        lines = [",".join(EpisodeRow._fields), *(_format(row) for row in rows)]
+        write_atomic(path, "\n".join(lines) + "\n")
+        self._file = path.open("a", encoding="utf-8", buffering=1)
+        self._recent = deque(rows[-WINDOW:], maxlen=WINDOW)
+
+    def add(self, row: EpisodeRow) -> None:
+        """Append one finished episode."""
+        self._file.write(_format(row) + "\n")
+        self._recent.append(row)
+
+    def status(self, step: int, rate: float) -> Status:
+        """Return success rate and reward over the recent episodes."""
+        count = len(self._recent)
+        if count == 0:
+            return Status(step, math.nan, math.nan, rate)
+        success = sum(row.success for row in self._recent) / count
+        reward = sum(row.reward for row in self._recent) / count
+        return Status(step, success, reward, rate)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+def _format(row: EpisodeRow) -> str:
+    return (
+        f"{row.step},{row.reward:.5g},{row.length},{row.success},"
+        f"{row.contact_force_max:.4g},{row.wall_time:.2f}"
+    )
+
+
+def read_progress(path: Path) -> list[EpisodeRow]:
+    """Read progress.csv; a last row that a kill cut short is left out.
+
+    Returns:
+        The rows; none when the file does not exist.
+
+    Raises:
+        ConfigError: A row before the last is damaged; says which.
+    """
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        lines = list(csv.reader(file))[1:]
+    rows: list[EpisodeRow] = []
+    for number, cells in enumerate(lines, start=2):
+        try:
+            step, reward, length, success, force, wall_time = cells
+            row = EpisodeRow(
+                int(step),
+                float(reward),
+                int(length),
+                int(success),
+                float(force),
+                float(wall_time),
+            )
+        except ValueError as error:
+            if number == len(lines) + 1:
+                break
+            raise ConfigError(f"{path} line {number} is damaged: {cells}") from error
+        rows.append(row)
+    return rows
+
+
+class ProgressBar:
+    """One rich bar per run; plain lines where the output is no terminal."""
+
+    def __init__(self, total: int, names: list[str], console: Console) -> None:
+        """Lay out the bars.
+
+        Args:
+            total: Environment steps of each run.
+            names: One per run.
+            console: Where to draw.
+        """
+        self._console = console
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:.0f}/{task.total:.0f} steps"),
+            TextColumn("success {task.fields[success]}, reward {task.fields[reward]}"),
+            TextColumn("{task.fields[rate]:.0f} steps/s, left"),
+            TimeRemainingColumn(),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._total = total
+        self._names = names
+        self._told = [0] * len(names)
+        self._tasks = [
+            self._progress.add_task(
+                name, total=total, success="-", reward="-", rate=0.0
+            )
+            for name in names
+        ]
+
+    def __enter__(self) -> "ProgressBar":
+        """Show the bars."""
+        self._progress.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the bars where they are."""
+        self._progress.stop()
+
+    def show(self, index: int, status: Status) -> None:
+        """Move one bar."""
+        is_known = not math.isnan(status.success)
+        success = f"{100 * status.success:.0f} %" if is_known else "-"
+        reward = f"{status.reward:.1f}" if is_known else "-"
+        self._progress.update(
+            self._tasks[index],
+            completed=status.step,
+            success=success,
+            reward=reward,
+            rate=status.rate,
+        )
+        if self._console.is_terminal:
+            return
+        if status.step - self._told[index] >= self._total / 20:
+            self._told[index] = status.step
+            left = (self._total - status.step) / max(status.rate, 1e-9)
+            self._console.print(
+                f"{self._names[index]}: {status.step}/{self._total} steps, success "
+                f"{success}, reward {reward}, {status.rate:.0f} steps/s, {left:.0f} s "
+                "left",
+                highlight=False,
+                soft_wrap=True,
+            )
+
+
+class Stopwatch:
+    """Training time over all sittings of a run, and its speed lately."""
+
+    def __init__(self, already: float, step: int) -> None:
+        """Start.
+
+        Args:
+            already: Training time of earlier sittings [s].
+            step: Environment steps of earlier sittings.
+        """
+        self._already = already
+        self._marks = deque([(time.monotonic(), step)], maxlen=20)
+        self._start = self._marks[0][0]
+
+    def elapsed(self) -> float:
+        """Return the training time, earlier sittings included [s]."""
+        return self._already + time.monotonic() - self._start
+
+    def rate(self, step: int) -> float:
+        """Return environment steps per second over the last 20 calls."""
+        now = time.monotonic()
+        then, before = self._marks[0]
+        self._marks.append((now, step))
+        return (step - before) / max(now - then, 1e-9)

@@ -1,0 +1,77 @@
+"""The callback that Stable-Baselines3 calls on every step of a run."""
+
+from collections.abc import Callable
+from typing import Any
+
+from stable_baselines3.common.callbacks import BaseCallback  # noqa: TID253
+
+from dovetail.learn.progress import EpisodeLog, EpisodeRow, Report, Stopwatch
+
+_REPORT_INTERVAL = 100
+
+
+class Recorder(BaseCallback):
+    """Keeps progress.csv, feeds bar and TensorBoard, and asks for checkpoints."""
+
+    def __init__(
+        self,
+        log: EpisodeLog,
+        watch: Stopwatch,
+        report: Report,
+        checkpoint: Callable[[], None],
+        interval: int,
+    ) -> None:
+        """Take what to write to.
+
+        Args:
+            log: Finished episodes.
+            watch: Training time.
+            report: Told now and then where the run stands.
+            checkpoint: Writes a checkpoint of the model as it is.
+            interval: Environment steps between two checkpoints.
+        """
+        super().__init__()
+        self._log = log
+        self._watch = watch
+        self._report = report
+        self._checkpoint = checkpoint
+        self._interval = interval
+        self._force: list[float] = []
+        self._saved = self._reported = 0
+
+    def _on_training_start(self) -> None:
+        self._force = [0.0] * self.training_env.num_envs
+        self._saved = self._reported = self.num_timesteps
+
+    def _on_step(self) -> bool:
+        infos, dones = self.locals["infos"], self.locals["dones"]
+        for i, (info, done) in enumerate(zip(infos, dones, strict=True)):
+            self._force[i] = max(self._force[i], float(info["contact_force_max"]))
+            if done:
+                self._finish(info, self._force[i])
+                self._force[i] = 0.0
+        if self.num_timesteps - self._reported >= _REPORT_INTERVAL:
+            self._reported = self.num_timesteps
+            rate = self._watch.rate(self.num_timesteps)
+            self._report(self._log.status(self.num_timesteps, rate))
+        return True
+
+    def _finish(self, info: dict[str, Any], force: float) -> None:
+        row = EpisodeRow(
+            step=self.num_timesteps,
+            reward=float(info["episode"]["r"]),
+            length=int(info["episode"]["l"]),
+            success=int(info["success"]),
+            contact_force_max=force,
+            wall_time=self._watch.elapsed(),
+        )
+        self._log.add(row)
+        status = self._log.status(self.num_timesteps, 0.0)
+        self.logger.record("rollout/success_rate", status.success)
+        self.logger.record_mean("rollout/contact_force_max", force)
+
+    def _on_rollout_start(self) -> None:
+        """Save here: every transition so far is stored and has been learned from."""
+        if self.num_timesteps - self._saved >= self._interval:
+            self._saved = self.num_timesteps
+            self._checkpoint()

@@ -1,0 +1,87 @@
+"""The folder of a training run: claimed for one process, and only for its settings."""
+
+import fcntl
+import json
+from pathlib import Path
+from typing import IO, Any
+
+from dovetail.errors import ConfigError
+from dovetail.evaluate.files import claim_output_folder, write_atomic
+from dovetail.learn.config import TrainConfig
+
+CONFIG = "config.json"
+PROGRESS = "progress.csv"
+EVALUATION = "evaluation.json"
+POLICY = "policy.safetensors"
+CHECKPOINTS = "checkpoints"
+TENSORBOARD = "tensorboard"
+
+_LOCK = ".lock"
+
+
+def open_run(config: TrainConfig) -> Path:
+    """Create the run folder, or check that the one to resume has the same settings.
+
+    Returns:
+        The folder, absolute; it holds config.json.
+
+    Raises:
+        ConfigError: Not empty and not to be resumed; nothing there to resume; started
+            with other settings (names the field).
+    """
+    folder = config.out.expanduser().absolute()
+    if config.resume:
+        config.require_same(_read_config(folder))
+        return folder
+    if (folder / CONFIG).exists():
+        raise ConfigError(
+            f"the run folder {folder} already holds a run; continue it with --resume, or "
+            "choose another --out"
+        )
+    folder = claim_output_folder(folder)
+    write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
+    return folder
+
+
+def _read_config(folder: Path) -> dict[str, Any]:
+    path = folder / CONFIG
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ConfigError(
+            f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
+            "start one"
+        ) from error
+    except ValueError as error:
+        raise ConfigError(f"{path} is damaged: {error}; start a new run") from error
+
+
+class RunLock:
+    """Holds a run folder for this process; the system frees it when the process dies."""
+
+    def __init__(self, folder: Path) -> None:
+        """Name the folder."""
+        self._folder = folder
+        self._file: IO[str] | None = None
+
+    def __enter__(self) -> "RunLock":
+        """Take the folder.
+
+        Raises:
+            ConfigError: Another process trains in it.
+        """
+        self._file = (self._folder / _LOCK).open("w")
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self._file.close()
+            raise ConfigError(
+                f"another process is training in {self._folder}; wait for it, or choose "
+                "another --out"
+            ) from error
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Free the folder."""
+        if self._file is not None:
+            self._file.close()

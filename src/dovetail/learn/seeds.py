@@ -1,0 +1,113 @@
+"""Several seeds of one training run, each in a process of its own."""
+
+import json
+import multiprocessing
+import os
+import queue
+import threading
+import time
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from dovetail.errors import DovetailError
+from dovetail.evaluate.files import write_atomic
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.progress import ProgressBar
+from dovetail.learn.run_folder import CONFIG, EVALUATION, open_run
+from dovetail.learn.train import TrainResult, train_one
+
+
+def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
+    """Train `config.seeds` seeds, as many at once as this process may use cores.
+
+    Args:
+        config: Settings; seed and sub-folder of each run follow from it.
+        console: Where the bars go.
+
+    Returns:
+        One result per seed, in order.
+
+    Raises:
+        DovetailError: A seed failed (says which); the others were finished first.
+    """
+    folder = open_run(config)
+    runs = [config.for_seed(config.seed + i) for i in range(config.seeds)]
+    runs = [
+        replace(run, resume=config.resume and (run.out / CONFIG).exists())
+        for run in runs
+    ]
+    workers = min(len(runs), len(os.sched_getaffinity(0)))
+    context = multiprocessing.get_context("spawn")
+    channel = context.Queue()
+    names = [f"seed {run.seed}" for run in runs]
+    with (
+        ProgressBar(config.steps, names, console) as bar,
+        ProcessPoolExecutor(workers, context, _start, (channel, os.getpid())) as pool,
+    ):
+        futures = [pool.submit(_train, i, run) for i, run in enumerate(runs)]
+        _show(channel, futures, bar)
+    results = [_result(future, run) for future, run in zip(futures, runs, strict=True)]
+    _summarise(folder, runs, results)
+    return results
+
+
+def _show(channel: Any, futures: list[Future[TrainResult]], bar: ProgressBar) -> None:
+    """Pass on what the processes say until all are done."""
+    is_done = False
+    while not is_done:
+        is_done = all(future.done() for future in futures)
+        try:
+            while True:
+                bar.show(*channel.get(timeout=0.2))
+        except queue.Empty:
+            pass
+
+
+def _result(future: Future[TrainResult], run: TrainConfig) -> TrainResult:
+    try:
+        return future.result()
+    except BrokenProcessPool as error:
+        raise DovetailError(
+            f"the process of seed {run.seed} died (killed, or out of memory); continue "
+            "with --resume"
+        ) from error
+    except DovetailError as error:
+        raise type(error)(f"seed {run.seed}: {error}") from error
+
+
+def _summarise(
+    folder: Path, runs: list[TrainConfig], results: list[TrainResult]
+) -> None:
+    summary = {
+        f"seed-{run.seed}": {
+            "steps": result.steps,
+            "wall_time_s": round(result.wall_time, 1),
+            "evaluation": result.evaluation,
+        }
+        for run, result in zip(runs, results, strict=True)
+    }
+    write_atomic(folder / EVALUATION, json.dumps(summary, indent=2) + "\n")
+
+
+_channel: list[Any] = []
+
+
+def _start(channel: Any, parent: int) -> None:
+    """Prepare a worker: where to report to, and to end when the parent is gone."""
+    _channel.append(channel)
+    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+
+
+def _end_with(parent: int) -> None:
+    while os.getppid() == parent:
+        time.sleep(1.0)
+    os._exit(1)
+
+
+def _train(index: int, config: TrainConfig) -> TrainResult:
+    return train_one(config, lambda status: _channel[0].put((index, status)))

@@ -1,0 +1,146 @@
+"""Train a policy: one call from settings to weights, evaluation and provenance."""
+
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rich.console import Console
+
+from dovetail.evaluate.files import write_atomic
+from dovetail.learn.algorithms import make_model, make_vec_env
+from dovetail.learn.assess import assess
+from dovetail.learn.checkpoint import (
+    list_checkpoints,
+    load_checkpoint,
+    save_checkpoint,
+    seed_run,
+)
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.policy import Policy
+from dovetail.learn.progress import EpisodeLog, ProgressBar, Report, Stopwatch
+from dovetail.learn.run_folder import (
+    CHECKPOINTS,
+    EVALUATION,
+    POLICY,
+    PROGRESS,
+    TENSORBOARD,
+    RunLock,
+    open_run,
+)
+
+__all__ = ["TrainConfig", "TrainResult", "train"]
+
+
+class TrainResult(NamedTuple):
+    """What a finished run left behind."""
+
+    policy: Path
+    """The policy's weights; the JSON file lies beside them."""
+    evaluation: dict[str, Any] | None
+    """Content of evaluation.json; None where `eval_episodes` is 0."""
+    steps: int
+    """Environment steps trained."""
+    wall_time: float
+    """Training time over all sittings [s]."""
+
+
+def train(config: TrainConfig, console: Console | None = None) -> list[TrainResult]:
+    """Train, evaluate and export one policy per seed.
+
+    The run folder gets config.json, progress.csv (a row per episode), tensorboard/,
+    checkpoints/, policy.safetensors with policy.json, and evaluation.json. Several seeds
+    each have such a folder, `seed-<n>`, inside it.
+
+    Args:
+        config: Settings.
+        console: Where the progress goes; None is the standard error.
+
+    Returns:
+        One result per seed.
+
+    Raises:
+        ConfigError: A setting is wrong, or the run folder is not empty, in use, or
+            cannot be resumed.
+        MissingDependencyError: The extra `learn` is not installed.
+        LogError: The disk is full; the last checkpoint is kept.
+    """
+    console = console or Console(stderr=True)
+    if config.seeds > 1:
+        from dovetail.learn.seeds import train_seeds
+
+        return train_seeds(config, console)
+    with ProgressBar(config.steps, [f"seed {config.seed}"], console) as bar:
+        return [train_one(config, lambda status: bar.show(0, status))]
+
+
+def train_one(config: TrainConfig, report: Report) -> TrainResult:
+    """Train one seed in this process; see `train`.
+
+    Args:
+        config: Settings; `seeds` is not looked at.
+        report: Told now and then where the run stands.
+    """
+    folder = open_run(config)
+    with RunLock(folder):
+        env = make_vec_env(config)
+        try:
+            model = make_model(config, env)
+            wall_time = _learn(model, config, folder, report)
+            policy = _export(model, config, folder, wall_time)
+        finally:
+            env.close()
+        evaluation = _evaluate(policy, config, folder)
+    steps = int(model.num_timesteps)
+    return TrainResult(folder / POLICY, evaluation, steps, wall_time)
+
+
+def _learn(model: Any, config: TrainConfig, folder: Path, report: Report) -> float:
+    """Train from the start or the newest checkpoint; return the training time [s]."""
+    from stable_baselines3.common.logger import configure
+
+    from dovetail.learn.recorder import Recorder
+
+    checkpoints = folder / CHECKPOINTS
+    step, wall_time = 0, 0.0
+    if found := list_checkpoints(checkpoints):
+        step, wall_time = load_checkpoint(found[-1], model, config.seed)
+    else:
+        seed_run(model, config.seed, 0)
+    if step >= config.steps:
+        return wall_time
+    log = EpisodeLog(folder / PROGRESS, step)
+    watch = Stopwatch(wall_time, step)
+    model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
+    recorder = Recorder(
+        log,
+        watch,
+        report,
+        lambda: save_checkpoint(checkpoints, model, watch.elapsed()),
+        config.checkpoint_interval,
+    )
+    try:
+        model.learn(config.steps - step, callback=recorder, reset_num_timesteps=False)
+        wall_time = watch.elapsed()
+        save_checkpoint(checkpoints, model, wall_time)
+    finally:
+        log.close()
+        model.logger.close()
+    return wall_time
+
+
+def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> Policy:
+    from dovetail.learn.export import export_policy
+
+    env = model.get_env().envs[0]
+    path = export_policy(model, config, env, wall_time=wall_time).save(folder / POLICY)
+    return Policy.load(path)
+
+
+def _evaluate(
+    policy: Policy, config: TrainConfig, folder: Path
+) -> dict[str, Any] | None:
+    if config.eval_episodes == 0:
+        return None
+    evaluation = assess(policy, config.eval_episodes)
+    write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
+    return evaluation
