@@ -132,8 +132,3 @@ def test_a_try_that_dies_still_leaves_its_log(tmp_path):
         run([Job(0, 0, 5)], partial(FallingEnv, fail_at=4), logs=tmp_path)
     episode = Episode.load(tmp_path / "A_00.npz")
     assert len(episode) == 4 * CYCLES
-
-
-def test_no_worker_at_all_is_refused():
-    with pytest.raises(ConfigError, match="workers is 0"):
-        run([Job(0, 0, 5)], workers=0)

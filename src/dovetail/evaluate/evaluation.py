@@ -1,10 +1,8 @@
 """One evaluation from its settings to the written report."""
 
-import importlib.metadata
 import os
 import platform
 import shlex
-import subprocess
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
@@ -31,6 +29,7 @@ from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
 from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
+from dovetail.learn.export import commit, versions
 from dovetail.learn.policy import Policy, policy_files
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
@@ -142,6 +141,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     Raises:
         DovetailError: A setting, the policy or the disk; see its message.
     """
+    if config.workers < 1:
+        raise ConfigError(f"workers is {config.workers}; needs at least 1")
     jobs = plan_trials(len(HOLE_POSES), config.tries, config.seed)
     file = find_policy(config.policy)
     policy = Policy.load(file)
@@ -270,32 +271,11 @@ def command_line(config: EvaluationConfig) -> str:
 
 def provenance(started: datetime) -> dict[str, Any]:
     """Return what a number depends on besides its settings: versions and machine."""
-    versions = {
-        name: importlib.metadata.version(name)
-        for name in ("dovetail", "mujoco", "numpy", "gymnasium")
-    }
+    seconds = (datetime.now(UTC) - started).total_seconds()
     return {
         "started (UTC)": started.isoformat(timespec="seconds"),
-        "duration [s]": round((datetime.now(UTC) - started).total_seconds(), 1),
-        **{f"version of {name}": version for name, version in versions.items()},
-        "python": platform.python_version(),
-        "commit": _commit(),
+        "duration [s]": round(seconds, 1),
+        "versions": versions(),
+        "commit": commit() or "installed package, no checkout",
         "machine": f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
     }
-
-
-def _commit() -> str:
-    """Return the commit of the checkout that runs, or say that there is none."""
-    command = ["git", "describe", "--always", "--dirty"]
-    try:
-        answer = subprocess.run(
-            command,
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            check=True,
-            timeout=10,
-        )
-    except (OSError, subprocess.SubprocessError):
-        return "installed package, no checkout"
-    return answer.stdout.strip()

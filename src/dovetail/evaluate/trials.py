@@ -187,13 +187,8 @@ def run_trials(
         jobs: The tries.
         poses: Hole poses that the jobs refer to by index.
         logs: Existing folder for the Episode logs, or None to keep none.
-        workers: Number of processes; 1 stays in this one.
-
-    Raises:
-        ConfigError: `workers` is below 1.
+        workers: Number of processes, at least 1; 1 stays in this one.
     """
-    if workers < 1:
-        raise ConfigError(f"workers is {workers}; needs at least 1")
     if workers == 1:
         trialist = Trialist(make_env, load_policy, poses, logs)
         try:

@@ -1,0 +1,174 @@
+"""An evaluation from settings to files, with a policy written by hand."""
+
+import json
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from dovetail.episode import Episode
+from dovetail.errors import ConfigError, DovetailError, PolicyError
+from dovetail.evaluate.evaluation import (
+    EvaluationConfig,
+    command_line,
+    evaluate,
+    find_policy,
+    name_ground,
+)
+from dovetail.plants.twin import load_twin
+
+
+@pytest.fixture
+def config(policy_file, tmp_path):
+    return EvaluationConfig(
+        policy=str(policy_file), twin="easy", tries=1, out=tmp_path / "out"
+    )
+
+
+@pytest.fixture(scope="module")
+def finished(policy_file, tmp_path_factory):
+    """One evaluation and what it printed."""
+    out = tmp_path_factory.mktemp("evaluation") / "out"
+    config = EvaluationConfig(policy=str(policy_file), twin="easy", tries=2, out=out)
+    text = StringIO()
+    return evaluate(config, Console(file=text, width=140)), text.getvalue()
+
+
+def silent():
+    return Console(file=StringIO())
+
+
+def test_the_scripted_policy_inserts_on_a_twin(finished):
+    evaluation, _ = finished
+    assert evaluation.rows[-1].successes == evaluation.rows[-1].tries == 6
+    assert evaluation.rows[-1].violations == 0
+
+
+def test_every_file_is_there_and_named(finished):
+    evaluation, _ = finished
+    names = {path.name for path in evaluation.folder.iterdir()}
+    assert names == {"paths.png", "forces.png", "report.json", "report.html", "logs"}
+    assert names == {path.name for path in evaluation.files}
+
+
+def test_the_table_is_printed_with_intervals_and_says_twin(finished):
+    _, text = finished
+    for word in ("twin easy (mujoco)", "Wilson 95 %", "6/6", "limit violations"):
+        assert word in text
+    assert "robot" not in text
+
+
+def test_logs_load_and_agree_with_the_report(finished):
+    evaluation, _ = finished
+    tries = json.loads((evaluation.folder / "report.json").read_text())["tries"]
+    for entry in tries:
+        episode = Episode.load(evaluation.folder / "logs" / entry["log"])
+        force = np.linalg.norm([episode[f] for f in ("fx", "fy", "fz")], axis=0)
+        assert force.max() == pytest.approx(entry["force_peak"])
+        assert episode["step"][-1] == entry["steps"] - 1
+
+
+def test_report_names_seed_twin_and_machine(finished):
+    evaluation, _ = finished
+    content = json.loads((evaluation.folder / "report.json").read_text())
+    assert content["config"]["twin file"]["engine"] == "mujoco"
+    assert content["provenance"]["versions"]["mujoco"] == "3.17.0"
+    assert content["policy"]["provenance"]["command"] == "written by hand"
+    assert "--twin easy" in content["command"]
+
+
+def test_two_workers_give_the_same_outcomes_as_one(config, finished):
+    alone, _ = finished
+    pair = evaluate(replace(config, tries=2, workers=2), silent())
+    for one, two in zip(alone.outcomes, pair.outcomes, strict=True):
+        assert one.numbers() == two.numbers()
+        np.testing.assert_array_equal(one.path, two.path)
+
+
+def test_a_twin_file_of_the_users_own_works(config, tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text(replace(load_twin("easy"), torque_noise=0.5).to_toml())
+    evaluation = evaluate(replace(config, twin=str(file)), silent())
+    assert "twin mine (mujoco)" in evaluation.report.title
+
+
+def test_an_ideal_plant_is_called_a_simulation(config):
+    assert name_ground(replace(config, twin=None, plant="mujoco")) == (
+        "simulation (mujoco)"
+    )
+
+
+def test_command_repeats_the_settings(config):
+    command = command_line(replace(config, peg="round", clearance=0.001, seed=7))
+    for part in ("--twin easy", "--peg round", "--clearance 0.001", "--seed 7"):
+        assert part in command
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"twin": None}, "either a plant or a twin.*mujoco, bullet.*easy"),
+        ({"plant": "mujoco"}, "either a plant or a twin"),
+        ({"twin": None, "plant": "gazebo"}, "gazebo.*mujoco, bullet"),
+        ({"twin": "unreal"}, "unreal.*easy, hard, medium"),
+        ({"twin": "missing.toml"}, "missing"),
+        ({"peg": "hexagon"}, "hexagon.*square, triangle, round"),
+        ({"clearance": -0.001}, "clearance"),
+        ({"tries": 0}, "tries is 0"),
+        ({"workers": 0}, "workers is 0"),
+        ({"policy": "nobody"}, "no policy 'nobody'"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_what_is_known(config, change, words):
+    with pytest.raises(DovetailError, match=words):
+        evaluate(replace(config, **change), silent())
+
+
+@pytest.mark.parametrize("change", [{"peg": "hexagon"}, {"workers": 0}])
+def test_a_wrong_setting_leaves_no_folder(config, change):
+    with pytest.raises(DovetailError):
+        evaluate(replace(config, **change), silent())
+    assert not config.out.exists()
+
+
+def test_a_folder_with_old_results_is_refused(config):
+    config.out.mkdir()
+    (config.out / "report.html").touch()
+    with pytest.raises(ConfigError, match="not empty"):
+        evaluate(config, silent())
+
+
+def test_a_policy_cut_short_is_refused(config, policy_file, tmp_path):
+    weights = tmp_path / "cut.safetensors"
+    weights.write_bytes(policy_file.read_bytes()[:-40])
+    sidecar = policy_file.with_suffix(".json").read_text()
+    weights.with_suffix(".json").write_text(sidecar)
+    with pytest.raises(PolicyError, match="cut"):
+        evaluate(replace(config, policy=str(weights)), silent())
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "words"),
+    [
+        ("stack", 4, "observation"),
+        ("task", "XYZ:force ABC:hold", "task|action"),
+    ],
+)
+def test_a_policy_of_another_task_or_size_is_refused(
+    config, policy_file, tmp_path, key, value, words
+):
+    content = json.loads(policy_file.with_suffix(".json").read_text())
+    content["env"][key] = value
+    other = tmp_path / "other.safetensors"
+    other.write_bytes(policy_file.read_bytes())
+    other.with_suffix(".json").write_text(json.dumps(content))
+    with pytest.raises(PolicyError, match=words):
+        evaluate(replace(config, policy=str(other)), silent())
+
+
+def test_either_file_or_the_bare_name_finds_a_policy(policy_file):
+    bare = policy_file.with_suffix("")
+    for path in (policy_file, policy_file.with_suffix(".json"), bare):
+        assert find_policy(str(path)) == policy_file
