@@ -100,8 +100,8 @@ Interval acceleration_bounds(double x, double v, double x_min, double x_max,
   const double T = params.kappa * dt;
   const double brake = params.eta * a_max;
   const double speed = (1.0 - params.delta_v) * v_max;
-  const double room_up = x_max - params.delta_x - x;
-  const double room_down = x - params.delta_x - x_min;
+  const double room_up = x_max - x - params.delta_x;
+  const double room_down = x - x_min - params.delta_x;
   return join(viability_upper(room_down, -v, speed, a_max, T, brake),
               viability_upper(room_up, v, speed, a_max, T, brake), v);
 }

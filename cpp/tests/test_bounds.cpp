@@ -1,0 +1,204 @@
+#define BOOST_TEST_MODULE bounds
+#include <boost/test/included/unit_test.hpp>
+#include <cmath>
+#include <random>
+
+#include "dovetail/bounds.hpp"
+
+using namespace dovetail;
+
+namespace {
+
+constexpr int kSamples = 1000000;
+
+struct Axis {
+  double x_min = -2.0, x_max = 2.9, v_max = 1.5, a_max = 15.0;
+};
+
+double uniform(std::mt19937_64& rng, double a, double b) {
+  return std::uniform_real_distribution<double>(a, b)(rng);
+}
+
+BoundsParams random_params(std::mt19937_64& rng) {
+  BoundsParams params;
+  params.dt = std::exp(uniform(rng, -7.0, -5.0));  // 0.9 to 6.7 ms
+  params.kappa = uniform(rng, 1.0, 10.0);
+  params.eta = uniform(rng, 0.3, 1.0);
+  params.delta_x = uniform(rng, 0.0, 0.02);
+  params.delta_v = uniform(rng, 0.0, 0.1);
+  return params;
+}
+
+/// Can stop by braking with eta a_max before both limits, within the speed limit.
+bool is_viable(double x, double v, const Axis& axis, const BoundsParams& params,
+               double tolerance) {
+  const double braking = v * v / (2.0 * params.eta * axis.a_max);
+  const double front = v > 0 ? x + braking : x;
+  const double back = v < 0 ? x - braking : x;
+  return front <= axis.x_max - params.delta_x + tolerance &&
+         back >= axis.x_min + params.delta_x - tolerance &&
+         std::abs(v) <= (1.0 - params.delta_v) * axis.v_max + tolerance;
+}
+
+/// A viable state, on the very border of the set every third time.
+bool draw_viable(std::mt19937_64& rng, const Axis& axis, const BoundsParams& params,
+                 double& x, double& v) {
+  const double speed = (1.0 - params.delta_v) * axis.v_max;
+  v = uniform(rng, -speed, speed);
+  const int where = static_cast<int>(uniform(rng, 0.0, 3.0));
+  if (where == 0) v = std::copysign(speed, v);
+  x = uniform(rng, axis.x_min, axis.x_max);
+  if (where == 1) {
+    const double braking = v * v / (2.0 * params.eta * axis.a_max);
+    x = v > 0 ? axis.x_max - params.delta_x - braking
+              : axis.x_min + params.delta_x + braking;
+  }
+  return is_viable(x, v, axis, params, 0.0);
+}
+
+Interval bounds(double x, double v, const Axis& axis, const BoundsParams& params) {
+  return acceleration_bounds(x, v, axis.x_min, axis.x_max, axis.v_max, axis.a_max,
+                             params);
+}
+
+}  // namespace
+
+BOOST_AUTO_TEST_CASE(any_choice_from_a_viable_state_stays_viable) {
+  std::mt19937_64 rng(1);
+  const Axis axis;
+  int drawn = 0;
+  while (drawn < kSamples) {
+    const BoundsParams params = random_params(rng);
+    double x, v;
+    if (!draw_viable(rng, axis, params, x, v)) continue;
+    ++drawn;
+    const Interval interval = bounds(x, v, axis, params);
+    BOOST_REQUIRE(interval.lb <= interval.ub);
+    BOOST_REQUIRE(interval.lb >= -axis.a_max);
+    BOOST_REQUIRE(interval.ub <= axis.a_max);
+    const double share = uniform(rng, 0.0, 1.0);
+    for (const double part : {0.0, share, 1.0}) {
+      const double a = interval.lb + part * (interval.ub - interval.lb);
+      for (const double moment : {1.0, 0.5}) {  // and on the way there
+        const double t = params.dt * moment;
+        BOOST_REQUIRE_MESSAGE(
+            is_viable(x + v * t + 0.5 * a * t * t, v + a * t, axis, params, 1e-9),
+            "x " << x << " v " << v << " a " << a << " dt " << params.dt << " kappa "
+                 << params.kappa << " eta " << params.eta);
+      }
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(bounds_are_the_largest_that_stay_viable) {
+  std::mt19937_64 rng(2);
+  const Axis axis;
+  for (int drawn = 0; drawn < kSamples / 10;) {
+    BoundsParams params = random_params(rng);
+    double x, v;
+    if (!draw_viable(rng, axis, params, x, v)) continue;
+    ++drawn;
+    const Interval interval = bounds(x, v, axis, params);
+    if (interval.ub >= axis.a_max || interval.ub <= -axis.a_max) continue;
+    const double T = params.kappa * params.dt;
+    const double a = interval.ub + 1e-3;
+    const bool is_turning = a < 0.0 && v > 0.0 && -v / a < T;
+    const double x_peak = is_turning ? x - v * v / (2.0 * a) : x;
+    bool is_lost = x_peak > axis.x_max - params.delta_x;
+    const double v_end = v + a * T;
+    const double x_end = x + v * T + 0.5 * a * T * T;
+    is_lost = is_lost || !is_viable(x_end, v_end, axis, params, 0.0);
+    BOOST_REQUIRE_MESSAGE(is_lost, "x " << x << " v " << v << " a " << a);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(bounds_mirror) {
+  std::mt19937_64 rng(3);
+  for (int k = 0; k < kSamples; ++k) {
+    BoundsParams params = random_params(rng);
+    if (k % 3 == 1) params.kind = BoundsKind::kPaperCorrected;
+    if (k % 3 == 2) params.kind = BoundsKind::kPaperPrinted;
+    const double x = uniform(rng, -4, 4), v = uniform(rng, -3, 3);
+    const Interval one = acceleration_bounds(x, v, -2.0, 2.9, 1.5, 15.0, params);
+    const Interval two = acceleration_bounds(-x, -v, -2.9, 2.0, 1.5, 15.0, params);
+    BOOST_REQUIRE_EQUAL(one.lb, -two.ub);
+    BOOST_REQUIRE_EQUAL(one.ub, -two.lb);
+    BOOST_REQUIRE(one.ub_cause == two.lb_cause);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(any_state_gives_a_finite_interval_that_brakes) {
+  std::mt19937_64 rng(4);
+  const Axis axis;
+  for (int k = 0; k < kSamples; ++k) {
+    BoundsParams params = random_params(rng);
+    if (k % 2 == 1) params.kind = BoundsKind::kPaperCorrected;
+    const double x = uniform(rng, -50, 50), v = uniform(rng, -50, 50);
+    const Interval interval = bounds(x, v, axis, params);
+    BOOST_REQUIRE(interval.lb <= interval.ub);
+    BOOST_REQUIRE(interval.lb >= -axis.a_max && interval.ub <= axis.a_max);
+    if (v > axis.v_max + axis.a_max * 10 * params.kappa * params.dt) {
+      BOOST_REQUIRE_EQUAL(interval.ub, -axis.a_max);
+      BOOST_REQUIRE_EQUAL(interval.lb, -axis.a_max);
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(double_integrator_never_leaves_its_limits) {
+  std::mt19937_64 rng(5);
+  const Axis axis;
+  for (int episode = 0; episode < 200; ++episode) {
+    const BoundsParams params = random_params(rng);
+    double x = 0.3, v = 0.0, wanted = 0.0;
+    for (int k = 0; k < 5000; ++k) {
+      if (k % 40 == 0) wanted = uniform(rng, -60, 60);
+      const Interval interval = bounds(x, v, axis, params);
+      const double a = std::min(std::max(wanted, interval.lb), interval.ub);
+      x += v * params.dt + 0.5 * a * params.dt * params.dt;
+      v += a * params.dt;
+      BOOST_REQUIRE(is_viable(x, v, axis, params, 1e-9));
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(paper_bounds_overshoot_by_the_stopping_distance) {
+  BoundsParams params;
+  params.kind = BoundsKind::kPaperCorrected;
+  const Axis axis;
+  double x = 0.0, v = 0.0, x_worst = 0.0;
+  for (int k = 0; k < 5000; ++k) {
+    const Interval interval = bounds(x, v, axis, params);
+    x += v * params.dt + 0.5 * interval.ub * params.dt * params.dt;
+    v += interval.ub * params.dt;
+    x_worst = std::max(x_worst, x);
+  }
+  const double stopping_distance = axis.v_max * axis.v_max / (2.0 * axis.a_max);
+  BOOST_TEST(x_worst - axis.x_max > 0.8 * stopping_distance);
+}
+
+BOOST_AUTO_TEST_CASE(paper_as_printed_mixes_position_into_the_speed_bound) {
+  BoundsParams params;
+  params.kind = BoundsKind::kPaperPrinted;
+  // (V - x) / dt with x = 1.4 and V = 1.5, not (V - v) / dt.
+  const Interval interval = acceleration_bounds(1.495, 0.0, -2, 2.9, 1.5, 15, params);
+  BOOST_TEST(interval.ub == (1.5 - 1.495) / params.dt);
+  BOOST_TEST(bool(interval.ub_cause == BoundCause::kVelocity));
+  // At speed, close to the limit, the interval is empty.
+  const Interval empty = acceleration_bounds(2.89, 1.4, -2, 2.9, 15, 15, params);
+  BOOST_TEST(empty.ub == 15.0);
+  const Interval late = acceleration_bounds(2.899, 1.4, -2, 2.9, 15, 15, params);
+  BOOST_TEST(late.ub < late.lb);
+}
+
+BOOST_AUTO_TEST_CASE(cause_names_the_limit_that_acts) {
+  BoundsParams params;
+  const Axis axis;
+  const Interval free = bounds(0, 0, axis, params);
+  BOOST_TEST(bool(free.ub_cause == BoundCause::kAcceleration));
+  BOOST_TEST(bool(free.lb_cause == BoundCause::kAcceleration));
+  const Interval fast = bounds(0, 1.48, axis, params);
+  BOOST_TEST(bool(fast.ub_cause == BoundCause::kVelocity));
+  const Interval near = bounds(2.85, 0.9, axis, params);
+  BOOST_TEST(bool(near.ub_cause == BoundCause::kPosition));
+  BOOST_TEST(bool(near.lb_cause == BoundCause::kAcceleration));
+}
