@@ -231,15 +231,11 @@ class BulletPlant:
         bias = true.coriolis(q, dq) + true.gravity(q) + self._damping * dq
         contact = self._contact_torque
         Minv = np.asarray(np.linalg.inv(M), dtype=np.float64)
-        a = Minv @ (tau - bias + contact)
+        a = np.asarray(Minv @ (tau - bias + contact), dtype=np.float64)
         if self._coulomb.any():
-            a += _dry_friction(Minv, dq + h * a, self._coulomb, h)
-        return (
-            simulated.inertia_matrix(q) @ a
-            + simulated.coriolis(q, dq)
-            + simulated.gravity(q)
-            - contact
-        )
+            a = a + _dry_friction(Minv, dq + h * a, self._coulomb, h)
+        inertial = np.asarray(simulated.inertia_matrix(q) @ a, dtype=np.float64)
+        return inertial + simulated.coriolis(q, dq) + simulated.gravity(q) - contact
 
     def _read_contacts(self) -> None:
         """Sum the contacts on the arm: force [N] and joint torque [Nm]."""
