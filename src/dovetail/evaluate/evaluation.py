@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import gymnasium as gym
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -220,13 +221,16 @@ def _run(
 
 def render_table(report: Report) -> Table:
     """Return the transfer table for a terminal."""
-    table = Table(title=report.title, title_justify="left")
-    for index, name in enumerate(COLUMNS):
-        table.add_column(name, justify="left" if index == 0 else "right")
-    for row in report.rows[:-1]:
-        table.add_row(*cells(row))
+    table = Table(title=report.title, title_justify="left", box=SIMPLE_HEAD)
+    lines = [cells(row) for row in report.rows]
+    for name, *entries in zip(COLUMNS, *lines, strict=True):
+        words = [*name.split(), *entries]  # headings wrap, numbers do not
+        side = "left" if name == COLUMNS[0] else "right"
+        table.add_column(name, justify=side, width=max(map(len, words)))
+    for line in lines[:-1]:
+        table.add_row(*line)
     table.add_section()
-    table.add_row(*cells(report.rows[-1]), style="bold")
+    table.add_row(*lines[-1], style="bold")
     return table
 
 

@@ -118,13 +118,13 @@ def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
 
 
 COLUMNS = (
-    "hole pose",
+    "pose",
     "success",
     "Wilson 95 %",
-    "steps to insert",
-    "contact force mean",
-    "peak p95",
-    "peak max",
+    "steps median / max",
+    "force mean [N]",
+    "peak p95 [N]",
+    "peak max [N]",
     "limit violations",
 )
 """Headings of the table, in the order of `cells`."""
@@ -132,19 +132,15 @@ COLUMNS = (
 
 def cells(row: Row) -> tuple[str, ...]:
     """Return a row as text, one cell per entry of `COLUMNS`."""
-    steps = (
-        "none"
-        if math.isnan(row.steps_median)
-        else f"{row.steps_median:.0f} (max {row.steps_max:.0f})"
-    )
+    has_steps = not math.isnan(row.steps_median)
     low, high = row.interval
     return (
         row.label,
         f"{row.successes}/{row.tries}",
-        f"{100 * low:.1f} - {100 * high:.1f} %",
-        steps,
-        f"{row.force_mean:.1f} N",
-        f"{row.force_peak_p95:.1f} N",
-        f"{row.force_peak:.1f} N",
+        f"{100 * low:.1f}-{100 * high:.1f} %",
+        f"{row.steps_median:.0f} / {row.steps_max:.0f}" if has_steps else "none",
+        f"{row.force_mean:.1f}",
+        f"{row.force_peak_p95:.1f}",
+        f"{row.force_peak:.1f}",
         str(row.violations),
     )
