@@ -1,4 +1,4 @@
-"""The evaluation at the end of training: deterministic, on episodes never trained on."""
+"""The evaluation that ends a training: deterministic, on episodes of its own."""
 
 import math
 from typing import Any

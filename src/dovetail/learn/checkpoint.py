@@ -72,8 +72,8 @@ def save_checkpoint(folder: Path, model: Any, wall_time: float) -> Path:
         shutil.rmtree(beside, ignore_errors=True)
         kept = ", ".join(path.name for path in list_checkpoints(folder)) or "none"
         raise LogError(
-            f"cannot write the checkpoint {place}: {error.strerror}; kept: {kept}; free "
-            "some space and continue with --resume"
+            f"cannot write the checkpoint {place}: {error.strerror}; kept: {kept}; "
+            "free some space and continue with --resume"
         ) from error
     for old in list_checkpoints(folder)[:-KEPT]:
         shutil.rmtree(old)
@@ -112,8 +112,8 @@ def load_checkpoint(place: Path, model: Any, seed: int) -> Counters:
             setattr(model, name, int(facts[name]))
     except (OSError, ValueError, KeyError) as error:
         raise ConfigError(
-            f"checkpoint {place} cannot be used: {error}; remove it to continue from the "
-            "one before, or start a new run folder"
+            f"checkpoint {place} cannot be used: {error}; remove it to continue "
+            "from the one before, or start a new run folder"
         ) from error
     seed_run(model, seed, model.num_timesteps)
     return Counters(int(facts["num_timesteps"]), float(facts["wall_time"]))

@@ -47,7 +47,7 @@ class TrainConfig:
     f_scale_angular: float = 20.0
     """f* at action 1 on A B C [rad/s2]."""
     force_damping: float = 40.0
-    """Damping D of force axes [1/s]: f_scale / D is the largest speed; 0 is the paper."""
+    """Damping D of force axes [1/s]: f_scale / D is the top speed; 0 is the paper."""
     theta_range: float = 0.2
     """Rotation at action 1 on pose axes A B C [rad]."""
     position_range: float = 0.05
@@ -121,8 +121,8 @@ class TrainConfig:
             value = -1.0
         if not 0.0 < value < 1e6:
             raise ConfigError(
-                f"ent_coef is {self.ent_coef!r}; allowed: auto, auto_START or a number, "
-                "each above 0, e.g. auto_0.1"
+                f"ent_coef is {self.ent_coef!r}; allowed: auto, auto_START or a "
+                "number, each above 0, e.g. auto_0.1"
             )
         return self.ent_coef if self.ent_coef.startswith("auto") else value
 
@@ -157,8 +157,8 @@ class TrainConfig:
             if mine.get(name) != other.get(name):
                 raise ConfigError(
                     f"cannot resume {self.out}: {name} is {mine.get(name)!r}, the run "
-                    f"was started with {other.get(name)!r}; give {name} the run's value "
-                    "or choose another --out"
+                    f"was started with {other.get(name)!r}; give {name} the "
+                    "run's value or choose another --out"
                 )
 
     def command(self) -> str:

@@ -1,4 +1,4 @@
-"""From a trained SBX model to a Policy: the actor's layers, and where they come from."""
+"""From a trained SBX model to a Policy: the actor's layers and their provenance."""
 
 import platform
 import subprocess

@@ -62,8 +62,8 @@ class Policy:
             rows = shapes[i - 1][1] if i else shapes[0][0]
             if weight.shape[0] != rows or bias.shape != weight.shape[1:]:
                 raise PolicyError(
-                    f"policy layer {i} has weights of shape {weight.shape} and a bias of "
-                    f"shape {bias.shape}; its neighbour needs {rows} rows"
+                    f"policy layer {i} has weights of shape {weight.shape} and a bias "
+                    f"of shape {bias.shape}; its neighbour needs {rows} rows"
                 )
             if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
                 raise PolicyError(f"policy layer {i} holds a number that is not finite")
@@ -175,9 +175,9 @@ class Policy:
         data = _read(weights)
         if hashlib.sha256(data).hexdigest() != metadata.get("sha256"):
             raise PolicyError(
-                f"{weights} ({len(data)} bytes) is cut short, damaged or not the partner "
-                f"of {sidecar.name}: its SHA-256 is not the one noted there; copy both "
-                "files again"
+                f"{weights} ({len(data)} bytes) is cut short, damaged or not the "
+                f"partner of {sidecar.name}: its SHA-256 is not the one noted "
+                "there; copy both files again"
             )
         try:
             tensors = load(data)

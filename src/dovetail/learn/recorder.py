@@ -18,7 +18,7 @@ class Recorder(BaseCallback):
         log: EpisodeLog,
         watch: Stopwatch,
         report: Report,
-        checkpoint: Callable[[], None],
+        checkpoint: Callable[[], object],
         interval: int,
     ) -> None:
         """Take what to write to.

@@ -35,8 +35,8 @@ def open_run(config: TrainConfig) -> Path:
         return folder
     if (folder / CONFIG).exists():
         raise ConfigError(
-            f"the run folder {folder} already holds a run; continue it with --resume, or "
-            "choose another --out"
+            f"the run folder {folder} already holds a run; continue it with --resume, "
+            "or choose another --out"
         )
     folder = claim_output_folder(folder)
     write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
@@ -57,7 +57,7 @@ def _read_config(folder: Path) -> dict[str, Any]:
 
 
 class RunLock:
-    """Holds a run folder for this process; the system frees it when the process dies."""
+    """Holds a run folder for this process; the system frees it when that dies."""
 
     def __init__(self, folder: Path) -> None:
         """Name the folder."""
@@ -76,8 +76,8 @@ class RunLock:
         except BlockingIOError as error:
             self._file.close()
             raise ConfigError(
-                f"another process is training in {self._folder}; wait for it, or choose "
-                "another --out"
+                f"another process is training in {self._folder}; wait for it, or "
+                "choose another --out"
             ) from error
         return self
 

@@ -48,8 +48,8 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
     """Train, evaluate and export one policy per seed.
 
     The run folder gets config.json, progress.csv (a row per episode), tensorboard/,
-    checkpoints/, policy.safetensors with policy.json, and evaluation.json. Several seeds
-    each have such a folder, `seed-<n>`, inside it.
+    checkpoints/, policy.safetensors with policy.json, and evaluation.json. Several
+    seeds each have such a folder, `seed-<n>`, inside it.
 
     Args:
         config: Settings.

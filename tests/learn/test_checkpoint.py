@@ -1,0 +1,162 @@
+"""A checkpoint is whole or absent, and a run continues from it."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dovetail.errors import ConfigError, LogError
+from dovetail.learn.algorithms import make_model, make_vec_env
+from dovetail.learn.checkpoint import (
+    list_checkpoints,
+    load_checkpoint,
+    save_checkpoint,
+    seed_run,
+)
+from dovetail.learn.export import actor_layers
+
+
+class Died(BaseException):
+    """Stands for kill -9 at one moment."""
+
+
+@pytest.fixture(scope="module")
+def build(tmp_path_factory):
+    from dovetail.learn.config import TrainConfig
+
+    from .conftest import SMALL
+
+    config = TrainConfig(out=tmp_path_factory.mktemp("run"), **SMALL)
+    return lambda: make_model(config, make_vec_env(config))
+
+
+@pytest.fixture(scope="module")
+def trained(build):
+    model = build()
+    seed_run(model, 0, 0)
+    model.learn(200)
+    return model
+
+
+def weights(model) -> list[np.ndarray]:
+    return [array for layer in actor_layers(model) for array in layer]
+
+
+def test_a_loaded_checkpoint_has_networks_optimisers_and_replay_buffer(
+    trained, build, tmp_path
+):
+    import jax
+
+    place = save_checkpoint(tmp_path, trained, 12.5)
+    model = build()
+    counters = load_checkpoint(place, model, 0)
+    assert counters == (200, 12.5)
+    assert model.num_timesteps == 200
+    assert model._n_updates == trained._n_updates > 0
+    for name in ("actor_state", "qf_state"):
+        old, new = getattr(trained.policy, name), getattr(model.policy, name)
+        for part in ("params", "opt_state"):
+            jax.tree.map(
+                np.testing.assert_array_equal, getattr(old, part), getattr(new, part)
+            )
+    assert model.replay_buffer.pos == trained.replay_buffer.pos == 100
+    for name in ("observations", "actions", "rewards", "dones", "timeouts"):
+        np.testing.assert_array_equal(
+            getattr(model.replay_buffer, name)[:100],
+            getattr(trained.replay_buffer, name)[:100],
+        )
+    assert trained.replay_buffer.timeouts.any(), "the test needs a truncated episode"
+
+
+def test_the_same_checkpoint_always_continues_in_the_same_way(trained, build, tmp_path):
+    place = save_checkpoint(tmp_path, trained, 0.0)
+    results = []
+    for _ in range(2):
+        model = build()
+        load_checkpoint(place, model, 0)
+        model.learn(60, reset_num_timesteps=False)
+        assert model.num_timesteps == 260
+        results.append(weights(model))
+    for first, second in zip(*results, strict=True):
+        np.testing.assert_array_equal(first, second)
+    changed = [
+        np.abs(a - b).max() for a, b in zip(results[0], weights(trained), strict=True)
+    ]
+    assert max(changed) > 0.0
+
+
+def test_runs_of_neighbouring_seeds_share_no_episode(build):
+    seeds = []
+    for seed in range(3):
+        model = build()
+        for step in (0, 100):
+            seed_run(model, seed, step)
+            seeds += model.get_env()._seeds
+    assert len(set(seeds)) == len(seeds)
+
+
+def test_the_last_two_checkpoints_are_kept(trained, tmp_path):
+    (tmp_path / ".step-0000000001.part").mkdir()
+    for step in (200, 201, 202):
+        trained.num_timesteps = step
+        save_checkpoint(tmp_path, trained, 0.0)
+    trained.num_timesteps = 200
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == ["step-0000000201", "step-0000000202"]
+
+
+@pytest.mark.parametrize("moment", range(7))
+def test_a_death_at_any_moment_of_writing_leaves_the_one_before(
+    trained, build, tmp_path, monkeypatch, moment
+):
+    first = save_checkpoint(tmp_path, trained, 1.0)
+    calls = 0
+
+    def step_or_die(function):
+        def call(*args, **kwargs):
+            nonlocal calls
+            calls += 1
+            if calls > moment:
+                raise Died
+            return function(*args, **kwargs)
+
+        return call
+
+    monkeypatch.setattr(os, "fsync", step_or_die(os.fsync))
+    monkeypatch.setattr(Path, "rename", step_or_die(Path.rename))
+    trained.num_timesteps = 210
+    try:
+        save_checkpoint(tmp_path, trained, 2.0)
+    except Died:
+        pass
+    finally:
+        trained.num_timesteps = 200
+        monkeypatch.undo()
+    newest = list_checkpoints(tmp_path)[-1]
+    was_complete = moment >= 5
+    assert (newest != first) == was_complete
+    assert load_checkpoint(newest, build(), 0).step == (210 if was_complete else 200)
+
+
+@pytest.mark.parametrize("name", ["checkpoint.json", "networks.msgpack", "replay.npz"])
+def test_a_damaged_checkpoint_is_named(trained, build, tmp_path, name):
+    place = save_checkpoint(tmp_path, trained, 0.0)
+    content = (place / name).read_bytes()
+    (place / name).write_bytes(content[: len(content) // 2])
+    with pytest.raises(ConfigError, match=f"checkpoint {place} cannot be used"):
+        load_checkpoint(place, build(), 0)
+
+
+def test_a_full_disk_keeps_the_checkpoint_before(trained, tmp_path, monkeypatch):
+    save_checkpoint(tmp_path, trained, 0.0)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    trained.num_timesteps = 220
+    with pytest.raises(LogError, match=r"No space left.*kept: step-0000000200"):
+        save_checkpoint(tmp_path, trained, 0.0)
+    trained.num_timesteps = 200
+    assert [path.name for path in tmp_path.iterdir()] == ["step-0000000200"]

@@ -1,0 +1,62 @@
+"""Settings refuse what cannot be trained, and name the field."""
+
+import inspect
+import shlex
+from dataclasses import replace
+
+import pytest
+import tyro
+
+from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.errors import ConfigError
+from dovetail.learn.config import ENV_FIELDS, TrainConfig
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("algorithm", "sarsa", "known: sac, ppo, ddpg, td3, tqc, crossq"),
+        ("steps", 0, "steps is 0; allowed: 1 to"),
+        ("gamma", 1.0, "gamma is 1.0; allowed: 0 to"),
+        ("net", (), "net is"),
+        ("ent_coef", "auto_zero", "ent_coef is 'auto_zero'"),
+        ("ent_coef", "-1", "ent_coef is '-1'"),
+        ("learning_rate", float("nan"), "learning_rate is nan"),
+    ],
+)
+def test_a_wrong_setting_is_named_with_what_is_allowed(field, value, words):
+    with pytest.raises(ConfigError, match=words):
+        TrainConfig(**{field: value})
+
+
+def test_the_entropy_coefficient_is_a_number_or_adapted():
+    assert TrainConfig(ent_coef="auto").entropy_coefficient() == "auto"
+    assert TrainConfig(ent_coef="auto_0.1").entropy_coefficient() == "auto_0.1"
+    assert TrainConfig(ent_coef="0.02").entropy_coefficient() == 0.02
+
+
+def test_resuming_with_another_setting_names_it_and_both_values():
+    config = TrainConfig()
+    for name, value in (("clearance", 0.001), ("seed", 3), ("net", (64, 64))):
+        other = replace(config, **{name: value})
+        with pytest.raises(ConfigError, match=f"cannot resume .*: {name} is"):
+            other.require_same(config.to_json())
+    replace(config, resume=True, out="elsewhere").require_same(config.to_json())
+
+
+def test_the_noted_command_trains_with_the_same_settings():
+    config = TrainConfig(
+        stack=4, net=(64, 32), layer_norm=False, task="Z:force XYC:hold", seed=2
+    )
+    command = shlex.split(config.command())
+    assert command[:2] == ["dovetail", "train"]
+    again = tyro.cli(TrainConfig, args=command[2:])
+    assert again.to_json() == config.to_json()
+
+
+def test_every_environment_setting_is_a_keyword_of_the_environment():
+    known = inspect.signature(PegInHoleEnv.__init__).parameters
+    assert set(ENV_FIELDS) <= set(known)
+    config = TrainConfig()
+    for name in ENV_FIELDS:
+        assert known[name].default == getattr(config, name), name
