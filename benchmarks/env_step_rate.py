@@ -10,7 +10,9 @@ for control at 5 ms and at 1 ms,
   resets included;
 * with ``--robosuite PYTHON``, an interpreter that has robosuite, the steps per second
   of its Lift task with its operational-space controller at 20 Hz (50 ms per step, 2 ms
-  physics, its default), no camera, and the ratio.
+  physics, its default), no camera, and the ratio. robosuite 1.5.2 ran with mujoco
+  3.3.0; with 3.17.0 and later it fails to build its model. Another robot and another
+  task: the ratio says what a step costs a user, not whose physics is faster.
 """
 
 import argparse

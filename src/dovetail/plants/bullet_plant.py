@@ -231,11 +231,11 @@ class BulletPlant:
         bias = true.coriolis(q, dq) + true.gravity(q) + self._damping * dq
         contact = self._contact_torque
         Minv = np.asarray(np.linalg.inv(M), dtype=np.float64)
-        a = np.asarray(Minv @ (tau - bias + contact), dtype=np.float64)
+        a = Minv @ (tau - bias + contact)
         if self._coulomb.any():
-            a = a + _dry_friction(Minv, dq + h * a, self._coulomb, h)
-        inertial = np.asarray(simulated.inertia_matrix(q) @ a, dtype=np.float64)
-        return inertial + simulated.coriolis(q, dq) + simulated.gravity(q) - contact
+            a += _dry_friction(Minv, dq + h * a, self._coulomb, h)
+        bias_simulated = simulated.coriolis(q, dq) + simulated.gravity(q)
+        return simulated.inertia_matrix(q) @ a + bias_simulated - contact
 
     def _read_contacts(self) -> None:
         """Sum the contacts on the arm: force [N] and joint torque [Nm]."""
@@ -254,7 +254,8 @@ class BulletPlant:
             self._force += f
             moment += np.cross(np.array(point[5]) - tool, f)
         wrench = np.concatenate([self._force, moment])
-        self._contact_torque = self._true.jacobian(q).T @ wrench
+        torque = self._true.jacobian(q).T @ wrench
+        self._contact_torque = np.asarray(torque, dtype=np.float64)
 
     def run_cycles(
         self,
