@@ -22,7 +22,7 @@ LAYERS = (
     {"commands", "doctor"},
     {"cli"},
 )
-"""Modules and folders of the package; each imports from its own layer and from above."""
+"""Modules and folders of the package; each imports from its own layer or from above."""
 
 
 def sources(*suffixes):
@@ -133,5 +133,7 @@ def test_the_core_knows_nothing_of_python():
 def test_nothing_loads_pickles():
     for path in sorted(PACKAGE.rglob("*.py")):
         text = path.read_text()
-        assert not re.search(r"^\s*(import|from) (pickle|cloudpickle)", text, re.M), path
+        assert not re.search(r"^\s*(import|from) (pickle|cloudpickle)", text, re.M), (
+            path
+        )
         assert "allow_pickle=True" not in text, path

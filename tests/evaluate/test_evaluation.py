@@ -55,7 +55,7 @@ def test_every_file_is_there_and_named(finished):
 
 def test_the_table_is_printed_with_intervals_and_says_twin(finished):
     _, text = finished
-    for word in ("twin easy (mujoco)", "Wilson 95 %", "6/6", "limit violations"):
+    for word in ("twin easy (mujoco)", "Wilson 95 %", "6/6", "violations"):
         assert word in text
     assert "robot" not in text
 
@@ -154,6 +154,7 @@ def test_a_policy_cut_short_is_refused(config, policy_file, tmp_path):
     [
         ("stack", 4, "observation"),
         ("task", "XYZ:force ABC:hold", "task|action"),
+        ("wheels", 4, "known environment.*wheels"),
     ],
 )
 def test_a_policy_of_another_task_or_size_is_refused(

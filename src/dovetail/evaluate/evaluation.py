@@ -179,7 +179,12 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
 
 def _inspect(make_env: Callable[[], gym.Env], policy: Policy) -> SceneConfig:
     """Return the environment's scene; says what is wrong before any process starts."""
-    env = make_env()
+    try:
+        env = make_env()
+    except (TypeError, gym.error.Error) as error:
+        raise PolicyError(
+            f"the policy's JSON file does not describe a known environment: {error}"
+        ) from error
     observation, _ = env.reset(seed=0, options={"hole": HOLE_POSES[0].pose()})
     action = policy(observation)
     scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]

@@ -1,0 +1,147 @@
+"""The command line: help, exit codes, and one clear message per error."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from dovetail.cli import COMMANDS, main, run
+from dovetail.errors import DovetailError
+from dovetail.plants.twin import load_twin
+
+
+def test_help_lists_every_command(capsys):
+    assert run(["--help"]) == 0
+    text = capsys.readouterr().out
+    for name, (_, meaning) in COMMANDS.items():
+        assert name in text
+        assert meaning in text
+
+
+def test_no_command_at_all_shows_the_help_and_fails(capsys):
+    assert run([]) == 2
+    assert "dovetail COMMAND" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(name, capsys):
+    with pytest.raises(SystemExit) as stop:
+        run([name, "--help"])
+    assert stop.value.code == 0
+    assert f"dovetail {name}" in capsys.readouterr().out
+
+
+def test_help_comes_from_the_settings_docstrings(capsys):
+    with pytest.raises(SystemExit):
+        run(["evaluate", "--help"])
+    text = capsys.readouterr().out
+    assert "Gap between peg and hole on each side [m]" in text
+
+
+def test_an_unknown_command_lists_the_known_ones(capsys):
+    assert run(["fly"]) == 2
+    error = capsys.readouterr().err
+    assert "unknown command 'fly'" in error
+    assert ", ".join(COMMANDS) in error
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["evaluate", "nobody", "--plant", "mujoco"], "no policy 'nobody'"),
+        (["evaluate", "POLICY"], "either a plant or a twin"),
+        (["evaluate", "POLICY", "--plant", "gazebo"], "known plants: mujoco, bullet"),
+        (["evaluate", "POLICY", "--twin", "unreal"], "shipped twins: easy, hard"),
+        (["evaluate", "POLICY", "--twin", "easy", "--peg", "star"], "square, triangle"),
+        (["evaluate", "POLICY", "--twin", "easy", "--clearance", "-1"], "clearance"),
+        (["twin", "show", "unreal"], "shipped twins: easy, hard, medium"),
+        (["train", "--plant", "gazebo"], "known plants: mujoco, bullet"),
+        (["demo", "--policy", "nobody"], "no policy 'nobody'"),
+    ],
+)
+def test_wrong_input_is_one_message_without_traceback(
+    words, message, still_policy, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    words = [str(still_policy) if word == "POLICY" else word for word in words]
+    assert run(words) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("dovetail: ")
+    assert message in error
+    assert "Traceback" not in error
+
+
+def test_debug_shows_the_traceback():
+    with pytest.raises(DovetailError):
+        run(["twin", "show", "unreal", "--debug"])
+
+
+def test_an_interrupt_ends_with_130(monkeypatch, capsys):
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("dovetail.cli._run_command", interrupt)
+    assert run(["demo"]) == 130
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_main_leaves_with_the_exit_code():
+    with pytest.raises(SystemExit) as stop:
+        main(["fly"])
+    assert stop.value.code == 2
+
+
+def test_twin_list_names_every_shipped_twin(capsys):
+    assert run(["twin", "list"]) == 0
+    text = capsys.readouterr().out
+    for name in ("easy", "medium", "hard"):
+        assert name in text
+
+
+def test_what_twin_show_prints_is_a_twin_file(tmp_path, capsys):
+    assert run(["twin", "show", "medium"]) == 0
+    file = tmp_path / "copy.toml"
+    file.write_text(capsys.readouterr().out)
+    assert load_twin(file) == load_twin("medium")
+
+
+def test_evaluate_writes_a_report_and_says_where(still_policy, tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ["evaluate", str(still_policy), "--plant", "mujoco", "--tries", "1"]
+    assert run([*words, "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "0/3" in printed
+    assert "report.html" in printed
+    assert json.loads((out / "report.json").read_text())["ground"] == (
+        "simulation (mujoco)"
+    )
+    assert run([*words, "--out", str(out)]) == 2
+    assert "not empty" in capsys.readouterr().err
+
+
+def test_demo_writes_into_a_new_folder_each_time(
+    still_policy, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(["demo", "--policy", str(still_policy), "--tries", "1"]) == 0
+    assert "twin medium (mujoco)" in capsys.readouterr().out
+    (folder,) = (tmp_path / "demo-results").iterdir()
+    assert (folder / "report.html").is_file()
+
+
+def test_the_command_runs_as_a_program_without_the_learning_stack():
+    code = (
+        "import sys; from dovetail.cli import run; code = run(['twin', 'list']);"
+        "heavy = {'jax', 'torch', 'pybullet', 'matplotlib', 'sbx'} & set(sys.modules);"
+        "sys.exit(code or sorted(heavy) or 0)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=os.environ,
+    )
+    assert done.returncode in (0, None), done.stderr

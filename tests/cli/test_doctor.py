@@ -1,0 +1,93 @@
+"""The doctor finds what is broken, and says how to mend it."""
+
+import importlib.util
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dovetail import doctor
+from dovetail.cli import run
+from dovetail.doctor import Check, run_checks
+from dovetail.plants.plant import make_plant
+
+
+@pytest.fixture(scope="module")
+def checks():
+    return {check.name: check for check in run_checks()}
+
+
+def test_model_and_mujoco_agree(checks):
+    check = checks["model and mujoco agree"]
+    assert check.status == "ok", check.detail
+    for word in ("um", "Nm", "%"):
+        assert word in check.detail
+
+
+@pytest.mark.bullet
+def test_model_and_bullet_agree(checks):
+    if importlib.util.find_spec("pybullet") is None:
+        pytest.skip("pybullet is not installed")
+    check = checks["model and bullet agree"]
+    assert check.status == "ok", check.detail
+
+
+@pytest.mark.parametrize("scheme", ["qp", "paper"])
+def test_cycle_time_is_reported(checks, scheme):
+    check = checks[f"control cycle, {scheme}"]
+    assert check.status == "ok", check.detail
+    assert "p50" in check.detail
+    assert "p99" in check.detail
+
+
+def test_essential_parts_are_found(checks):
+    for name in ("python", "control core (C++)", "mujoco", "shipped twins"):
+        assert checks[name].status == "ok", checks[name].detail
+
+
+def test_a_missing_extra_names_the_command_that_brings_it(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    check = doctor._check_extra("learn")
+    assert check.status == "missing"
+    assert not check.is_essential
+    assert "pip install 'dovetail[learn]'" in check.detail
+
+
+def test_pybullet_beyond_3_11_has_no_wheel(monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(doctor, "sys", SimpleNamespace(version_info=(3, 12)))
+    assert "no wheel beyond Python 3.11" in doctor._check_extra("bullet").detail
+
+
+def test_an_arm_heavier_than_the_model_is_found(monkeypatch):
+    def make_heavier(name, scene, dynamics):
+        return make_plant(name, scene, replace(dynamics, mass_scale=(1.05,) * 7))
+
+    monkeypatch.setattr("dovetail.plants.plant.make_plant", make_heavier)
+    check = doctor._guard("agreement", lambda: doctor._check_agreement("mujoco"))
+    assert check.status == "broken"
+    assert "allowed" in check.detail
+
+
+def test_the_command_fails_when_something_essential_is_broken(monkeypatch, capsys):
+    broken = Check("mujoco", "broken", "version 4.0.0 is installed")
+    extra = Check("sbx", "missing", "training", is_essential=False)
+    monkeypatch.setattr(
+        "dovetail.commands.doctor.run_checks", lambda: iter([broken, extra])
+    )
+    assert run(["doctor"]) == 1
+    assert "version 4.0.0 is installed" in capsys.readouterr().out
+
+
+def test_the_command_succeeds_when_only_an_extra_is_missing(monkeypatch, capsys):
+    extra = Check("sbx", "missing", "pip install 'dovetail[learn]'", False)
+    monkeypatch.setattr("dovetail.commands.doctor.run_checks", lambda: iter([extra]))
+    assert run(["doctor"]) == 0
+    assert "pip install 'dovetail[learn]'" in capsys.readouterr().out
+
+
+def test_any_failure_of_a_check_is_a_finding_not_a_crash():
+    check = doctor._guard("x", lambda: 1 / np.array(0).item())
+    assert check.status == "broken"
+    assert "ZeroDivisionError" in check.detail
