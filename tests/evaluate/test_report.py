@@ -91,9 +91,16 @@ def test_a_twin_is_never_called_a_robot(report):
     assert "robot" not in report.to_html({"Paths": PNG}).lower()
 
 
-@pytest.mark.parametrize("peg", ["square", "triangle", "round"])
-def test_figures_are_png_for_every_peg(report, peg):
-    scene = SceneConfig(peg=peg)
+@pytest.mark.parametrize(
+    "scene",
+    [
+        SceneConfig(peg="square"),
+        SceneConfig(peg="triangle", floor_thickness=0.01),
+        SceneConfig(peg="round"),
+    ],
+    ids=lambda scene: scene.peg,
+)
+def test_figures_are_png_for_every_peg(report, scene):
     figure = draw_paths(
         report.outcomes, ["A", "B"], scene=scene, title="paths of a test"
     )

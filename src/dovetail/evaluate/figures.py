@@ -80,16 +80,25 @@ def draw_paths(
 
 
 def _draw_block(top: Any, side: Any, scene: SceneConfig) -> None:
-    outline, outer = 1e3 * hole_outline(scene), 0.5e3 * scene.block_width
-    bottom, floor = -1e3 * scene.block_height, -1e3 * scene.hole_depth
-    block = outer * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
-    left, right = outline[:, 0].min(), outline[:, 0].max()
-    cut = [(-outer, 0), (left, 0), (left, floor), (right, floor), (right, 0)]
-    cut += [(outer, 0), (outer, bottom), (-outer, bottom)]
     style = {"facecolor": _BLOCK, "edgecolor": _INK, "linewidth": 0.8}
-    top.fill(*block.T, **style)
+    outline, outer = 1e3 * hole_outline(scene), 0.5e3 * scene.block_width
+    corners = outer * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    top.fill(*corners.T, **style)
     top.fill(*outline.T, **style | {"facecolor": "white"})
-    side.fill(*np.array(cut).T, **style)
+    for part in _cut(scene, outline[:, 0].min(), outline[:, 0].max(), outer):
+        side.fill(*np.array(part).T, **style)
+
+
+def _cut(
+    scene: SceneConfig, left: float, right: float, outer: float
+) -> list[list[tuple[float, float]]]:
+    """Return the pieces of the block in the side view [mm]: two without a floor."""
+    floor, bottom = -1e3 * scene.hole_depth, -1e3 * scene.block_height
+    walls = [(-outer, 0.0), (left, 0.0), (left, floor)]
+    others = [(right, floor), (right, 0.0), (outer, 0.0)]
+    if scene.floor_thickness == 0.0:
+        return [[*walls, (-outer, floor)], [*others, (outer, floor)]]
+    return [[*walls, *others, (outer, bottom), (-outer, bottom)]]
 
 
 def _fit(grid: Any, outcomes: Sequence[Outcome]) -> None:
