@@ -64,8 +64,8 @@ class SceneConfig:
     """Width and depth of a 45 degree chamfer around the mouth [m]; 0 is none."""
     block_width: float = 0.100
     """Outer side of the hole block [m]."""
-    floor_thickness: float = 0.010
-    """Material under the hole [m]."""
+    floor_thickness: float = 0.0
+    """Material under the hole [m]; 0 is a through hole in a plate above the table."""
     tool_length: float = 0.180
     """Flange to the peg's end, the TCP [m]."""
     peg_length: float = 0.070
@@ -88,7 +88,7 @@ class SceneConfig:
         _require_range("success_depth", self.success_depth, 0.001, self.hole_depth)
         _require_range("chamfer", self.chamfer, 0.0, self.hole_depth / 2.0)
         _require_range("block_width", self.block_width, 0.080, 0.300)
-        _require_range("floor_thickness", self.floor_thickness, 0.005, 0.050)
+        _require_range("floor_thickness", self.floor_thickness, 0.0, 0.050)
         _require_range("peg_length", self.peg_length, 0.040, 0.110)
         _require_range("tool_length", self.tool_length, 0.130, 0.300)
         _require_range("gripper_mass", self.gripper_mass, 0.2, 5.0)
@@ -150,21 +150,18 @@ class SceneConfig:
         return [*parts, self.peg_primitive()]
 
     def block_primitives(self) -> list[Primitive]:
-        """Return the hole block in the hole frame: one wall per edge, and a floor.
+        """Return the hole block in the hole frame: a wall per edge, a floor if any.
 
         The hole is the intersection of half planes, so each wall may reach past the
         corners: a wall is material outside its own edge and nothing else.
         """
         outer = self.block_width / 2.0
-        floor = Primitive(
-            "floor",
-            "box",
-            (outer, outer, self.floor_thickness / 2.0),
-            np.array([0.0, 0.0, -self.hole_depth - self.floor_thickness / 2.0]),
-            _IDENTITY,
-            _BLOCK_RGBA,
-        )
-        walls = [floor]
+        walls = []
+        if self.floor_thickness > 0.0:
+            size = (outer, outer, self.floor_thickness / 2.0)
+            z = -self.hole_depth - self.floor_thickness / 2.0
+            at = np.array([0.0, 0.0, z])
+            walls.append(Primitive("floor", "box", size, at, _IDENTITY, _BLOCK_RGBA))
         edge = self.inner_radius + self.clearance
         for i in range(self.num_walls):
             walls += self._wall(i, edge, outer)

@@ -44,9 +44,13 @@ def test_hole_has_the_pegs_outline_plus_the_clearance(peg, clearance):
             assert solid_at(scene, np.array([beyond * x, beyond * y, z]))
 
 
-def test_hole_has_a_floor_and_no_lid():
-    scene = SceneConfig()
-    assert solid_at(scene, np.array([0.0, 0.0, -0.031]))
+def test_hole_goes_through_unless_it_is_given_a_floor():
+    assert not solid_at(SceneConfig(), np.array([0.0, 0.0, -0.031]))
+    assert solid_at(SceneConfig(floor_thickness=0.01), np.array([0.0, 0.0, -0.031]))
+
+
+def test_hole_has_no_lid():
+    scene = SceneConfig(floor_thickness=0.01)
     assert not solid_at(scene, np.array([0.0, 0.0, -0.029]))
     assert not solid_at(scene, np.array([0.03, 0.0, 0.0005]))
 
