@@ -5,6 +5,7 @@
 /// throws.
 #pragma once
 
+#include "dovetail/lanes.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
@@ -47,8 +48,14 @@ class Chain {
  private:
   struct Frames;
   void place(const Vec7& q, Frames& frames) const noexcept;
+  static Vec3 tool_of(const Frames& frames, Mat3& R) noexcept;
 
   ChainParams params_;
+  // the same numbers per lane; the tool's lane has no mass
+  Lanes mass_;
+  Lanes mass_beyond_;  // of all links that a joint carries [kg]
+  Lanes3 com_;
+  LanesSymmetric inertia_;
 };
 
 }  // namespace dovetail
