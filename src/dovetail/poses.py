@@ -4,6 +4,7 @@ Quaternions are ``wxyz``, unit length, ``w >= 0`` on output. Rotation matrices m
 child coordinates into the parent's.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -63,21 +64,19 @@ def quat_from_matrix(rotation: Mat33) -> Vec4:
     Reference:
         Shepperd 1978: divide by the largest of the four components.
     """
-    R = np.asarray(rotation, dtype=float)
-    trace = R[0, 0] + R[1, 1] + R[2, 2]
-    squares = np.array([trace, R[0, 0], R[1, 1], R[2, 2]])  # (4 q_i^2 + trace - 1) / 2
-    largest = int(np.argmax(squares))
-    if largest == 0:
-        quat = [1 + trace, R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]
-        return quat_normalized(np.array(quat))
-    i = largest - 1
-    j, k = (i + 1) % 3, (i + 2) % 3
-    quat = np.empty(4)
-    quat[0] = R[k, j] - R[j, k]
-    quat[1 + i] = 1.0 + R[i, i] - R[j, j] - R[k, k]
-    quat[1 + j] = R[j, i] + R[i, j]
-    quat[1 + k] = R[k, i] + R[i, k]
-    return quat_normalized(quat)
+    (a, b, c), (d, e, f), (g, h, i) = np.asarray(rotation, dtype=float).tolist()
+    trace = a + e + i
+    largest = max(trace, a, e, i)  # plain floats: this runs once per policy step
+    if largest == trace:
+        quat = [1.0 + trace, h - f, c - g, d - b]
+    elif largest == a:
+        quat = [h - f, 1.0 + a - e - i, d + b, g + c]
+    elif largest == e:
+        quat = [c - g, b + d, 1.0 + e - a - i, h + f]
+    else:
+        quat = [d - b, c + g, f + h, 1.0 + i - a - e]
+    norm = math.hypot(*quat)
+    return np.array(quat) / (norm if quat[0] >= 0.0 else -norm)
 
 
 def matrix_from_quat(quat: Vec4) -> Mat33:
