@@ -125,7 +125,7 @@ COLUMNS = (
     "force mean [N]",
     "peak p95 [N]",
     "peak max [N]",
-    "limit violations",
+    "limits broken",
 )
 """Headings of the table, in the order of `cells`."""
 
