@@ -227,6 +227,7 @@ def _run(
 def render_table(report: Report) -> Table:
     """Return the transfer table for a terminal."""
     table = Table(title=report.title, title_justify="left", box=SIMPLE_HEAD)
+    table.pad_edge = False
     lines = [cells(row) for row in report.rows]
     for name, *entries in zip(COLUMNS, *lines, strict=True):
         words = [*name.split(), *entries]  # headings wrap, numbers do not
