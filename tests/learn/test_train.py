@@ -86,7 +86,8 @@ def test_a_row_that_a_kill_cut_short_is_left_out_but_no_other(tmp_path):
 
 
 def start(config: TrainConfig) -> subprocess.Popen[bytes]:
-    settings = SMALL | {"steps": config.steps, "seeds": config.seeds}
+    changed = ("algorithm", "steps", "seeds")
+    settings = SMALL | {name: getattr(config, name) for name in changed}
     code = (
         "from dovetail.learn.train import train, TrainConfig\n"
         "if __name__ == '__main__':\n"
@@ -111,8 +112,9 @@ def newest_step(run: Path) -> int:
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small):
-    config = replace(small, steps=3000)
+    config = replace(small, steps=1500)
     process = start(config)
     wait_for(process, lambda: newest_step(config.out) >= 300)
     os.kill(process.pid, signal.SIGKILL)
@@ -120,22 +122,23 @@ def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small):
     reached = newest_step(config.out)
     lived = read_progress(config.out / "progress.csv")[-1].step
     assert lived - reached <= config.checkpoint_interval + config.num_envs
-    assert reached < 3000
+    assert reached < 1500
     output = StringIO()
     (result,) = train(replace(config, resume=True), Console(file=output))
-    assert result.steps == 3000
+    assert result.steps == 1500
     with (config.out / "progress.csv").open() as file:
         steps = [int(row["step"]) for row in csv.DictReader(file)]
     assert steps == sorted(steps)
     assert [s for s in steps if s <= reached]
     assert min(s for s in steps if s > reached) <= reached + 2 * 25 + config.num_envs
-    first = int(output.getvalue().split("/3000")[0].split()[-1])
+    first = int(output.getvalue().split("/1500")[0].split()[-1])
     assert first > reached
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 def test_several_seeds_train_in_sub_folders_and_resume_after_a_kill(small):
-    config = replace(small, steps=2000, seeds=2)
+    config = replace(small, algorithm="ppo", steps=4000, seeds=2)
     process = start(config)
     folders = [config.out / "seed-0", config.out / "seed-1"]
     wait_for(process, lambda: min(newest_step(f) for f in folders) >= 200)
@@ -151,7 +154,7 @@ def test_several_seeds_train_in_sub_folders_and_resume_after_a_kill(small):
             assert time.monotonic() < deadline
             time.sleep(0.2)
     results = train(replace(config, resume=True), Console(file=StringIO()))
-    assert [result.steps for result in results] == [2000, 2000]
+    assert all(4000 <= result.steps < 4000 + 2 * 32 for result in results)
     summary = json.loads((config.out / "evaluation.json").read_text())
     assert list(summary) == ["seed-0", "seed-1"]
     layers = [Policy.load(result.policy).layers[0][0] for result in results]

@@ -4,12 +4,12 @@ import csv
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn
 
 from dovetail.errors import ConfigError
 from dovetail.evaluate.files import write_atomic
@@ -46,6 +46,8 @@ class Status(NamedTuple):
     """Mean unscaled reward of the same; nan before the first."""
     rate: float
     """Environment steps per second, lately."""
+    phase: str = "training"
+    """What the run does now: training or evaluating."""
 
 
 Report = Callable[[Status], None]
@@ -69,17 +71,28 @@ class EpisodeLog:
         self._recent.append(row)
 
     def status(self, step: int, rate: float) -> Status:
-        """Return success rate and reward over the recent episodes."""
-        count = len(self._recent)
-        if count == 0:
-            return Status(step, math.nan, math.nan, rate)
-        success = sum(row.success for row in self._recent) / count
-        reward = sum(row.reward for row in self._recent) / count
-        return Status(step, success, reward, rate)
+        """Return where the run stands, by the recent episodes."""
+        return summarise(self._recent, step, rate)
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+
+
+def summarise(rows: Iterable[EpisodeRow], step: int, rate: float) -> Status:
+    """Return success rate and mean reward of the last `WINDOW` rows.
+
+    Args:
+        rows: Finished episodes, oldest first.
+        step: Environment steps done.
+        rate: Environment steps per second.
+    """
+    last = list(rows)[-WINDOW:]
+    if not last:
+        return Status(step, math.nan, math.nan, rate)
+    success = sum(row.success for row in last) / len(last)
+    reward = sum(row.reward for row in last) / len(last)
+    return Status(step, success, reward, rate)
 
 
 def _format(row: EpisodeRow) -> str:
@@ -138,19 +151,15 @@ class ProgressBar:
             TextColumn("{task.description}"),
             BarColumn(),
             TextColumn("{task.completed:.0f}/{task.total:.0f} steps"),
-            TextColumn("success {task.fields[success]}, reward {task.fields[reward]}"),
-            TextColumn("{task.fields[rate]:.0f} steps/s, left"),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[text]}"),
             console=console,
             disable=not console.is_terminal,
         )
         self._total = total
         self._names = names
-        self._told = [0] * len(names)
+        self._told: list[tuple[int, str]] = [(0, "")] * len(names)
         self._tasks = [
-            self._progress.add_task(
-                name, total=total, success="-", reward="-", rate=0.0
-            )
+            self._progress.add_task(name, total=total, text="starting")
             for name in names
         ]
 
@@ -165,28 +174,33 @@ class ProgressBar:
 
     def show(self, index: int, status: Status) -> None:
         """Move one bar."""
-        is_known = not math.isnan(status.success)
-        success = f"{100 * status.success:.0f} %" if is_known else "-"
-        reward = f"{status.reward:.1f}" if is_known else "-"
-        self._progress.update(
-            self._tasks[index],
-            completed=status.step,
-            success=success,
-            reward=reward,
-            rate=status.rate,
-        )
+        text = describe_status(status, self._total)
+        self._progress.update(self._tasks[index], completed=status.step, text=text)
         if self._console.is_terminal:
             return
-        if status.step - self._told[index] >= self._total / 20:
-            self._told[index] = status.step
-            left = (self._total - status.step) / max(status.rate, 1e-9)
+        step, phase = self._told[index]
+        if status.phase != phase or status.step - step >= self._total / 20:
+            self._told[index] = (status.step, status.phase)
             self._console.print(
-                f"{self._names[index]}: {status.step}/{self._total} steps, success "
-                f"{success}, reward {reward}, {status.rate:.0f} steps/s, {left:.0f} s "
-                "left",
+                f"{self._names[index]}: {status.step}/{self._total} steps, {text}",
                 highlight=False,
                 soft_wrap=True,
             )
+
+
+def describe_status(status: Status, total: int) -> str:
+    """Return success, reward, speed and time left as a line of text."""
+    words = []
+    if not math.isnan(status.success):
+        words.append(f"success {100 * status.success:.0f} %")
+        words.append(f"reward {status.reward:.1f}")
+    if status.phase != "training":
+        return ", ".join([*words, status.phase])
+    if status.rate > 0.0:
+        left = round((total - status.step) / status.rate)
+        words.append(f"{status.rate:.0f} steps/s")
+        words.append(f"{left // 60}:{left % 60:02d} min left")
+    return ", ".join(words) or status.phase
 
 
 class Stopwatch:

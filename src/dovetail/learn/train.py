@@ -17,7 +17,14 @@ from dovetail.learn.checkpoint import (
 )
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
-from dovetail.learn.progress import EpisodeLog, ProgressBar, Report, Stopwatch
+from dovetail.learn.progress import (
+    EpisodeLog,
+    ProgressBar,
+    Report,
+    Stopwatch,
+    read_progress,
+    summarise,
+)
 from dovetail.learn.run_folder import (
     CHECKPOINTS,
     EVALUATION,
@@ -89,8 +96,10 @@ def train_one(config: TrainConfig, report: Report) -> TrainResult:
             policy = _export(model, config, folder, wall_time)
         finally:
             env.close()
+        steps = int(model.num_timesteps)
+        rows = read_progress(folder / PROGRESS)
+        report(summarise(rows, steps, 0.0)._replace(phase="evaluating"))
         evaluation = _evaluate(policy, config, folder)
-    steps = int(model.num_timesteps)
     return TrainResult(folder / POLICY, evaluation, steps, wall_time)
 
 

@@ -1,0 +1,79 @@
+"""progress.csv and the progress bar."""
+
+import math
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from dovetail.learn.progress import (
+    WINDOW,
+    EpisodeLog,
+    EpisodeRow,
+    ProgressBar,
+    Status,
+    describe_status,
+    read_progress,
+    summarise,
+)
+
+
+def row(step: int, *, success: int = 0, reward: float = -1.0) -> EpisodeRow:
+    return EpisodeRow(step, reward, 20, success, 3.5, 0.1 * step)
+
+
+def test_every_finished_episode_is_on_the_disk_at_once(tmp_path: Path):
+    log = EpisodeLog(tmp_path / "progress.csv", 0)
+    log.add(row(20))
+    log.add(row(40, success=1, reward=45.25))
+    assert read_progress(tmp_path / "progress.csv") == [
+        row(20),
+        row(40, success=1, reward=45.25),
+    ]
+    log.close()
+
+
+def test_a_resumed_log_drops_episodes_after_the_checkpoint(tmp_path: Path):
+    log = EpisodeLog(tmp_path / "progress.csv", 0)
+    for step in (20, 40, 60):
+        log.add(row(step))
+    log.close()
+    again = EpisodeLog(tmp_path / "progress.csv", 40)
+    again.add(row(50, success=1))
+    again.close()
+    steps = [r.step for r in read_progress(tmp_path / "progress.csv")]
+    assert steps == [20, 40, 50]
+
+
+def test_success_and_reward_are_those_of_the_last_episodes():
+    assert math.isnan(summarise([], 0, 0.0).success)
+    rows = [row(i) for i in range(30)]
+    rows += [row(30 + i, success=1, reward=9.0) for i in range(WINDOW // 2)]
+    status = summarise(rows, 100, 5.0)
+    assert status == Status(100, 0.5, 4.0, 5.0)
+
+
+def test_the_status_line_has_success_reward_speed_and_time_left():
+    status = Status(4000, 0.25, -12.34, 100.0)
+    line = describe_status(status, 16_000)
+    assert line == "success 25 %, reward -12.3, 100 steps/s, 2:00 min left"
+    assert describe_status(status._replace(phase="evaluating"), 16_000).endswith(
+        "evaluating"
+    )
+    assert describe_status(Status(0, math.nan, math.nan, 0.0), 10) == "training"
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_the_bar_shows_every_run_on_a_terminal_and_in_a_file(is_terminal):
+    output = StringIO()
+    console = Console(file=output, force_terminal=is_terminal, width=120)
+    with ProgressBar(1000, ["seed 0", "seed 1"], console) as bar:
+        for step in range(0, 1001, 10):
+            bar.show(0, Status(step, 0.5, 1.0, 10.0))
+        bar.show(1, Status(500, 1.0, 48.0, 10.0))
+    text = output.getvalue()
+    for words in ("seed 0", "1000/1000 steps", "seed 1", "500/1000 steps", "100 %"):
+        assert words in text
+    if not is_terminal:
+        assert len(text.splitlines()) <= 25
