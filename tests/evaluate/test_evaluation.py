@@ -55,7 +55,7 @@ def test_every_file_is_there_and_named(finished):
 
 def test_the_table_is_printed_with_intervals_and_says_twin(finished):
     _, text = finished
-    for word in ("twin easy (mujoco)", "Wilson 95 %", "6/6", "violations"):
+    for word in ("twin easy (mujoco)", "Wilson 95 %", "6/6", "broken"):
         assert word in text
     assert "robot" not in text
 

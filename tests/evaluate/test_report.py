@@ -28,6 +28,7 @@ def report(rng):
             depth=0.028 if pose == 0 else 0.001,
             force_mean=1.5,
             force_peak=7.0,
+            force_step=3.0,
             contact_cycles=10,
             violations=0,
             path=np.cumsum(rng.normal(scale=1e-3, size=(50, 3)), axis=0),

@@ -23,6 +23,7 @@ def outcome(pose=0, success=True, **changes):
         "depth": 0.028,
         "force_mean": 2.0,
         "force_peak": 10.0,
+        "force_step": 5.0,
         "contact_cycles": 100,
         "violations": 0,
         "path": np.zeros((2, 3)),

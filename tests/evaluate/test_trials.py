@@ -110,6 +110,7 @@ def test_force_is_averaged_over_the_cycles_in_contact_only():
     assert outcome.force_peak == pytest.approx(5.0)
     assert outcome.force_mean == pytest.approx(5.0)
     assert 0 < outcome.contact_cycles < CYCLES * outcome.steps
+    assert outcome.force_step == pytest.approx(2.5)  # 5 N in half of the cycles
 
 
 def test_a_try_that_times_out_is_no_success():

@@ -25,6 +25,8 @@ class Outcome:
     """Mean contact force over the cycles in contact [N]; 0 without contact."""
     force_peak: float
     """Largest contact force in any control cycle [N]."""
+    force_step: float
+    """Largest mean over a policy step (50 ms) of the cycles' peak forces [N]."""
     contact_cycles: int
     """Control cycles in contact."""
     violations: int

@@ -86,8 +86,9 @@ class Report:
             _table(self.rows),
             '<p class="note">Steps are policy steps of 50 ms; contact force mean: over '
             "the control cycles in contact; peak: the largest of a try, its 95th "
-            "percentile and maximum over the tries. Limit violations: control cycles "
-            "in which a measured value lay outside its limit.</p>",
+            "percentile over the tries; 50 ms: the same for the largest mean over a "
+            "policy step. Limits broken: control cycles in which a measured value lay "
+            "outside its limit.</p>",
             *(_figure(caption, png) for caption, png in figures.items()),
             "<h2>Make it again</h2>",
             f"<pre>{_text(self.command)}</pre>",

@@ -144,7 +144,9 @@ def _outcome(
     info: dict[str, Any],
     file: str,
 ) -> Outcome:
-    force = np.linalg.norm(_columns(log, "fx", "fy", "fz"), axis=1)
+    vectors = _columns(log, "fx", "fy", "fz")
+    force = np.linalg.norm(vectors, axis=1)
+    per_step = np.linalg.norm(vectors.reshape(steps, -1, 3).mean(axis=1), axis=1)
     in_contact = force >= CONTACT_THRESHOLD
     path = _columns(log, "x", "y", "z") - hole.position
     return Outcome(
@@ -156,6 +158,7 @@ def _outcome(
         depth=float(info["depth"]),
         force_mean=float(force[in_contact].mean()) if in_contact.any() else 0.0,
         force_peak=float(force.max()),
+        force_step=float(per_step.max()),
         contact_cycles=int(in_contact.sum()),
         violations=violations,
         path=path @ matrix_from_quat(hole.quat_wxyz),
