@@ -172,6 +172,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         provenance=provenance(started),
         command=command_line(config),
     )
+    console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report))
     files = write_report(report, folder, scene)
     return Evaluation(rows, outcomes, report, folder, [*files, logs])
@@ -225,8 +226,8 @@ def _run(
 
 
 def render_table(report: Report) -> Table:
-    """Return the transfer table for a terminal."""
-    table = Table(title=report.title, title_justify="left", box=SIMPLE_HEAD)
+    """Return the transfer table for a terminal, without its title."""
+    table = Table(box=SIMPLE_HEAD)
     table.pad_edge = False
     lines = [cells(row) for row in report.rows]
     for name, *entries in zip(COLUMNS, *lines, strict=True):
