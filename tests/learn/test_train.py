@@ -85,7 +85,22 @@ def test_a_row_that_a_kill_cut_short_is_left_out_but_no_other(tmp_path):
         read_progress(path)
 
 
-def start(config: TrainConfig) -> subprocess.Popen[bytes]:
+@pytest.fixture
+def start():
+    """Starts trainings in processes that end with the test."""
+    processes = []
+
+    def start(config: TrainConfig) -> subprocess.Popen[bytes]:
+        processes.append(start_process(config))
+        return processes[-1]
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def start_process(config: TrainConfig) -> subprocess.Popen[bytes]:
     changed = ("algorithm", "steps", "seeds")
     settings = SMALL | {name: getattr(config, name) for name in changed}
     code = (
@@ -99,7 +114,7 @@ def start(config: TrainConfig) -> subprocess.Popen[bytes]:
 
 
 def wait_for(process: subprocess.Popen[bytes], is_reached) -> None:
-    deadline = time.monotonic() + 240
+    deadline = time.monotonic() + 600
     while not is_reached():
         assert process.poll() is None, process.stderr.read().decode()
         assert time.monotonic() < deadline
@@ -113,7 +128,7 @@ def newest_step(run: Path) -> int:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small):
+def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small, start):
     config = replace(small, steps=1500)
     process = start(config)
     wait_for(process, lambda: newest_step(config.out) >= 300)
@@ -137,7 +152,7 @@ def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small):
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_several_seeds_train_in_sub_folders_and_resume_after_a_kill(small):
+def test_several_seeds_train_in_sub_folders_and_resume_after_a_kill(small, start):
     config = replace(small, algorithm="ppo", steps=4000, seeds=2)
     process = start(config)
     folders = [config.out / "seed-0", config.out / "seed-1"]
