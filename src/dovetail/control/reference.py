@@ -49,7 +49,7 @@ class ReferenceController:
         # Model  M a + h = u,  half a period ahead
         q_model = q + 0.5 * dt * dq if lim.mid_interval else q
         M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
-        Minv = np.linalg.inv(M)
+        Minv: Array = np.asarray(np.linalg.inv(M), dtype=np.float64)
         c = chain.coriolis(q_model, dq)
         h = c + lim.damping * dq - self.r
         J_tool, dJdq = chain.jacobian(q_model), chain.jacobian_dot_dq(q_model, dq)
