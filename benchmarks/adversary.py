@@ -35,6 +35,7 @@ PUSH, PUSH_TIME = 30.0, 0.25  # N, s; on half of the time
 SPEED_NOISE = 1e-3  # rad/s, standard deviation
 MASS_SPREAD, MODELLED, COULOMB = 0.2, 0.8, 0.3  # share, share, Nm
 DAMPING, ARMATURE = 0.5, 0.1  # Nms/rad, kg m2, of the plant
+START_ROOM = 0.02  # m from the walls
 LOST = 1e3  # rad or rad/s: the arm has blown up
 
 Array = NDArray[np.float64]
@@ -88,6 +89,12 @@ class Report:
     torque: Excess = field(default_factory=Excess)
     wall: Excess = field(default_factory=Excess)
     tcp_speed: Excess = field(default_factory=Excess)
+    episodes: list[int] = field(default_factory=list)
+
+    def violations(self) -> int:
+        """Return the looks at which a joint, a motor or a wall was over its limit."""
+        limits = (self.position, self.speed, self.torque, self.wall)
+        return sum(limit.count for limit in limits) + self.blown_up
 
 
 def limits_of(robot: Robot, settings: Settings) -> LimitConfig:
@@ -113,7 +120,7 @@ class Adversary:
 
     def __init__(self, settings: Settings, seed: int) -> None:
         self.settings = settings
-        self.rng = np.random.default_rng(seed)
+        self.seed = seed
         self.robot = SceneConfig().robot()
         self.chain = self.robot.chain()
         self.limits = limits_of(self.robot, settings)
@@ -128,12 +135,17 @@ class Adversary:
 
     def run(self, cycles: int) -> Report:
         """Run at least this many control cycles."""
-        while self.report.cycles < cycles:
-            self.run_episode(min(cycles, round(EPISODE / self.settings.period)))
+        per_episode = min(cycles, round(EPISODE / self.settings.period))
+        for episode in range(-(-cycles // per_episode)):
+            before = self.report.violations()
+            self.run_episode(episode, per_episode)
+            if self.report.violations() > before:
+                self.report.episodes.append(episode)
         return self.report
 
-    def run_episode(self, cycles: int) -> None:
-        """Run one episode and add what happened to the report."""
+    def run_episode(self, episode: int, cycles: int) -> None:
+        """Run one episode, the same whatever ran before, and add it to the report."""
+        self.rng = np.random.default_rng([self.seed, episode])
         settings, rng = self.settings, self.rng
         q = self.start()
         pose = self.robot.tool_pose(q)
@@ -176,12 +188,12 @@ class Adversary:
         limits = self.limits
         if self.settings.home:
             return np.array([0.0, 0.6, 0.0, -1.55, 0.0, 0.99, 0.0])
-        margin = limits.delta_q + 0.01
+        margin = 0.05  # rad
         while True:
             q = self.rng.uniform(limits.q_min + margin, limits.q_max - margin)
             p = self.chain.pose(q)[0]
             room = np.minimum(p - limits.x_min, limits.x_max - p).min()
-            if not limits.walls or room > limits.delta_x:
+            if not limits.walls or room > START_ROOM:
                 return q
 
     def plant(self) -> _core.RigidPlant:
@@ -279,6 +291,7 @@ def print_report(settings: Settings, report: Report, seconds: float) -> None:
         print(f"{name:16s} {excess.count:9d} {share:9.2%}  {worst}")
     flags = ", ".join(f"{name} {count}" for name, count in report.flags.items())
     print(f"cycles flagged: {flags}; episodes blown up: {report.blown_up}")
+    print(f"episodes with violations: {len(report.episodes)} {report.episodes[:10]}")
 
 
 def main() -> None:

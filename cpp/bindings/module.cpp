@@ -7,6 +7,7 @@
 
 #include "bind_limits.hpp"
 #include "bind_mujoco.hpp"
+#include "bind_replay.hpp"
 #include "dovetail/controller.hpp"
 #include "dovetail/parameters.hpp"
 #include "dovetail/rigid_plant.hpp"
@@ -308,4 +309,5 @@ NB_MODULE(_core, m) {
   bind_controller(m);
   bind_rigid_plant(m);
   bind_mujoco(m);
+  bind_replay(m);
 }

@@ -1,0 +1,52 @@
+"""In closed loop with the exact arm the adversary breaks no limit (invariant 14)."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+
+
+@pytest.fixture(scope="module")
+def adversary():
+    spec = importlib.util.spec_from_file_location(
+        "adversary", BENCHMARKS / "adversary.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["adversary"] = module  # dataclasses look their module up
+    spec.loader.exec_module(module)
+    yield module
+    del sys.modules["adversary"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("period", [0.001, 0.005])
+def test_no_limit_is_broken_in_1e5_adversarial_cycles(adversary, period):
+    report = adversary.Adversary(adversary.Settings(period=period), seed=7).run(100_000)
+    assert report.cycles == 100_000
+    assert report.violations() == 0, report
+    assert report.flags["unsafe"] == 0
+    assert report.flags["qp_early"] == 0
+
+
+def test_few_cycles_break_no_limit_with_everything_wrong(adversary):
+    settings = adversary.Settings(mismatch=True, f_star=10.0, push_rise=0.01)
+    report = adversary.Adversary(settings, seed=7).run(10_000)
+    assert report.violations() == 0, report
+
+
+def test_the_count_finds_the_overshoot_of_the_papers_bounds(adversary):
+    settings = adversary.Settings(scheme="paper", bounds="paper-corrected", walls=False)
+    report = adversary.Adversary(settings, seed=7).run(10_000)
+    assert report.position.count > 0
+    assert 0.05 < report.position.worst < 0.2  # rad, v^2 / 2A
+
+
+def test_the_count_finds_walls_that_the_cascade_loses(adversary):
+    settings = adversary.Settings(scheme="paper")
+    report = adversary.Adversary(settings, seed=7).run(10_000)
+    assert report.wall.count > 0
+    assert report.position.count == 0
