@@ -35,13 +35,13 @@ test: test-cpp test-python
 test-cpp: $(DEVELOP)
 	$(BIN)/cmake -S . -B $(BUILD)/tests -G Ninja $(CMAKE_ARGS) -DDOVETAIL_TESTS=ON
 	$(BIN)/cmake --build $(BUILD)/tests --target cpp_tests
-	$(BIN)/ctest --test-dir $(BUILD)/tests --output-on-failure
+	$(BIN)/ctest --test-dir $(BUILD)/tests --output-on-failure --parallel 2
 
 test-sanitized: $(DEVELOP)
 	$(BIN)/cmake -S . -B $(BUILD)/sanitized -G Ninja $(CMAKE_ARGS) \
 	  -DDOVETAIL_TESTS=ON -DDOVETAIL_SANITIZE=ON
 	$(BIN)/cmake --build $(BUILD)/sanitized --target cpp_tests
-	$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure
+	$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --parallel 2
 
 # pytest comes last: its closing line says how many tests passed.
 test-python: $(DEVELOP)
