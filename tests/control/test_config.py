@@ -19,20 +19,20 @@ def settings_of(config):
 
 
 @pytest.mark.parametrize(
-    ("period", "kappa", "delta_q", "delta_v", "k_rotation"),
+    ("period", "kappa", "delta_q", "delta_v", "delta_x", "k_rotation"),
     [
-        (1e-3, 5, 2e-3, 0.01, 400),
-        (2e-3, 4, 3e-3, 0.02, 400),
-        (5e-3, 2, 5e-3, 0.05, 150),
+        (1e-3, 5, 2e-3, 0.01, 5e-3, 400),
+        (2e-3, 4, 3e-3, 0.02, 5e-3, 400),
+        (5e-3, 2, 5e-3, 0.05, 10e-3, 150),
     ],
 )
 def test_limits_at_a_tabulated_period_are_the_table(
-    robot, period, kappa, delta_q, delta_v, k_rotation
+    robot, period, kappa, delta_q, delta_v, delta_x, k_rotation
 ):
     limits = LimitConfig.for_period(robot, period)
     assert limits.kappa == pytest.approx(kappa)
     assert (limits.delta_q, limits.delta_v) == (delta_q, delta_v)
-    assert (limits.eta, limits.beta, limits.delta_x) == (0.6, 0.3, 0.005)
+    assert (limits.eta, limits.beta, limits.delta_x) == (0.6, 0.3, delta_x)
     assert OscConfig.for_period(period).stiffness[5] == k_rotation
 
 

@@ -32,7 +32,9 @@ _INTERVAL = (5e-3, 8e-3, 10e-3)  # kappa * period [s], kappa 5 / 4 / 2
 _DELTA_Q = (2e-3, 3e-3, 5e-3)  # rad, exact model
 _DELTA_V = (0.01, 0.02, 0.05)
 _DELTA_Q_HARDWARE = (5e-3, 5e-3, 40e-3)  # rad, combined mismatch and 30 N pushes
-_DELTA_V_HARDWARE = (0.05, 0.08, 0.30)
+_DELTA_V_HARDWARE = (0.10, 0.15, 0.30)  # 0.05 and 0.08 hold only where pushes rise
+_DELTA_X = (5e-3, 5e-3, 10e-3)  # m; docs/safety.md
+_DELTA_X_HARDWARE = (10e-3, 10e-3, 30e-3)
 _K_ROTATION = (400.0, 400.0, 150.0)  # 1/s2
 
 
@@ -223,7 +225,7 @@ class LimitConfig:
             "kappa": interval / period,
             "delta_q": (_DELTA_Q_HARDWARE if hardware else _DELTA_Q)[row],
             "delta_v": (_DELTA_V_HARDWARE if hardware else _DELTA_V)[row],
-            "delta_x": 0.010 if hardware else 0.005,
+            "delta_x": (_DELTA_X_HARDWARE if hardware else _DELTA_X)[row],
             "damping": 0.5,
             "armature": 0.1,
         } | overrides
