@@ -1,8 +1,18 @@
-"""Build an arm in this process for an environment, over a plant or a twin."""
+"""Build the arm of an environment: in this process, or behind an address."""
 
+from functools import partial
 from pathlib import Path
 from typing import cast
 
+from dovetail.arms.address import (
+    ArmAddress,
+    FriAddress,
+    GrpcAddress,
+    PlantAddress,
+    TwinAddress,
+    parse_address,
+)
+from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
@@ -11,11 +21,120 @@ from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.scene import SceneConfig
 
+Walls = tuple[tuple[float, ...], tuple[float, ...]]
+"""Lower and upper walls of the TCP [m], world axes."""
+
 WALLS_MIN = (0.38, -0.22, 0.03)
 WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
 """Speed limit of the TCP per axis [m/s]."""
+
+
+def build_arm(
+    address: str | ArmAddress | None,
+    scene: SceneConfig,
+    task: TaskSpec,
+    *,
+    plant: str = "mujoco",
+    twin: str | Path | None = None,
+    period: float = 0.005,
+    force_damping: float = 40.0,
+    walls: Walls = (WALLS_MIN, WALLS_MAX),
+    scheme: str = "qp",
+    engine: str | None = None,
+    dynamics: DynamicsConfig | None = None,
+) -> Arm:
+    """Build the arm that an address names.
+
+    Args:
+        address: See `arms.address`; None is the plant or twin of the next arguments.
+        scene: Geometry of the task.
+        task: Mode of each axis.
+        plant: Engine's name; an address, or a twin, names its own.
+        twin: Name or file of a twin; an address names its own.
+        period: Control period [s]; an address may give its own.
+        force_damping: Damping D of force axes [1/s]; 0 is the paper.
+        walls: Lower and upper walls of the TCP [m].
+        scheme: How limits are kept, "qp" or "paper".
+        engine: Physics engine of the twin, if not the one in its file.
+        dynamics: Physics of the plain plant; every other arm has its own.
+
+    Raises:
+        ConfigError: An unknown address or name, or a setting out of range.
+        MissingDependencyError: What the address needs is not installed.
+    """
+    if isinstance(address, str):
+        address = parse_address(address)
+    build = partial(
+        build_local_arm,
+        scene,
+        task,
+        force_damping=force_damping,
+        walls=walls,
+        scheme=scheme,
+    )
+    if address is None:
+        return build(
+            plant=plant, twin=twin, period=period, engine=engine, dynamics=dynamics
+        )
+    if twin is not None:
+        raise ConfigError("an arm's address and a twin exclude each other; give one")
+    if isinstance(address, PlantAddress):
+        return build(plant=address.engine, twin=None, period=period, dynamics=dynamics)
+    if isinstance(address, TwinAddress):
+        return build(
+            plant=plant,
+            twin=address.twin,
+            period=period,
+            engine=engine,
+            dynamics=dynamics,
+        )
+    if dynamics is not None:
+        raise ConfigError(
+            "dynamics can be given to a plant of this process only; the arm behind "
+            "the address has its own"
+        )
+    if isinstance(address, FriAddress) and address.period is not None:
+        period = address.period
+    is_hardware = isinstance(address, FriAddress) and address.margins == "hardware"
+    osc, limits = make_settings(
+        scene, period, force_damping, walls, scheme, is_hardware=is_hardware
+    )
+    if isinstance(address, FriAddress):
+        return _build_fri_arm(address, scene, osc, limits, task, period)
+    return _build_remote_arm(address, scene, osc, limits, task, period)
+
+
+def make_settings(
+    scene: SceneConfig,
+    period: float,
+    force_damping: float,
+    walls: Walls,
+    scheme: str,
+    *,
+    is_hardware: bool = False,
+) -> tuple[OscConfig, LimitConfig]:
+    """Return law and limits of a task's controller.
+
+    Args:
+        scene: Geometry of the task.
+        period: Control period [s].
+        force_damping: Damping D of force axes [1/s].
+        walls: Lower and upper walls of the TCP [m].
+        scheme: How limits are kept, "qp" or "paper".
+        is_hardware: Margins for an arm that is not as the model says.
+    """
+    limits = LimitConfig.for_period(
+        scene.robot(),
+        period,
+        hardware=is_hardware,
+        x_min=walls[0],
+        x_max=walls[1],
+        dx_max=[SPEED_MAX] * 3,
+        scheme=scheme,
+    )
+    return OscConfig.for_period(period, force_damping=[force_damping] * 6), limits
 
 
 def build_local_arm(
@@ -26,7 +145,7 @@ def build_local_arm(
     twin: str | Path | None,
     period: float,
     force_damping: float,
-    walls: tuple[tuple[float, ...], tuple[float, ...]] = (WALLS_MIN, WALLS_MAX),
+    walls: Walls = (WALLS_MIN, WALLS_MAX),
     scheme: str = "qp",
     engine: str | None = None,
     dynamics: DynamicsConfig | None = None,
@@ -51,19 +170,49 @@ def build_local_arm(
     """
     if twin is not None and dynamics is not None:
         raise ConfigError("dynamics and twin exclude each other: a twin has its own")
-    robot = scene.robot()
-    limits = LimitConfig.for_period(
-        robot,
-        period,
-        x_min=walls[0],
-        x_max=walls[1],
-        dx_max=[SPEED_MAX] * 3,
-        scheme=scheme,
-    )
-    osc = OscConfig.for_period(period, force_damping=[force_damping] * 6)
+    osc, limits = make_settings(scene, period, force_damping, walls, scheme)
     body: Plant
     if twin is None:
         body = make_plant(plant, scene, dynamics or DynamicsConfig())
     else:
         body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
-    return LocalArm(body, robot, osc, limits, task, period)
+    return LocalArm(body, scene.robot(), osc, limits, task, period)
+
+
+def _build_fri_arm(
+    address: FriAddress,
+    scene: SceneConfig,
+    osc: OscConfig,
+    limits: LimitConfig,
+    task: TaskSpec,
+    period: float,
+) -> Arm:
+    from dovetail.arms.fri_arm import FriArm
+
+    return FriArm(
+        scene.robot(),
+        osc,
+        limits,
+        task,
+        period,
+        bind=(address.host, address.port),
+        version=address.version,
+        clock=address.clock,
+        control=address.control,
+        reset=address.reset,
+        timeout=address.timeout,
+        realtime=address.realtime,
+    )
+
+
+def _build_remote_arm(
+    address: GrpcAddress,
+    scene: SceneConfig,
+    osc: OscConfig,
+    limits: LimitConfig,
+    task: TaskSpec,
+    period: float,
+) -> Arm:
+    from dovetail.arms.remote_arm import RemoteArm
+
+    return RemoteArm(address.text, osc, limits, task, period, robot=scene.robot())

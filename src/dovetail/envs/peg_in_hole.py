@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN, build_local_arm
+from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
 from dovetail.envs.observation import (
@@ -99,7 +99,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     (14 numbers, unscaled).
 
     Args:
-        arm: The arm to use; None builds a `LocalArm` from the next arguments.
+        arm: The arm to use, or its address (see `arms.address`); None builds a
+            `LocalArm` from the next arguments.
         plant: Physics engine, "mujoco" or "bullet".
         peg: Shape of peg and hole: "square", "triangle" or "round".
         clearance: Gap between peg and hole on each side [m], >= 0.
@@ -132,7 +133,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def __init__(
         self,
-        arm: Arm | None = None,
+        arm: Arm | str | None = None,
         *,
         plant: str = "mujoco",
         peg: str = "square",
@@ -160,18 +161,21 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.task = TaskSpec.parse(task)
         if max_steps < 1:
             raise ConfigError(f"max_steps is {max_steps}; allowed: 1 or more")
-        self.arm = arm or build_local_arm(
-            self.scene,
-            self.task,
-            plant=plant,
-            twin=twin,
-            period=period,
-            force_damping=force_damping,
-            walls=self.walls(),
-            scheme=scheme,
-            engine=engine,
-            dynamics=dynamics,
-        )
+        if arm is None or isinstance(arm, str):
+            arm = build_arm(
+                arm,
+                self.scene,
+                self.task,
+                plant=plant,
+                twin=twin,
+                period=period,
+                force_damping=force_damping,
+                walls=self.walls(),
+                scheme=scheme,
+                engine=engine,
+                dynamics=dynamics,
+            )
+        self.arm: Arm = arm
         self.max_steps = max_steps
         self.randomisation = randomisation or RandomisationConfig()
         self.reward_config = reward or RewardConfig()

@@ -1,0 +1,281 @@
+"""Where an arm is, in one word: `mujoco`, `twin:medium`, `fri://0.0.0.0:30200`, ..."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+from urllib.parse import parse_qsl, urlsplit
+
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import PLANTS
+
+SCHEMES = (*PLANTS, "twin:NAME", "fri://HOST:PORT", "grpc://HOST:PORT")
+"""How an address may look."""
+
+FRI_PORT, GRPC_PORT = 30200, 50051
+FRI_VERSIONS = {"1.14": "1.15", "1.15": "1.15", "1.16": "1.15", "2.5": "2.5"} | {
+    "2.7": "2.7"
+}
+"""Known FRI versions, and the one whose wire format each has."""
+FRI_PERIODS = (0.001, 0.005)
+"""Shortest and longest time between two commands [s] that the limits are proven for."""
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantAddress:
+    """An ideal plant in this process."""
+
+    engine: str
+    """Physics engine: mujoco or bullet."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinAddress:
+    """A twin in this process."""
+
+    twin: str
+    """Name of a shipped twin, or path of a .toml file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FriAddress:
+    """A cabinet, real or simulated, that sends its messages to this machine."""
+
+    host: str
+    """Address of this machine to listen at; 0.0.0.0 is every one of them."""
+    port: int
+    """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
+    version: Literal["1.15", "2.5", "2.7"] = "1.15"
+    """Wire format; the messages themselves do not name it."""
+    period: float | None = None
+    """Time between two commands [s]: send period times receive multiplier."""
+    clock: Literal["wall", "lockstep"] = "wall"
+    """Lockstep: a simulated cabinet waits for the learner."""
+    control: str | None = None
+    """Control port HOST:PORT of a simulated cabinet; a real one has none."""
+    reset: Literal["move", "place"] = "move"
+    """How an episode starts: move there, or be placed (simulated cabinet only)."""
+    timeout: float = 10.0
+    """How long to wait for the cabinet [s]."""
+    watchdog: float = 0.15
+    """Time without a new target after which the arm is held [s]; wall clock only."""
+    realtime: bool = False
+    """Ask the system for real-time priority and locked memory."""
+    margins: Literal["model", "hardware"] = "hardware"
+    """Limit margins: for an arm that is as the model says, or for one that is not."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrpcAddress:
+    """An arm that `dovetail serve` offers."""
+
+    text: str
+    """The address as it was given."""
+    host: str
+    """Machine on which the service runs."""
+    port: int
+    """TCP port."""
+    ca: Path | None = None
+    """Certificate of the authority that signed the service's certificate."""
+    cert: Path | None = None
+    """Own certificate."""
+    key: Path | None = None
+    """Own private key."""
+
+
+ArmAddress: TypeAlias = PlantAddress | TwinAddress | FriAddress | GrpcAddress
+
+
+def parse_address(text: str) -> ArmAddress:
+    """Read an arm's address.
+
+    Args:
+        text: mujoco, bullet, twin:NAME, fri://HOST:PORT?KEY=VALUE&... or
+            grpc://HOST:PORT?KEY=VALUE&...
+
+    Raises:
+        ConfigError: Unknown scheme or key (lists the known ones), or a value out of
+            range.
+    """
+    if text in PLANTS:
+        return PlantAddress(engine=text)
+    if text.startswith("twin:") and len(text) > len("twin:"):
+        return TwinAddress(twin=text.removeprefix("twin:"))
+    scheme = text.partition("://")[0] if "://" in text else ""
+    if scheme == "fri":
+        return _fri(text)
+    if scheme == "grpc":
+        return _grpc(text)
+    raise ConfigError(f"arm {text!r} is unknown; known addresses: {', '.join(SCHEMES)}")
+
+
+def is_simulated_here(address: ArmAddress) -> bool:
+    """Say whether the arm is a simulation of this process: any number can be built."""
+    return isinstance(address, (PlantAddress, TwinAddress))
+
+
+def places_hole(address: ArmAddress) -> bool:
+    """Say whether the arm can put the hole where an episode wants it.
+
+    A cabinet without a control port cannot: there the hole is where it is. What an arm
+    behind a service can do, the service knows.
+    """
+    return not isinstance(address, FriAddress) or address.control is not None
+
+
+def parse_time(text: str, name: str) -> float:
+    """Return a time [s] from a number with its unit, such as 5ms or 0.005s.
+
+    Args:
+        text: The number and ms or s.
+        name: What it is, for messages.
+    """
+    for unit, factor in (("ms", 1e-3), ("s", 1.0)):
+        if text.endswith(unit):
+            try:
+                value = float(text.removesuffix(unit)) * factor
+            except ValueError:
+                break
+            if math.isfinite(value) and value > 0.0:
+                return value
+            break
+    raise ConfigError(
+        f"{name} is {text!r}; give a number above 0 with its unit, ms or s, such as "
+        "5ms or 0.005s"
+    )
+
+
+def parse_endpoint(text: str, name: str) -> tuple[str, int]:
+    """Return host and port from HOST:PORT.
+
+    Args:
+        text: The two, an IPv6 address in brackets.
+        name: What it is, for messages.
+    """
+    try:
+        parts = urlsplit(f"//{text}")
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        host, port = None, None
+    if not host or not port or parts.path or parts.query or parts.username:
+        raise ConfigError(
+            f"{name} is {text!r}; give HOST:PORT, such as 127.0.0.1:30301, the port "
+            "1 to 65535"
+        )
+    return host, port
+
+
+def _split(text: str, default_port: int) -> tuple[str, int, dict[str, str]]:
+    """Return host, port and the keys after the question mark."""
+    parts = urlsplit(text)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError as error:
+        raise ConfigError(f"arm {text!r}: {error}; allowed: 1 to 65535") from error
+    if not host or port == 0 or parts.path not in ("", "/") or parts.username:
+        raise ConfigError(
+            f"arm {text!r} is no address: give {parts.scheme}://HOST:PORT, the port 1 "
+            f"to 65535 (default {default_port}), then ?KEY=VALUE&KEY=VALUE"
+        )
+    pairs = parse_qsl(parts.query, keep_blank_values=True)
+    keys = dict(pairs)
+    if len(keys) < len(pairs):
+        twice = next(name for name, _ in pairs if [n for n, _ in pairs].count(name) > 1)
+        raise ConfigError(f"arm {text!r} gives {twice} twice; give it once")
+    return host, port or default_port, keys
+
+
+def _require_known(text: str, keys: Mapping[str, str], known: tuple[str, ...]) -> None:
+    unknown = [key for key in keys if key not in known]
+    if unknown:
+        raise ConfigError(
+            f"arm {text!r}: unknown keys: {', '.join(unknown)}; known keys: "
+            f"{', '.join(known)}"
+        )
+
+
+def _choice(keys: Mapping[str, str], name: str, known: tuple[str, ...]) -> str:
+    value = keys.get(name, known[0])
+    if value not in known:
+        raise ConfigError(f"arm {name} is {value!r}; known: {', '.join(known)}")
+    return value
+
+
+_FRI_KEYS = (
+    *("version", "period", "clock", "control", "reset"),
+    *("timeout", "watchdog", "realtime", "margins"),
+)
+
+
+def _fri(text: str) -> FriAddress:
+    host, port, keys = _split(text, FRI_PORT)
+    _require_known(text, keys, _FRI_KEYS)
+    version = FRI_VERSIONS.get(keys.get("version", "1.15"))
+    if version is None:
+        raise ConfigError(
+            f"FRI version is {keys['version']!r}; known: {', '.join(FRI_VERSIONS)}; "
+            "the robot's own is in its Sunrise project (for 3.0 try 2.7)"
+        )
+    control = keys.get("control")
+    if control is not None:
+        parse_endpoint(control, "arm control")
+    clock = _choice(keys, "clock", ("wall", "lockstep"))
+    reset = _choice(keys, "reset", ("move", "place"))
+    if reset == "place" and control is None:
+        raise ConfigError(
+            "arm reset=place needs control=HOST:PORT, the control port of a simulated "
+            "cabinet; a real arm starts its episodes with reset=move"
+        )
+    is_known_simulation = control is not None
+    order = ("model", "hardware") if is_known_simulation else ("hardware", "model")
+    times = {
+        name: parse_time(keys[name], f"arm {name}")
+        for name in ("timeout", "watchdog")
+        if name in keys
+    }
+    return FriAddress(
+        host=host,
+        port=port,
+        version=version,  # type: ignore[arg-type]
+        period=_fri_period(keys["period"]) if "period" in keys else None,
+        clock=clock,  # type: ignore[arg-type]
+        control=control,
+        reset=reset,  # type: ignore[arg-type]
+        realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
+        margins=_choice(keys, "margins", order),  # type: ignore[arg-type]
+        **times,
+    )
+
+
+def _fri_period(text: str) -> float:
+    period = parse_time(text, "arm period")
+    low, high = FRI_PERIODS
+    is_whole = abs(period * 1e3 - round(period * 1e3)) < 1e-9
+    if not is_whole or not low <= period <= high + 1e-12:
+        raise ConfigError(
+            f"arm period is {1e3 * period:g} ms; allowed: whole milliseconds, "
+            f"{1e3 * low:g} to {1e3 * high:g} ms (send period times receive multiplier)"
+        )
+    return round(period * 1e3) / 1e3
+
+
+def _grpc(text: str) -> GrpcAddress:
+    host, port, keys = _split(text, GRPC_PORT)
+    _require_known(text, keys, ("ca", "cert", "key"))
+    if ("cert" in keys) != ("key" in keys):
+        given, needed = ("cert", "key") if "cert" in keys else ("key", "cert")
+        raise ConfigError(
+            f"arm {text!r} gives {given} without {needed}; give both or none"
+        )
+    if not keys and host not in LOOPBACK:
+        raise ConfigError(
+            f"arm {text!r}: {host} is another machine and needs certificates: add "
+            "?ca=FILE&cert=FILE&key=FILE"
+        )
+    files = {name: Path(value).expanduser() for name, value in keys.items()}
+    for name, path in files.items():
+        if not path.is_file():
+            raise ConfigError(f"arm {name} {str(path)!r} is no file")
+    return GrpcAddress(text=text, host=host, port=port, **files)

@@ -1,0 +1,180 @@
+"""One word says where the arm is; a wrong word says which words there are."""
+
+import numpy as np
+import pytest
+
+from dovetail.arms.address import (
+    FriAddress,
+    GrpcAddress,
+    PlantAddress,
+    TwinAddress,
+    is_simulated_here,
+    parse_address,
+    parse_endpoint,
+    parse_time,
+    places_hole,
+)
+from dovetail.arms.local_arm import LocalArm
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import build_arm
+from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import DynamicsConfig
+from dovetail.scene import SceneConfig
+
+TASK = TaskSpec.parse("XYZ:force A:pose BC:hold")
+
+
+def test_plants_and_twins_are_named_by_one_word():
+    assert parse_address("mujoco") == PlantAddress(engine="mujoco")
+    assert parse_address("bullet") == PlantAddress(engine="bullet")
+    assert parse_address("twin:medium") == TwinAddress(twin="medium")
+    assert parse_address("twin:./my.toml") == TwinAddress(twin="./my.toml")
+
+
+def test_a_bare_fri_address_is_a_real_cabinet_with_the_usual_port():
+    address = parse_address("fri://0.0.0.0")
+    assert address == FriAddress(host="0.0.0.0", port=30200)
+    assert address.margins == "hardware"
+    assert not places_hole(address)
+    assert not is_simulated_here(address)
+
+
+def test_every_fri_key_is_read():
+    address = parse_address(
+        "fri://127.0.0.1:30205?version=2.7&period=2ms&clock=lockstep"
+        "&control=127.0.0.1:30301&reset=place&timeout=3s&watchdog=100ms&realtime=yes"
+    )
+    assert address == FriAddress(
+        host="127.0.0.1",
+        port=30205,
+        version="2.7",
+        period=0.002,
+        clock="lockstep",
+        control="127.0.0.1:30301",
+        reset="place",
+        timeout=3.0,
+        watchdog=0.1,
+        realtime=True,
+        margins="model",
+    )
+    assert places_hole(address)
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"), [("5ms", 0.005), ("0.005s", 0.005), ("1ms", 0.001)]
+)
+def test_a_period_is_given_in_milliseconds_or_seconds(text, seconds):
+    assert parse_address(f"fri://0.0.0.0?period={text}").period == seconds
+    assert parse_time(text, "x") == pytest.approx(seconds)
+
+
+@pytest.mark.parametrize("version", ["1.14", "1.15", "1.16"])
+def test_versions_with_the_same_wire_format_are_one(version):
+    assert parse_address(f"fri://0.0.0.0?version={version}").version == "1.15"
+
+
+def test_a_service_on_this_machine_needs_no_certificate():
+    text = "grpc://127.0.0.1:50051"
+    address = parse_address(text)
+    assert address == GrpcAddress(text=text, host="127.0.0.1", port=50051)
+    assert parse_address("grpc://localhost").port == 50051
+
+
+def test_certificates_are_files(tmp_path):
+    for name in ("ca", "cert", "key"):
+        (tmp_path / name).touch()
+    text = f"grpc://robot:1?ca={tmp_path}/ca&cert={tmp_path}/cert&key={tmp_path}/key"
+    address = parse_address(text)
+    assert (address.ca, address.cert) == (tmp_path / "ca", tmp_path / "cert")
+    assert address.key == tmp_path / "key"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "known addresses: mujoco, bullet, twin:NAME, fri://HOST:PORT"),
+        ("gazebo", "arm 'gazebo' is unknown"),
+        ("twin:", "arm 'twin:' is unknown"),
+        ("http://x:1", "grpc://HOST:PORT"),
+        ("fri://", "give fri://HOST:PORT"),
+        ("fri://0.0.0.0:0", "port 1 to 65535"),
+        ("fri://0.0.0.0:65536", "1 to 65535"),
+        ("fri://0.0.0.0:abc", "1 to 65535"),
+        ("fri://0.0.0.0/x", "no address"),
+        ("fri://0.0.0.0?speed=1", "unknown keys: speed; known keys: version, period"),
+        ("fri://0.0.0.0?version=3.0", "known: 1.14, 1.15, 1.16, 2.5, 2.7"),
+        ("fri://0.0.0.0?version=", "FRI version is ''"),
+        ("fri://0.0.0.0?period=5", "with its unit, ms or s"),
+        ("fri://0.0.0.0?period=0ms", "a number above 0"),
+        ("fri://0.0.0.0?period=-1ms", "a number above 0"),
+        ("fri://0.0.0.0?period=nanms", "a number above 0"),
+        ("fri://0.0.0.0?period=infs", "a number above 0"),
+        ("fri://0.0.0.0?period=10ms", "10 ms; allowed: whole milliseconds, 1 to 5 ms"),
+        ("fri://0.0.0.0?period=1.5ms", "whole milliseconds"),
+        ("fri://0.0.0.0?clock=cpu", "known: wall, lockstep"),
+        ("fri://0.0.0.0?reset=place", "needs control=HOST:PORT"),
+        ("fri://0.0.0.0?control=x", "give HOST:PORT"),
+        ("fri://0.0.0.0?control=x:y", "give HOST:PORT"),
+        ("fri://0.0.0.0?realtime=1", "known: no, yes"),
+        ("fri://0.0.0.0?clock=wall&clock=lockstep", "gives clock twice"),
+        ("grpc://", "give grpc://HOST:PORT"),
+        ("grpc://a:1?token=x", "unknown keys: token; known keys: ca, cert, key"),
+        ("grpc://a:1", "needs certificates"),
+        ("grpc://a:1?cert=x", "gives cert without key"),
+        ("grpc://a:1?ca=/nowhere", "arm ca '/nowhere' is no file"),
+    ],
+)
+def test_a_wrong_address_says_what_is_right(text, message):
+    with pytest.raises(ConfigError) as error:
+        parse_address(text)
+    assert message in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "x", ":1", "a:0", "a:99999", "a:1/b", "a:1?b"])
+def test_an_endpoint_is_host_and_port(text):
+    with pytest.raises(ConfigError, match="HOST:PORT"):
+        parse_endpoint(text, "listen")
+    assert parse_endpoint("[::1]:50", "listen") == ("::1", 50)
+
+
+def test_an_address_in_this_process_gives_the_arm_that_the_settings_give():
+    states = []
+    for settings in ({"address": "twin:easy"}, {"address": None, "twin": "easy"}):
+        arm = build_arm(scene=SceneConfig(), task=TASK, **settings)
+        assert isinstance(arm, LocalArm)
+        states.append(arm.plant.dynamics)
+        arm.close()
+    assert states[0] == states[1]
+
+
+def test_the_environment_takes_an_address_for_an_arm():
+    with_address = PegInHoleEnv("mujoco")
+    without = PegInHoleEnv(plant="mujoco")
+    for env in (with_address, without):
+        env.reset(seed=1)
+    np.testing.assert_array_equal(with_address.state.q, without.state.q)
+    for env in (with_address, without):
+        env.close()
+
+
+def test_what_an_address_names_cannot_be_given_twice():
+    with pytest.raises(ConfigError, match="exclude each other"):
+        build_arm("mujoco", SceneConfig(), TASK, twin="easy")
+    with pytest.raises(ConfigError, match="a twin has its own"):
+        build_arm("twin:easy", SceneConfig(), TASK, dynamics=DynamicsConfig())
+    with pytest.raises(ConfigError, match="of this process only"):
+        build_arm("fri://0.0.0.0", SceneConfig(), TASK, dynamics=DynamicsConfig())
+
+
+def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
+    built = []
+    monkeypatch.setattr(
+        "dovetail.envs.arm_setup._build_fri_arm",
+        lambda address, scene, osc, limits, task, period: built.append(
+            (limits.delta_v, period)
+        ),
+    )
+    for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
+        build_arm(f"fri://0.0.0.0?{keys}", SceneConfig(), TASK)
+    assert built == [(0.10, 0.001), (0.01, 0.001), (0.01, 0.001)]
