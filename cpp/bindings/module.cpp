@@ -5,6 +5,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 
+#include "bind_fri.hpp"
 #include "bind_limits.hpp"
 #include "bind_mujoco.hpp"
 #include "bind_replay.hpp"
@@ -310,4 +311,5 @@ NB_MODULE(_core, m) {
   bind_rigid_plant(m);
   bind_mujoco(m);
   bind_replay(m);
+  bind_fri(m);
 }

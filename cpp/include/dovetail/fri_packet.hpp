@@ -49,6 +49,10 @@ struct DecodeResult {
 
 const char* name(Version version) noexcept;  ///< "1.15", "2.5", "2.7"
 
+/// The wire format of a version by its name, 1.11 to 1.16 being one; nothing for
+/// others.
+std::optional<Version> parse_version(std::string_view text) noexcept;
+
 /// The reason in words: what, which field, value, what is allowed. Allocates.
 std::string describe(const DecodeResult& result);
 
