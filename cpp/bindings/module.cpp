@@ -148,6 +148,7 @@ void bind_parameters(nb::module_& m) {
       .def_rw("x_min", &LimitParams::x_min, "Lower walls, world [m].")
       .def_rw("x_max", &LimitParams::x_max, "Upper walls, world [m].")
       .def_rw("dx_max", &LimitParams::dx_max, "TCP speed per axis [m/s].")
+      .def_rw("dx_near", &LimitParams::dx_near, "TCP speed near contact [m/s].")
       .def_rw("ddx_max", &LimitParams::ddx_max, "TCP acceleration per axis [m/s2].")
       .def_rw("eta_wall", &LimitParams::eta_wall, "Share of ddx_max for braking.")
       .def_rw("delta_x", &LimitParams::delta_x, "Wall margin [m].")
@@ -168,13 +169,15 @@ void bind_data(nb::module_& m) {
           "__init__",
           [](Target* self, const Vec6& f_star, const Vec3& position_d,
              const Vec4& quat_wxyz_d) {
-            new (self) Target{f_star, position_d, quat_wxyz_d};
+            new (self) Target{f_star, position_d, quat_wxyz_d, Target{}.near_plane};
           },
           "f_star"_a = Vec6(Vec6::Zero()), "position_d"_a = Vec3(Vec3::Zero()),
           "quat_wxyz_d"_a = Vec4(1.0, 0.0, 0.0, 0.0))
       .def_rw("f_star", &Target::f_star, "Force axes: [m/s2, rad/s2], world, (6,).")
       .def_rw("position_d", &Target::position_d, "Pose axes: TCP position [m], (3,).")
-      .def_rw("quat_wxyz_d", &Target::quat_wxyz_d, "Pose axes: TCP rotation, (4,).");
+      .def_rw("quat_wxyz_d", &Target::quat_wxyz_d, "Pose axes: TCP rotation, (4,).")
+      .def_rw("near_plane", &Target::near_plane,
+              "Unit normal n and d [m]: where n . p < d the speed limit is dx_near.");
   nb::class_<Flags>(m, "Flags",
                     "What limited a cycle. Masks: bit i is joint A(i+1) or axis XYZ.")
       .def_ro("joint_position", &Flags::joint_position)

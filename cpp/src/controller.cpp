@@ -29,7 +29,9 @@ bool is_usable(const Target& target) noexcept {
   return is_within(target.f_star, kLargestTarget) &&
          is_within(target.position_d, kLargestTarget) &&
          is_within(target.quat_wxyz_d, kLargestTarget) &&
-         target.quat_wxyz_d.norm() > kSmallestQuat;
+         target.quat_wxyz_d.norm() > kSmallestQuat &&
+         is_within(target.near_plane.head<3>(), kLargestTarget) &&
+         target.near_plane[3] <= kLargestTarget;  // minus infinity: no plane
 }
 
 /// The paper's bounds as printed may be empty: the side moved towards wins.
@@ -97,7 +99,8 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   hi_ = limits_.tau_max - tool_.g;
 }
 
-void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
+void Controller::update_bounds(const Vec7& q, const Vec7& dq,
+                               const Target& target) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
     const Interval joint = not_empty(
         acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
@@ -109,11 +112,18 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
     bounds_.ub_cause[i] = joint.ub_cause;
   }
   if (!limits_.walls) return;
+  const double height = target.near_plane.head<3>().dot(tool_.p) - target.near_plane[3];
+  const double room = std::max(height, 0.0);
   for (int i = 0; i < 3; ++i) {
     const double speed = tool_.twist[i];
+    // Above the plane, what can be braked to dx_near before it.
+    const double near =
+        std::sqrt(limits_.dx_near * limits_.dx_near +
+                  2.0 * limits_.eta_wall * limits_.ddx_max[i] * room);
     const Interval wall = not_empty(
         acceleration_bounds(tool_.p[i], speed, limits_.x_min[i], limits_.x_max[i],
-                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_),
+                            std::min(limits_.dx_max[i], near), limits_.ddx_max[i],
+                            wall_params_),
         speed);
     bounds_.cl[i] = wall.lb;
     bounds_.cu[i] = wall.ub;
@@ -231,7 +241,7 @@ StepResult Controller::step(const Vec7& q, const Vec7& dq,
   }
   update_disturbance(dq);
   update_model(q, dq);
-  update_bounds(q, dq);
+  update_bounds(q, dq, target);
 
   StepResult result;
   const Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);

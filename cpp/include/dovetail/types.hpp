@@ -89,6 +89,7 @@ struct LimitParams {
   Vec3 x_min = Vec3::Constant(kUnset);  ///< lower TCP walls, world [m]
   Vec3 x_max = Vec3::Constant(kUnset);  ///< upper TCP walls, world [m]
   Vec3 dx_max = Vec3::Constant(0.5);    ///< TCP speed per axis [m/s]
+  double dx_near = 0.5;  ///< TCP speed per axis below a Target's near plane [m/s]
   Vec3 ddx_max = Vec3::Constant(5.0);   ///< TCP acceleration per axis [m/s2]
   double eta_wall = 0.5;                ///< share of ddx_max planned for braking
   double delta_x = 0.005;               ///< wall margin [m]
@@ -108,6 +109,9 @@ struct Target {
   Vec6 f_star = Vec6::Zero();            ///< force axes: [m/s2, rad/s2], world
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
   Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation
+  /// Where contact is near: at TCP positions p with n . p < d the speed limit is
+  /// `dx_near`. Unit normal n, then d [m], world axes; d = -infinity: nowhere.
+  Vec4 near_plane{0.0, 0.0, 0.0, -std::numeric_limits<double>::infinity()};
 };
 
 /// What limited the last cycle. Masks: bit i is joint A(i+1) or axis X, Y, Z.

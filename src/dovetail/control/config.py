@@ -140,6 +140,9 @@ class LimitConfig:
         default_factory=_all(3, 0.5)
     )
     """TCP speed limit per axis [m/s]."""
+    dx_near: Annotated[float, Range(1e-4, 10.0, "m/s")] = 0.5
+    """TCP speed limit per axis below a Target's near plane [m/s]: contact at this
+    speed is what the tool must bear."""
     ddx_max: Annotated[Vec3, Range(1e-2, 1e3, "m/s2", _XYZ)] = field(
         default_factory=_all(3, 5.0)
     )

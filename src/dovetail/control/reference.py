@@ -64,7 +64,10 @@ class ReferenceController:
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
         lb, ub = self.intervals(q, dq, *joint)
-        wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
+        height = max(target.near_plane[:3] @ p - target.near_plane[3], 0.0)
+        near = np.sqrt(lim.dx_near**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
+        speed = np.minimum(lim.dx_max, near)  # what can be braked to dx_near in time
+        wall = (lim.x_min, lim.x_max, speed, lim.ddx_max, lim.eta_wall)
         cl_cu = self.intervals(p, twist[:3], *wall, lim.delta_x)
         rows = (J_tool[:3], dJdq[:3], *cl_cu) if lim.walls else None
         g = chain.gravity(q)

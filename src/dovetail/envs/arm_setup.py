@@ -1,5 +1,6 @@
 """Build the arm of an environment: in this process, or behind an address."""
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import cast
@@ -16,6 +17,7 @@ from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.commands import per_axis
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
@@ -29,6 +31,8 @@ WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
 """Speed limit of the TCP per axis [m/s]."""
+NEAR_SPEED = 0.02
+"""The same where contact is near [m/s]."""
 
 
 def build_arm(
@@ -39,7 +43,8 @@ def build_arm(
     plant: str = "mujoco",
     twin: str | Path | None = None,
     period: float = 0.005,
-    force_damping: float = 40.0,
+    force_damping: float | Sequence[float] = 40.0,
+    near_speed: float = NEAR_SPEED,
     walls: Walls = (WALLS_MIN, WALLS_MAX),
     scheme: str = "qp",
     engine: str | None = None,
@@ -54,7 +59,9 @@ def build_arm(
         plant: Engine's name; an address, or a twin, names its own.
         twin: Name or file of a twin; an address names its own.
         period: Control period [s]; an address may give its own.
-        force_damping: Damping D of force axes [1/s]; 0 is the paper.
+        force_damping: Damping D of force axes [1/s], one number or one for each of
+            X Y Z; 0 is the paper.
+        near_speed: Speed limit of the TCP per axis where contact is near [m/s].
         walls: Lower and upper walls of the TCP [m].
         scheme: How limits are kept, "qp" or "paper".
         engine: Physics engine of the twin, if not the one in its file.
@@ -71,6 +78,7 @@ def build_arm(
         scene,
         task,
         force_damping=force_damping,
+        near_speed=near_speed,
         walls=walls,
         scheme=scheme,
     )
@@ -99,7 +107,7 @@ def build_arm(
         period = address.period
     is_hardware = isinstance(address, FriAddress) and address.margins == "hardware"
     osc, limits = make_settings(
-        scene, period, force_damping, walls, scheme, is_hardware=is_hardware
+        scene, period, force_damping, near_speed, walls, scheme, is_hardware=is_hardware
     )
     if isinstance(address, FriAddress):
         return _build_fri_arm(address, scene, osc, limits, task, period)
@@ -109,7 +117,8 @@ def build_arm(
 def make_settings(
     scene: SceneConfig,
     period: float,
-    force_damping: float,
+    force_damping: float | Sequence[float],
+    near_speed: float,
     walls: Walls,
     scheme: str,
     *,
@@ -120,7 +129,8 @@ def make_settings(
     Args:
         scene: Geometry of the task.
         period: Control period [s].
-        force_damping: Damping D of force axes [1/s].
+        force_damping: Damping D of force axes [1/s], one number or three.
+        near_speed: Speed limit of the TCP per axis where contact is near [m/s].
         walls: Lower and upper walls of the TCP [m].
         scheme: How limits are kept, "qp" or "paper".
         is_hardware: Margins for an arm that is not as the model says.
@@ -132,9 +142,12 @@ def make_settings(
         x_min=walls[0],
         x_max=walls[1],
         dx_max=[SPEED_MAX] * 3,
+        dx_near=near_speed,
         scheme=scheme,
     )
-    return OscConfig.for_period(period, force_damping=[force_damping] * 6), limits
+    damping = per_axis("force_damping", force_damping)
+    osc = OscConfig.for_period(period, force_damping=[*damping, *[max(damping)] * 3])
+    return osc, limits
 
 
 def build_local_arm(
@@ -144,7 +157,8 @@ def build_local_arm(
     plant: str,
     twin: str | Path | None,
     period: float,
-    force_damping: float,
+    force_damping: float | Sequence[float],
+    near_speed: float,
     walls: Walls = (WALLS_MIN, WALLS_MAX),
     scheme: str = "qp",
     engine: str | None = None,
@@ -158,7 +172,9 @@ def build_local_arm(
         plant: Engine's name; not used with a twin, which names its own.
         twin: Name of a shipped twin or path of a twin file; None for the plain plant.
         period: Control period [s].
-        force_damping: Damping D of force axes [1/s]; 0 is the paper.
+        force_damping: Damping D of force axes [1/s], one number or one for each of
+            X Y Z; 0 is the paper.
+        near_speed: Speed limit of the TCP per axis where contact is near [m/s].
         walls: Lower and upper walls of the TCP [m].
         scheme: How limits are kept, "qp" or "paper".
         engine: Physics engine of the twin, if not the one in its file.
@@ -170,7 +186,7 @@ def build_local_arm(
     """
     if twin is not None and dynamics is not None:
         raise ConfigError("dynamics and twin exclude each other: a twin has its own")
-    osc, limits = make_settings(scene, period, force_damping, walls, scheme)
+    osc, limits = make_settings(scene, period, force_damping, near_speed, walls, scheme)
     body: Plant
     if twin is None:
         body = make_plant(plant, scene, dynamics or DynamicsConfig())

@@ -1,6 +1,7 @@
 """From a policy's action to the arm's Target, for any task spec."""
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,19 @@ ACTION_AXES = ("X", "Y", "Z", "A", "B", "C")
 """Order of the action's numbers; axes that the policy does not command are skipped."""
 
 
+def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, float]:
+    """Return a setting of X Y Z as three numbers; one number holds for all.
+
+    Raises:
+        ConfigError: Neither one nor three numbers.
+    """
+    values = np.atleast_1d(np.asarray(value, dtype=float)).tolist()
+    if len(values) not in (1, 3):
+        raise ConfigError(f"{name} is {value}; give one number, or three: X Y Z")
+    x, y, z = values * (3 // len(values))
+    return x, y, z
+
+
 class CommandMap:
     """Turns an action in [-1, 1] into f*, a desired position and a desired rotation.
 
@@ -31,7 +45,7 @@ class CommandMap:
         self,
         task: TaskSpec,
         *,
-        f_scale: float,
+        f_scale: float | Sequence[float],
         f_scale_angular: float,
         theta_range: float,
         position_range: float,
@@ -40,16 +54,16 @@ class CommandMap:
 
         Args:
             task: Which axis is commanded and how.
-            f_scale: f* at action 1 on X Y Z [m/s2].
+            f_scale: f* at action 1 on X Y Z [m/s2]: one number, or one per axis.
             f_scale_angular: f* at action 1 on A B C [rad/s2].
             theta_range: Rotation at action 1 on pose axes A B C [rad].
             position_range: Displacement at action 1 on pose axes X Y Z [m].
 
         Raises:
-            ConfigError: The task commands no axis.
+            ConfigError: The task commands no axis, or f_scale is not 1 or 3 numbers.
         """
+        f_scales = dict(zip("XYZ", per_axis("f_scale", f_scale), strict=True))
         scales = {
-            (FORCE, True): f_scale,
             (FORCE, False): f_scale_angular,
             (POSE, True): position_range,
             (POSE, False): theta_range,
@@ -62,7 +76,12 @@ class CommandMap:
                 f"axis of {' '.join(ACTION_AXES)} to {MODES[FORCE]} or {MODES[POSE]}"
             )
         self.axes = tuple(commanded)
-        self.scale = [scales[modes[axis], axis in "XYZ"] for axis in commanded]
+        self.scale = [
+            f_scales[axis]
+            if modes[axis] == FORCE and axis in "XYZ"
+            else scales[modes[axis], axis in "XYZ"]
+            for axis in commanded
+        ]
         self._force = [
             (i, AXES.index(axis))
             for i, axis in enumerate(commanded)
@@ -87,6 +106,7 @@ class CommandMap:
         action: NDArray[np.float32],
         goal_position: Vec3,
         goal_quat: Vec4,
+        near_plane: Vec4,
     ) -> None:
         """Write the action into a Target, relative to the goal pose.
 
@@ -95,6 +115,7 @@ class CommandMap:
             action: In [-1, 1], shape (len(self),).
             goal_position: Tool position when done [m], world axes.
             goal_quat: Tool rotation when done, wxyz.
+            near_plane: Where contact is near, see `Target.near_plane`.
         """
         values = action.tolist()
         for i, index in self._force:
@@ -108,6 +129,7 @@ class CommandMap:
             else:
                 quat = _turn(quat, index - 3, value)
         self._quat[:] = quat
+        target.near_plane = near_plane
         target.f_star = self._f_star
         target.position_d = self._position
         target.quat_wxyz_d = self._quat

@@ -1,6 +1,7 @@
 """Peg in hole (Kaspar et al. 2020) as a Gymnasium environment over any arm."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -109,9 +110,12 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         twin: Name or file of a twin to use in place of the plain plant.
         period: Control period [s].
         max_steps: Episode length [policy steps of 50 ms].
-        f_scale: f* at action 1 on X Y Z [m/s2].
+        f_scale: f* at action 1 on X Y Z [m/s2], one number or three.
         f_scale_angular: f* at action 1 on A B C [rad/s2].
-        force_damping: Damping of force axes [1/s]; 0 is the paper.
+        force_damping: Damping of force axes X Y Z [1/s], one number or three; 0 is the
+            paper.
+        near_speed: Speed limit of the TCP per axis where contact is near [m/s].
+        near_distance: How far above the hole's mouth that begins [m].
         theta_range: Rotation at action 1 on pose axes A B C [rad].
         position_range: Displacement at action 1 on pose axes X Y Z [m].
         scheme: How limits are kept, "qp" or "paper".
@@ -143,9 +147,11 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         twin: str | Path | None = None,
         period: float = 0.005,
         max_steps: int = 200,
-        f_scale: float = 4.0,
+        f_scale: float | Sequence[float] = 4.0,
         f_scale_angular: float = 20.0,
-        force_damping: float = 40.0,
+        force_damping: float | Sequence[float] = 40.0,
+        near_speed: float = 0.02,
+        near_distance: float = 0.01,
         theta_range: float = 0.2,
         position_range: float = 0.05,
         scheme: str = "qp",
@@ -170,6 +176,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 twin=twin,
                 period=period,
                 force_damping=force_damping,
+                near_speed=near_speed,
                 walls=self.walls(),
                 scheme=scheme,
                 engine=engine,
@@ -187,6 +194,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             theta_range=theta_range,
             position_range=position_range,
         )
+        self._near_distance = near_distance
         self._lateral_max = clearance * math.sqrt(2.0) + 0.002
         self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
         self._prepare()
@@ -289,7 +297,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 f"{' '.join(self.commands.axes)}"
             )
         action = np.maximum(np.minimum(action, _ONE), -_ONE)
-        self.commands.fill(self._target, action, self._goal, self._goal_quat)
+        self.commands.fill(
+            self._target, action, self._goal, self._goal_quat, self._near
+        )
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -336,6 +346,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._axis = matrix_from_quat(hole.quat_wxyz)[:, 2]
             self._goal = hole.position - self.scene.hole_depth * self._axis
             self._goal_quat = self.goal_rotation(hole)
+            offset = self._axis @ hole.position + self._near_distance
+            self._near = np.append(self._axis, offset)
         return observe(self.state, self._goal, self._goal_quat)
 
     def _info(self, raw: Array) -> dict[str, Any]:

@@ -12,7 +12,7 @@ ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 
 ENV_FIELDS = (
     *("plant", "peg", "clearance", "task", "stack", "period"),
-    *("f_scale", "f_scale_angular", "force_damping"),
+    *("f_scale", "f_scale_angular", "force_damping", "near_speed", "near_distance"),
     *("theta_range", "position_range", "max_steps", "scheme"),
 )
 """Fields that are handed to the environment as they are."""
@@ -42,12 +42,17 @@ class TrainConfig:
     """Number of past (observation, action) pairs in the observation."""
     period: float = 0.005
     """Control period [s]; an action acts for 50 ms."""
-    f_scale: float = 4.0
-    """f* at action 1 on X Y Z [m/s2]."""
+    f_scale: tuple[float, ...] = (4.0,)
+    """f* at action 1 on X Y Z [m/s2]: one number, or three."""
     f_scale_angular: float = 20.0
     """f* at action 1 on A B C [rad/s2]."""
-    force_damping: float = 40.0
-    """Damping D of force axes [1/s]: f_scale / D is the top speed; 0 is the paper."""
+    force_damping: tuple[float, ...] = (40.0,)
+    """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
+    speed; 0 is the paper."""
+    near_speed: float = 0.02
+    """Speed limit of the tool per axis where contact is near [m/s]."""
+    near_distance: float = 0.01
+    """How far above the hole's mouth that begins [m]."""
     theta_range: float = 0.2
     """Rotation at action 1 on pose axes A B C [rad]."""
     position_range: float = 0.05
