@@ -112,8 +112,10 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq,
     bounds_.ub_cause[i] = joint.ub_cause;
   }
   if (!limits_.walls) return;
-  const double height = target.near_plane.head<3>().dot(tool_.p) - target.near_plane[3];
-  const double room = std::max(height, 0.0);
+  const Vec3 normal = target.near_plane.head<3>();
+  const double fall = std::min(normal.dot(tool_.twist.head<3>()), 0.0);
+  const double height = normal.dot(tool_.p) - target.near_plane[3];
+  const double room = std::max(height + limits_.kappa * period_ * fall, 0.0);
   for (int i = 0; i < 3; ++i) {
     const double speed = tool_.twist[i];
     // Above the plane, what can be braked to dx_near before it.

@@ -49,6 +49,7 @@ def run_loop(robot: Robot, q_home: np.ndarray):
         push=(0.0, 0.0, 0.0),
         damping: float = 0.5,
         armature: float = 0.1,
+        near_plane=None,
     ) -> Run:
         controller = make_controller(robot, OscConfig(), limits, task, period)
         plant = _core.RigidPlant(
@@ -62,6 +63,8 @@ def run_loop(robot: Robot, q_home: np.ndarray):
         for _ in range(cycles):
             q, dq = plant.read()
             target = _core.Target(f_star=f_star(q))
+            if near_plane is not None:
+                target.near_plane = np.array(near_plane)
             result = controller.step(q, dq, target)
             q_mid = q + 0.5 * period * dq
             drift = chain.jacobian_dot_dq(q_mid, dq)

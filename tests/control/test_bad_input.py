@@ -39,6 +39,12 @@ def bad_inputs(q):
             inputs[field][1] = value
             target = {k: inputs.pop(k) for k in ("f_star", "position_d", "quat_wxyz_d")}
             yield inputs["q"], inputs["dq"], _core.Target(**target)
+    for i, value in ((0, np.nan), (2, np.inf), (3, np.nan), (3, np.inf)):
+        target = _core.Target()
+        plane = target.near_plane
+        plane[i] = value
+        target.near_plane = plane
+        yield q, np.zeros(7), target
 
 
 def test_a_spoilt_number_becomes_a_flag_and_a_finite_torque(

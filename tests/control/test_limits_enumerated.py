@@ -13,6 +13,7 @@ from dovetail.control.config import LimitConfig
 TASK = "XYZ:force ABC:force"
 HOLD = "XYZ:force ABC:hold"
 WALLS = {"x_min": [-2.0, -2.0, -2.0], "x_max": [2.0, 2.0, 2.0], "dx_max": 5.0}
+WALLS["dx_near"] = 5.0
 LOOSE = {"ddx_max": 100.0, "delta_x": 0.0, "delta_q": 0.0, "delta_v": 0.0, **WALLS}
 PERIOD = 1e-3
 SLACK = 1e-9  # of values that the controller commands exactly
@@ -131,6 +132,31 @@ def check_dx_max(bench):
         held = bench.axis(bench.with_element("dx_max", i, limit), i, cycles=150)
         assert held.bits("wall_velocity") >> i & 1
         assert np.abs(held.speed[:, i]).max() < limit + REAL
+
+
+def check_dx_near(bench):
+    everywhere = [0.0, 0.0, 1.0, 9.0]  # z below 9 m
+    for i in range(3):
+        free = bench.axis(bench.loose, i, near_plane=everywhere)
+        assert not free.bits("wall_velocity")
+        slow = replace(bench.loose, dx_near=0.02)
+        held = bench.axis(slow, i, near_plane=everywhere)
+        assert held.bits("wall_velocity") >> i & 1
+        assert np.abs(held.speed[:, i]).max() < 0.02 + REAL
+        assert not bench.axis(slow, i).bits("wall_velocity")  # no plane: no limit
+
+
+def test_near_plane_slows_the_tool_before_it_is_crossed(bench):
+    limits = replace(bench.loose, dx_near=0.02, ddx_max=[5.0] * 3)
+    start = bench.axis(limits, 2, -1.0, cycles=1).position[0]
+    plane = [0.0, 0.0, 1.0, start[2] - 0.05]
+    run = bench.axis(limits, 2, -1.0, cycles=1500, near_plane=plane)
+    below = run.position[:, 2] < plane[3]
+    assert run.speed[:, 2].min() < -0.1
+    assert 100 < below.sum() < 1500
+    assert np.abs(run.speed[below]).max() < 0.023  # at the plane itself
+    deeper = run.position[:, 2] < plane[3] - 0.001
+    assert np.abs(run.speed[deeper]).max() < 0.02 + REAL
 
 
 def check_ddx_max(bench):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.control.reference import solve_qp
+from dovetail.control.reference_qp import solve_qp
 
 TOLERANCE = 1e-6  # rad/s2
 

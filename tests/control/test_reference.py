@@ -16,17 +16,23 @@ TOLERANCE = 1e-8  # rad/s2 and Nm
 EVERY_TASK = [
     str(TaskSpec(modes)) for modes in itertools.product(range(len(MODES)), repeat=6)
 ]
-WIDE_WALLS = {"x_min": [-1.2, -1.2, -0.5], "x_max": [1.2, 1.2, 1.6]}
+WIDE_WALLS = {"x_min": [-1.2, -1.2, -0.5], "x_max": [1.2, 1.2, 1.6], "dx_near": 0.05}
 
 
 def random_target(rng, robot, q, action):
     pose = robot.tool_pose(q)
+    normal = rng.normal(0.0, 1.0, 3)
+    normal /= np.linalg.norm(normal)
     quat = pose.quat_wxyz + rng.normal(0.0, rng.choice([0.02, 1.0]), 4)
-    return _core.Target(
+    target = _core.Target(
         rng.uniform(-1.0, 1.0, 6) * action * np.array([1, 1, 1, 7, 7, 7]),
         pose.position + rng.normal(0.0, 0.1, 3),
         quat_normalized(quat),
     )
+    if rng.uniform() < 0.5:
+        offset = normal @ pose.position + rng.normal(0.0, 0.01)
+        target.near_plane = np.append(normal, offset)
+    return target
 
 
 def largest_difference(robot, q_start, osc, limits, period, tasks, rng, cycles):

@@ -32,6 +32,7 @@ IDEAL = TwinConfig(
             "coulomb",
             "armature",
             "contact_friction",
+            "contact_time",
         )
     },
 )
@@ -74,6 +75,7 @@ CHANGES = {
     "position_noise": (1e-5, True, True),
     "velocity_noise": (2e-3, True, True),
     "contact_friction": (0.1, False, True),
+    "contact_time": (0.02, False, True),
     "clearance_offset": (0.0002, False, True),
 }
 """Field: another value, and whether it shows in free air and in the hole."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from dovetail import poses
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.reference_qp import solve_qp
 from dovetail.control.task_spec import FREE, HOLD, POSE, TaskSpec
 from dovetail.types import Array
 
@@ -64,9 +65,7 @@ class ReferenceController:
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
         lb, ub = self.intervals(q, dq, *joint)
-        height = max(target.near_plane[:3] @ p - target.near_plane[3], 0.0)
-        near = np.sqrt(lim.dx_near**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
-        speed = np.minimum(lim.dx_max, near)  # what can be braked to dx_near in time
+        speed = self.speed_limit(p, twist, target.near_plane)
         wall = (lim.x_min, lim.x_max, speed, lim.ddx_max, lim.eta_wall)
         cl_cu = self.intervals(p, twist[:3], *wall, lim.delta_x)
         rows = (J_tool[:3], dJdq[:3], *cl_cu) if lim.walls else None
@@ -113,6 +112,13 @@ class ReferenceController:
         swing = poses.quat_from_vector(np.array([about_x[0][0], about_y[0][1], 0.0]))
         turn = poses.quat_multiply(swing, about_z[1])
         return poses.quat_multiply(turn, self.quat_hold)
+
+    def speed_limit(self, p: Array, twist: Array, plane: Array) -> Array:
+        """dx_near below the plane, above it what can be braked to that in time."""
+        lim, fall = self.limits, min(plane[:3] @ twist[:3], 0.0)
+        height = max(plane[:3] @ p - plane[3] + lim.kappa * self.dt * fall, 0.0)
+        near = np.sqrt(lim.dx_near**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
+        return np.minimum(lim.dx_max, near)
 
     def intervals(
         self, x: Array, v: Array, x_min: Array, x_max: Array, v_max: Array,
@@ -176,26 +182,3 @@ def blend(a: Array, a_safe: Array, M: Array, h: Array, lo: Array, hi: Array) -> 
     room = np.where(change > 0.0, hi - safe, lo - safe)
     share = np.where(change != 0.0, room / np.where(change != 0.0, change, 1.0), 1.0)
     return a_safe + np.clip(share.min(), 0.0, 1.0) * (a - a_safe)
-
-
-def solve_qp(
-    M: Array, a0: Array, lb: Array, ub: Array, walls: tuple | None = None,
-    torque: tuple | None = None, rho: float = 1.0,
-) -> Array:  # fmt: skip
-    """Min |a - a0|_M^2 + rho |s|^2 in the box: walls soft by s, torque rows hard."""
-    import qpsolvers
-
-    G, h, P = np.empty((0, 10)), [], np.eye(10)  # unknowns a and sqrt(rho) s
-    P[:7, :7] = M
-    for rows, soft in ((walls, -np.eye(3) / np.sqrt(rho)), (torque, np.zeros((7, 3)))):
-        if rows is not None:
-            A, offset, low, high = rows
-            G = np.vstack([G, np.hstack([A, soft]), np.hstack([-A, soft])])
-            h += [*(high - offset), *(offset - low)]
-    low = np.append(lb - 1e-11, [-1e6] * 3)  # quadprog takes lb = ub for a
-    high = np.append(ub + 1e-11, [1e6] * 3)  # contradiction
-    cost, h = -P @ np.append(a0, np.zeros(3)), np.array(h)
-    x = qpsolvers.solve_qp(P, cost, G, h, lb=low, ub=high, solver="quadprog")
-    if x is None:
-        raise ArithmeticError("the joint box and the torque limits exclude each other")
-    return np.clip(x[:7], lb, ub)

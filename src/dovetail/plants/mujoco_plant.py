@@ -88,6 +88,7 @@ class MujocoPlant:
         model.dof_frictionloss[:] = dynamics.coulomb
         model.dof_armature[:] = dynamics.armature
         model.geom_friction[:, 0] = dynamics.contact_friction
+        model.geom_solref[:, 0] = dynamics.contact_time
         model.opt.gravity[:] = np.add(GRAVITY, dynamics.gravity_residual)
         self._mujoco.mj_resetData(model, self.data)
         self._mujoco.mj_setConst(model, self.data)

@@ -59,6 +59,10 @@ class DynamicsConfig:
     """Rotor inertia at each joint [kg m2]."""
     contact_friction: float = 0.3
     """Sliding friction coefficient of peg and gripper on block and table [1]."""
+    contact_time: float = 0.002
+    """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the peg on the
+    stiffness k of joints, gripper and surfaces. MuJoCo's contacts cannot be shorter
+    than two physics steps; Bullet's always end within one, whatever this says."""
     physics_dt: float = 0.0025
     """Largest physics step [s]; a control period is split into equal steps."""
 
@@ -71,7 +75,7 @@ class DynamicsConfig:
             )
         for name, (low, high, unit) in DYNAMICS_RANGES.items():
             value = getattr(self, name)
-            if name in ("contact_friction", "physics_dt"):
+            if name in ("contact_friction", "contact_time", "physics_dt"):
                 _require_range(name, value, low, high, unit)
                 continue
             labels = ("x", "y", "z") if name == "gravity_residual" else JOINTS
@@ -93,6 +97,7 @@ DYNAMICS_RANGES: dict[str, tuple[float, float, str]] = {
     "coulomb": (0.0, 50.0, "Nm"),
     "armature": (0.0, 10.0, "kg m2"),
     "contact_friction": (0.0, 5.0, "1"),
+    "contact_time": (1e-3, 0.1, "s"),
     "physics_dt": (1e-4, 5e-3, "s"),
 }
 """Allowed range and unit of each number of a DynamicsConfig."""

@@ -37,6 +37,7 @@ _DYNAMICS = (
     "coulomb",
     "armature",
     "contact_friction",
+    "contact_time",
 )
 
 
@@ -72,6 +73,8 @@ class TwinConfig:
     """Standard deviation of the measured velocity, per joint and reading [rad/s]."""
     contact_friction: float
     """Sliding friction coefficient of peg and gripper [1]."""
+    contact_time: float
+    """Time constant of contact [s], see `DynamicsConfig`; MuJoCo only."""
     clearance_offset: float
     """True clearance minus the scene's, per side [m]."""
 
@@ -102,6 +105,7 @@ class TwinConfig:
                 raise ConfigError(f"twin {name} is {values!r}; give a list of numbers")
             object.__setattr__(self, name, tuple(_number(name, v) for v in values))
         _number("contact_friction", self.contact_friction)
+        _number("contact_time", self.contact_time)
         self.dynamics()  # checks lengths and ranges of what the engine simulates
 
     def dynamics(self) -> DynamicsConfig:
