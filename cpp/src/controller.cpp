@@ -119,9 +119,8 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq,
   for (int i = 0; i < 3; ++i) {
     const double speed = tool_.twist[i];
     // Above the plane, what can be braked to dx_near before it.
-    const double near =
-        std::sqrt(limits_.dx_near * limits_.dx_near +
-                  2.0 * limits_.eta_wall * limits_.ddx_max[i] * room);
+    const double near = std::sqrt(limits_.dx_near * limits_.dx_near +
+                                  2.0 * limits_.eta_wall * limits_.ddx_max[i] * room);
     const Interval wall = not_empty(
         acceleration_bounds(tool_.p[i], speed, limits_.x_min[i], limits_.x_max[i],
                             std::min(limits_.dx_max[i], near), limits_.ddx_max[i],
@@ -170,6 +169,27 @@ void Controller::mark_walls(unsigned upper, unsigned lower,
         break;
     }
   }
+}
+
+/// Asks the tool for no more than its limits allow: the QP, which knows no axes but the
+/// limited one, would pay for the rest with the other axes and the rotation.
+void Controller::keep_inside(Vec6& f_star, StepResult& result) const noexcept {
+  const Vec7 lost = osc_.params().use_coriolis ? Vec7(h_ - terms_.c) : h_;
+  Vec3 drift = terms_.J.topRows<3>() * (Minv_ * -lost).eval();
+  if (!osc_.params().use_jdot) drift += terms_.dJdq.head<3>();
+  unsigned upper = 0;
+  unsigned lower = 0;
+  for (int i = 0; i < 3; ++i) {
+    if (osc_.task()[i] == AxisMode::kFree) continue;
+    if (f_star[i] > bounds_.cu[i] - drift[i]) {
+      f_star[i] = bounds_.cu[i] - drift[i];
+      upper |= 1U << i;
+    } else if (f_star[i] < bounds_.cl[i] - drift[i]) {
+      f_star[i] = bounds_.cl[i] - drift[i];
+      lower |= 1U << i;
+    }
+  }
+  mark_walls(upper, lower, result.flags);
 }
 
 void Controller::limit_by_qp(StepResult& result) noexcept {
@@ -246,7 +266,8 @@ StepResult Controller::step(const Vec7& q, const Vec7& dq,
   update_bounds(q, dq, target);
 
   StepResult result;
-  const Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
+  Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
+  if (limits_.walls && limits_.scheme == Scheme::kQp) keep_inside(f_star, result);
   osc_.evaluate(terms_, terms_.M, factor_, dq, f_star, task_terms_);
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
   if (limits_.scheme == Scheme::kQp) {

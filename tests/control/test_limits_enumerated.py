@@ -241,9 +241,17 @@ def check_walls(bench):
 
 
 def check_rho(bench):
-    limits = replace(bench.with_element("x_max", 0, 0.62), ddx_max=5.0)
-    assert not bench.axis(limits, 0).bits("wall_displaced")
-    assert bench.axis(replace(limits, rho=1.0), 0).bits("wall_displaced") & 1
+    # A free axis drifts towards the wall: only the QP's row can hold it.
+    start = bench.chain.pose(bench.q)[0][0]
+    limits = replace(bench.with_element("x_max", 0, start + 0.02), ddx_max=5.0)
+    J = bench.chain.jacobian(bench.q)
+    dq = np.linalg.pinv(J) @ np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+    for rho, is_displaced in ((1e6, 0), (1.0, 1)):
+        run = bench.run_loop(
+            replace(limits, rho=rho), lambda q: np.zeros(6), "YZ:force ABC:hold", dq=dq
+        )
+        assert run.bits("wall_position") & 1
+        assert run.bits("wall_displaced") & 1 == is_displaced
 
 
 def check_s0_wall(bench):

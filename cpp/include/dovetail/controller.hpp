@@ -53,6 +53,7 @@ class Controller {
   void update_disturbance(const Vec7& dq) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq, const Target& target) noexcept;
+  void keep_inside(Vec6& f_star, StepResult& result) const noexcept;
   void limit_by_qp(StepResult& result) noexcept;
   void limit_by_cascade(StepResult& result) noexcept;
   void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;

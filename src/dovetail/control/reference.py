@@ -57,6 +57,12 @@ class ReferenceController:
         # Task  u0 = J^T Lambda (f* - dJ dq) + N M (-k dq),  N = I - J^T Lambda J M^-1
         (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
         f = self.desired_acceleration(p, R, twist, target) - osc.use_jdot * dJdq
+        wall = (lim.x_min, lim.x_max, self.speed_limit(p, twist, target.near_plane))
+        wall = (*wall, lim.ddx_max, lim.eta_wall, lim.delta_x)
+        cl, cu = self.intervals(p, twist[:3], *wall)
+        if lim.walls and lim.scheme == "qp":  # ask for no more than the walls allow
+            drift = (dJdq - J_tool @ Minv @ (h - osc.use_coriolis * c))[:3]
+            f[:3] = np.clip(f[:3], cl - drift, cu - drift)
         J = self.scale[:, None] * J_tool
         Lambda = faded_inverse(J @ Minv @ J.T, osc.s0)
         N = np.eye(7) - J.T @ Lambda @ J @ Minv
@@ -65,10 +71,7 @@ class ReferenceController:
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
         lb, ub = self.intervals(q, dq, *joint)
-        speed = self.speed_limit(p, twist, target.near_plane)
-        wall = (lim.x_min, lim.x_max, speed, lim.ddx_max, lim.eta_wall)
-        cl_cu = self.intervals(p, twist[:3], *wall, lim.delta_x)
-        rows = (J_tool[:3], dJdq[:3], *cl_cu) if lim.walls else None
+        rows = (J_tool[:3], dJdq[:3], cl, cu) if lim.walls else None
         g = chain.gravity(q)
         lo, hi = -lim.tau_max - g, lim.tau_max - g
         if lim.scheme == "qp":

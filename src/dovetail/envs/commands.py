@@ -106,7 +106,6 @@ class CommandMap:
         action: NDArray[np.float32],
         goal_position: Vec3,
         goal_quat: Vec4,
-        near_plane: Vec4,
     ) -> None:
         """Write the action into a Target, relative to the goal pose.
 
@@ -115,7 +114,6 @@ class CommandMap:
             action: In [-1, 1], shape (len(self),).
             goal_position: Tool position when done [m], world axes.
             goal_quat: Tool rotation when done, wxyz.
-            near_plane: Where contact is near, see `Target.near_plane`.
         """
         values = action.tolist()
         for i, index in self._force:
@@ -129,7 +127,6 @@ class CommandMap:
             else:
                 quat = _turn(quat, index - 3, value)
         self._quat[:] = quat
-        target.near_plane = near_plane
         target.f_star = self._f_star
         target.position_d = self._position
         target.quat_wxyz_d = self._quat

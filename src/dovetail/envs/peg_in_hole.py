@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN, build_arm
+from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
 from dovetail.envs.observation import (
@@ -59,7 +59,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | 3 | theta_des: desired rotation about the vertical, relative to the hole's | rad | `theta_range` |
 
     B and C are held: the tool points down. On force axes the controller adds
-    `-force_damping` x velocity, so that an action is close to a velocity.
+    `-force_damping` x velocity, so that an action is close to a velocity. Less than
+    `near_distance` above the hole's mouth, and below it, the tool's speed is limited to
+    `near_speed`: contact happens at no more than that, whatever the policy does.
 
     ## Observation space
 
@@ -150,7 +152,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         f_scale: float | Sequence[float] = 4.0,
         f_scale_angular: float = 20.0,
         force_damping: float | Sequence[float] = 40.0,
-        near_speed: float = 0.02,
+        near_speed: float = NEAR_SPEED,
         near_distance: float = 0.01,
         theta_range: float = 0.2,
         position_range: float = 0.05,
@@ -297,9 +299,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 f"{' '.join(self.commands.axes)}"
             )
         action = np.maximum(np.minimum(action, _ONE), -_ONE)
-        self.commands.fill(
-            self._target, action, self._goal, self._goal_quat, self._near
-        )
+        self.commands.fill(self._target, action, self._goal, self._goal_quat)
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -347,7 +347,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._goal = hole.position - self.scene.hole_depth * self._axis
             self._goal_quat = self.goal_rotation(hole)
             offset = self._axis @ hole.position + self._near_distance
-            self._near = np.append(self._axis, offset)
+            self._target.near_plane = np.append(self._axis, offset)
         return observe(self.state, self._goal, self._goal_quat)
 
     def _info(self, raw: Array) -> dict[str, Any]:
