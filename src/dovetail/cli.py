@@ -14,6 +14,7 @@ COMMANDS = {
     "train": ("Train", "train a policy in a simulation"),
     "evaluate": ("Evaluate", "try a policy on a plant or a twin"),
     "twin": ("Twin", "list the twins, or show one"),
+    "cabinet": ("Cabinet", "simulate a robot behind KUKA's FRI"),
     "doctor": ("Doctor", "check this installation"),
 }
 """Subcommands: the settings class in `dovetail.commands.<name>`, and what it does.

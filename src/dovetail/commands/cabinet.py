@@ -1,0 +1,210 @@
+"""`dovetail cabinet`: a simulated robot behind KUKA's FRI."""
+
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import numpy as np
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from dovetail.cabinet.cabinet import Cabinet as Server
+from dovetail.cabinet.cabinet import request_realtime
+from dovetail.cabinet.config import CabinetConfig, parse_duration, parse_endpoint
+from dovetail.cabinet.faults import parse_faults, read_script
+from dovetail.cabinet.signals import parse_signal
+from dovetail.envs.randomisation import TOOL_DOWN
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
+from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.poses import Pose, quat_about_z
+from dovetail.scene import PegShape, SceneConfig
+
+_HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+_ABOVE = 0.06
+"""Height of the start over the hole [m]."""
+_Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+_PLAIN_EVERY = 10.0
+"""Time between two status lines where there is no terminal [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cabinet:
+    """Simulate an LBR iiwa 14 on FRI, for dovetail's and for KUKA's own clients."""
+
+    twin: str | None = None
+    """Twin that plays the robot: the name of a shipped one, or a .toml file."""
+    plant: str | None = None
+    """Plain plant in place of a twin: mujoco or bullet."""
+    version: str = "1.15"
+    """FRI version on the wire: 1.15 (1.14 to 1.16), 2.5 or 2.7."""
+    period: str = "5ms"
+    """Send period, whole ms from 1ms to 100ms."""
+    multiplier: int = 1
+    """Receive multiplier: the client answers every so many messages."""
+    client: str = "127.0.0.1:30200"
+    """The client's address; commands from any other are counted and ignored."""
+    bind: str = "127.0.0.1"
+    """Own address, of the network the client is in."""
+    port: int = 30300
+    """Own UDP port. KUKA's clients that were given the cabinet's name expect 30200."""
+    control: str = "127.0.0.1:30301"
+    """Control port (TCP), or none."""
+    clock: Literal["wall", "lockstep"] = "wall"
+    """wall sends by the clock; lockstep sends when the last message was answered."""
+    watchdog: str = "10s"
+    """How long lockstep waits for an answer."""
+    stiffness: str = "0"
+    """Joint stiffness [Nm/rad]: one number, or seven separated by commas."""
+    damping: str = "0"
+    """Joint damping ratio, 0 to 1: one number, or seven separated by commas."""
+    mirror_tolerance: float = 0.15
+    """Distance from the interpolator that COMMANDING_WAIT accepts [rad]."""
+    restart_delay: str = "500ms"
+    """Time after a motion that ended with an error until the next, or never."""
+    peg: PegShape = "square"
+    """Shape of peg and hole."""
+    clearance: float = 0.0005
+    """Gap between peg and hole on each side [m]."""
+    io: tuple[str, ...] = ()
+    """IO signals, each NAME:TYPE:DIRECTION[=VALUE]; TYPE is boolean, digital or analog,
+    DIRECTION input or output."""
+    transformation: tuple[str, ...] = ()
+    """Names of transformations that are requested from the client."""
+    fault: str = "none"
+    """Faults from the start, as loss=0.02,delay=3ms."""
+    script: Path | None = None
+    """File of faults by time: lines TIME FAULTS, as 2s loss=0.1."""
+    log: Path | None = None
+    """File for the events, as JSON lines; it is appended to."""
+    realtime: bool = False
+    """Ask for real-time priority (SCHED_FIFO)."""
+
+    def run(self, console: Console) -> int:
+        """Run until interrupted."""
+        config = self.settings()
+        faults = parse_faults(self.fault)
+        script = read_script(self.script) if self.script else []
+        plant = self._build_plant()
+        try:
+            server = Server(plant, config, faults=faults, script=script, log=self.log)
+            if self.realtime:
+                console.print(request_realtime(), soft_wrap=True, highlight=False)
+            _announce(server, console)
+            with server:
+                _show_status(server, console)
+        finally:
+            plant.close()
+        return 0
+
+    def settings(self) -> CabinetConfig:
+        """Return the cabinet's settings, checked.
+
+        Raises:
+            ConfigError: One of them is wrong.
+        """
+        never = self.restart_delay == "never"
+        control = None
+        if self.control != "none":
+            control = parse_endpoint(self.control, "--control")
+        return CabinetConfig(
+            version=self.version,
+            period=parse_duration(self.period, "--period"),
+            receive_multiplier=self.multiplier,
+            client=parse_endpoint(self.client, "--client"),
+            bind=parse_endpoint(f"{self.bind}:{self.port}", "--bind and --port"),
+            control=control,
+            clock=self.clock,
+            watchdog=parse_duration(self.watchdog, "--watchdog"),
+            stiffness=_seven(self.stiffness, "--stiffness"),
+            damping=_seven(self.damping, "--damping"),
+            mirror_tolerance=self.mirror_tolerance,
+            restart_delay=(
+                None if never else parse_duration(self.restart_delay, "--restart-delay")
+            ),
+            io=tuple(parse_signal(text) for text in self.io),
+            transformations=self.transformation,
+        )
+
+    def _build_plant(self) -> Plant:
+        """Return the arm, at rest over the hole."""
+        if self.twin is not None and self.plant is not None:
+            raise ConfigError(
+                "--twin and --plant exclude each other: a twin has its own"
+            )
+        scene = SceneConfig(peg=self.peg, clearance=self.clearance)
+        if self.plant is not None:
+            plant = make_plant(self.plant, scene, DynamicsConfig())
+        else:
+            plant = cast("Plant", TwinPlant(load_twin(self.twin or "medium"), scene))
+        above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
+        start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
+        plant.reset(start, _HOLE)
+        return plant
+
+
+def _seven(text: str, name: str) -> tuple[float, ...]:
+    """Read one number for all joints, or seven.
+
+    Raises:
+        ConfigError: Another count, or no numbers.
+    """
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in (1, 7):
+        raise ConfigError(
+            f"{name} is {text!r}; give one number for all joints, or seven separated "
+            "by commas"
+        )
+    return values * 7 if len(values) == 1 else values
+
+
+def _announce(server: Server, console: Console) -> None:
+    config = server.config
+    console.print(
+        f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
+        f"UDP {server.address} to client {config.client}; control "
+        f"{server.control_address or 'none'}; Ctrl-C ends it",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def describe_status(status: dict[str, Any]) -> str:
+    """Return the status line: state, quality, rate and what went wrong."""
+    counts = status["counts"]
+    line = (
+        f"{status['state']:17} {status['quality']:9} {status['rate']:7.1f}/s "
+        f"t {status['time']:.1f} s  missed {counts.get('missed', 0)}"
+        f"/{counts.get('due', 0)}  stops {counts.get('stops', 0)}"
+    )
+    for name in ("undecodable", "foreign", "late", "overruns"):
+        if counts.get(name):
+            line += f"  {name} {counts[name]}"
+    why = status["stop_reason"] or status["waits_for"] or status["last_error"]
+    return f"{line}  {why}" if why else line
+
+
+def _show_status(server: Server, console: Console) -> None:
+    """Show how the cabinet is until it ends or Ctrl-C comes."""
+    if console.is_terminal:
+        with Live(console=console, refresh_per_second=5, transient=True) as live:
+            while server.is_running:
+                status = server.request({"do": "status"})
+                if status["ok"]:
+                    live.update(Text(describe_status(status), no_wrap=True))
+                time.sleep(0.2)
+        return
+    last, printed = "", 0.0
+    while server.is_running:
+        status = server.request({"do": "status"})
+        now = time.monotonic()
+        if status["ok"] and (status["state"] != last or now > printed + _PLAIN_EVERY):
+            last, printed = status["state"], now
+            line = describe_status(status)
+            console.print(line, soft_wrap=True, highlight=False, markup=False)
+        time.sleep(0.05)
