@@ -1,0 +1,89 @@
+"""Cabinets over a light plant, and scripted clients."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail.cabinet.cabinet import Cabinet
+from dovetail.cabinet.config import CabinetConfig, Endpoint
+from dovetail.plants.plant import DynamicsConfig
+from dovetail.poses import Pose, quat_about_z
+from dovetail.scene import SceneConfig
+
+from .client import Client
+
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+Q_START = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
+
+
+class LightPlant:
+    """Seven free masses: a plant whose motion can be computed by hand."""
+
+    inertia = 2.0
+
+    def __init__(self):
+        self.scene = SceneConfig()
+        self.robot = self.scene.robot()
+        self.dynamics = DynamicsConfig()
+        self.applied = []
+        self.hole = None
+        self.reset(Q_START, HOLE)
+
+    def reset(self, q, hole):
+        self.scene.require_reachable(self.robot, hole)
+        self.q, self.dq, self.hole = np.array(q, dtype=float), np.zeros(7), hole
+
+    def read(self):
+        return self.q.copy(), self.dq.copy()
+
+    def apply(self, tau, dt):
+        self.applied.append((np.array(tau), dt))
+        self.dq = self.dq + np.asarray(tau) / self.inertia * dt
+        self.q = self.q + self.dq * dt
+
+    def contact_force_peak(self):
+        return np.array([0.0, 0.0, float(len(self.applied))])
+
+    def tool_pose(self):
+        return self.robot.tool_pose(self.q)
+
+    def seed(self, seed):
+        self.noise_seed = seed
+
+    def close(self):
+        pass
+
+
+@pytest.fixture
+def client():
+    client = Client()
+    yield client
+    client.close()
+
+
+@pytest.fixture
+def make(client):
+    """Build cabinets for the client; they are closed afterwards."""
+    cabinets = []
+
+    def build(plant=None, *, faults=None, script=(), log=None, to=None, **changes):
+        config = CabinetConfig(
+            bind=Endpoint("127.0.0.1", 0),
+            control=Endpoint("127.0.0.1", 0),
+            client=Endpoint(*(to or client.address)),
+            clock="lockstep",
+        )
+        cabinet = Cabinet(
+            plant or LightPlant(),
+            replace(config, **changes),
+            faults=faults,
+            script=script,
+            log=log,
+        )
+        cabinets.append(cabinet)
+        return cabinet
+
+    yield build
+    for cabinet in cabinets:
+        cabinet.close()
