@@ -56,6 +56,11 @@ class LightPlant:
 
 
 @pytest.fixture
+def rng():
+    return np.random.default_rng(1)
+
+
+@pytest.fixture
 def client():
     client = Client()
     yield client

@@ -10,7 +10,9 @@ from dovetail.errors import ConfigError
 
 IDLE, WAIT, READY, C_WAIT, ACTIVE = SessionState
 ALL = list(
-    itertools.product([True, False], Quality, [True, False], [True, False], [True, False])
+    itertools.product(
+        [True, False], Quality, [True, False], [True, False], [True, False]
+    )
 )
 
 

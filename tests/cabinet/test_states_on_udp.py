@@ -1,12 +1,403 @@
 """The session's states and transitions over real UDP on 127.0.0.1."""
 
-from dovetail.cabinet.protocol import SessionState
+import time
+
+import pytest
+
+from dovetail import _core
+from dovetail.cabinet.faults import FaultConfig
+from dovetail.cabinet.protocol import Quality, SessionState
+
+from .client import ZERO, Client, mirror, wait_until
+from .conftest import LightPlant
 
 IDLE, WAIT, READY, C_WAIT, ACTIVE = SessionState
+UP = [WAIT, READY, C_WAIT, ACTIVE]
 
 
-def test_a_client_that_mirrors_gets_to_commanding_active(make, client):
+@pytest.mark.parametrize("version", ["1.15", "2.5", "2.7"])
+def test_a_client_that_mirrors_gets_to_commanding_active(make, client, version):
+    client.version = _core.fri_version(version)
+    client.start()
+    with make(version=version):
+        client.wait_for(ACTIVE)
+    assert client.states == [*UP, IDLE]
+    assert client.undecodable == 0
+    counters = [message.sequence for message in client.messages]
+    assert counters == list(range(len(counters)))
+
+
+def test_messages_say_what_a_real_cabinet_says(make, client):
+    client.start()
+    with make(receive_multiplier=1, period=0.002):
+        client.wait_for(ACTIVE)
+    by_state = {int(message.state): message for message in client.messages}
+    first, active = client.messages[0], by_state[ACTIVE]
+    assert first.num_joints == active.num_joints == 7
+    assert (first.send_period_ms, first.receive_multiplier) == (2, 1)
+    assert int(first.quality) == Quality.POOR
+    assert [int(d) for d in first.drive_states] == [0] * 7
+    assert int(first.control_mode) == 3
+    assert first.ipo_q is None
+    assert int(first.command_mode) == int(first.overlay) == 0
+    assert first.tracking == 0.0
+    assert abs(first.stamp[0] - time.time()) < 60.0
+    assert [int(d) for d in active.drive_states] == [2] * 7
+    assert int(active.control_mode) == 2
+    assert int(active.command_mode) == 3
+    assert int(active.overlay) == 1
+    assert active.ipo_q is not None
+    assert by_state[C_WAIT].ipo_q is not None
+    assert int(by_state[C_WAIT].command_mode) == 3
+    for message in client.messages:
+        for name in ("q_measured", "tau_measured", "q_commanded", "tau_external"):
+            assert getattr(message, name).shape == (7,)
+
+
+def test_reflected_counters_are_those_of_the_commands(make, client):
     client.start()
     with make():
         client.wait_for(ACTIVE)
-        assert client.states == [WAIT, READY, C_WAIT, ACTIVE]
+    reflected = [message.reflected for message in client.messages]
+    assert reflected[:5] == [0, 0, 1, 2, 3]
+
+
+def test_the_client_may_start_late(make, client):
+    with make() as cabinet:
+        wait_until(lambda: cabinet.status()["sequence"] > 5)
+        assert cabinet.status()["state"] == "MONITORING_WAIT"
+        assert cabinet.status()["quality"] == "POOR"
+        client.start()
+        client.wait_for(ACTIVE)
+
+
+def test_nobody_at_the_clients_address_is_no_error(make):
+    absent = Client()
+    absent.close()
+    with make(to=absent.address, clock="wall") as cabinet:
+        wait_until(lambda: cabinet.status()["counts"]["sent"] > 20)
+        wait_until(lambda: cabinet.status()["counts"].get("refused", 0) > 5)
+        assert cabinet.status()["state"] == "MONITORING_WAIT"
+
+
+def test_wall_clock_paces_the_messages(make, client):
+    client.start()
+    with make(clock="wall", period=0.010) as cabinet:
+        client.wait_for(ACTIVE)
+        first, start = client.messages[-1].sequence, time.monotonic()
+        wait_until(lambda: client.messages[-1].sequence >= first + 30)
+        elapsed = time.monotonic() - start
+    # Never faster than the clock; slower where the machine is busy.
+    assert elapsed > 0.95 * 0.3
+    assert cabinet.controller.counts["sent"] >= 130
+
+
+def test_quality_lost_in_commanding_active_leads_back_and_up_again(make, client):
+    client.start()
+    with make() as cabinet:
+        client.wait_for(ACTIVE)
+        client.states.clear()
+        cabinet.request({"do": "fault", "text": "quality=fair"})
+        client.wait_for(WAIT)
+        assert cabinet.status()["stop_reason"] == "connection quality lost"
+        cabinet.request({"do": "fault", "text": "none"})
+        client.wait_for(ACTIVE)
+        assert client.states[-4:] == UP
+        assert cabinet.status()["motion"] == 2
+
+
+def test_a_client_that_falls_silent_loses_the_motion_then_the_quality(make, client):
+    client.start()
+    with make(clock="wall", period=0.002, restart_delay=None) as cabinet:
+        client.wait_for(ACTIVE)
+        client.answer = lambda message: None
+        client.wait_for(WAIT)
+        assert READY in client.states[-2:]
+        assert cabinet.status()["stop_reason"] == "10 commands missed in a row"
+        assert cabinet.status()["quality"] == "POOR"
+
+
+def test_a_paused_motion_resumes(make, client):
+    client.start()
+    with make() as cabinet:
+        client.wait_for(ACTIVE)
+        answer = cabinet.request({"do": "pause"})
+        assert answer["ok"]
+        client.wait_for(READY)
+        seen = len(client.messages)
+        wait_until(lambda: len(client.messages) > seen + 50)
+        assert client.state is READY
+        assert cabinet.request({"do": "resume"})["ok"]
+        client.wait_for(ACTIVE)
+        assert client.states == [*UP, READY, C_WAIT, ACTIVE]
+
+
+def test_a_new_session_needs_no_new_client(make, client):
+    client.start()
+    with make() as cabinet:
+        client.wait_for(ACTIVE)
+        assert cabinet.request({"do": "stop"})["ok"]
+        client.wait_for(IDLE)
+        wait_until(lambda: sum(int(m.state) == IDLE for m in client.messages) == 5)
+        silent = len(client.messages)
+        time.sleep(0.1)
+        assert len(client.messages) == silent
+        assert cabinet.request({"do": "resume"})["ok"]
+        client.wait_for(ACTIVE)
+        assert client.states == [*UP, IDLE, *UP]
+        assert cabinet.status()["session"] == 2
+
+
+def test_closing_sends_a_handful_of_idle_messages(make, client):
+    client.start()
+    with make():
+        client.wait_for(ACTIVE)
+    client.wait_for(IDLE)
+    wait_until(lambda: sum(int(m.state) == IDLE for m in client.messages) == 5)
+
+
+def test_a_client_that_does_not_mirror_stays_in_commanding_wait(make, client):
+    def far(message):
+        command = mirror(message)
+        if int(message.state) == C_WAIT:
+            command.q = message.ipo_q + 0.2
+        return command
+
+    client.answer = far
+    client.start()
+    with make() as cabinet:
+        client.wait_for(C_WAIT)
+        seen = len(client.messages)
+        wait_until(lambda: len(client.messages) > seen + 50)
+        assert client.state is C_WAIT
+        assert "A1 commanded +0.2" in cabinet.status()["waits_for"]
+        client.answer = mirror
+        client.wait_for(ACTIVE)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "reason"),
+    [
+        ({"q": None}, "without joint position"),
+        ({"tau": None}, "without joint torque"),
+        ({"tau": [400.0] + [0.0] * 6}, "torque limit: A1"),
+        ({"q": [2.0] + [0.0] * 6}, "illegal axis delta: A1"),
+    ],
+)
+def test_an_illegal_command_stops_the_motion(make, client, spoil, reason):
+    def spoiled(message):
+        command = mirror(message)
+        if int(message.state) == ACTIVE:
+            for name, value in spoil.items():
+                setattr(command, name, value)
+        return command
+
+    client.answer = spoiled
+    client.start()
+    with make(restart_delay=None) as cabinet:
+        wait_until(lambda: cabinet.status()["counts"].get("stops"))
+        client.wait_for(READY)
+        assert reason in cabinet.status()["stop_reason"]
+        assert client.states == [*UP, READY]
+        client.answer = mirror
+        cabinet.request({"do": "resume"})
+        client.wait_for(ACTIVE)
+
+
+def test_a_stopped_motion_starts_again_after_the_delay(make, client):
+    client.start()
+    with make(restart_delay=0.05) as cabinet:
+        client.wait_for(ACTIVE)
+        client.answer = lambda message: _core.FriCommand()
+        wait_until(lambda: cabinet.status()["counts"].get("stops"))
+        client.answer = mirror
+        client.wait_for(ACTIVE)
+        assert cabinet.status()["motion"] == 2
+
+
+@pytest.mark.parametrize("multiplier", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("clock", ["lockstep", "wall"])
+def test_receive_multipliers(make, client, multiplier, clock):
+    client.start()
+    with make(receive_multiplier=multiplier, clock=clock, period=0.002) as cabinet:
+        client.wait_for(ACTIVE)
+        assert client.messages[-1].receive_multiplier == multiplier
+        counts = cabinet.status()["counts"]
+    assert counts["received"] <= counts["sent"] // multiplier + 2
+
+
+def test_a_multiplier_is_met_at_any_phase(make, client):
+    client._unanswered = 1  # begins to answer one message early
+    client.start()
+    with make(receive_multiplier=3):
+        client.wait_for(ACTIVE)
+
+
+@pytest.mark.parametrize(("ours", "theirs"), [("1.15", "2.7"), ("2.7", "1.15")])
+def test_another_version_is_named(make, client, ours, theirs):
+    client.version = _core.fri_version(theirs)
+
+    def blind():  # a client that answers what it cannot read
+        _data, client.cabinet = client.socket.recvfrom(2000)
+        client.send(_core.FriCommand(), 0)
+
+    client.step = blind
+    client.start()
+    with make(version=ours) as cabinet:
+        wait_until(lambda: cabinet.status()["counts"].get("undecodable", 0) > 20)
+        assert cabinet.status()["state"] == "MONITORING_WAIT"
+        error = cabinet.status()["last_error"]
+        assert theirs.removesuffix("5") in error or theirs in error
+
+
+def test_foreign_datagrams_change_nothing(make, client):
+    stranger = Client()
+    client.start()
+    with make(clock="wall") as cabinet:
+        stranger.cabinet = tuple(cabinet.address)
+        for i in range(50):
+            command = _core.FriCommand()
+            command.q = command.tau = ZERO
+            stranger.send(command, i)
+        wait_until(lambda: cabinet.status()["counts"].get("foreign", 0) == 50)
+        client.wait_for(ACTIVE)
+        for i in range(50):
+            command.tau = [300.0] * 7
+            stranger.send(command, client.messages[-1].sequence + i)
+        wait_until(lambda: cabinet.status()["counts"]["foreign"] == 100)
+        counts = cabinet.status()["counts"]
+        assert client.states == UP
+        assert (
+            counts.get("late", 0) + counts.get("ahead", 0) + counts.get("stops", 0) == 0
+        )
+    stranger.close()
+
+
+def test_garbage_from_the_clients_own_address_changes_nothing(make, client, rng):
+    client.start()
+    with make() as cabinet:
+        client.wait_for(ACTIVE)
+        for size in (0, 1, 10, 100, 1400, 1501, 3000):
+            client.socket.sendto(rng.bytes(size), client.cabinet)
+        wait_until(lambda: cabinet.status()["counts"].get("undecodable", 0) >= 7)
+        assert client.states == UP
+
+
+def test_commands_for_other_messages_do_not_count(make, client):
+    def confused(message):
+        command = mirror(message)
+        if int(message.state) == ACTIVE:
+            for reflected in (message.sequence - 3, message.sequence + 3):
+                wrong = _core.FriCommand()
+                wrong.q, wrong.tau = message.q_measured, [300.0] * 7
+                client.send(wrong, max(reflected, 0))
+        return command
+
+    client.answer = confused
+    client.start()
+    with make() as cabinet:
+        client.wait_for(ACTIVE)
+        wait_until(lambda: cabinet.status()["counts"].get("ahead", 0) > 10)
+        counts = cabinet.status()["counts"]
+        assert counts["late"] > 10
+        assert client.state is ACTIVE
+        assert counts.get("stops", 0) == 0
+
+
+def test_a_second_command_in_the_slot_does_not_count(make, client):
+    plant = LightPlant()
+
+    def twice(message):
+        command = mirror(message)
+        if int(message.state) == ACTIVE:
+            client.send(command, message.sequence)
+            second = _core.FriCommand()
+            second.q, second.tau = message.q_measured, [50.0] * 7
+            return second
+        return command
+
+    client.answer = twice
+    client.start()
+    with make(plant) as cabinet:
+        client.wait_for(ACTIVE)
+        wait_until(lambda: len(plant.applied) > 20)
+        assert all(not tau.any() for tau, _ in plant.applied)
+        counts = cabinet.status()["counts"]
+        assert counts.get("duplicates", 0) + counts.get("late", 0) > 5
+
+
+def test_a_safety_stop_is_shown_and_ends(make, client):
+    client.start()
+    with make(restart_delay=0.01) as cabinet:
+        client.wait_for(ACTIVE)
+        cabinet.request({"do": "fault", "text": "stop_at=50ms,stop=3,stop_time=100ms"})
+        client.wait_for(READY)
+        stopped = [m for m in client.messages if int(m.safety)]
+        wait_until(lambda: any(int(m.safety) == 3 for m in client.messages))
+        assert "safety stop" in cabinet.status()["stop_reason"]
+        client.wait_for(ACTIVE)
+        stopped = [m for m in client.messages if int(m.safety)]
+        assert all(int(m.safety) == 3 for m in stopped)
+        assert all([int(d) for d in m.drive_states] == [0] * 7 for m in stopped)
+
+
+def test_a_frozen_cabinet_goes_on(make, client):
+    client.start()
+    with make(clock="wall") as cabinet:
+        client.wait_for(ACTIVE)
+        cabinet.request({"do": "fault", "text": "freeze=200ms"})
+        seen = len(client.messages)
+        wait_until(lambda: len(client.messages) > seen + 10)
+        assert client.state is ACTIVE
+        assert cabinet.status()["counts"].get("stops", 0) == 0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "loss=0.03",
+        "duplicate=0.1",
+        "reorder=0.03",
+        "corrupt=0.02",
+        "truncate=0.02",
+        "delay=1ms,jitter=1ms",
+        "loss=0.01,duplicate=0.05,reorder=0.01",
+    ],
+)
+def test_a_somewhat_faulty_link_is_survived(make, client, text):
+    client.version = _core.fri_version("2.7")  # whose checksum finds what corrupt does
+    client.start()
+    with make(version="2.7") as cabinet:
+        client.wait_for(ACTIVE)
+        cabinet.request({"do": "fault", "text": text})
+        seen = len(client.messages)
+        wait_until(lambda: len(client.messages) > seen + 300)
+        status = cabinet.status()
+        assert status["state"] == "COMMANDING_ACTIVE"
+        assert status["counts"].get("stops", 0) == 0
+        if "delay" not in text and "duplicate=0.1" not in text:
+            assert status["counts"]["missed"] > 0
+        assert cabinet.status()["faults"] != "none"
+
+
+def test_a_link_slower_than_the_period_never_gets_ready(make, client):
+    client.start()
+    with make(faults=FaultConfig(delay=0.003)) as cabinet:
+        wait_until(lambda: cabinet.status()["sequence"] > 150)
+        assert cabinet.status()["state"] == "MONITORING_WAIT"
+        assert cabinet.status()["counts"]["late"] > 100
+        cabinet.request({"do": "fault", "text": "none"})
+        client.wait_for(ACTIVE)
+
+
+def test_a_script_brings_faults_in_time(make, client):
+    client.start()
+    script = [(1.0, FaultConfig(quality=Quality.POOR)), (1.5, FaultConfig())]
+    with make(script=script) as cabinet:
+        client.wait_for(ACTIVE)
+        client.wait_for(WAIT)
+        client.wait_for(ACTIVE)
+        assert client.states == [*UP, *UP]
+        stopped = [m.sequence for m in client.messages if int(m.state) == WAIT][-1]
+        assert 0.005 * stopped == pytest.approx(1.5, abs=0.02)
+        assert cabinet.status()["faults"] == "none"

@@ -148,6 +148,7 @@ class Cabinet:
 
     def run(self) -> None:
         """Run until `close` is called or a KeyboardInterrupt comes."""
+        self._started = self._exchange.now
         self.log.write("start", version=self.config.version, clock=self.config.clock)
         try:
             while not self._is_closing:
@@ -219,7 +220,7 @@ class Cabinet:
         self._stop_at = None
         if faults.stop_at is not None:
             self._stop_at = self._exchange.now + faults.stop_at
-        self.log.write("faults", faults=str(faults))
+        self.log.write("faults", faults=faults.describe())
 
     def _change_faults(self, now: float) -> None:
         while self._script and self._script[0][0] <= now - self._started:
@@ -296,11 +297,15 @@ class Cabinet:
         except (OSError, queue.Empty):
             return {"ok": False, "error": "the cabinet does not run"}
 
+    def status(self) -> dict[str, Any]:
+        """Return state, quality, rate and counts of the running cabinet; any thread."""
+        return self.request({"do": "status"})
+
     def _status(self) -> dict[str, Any]:
         status = self.controller.status()
         status["rate"] = round(self._rate, 1)
         status["clock"] = self.config.clock
-        status["faults"] = str(self._faults)
+        status["faults"] = self._faults.describe()
         status["last_error"] = self.last_error
         return status
 

@@ -28,7 +28,8 @@ class FaultConfig:
     reorder: float = 0.0
     """Share that arrive after the next one [1]."""
     corrupt: float = 0.0
-    """Share in which bytes are changed [1]."""
+    """Share in which bytes are changed [1]; 1.x has no checksum of its own, so that
+    a changed command may be obeyed."""
     truncate: float = 0.0
     """Share that are cut short [1]."""
     delay: float = 0.0
@@ -56,6 +57,19 @@ class FaultConfig:
     def touches_link(self) -> bool:
         """Whether datagrams are handled any differently."""
         return any(getattr(self, name) for name in (*_PROBABILITIES, "delay", "jitter"))
+
+    def describe(self) -> str:
+        """Return the faults as `parse_faults` reads them."""
+        parts = []
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if value == f.default:
+                continue
+            if isinstance(value, Quality):
+                value = value.name.lower()
+            unit = "s" if f.name in _TIMES else ""
+            parts.append(f"{f.name}={value}{unit}")
+        return ",".join(parts) or "none"
 
 
 _PROBABILITIES = ("loss", "duplicate", "reorder", "corrupt", "truncate")

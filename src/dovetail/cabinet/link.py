@@ -35,6 +35,7 @@ class Link:
         self._serial = 0
         self._random = random.Random(0)
         self.faults = FaultConfig()
+        self._is_clear = True
         self.lost = 0
         """Datagrams lost so far."""
 
@@ -47,12 +48,13 @@ class Link:
         """
         acts = faults.direction in ("both", way)
         self.faults = faults if acts else FaultConfig(seed=faults.seed)
+        self._is_clear = not self.faults.touches_link
         self._random = random.Random(f"{way} {faults.seed}")
 
     @property
     def is_idle(self) -> bool:
         """Whether every datagram passes at once and nothing is under way."""
-        return not self._queue and not self.faults.touches_link
+        return self._is_clear and not self._queue
 
     def send(self, payload: bytes, now: float, tag: int = 0) -> None:
         """Put a datagram on its way at a time [s]."""
