@@ -10,6 +10,7 @@ import argparse
 import multiprocessing
 import socket
 import time
+from multiprocessing.connection import Connection
 
 import numpy as np
 
@@ -25,7 +26,7 @@ Q_START = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 
 
-def answer(port_pipe) -> None:
+def answer(port_pipe: Connection) -> None:
     """Answer every message: mirror, then hold with a spring in each joint."""
     version = _core.fri_version("1.15")
     link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
