@@ -137,6 +137,11 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     q_seed: ClassVar[Vec7] = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
     """Where inverse kinematics starts [rad]: elbow up, tool down."""
 
+    state: ArmState
+    """What the arm said after the last step."""
+    hole: Pose
+    """The hole's true pose in this episode."""
+
     def __init__(
         self,
         arm: Arm | str | None = None,
@@ -167,8 +172,6 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.scene = SceneConfig(peg=peg, clearance=clearance)  # type: ignore[arg-type]
         self.task = TaskSpec.parse(task)
-        if max_steps < 1:
-            raise ConfigError(f"max_steps is {max_steps}; allowed: 1 or more")
         if arm is None or isinstance(arm, str):
             arm = build_arm(
                 arm,
@@ -197,15 +200,13 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             position_range=position_range,
         )
         self._near_distance = near_distance
-        self._lateral_max = clearance * math.sqrt(2.0) + 0.002
-        self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
-        self._prepare()
-        self._set_spaces(stack)
-        self.state: ArmState
-        self.hole: Pose
+        self._prepare(stack)
 
-    def _prepare(self) -> None:
-        """Take from the arm what each step needs."""
+    def _prepare(self, stack: int) -> None:
+        """Take from the arm and the scene what each step needs."""
+        if self.max_steps < 1:
+            raise ConfigError(f"max_steps is {self.max_steps}; allowed: 1 or more")
+        self._lateral_max = self.scene.clearance * math.sqrt(2.0) + 0.002
         robot = self.arm.robot
         task = getattr(self.arm, "task", self.task)
         if task != self.task:
@@ -222,6 +223,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             walls = limits.x_min, limits.x_max
         self._violations = ViolationCounter(robot, *walls)
         self._target = _core.Target()
+        self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
+        self._set_spaces(stack)
 
     def _set_spaces(self, stack: int) -> None:
         size = len(self.commands)
