@@ -1,6 +1,7 @@
 # make demo    set up, then the main job: the shipped policy on a twin
 # make test    set up for development, then every test, C++ included
 # make lint    what CI checks besides the tests
+# make proto   generate the gRPC messages from proto/dovetail.proto
 # make format  write Python and C++ in the house's format
 #
 # PYTHON=python3.11 make ...   chooses the interpreter of the set-up
@@ -23,9 +24,9 @@ SET_UP := $(if $(wildcard $(DEVELOP)),$(DEVELOP),$(USE))
 SETTINGS := pyproject.toml constraints.txt CMakeLists.txt
 CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
-EXTRAS := bullet,learn,log,test,lint
+EXTRAS := bullet,learn,log,rpc,test,lint
 
-.PHONY: demo test test-cpp test-sanitized test-python lint format clean
+.PHONY: demo test test-cpp test-sanitized test-python lint proto format clean
 
 demo: $(SET_UP)
 	$(BIN)/dovetail demo $(ARGS)
@@ -54,6 +55,10 @@ lint: $(DEVELOP)
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/clang-format --dry-run -Werror $(CPP)
 	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs src cpp tests examples
+
+proto: $(DEVELOP)
+	$(BIN)/python -m grpc_tools.protoc -Idovetail/rpc=proto --python_out=src \
+	  --pyi_out=src proto/dovetail.proto
 
 format: $(DEVELOP)
 	$(BIN)/ruff check --fix

@@ -16,7 +16,7 @@ LAYERS = (
     {"types", "poses", "errors", "kinematics", "iiwa14", "robot", "robot_file"},
     {"scene"},
     {"control", "plants"},
-    {"arms", "cabinet", "episode"},
+    {"arms", "cabinet", "episode", "rpc"},
     {"envs", "identify", "perceive"},
     {"learn", "evaluate", "view"},
     {"commands", "doctor"},
@@ -30,7 +30,9 @@ def sources(*suffixes):
         path
         for folder in FOLDERS
         for path in (ROOT / folder).rglob("*")
-        if path.suffix in suffixes and path.name != "_core.pyi"
+        if path.suffix in suffixes
+        and path.name != "_core.pyi"
+        and not path.stem.endswith("_pb2")  # generated
     )
 
 

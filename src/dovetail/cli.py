@@ -13,6 +13,7 @@ COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
     "train": ("Train", "train a policy in a simulation"),
     "evaluate": ("Evaluate", "try a policy on a plant or a twin"),
+    "serve": ("Serve", "offer an arm to learners over gRPC"),
     "twin": ("Twin", "list the twins, or show one"),
     "cabinet": ("Cabinet", "simulate a robot behind KUKA's FRI"),
     "doctor": ("Doctor", "check this installation"),

@@ -30,6 +30,10 @@ class PlantError(DovetailError, RuntimeError):
     """A simulated plant cannot be built or has failed."""
 
 
+class ArmError(DovetailError, RuntimeError):
+    """An arm cannot be reached, is held by another client, or has stopped."""
+
+
 class PolicyError(DovetailError, ValueError):
     """A policy file is damaged or does not fit the task."""
 

@@ -16,6 +16,7 @@ TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 ARMS = ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet), "twin"]
+ARMS.append("remote")
 
 
 def build(kind, task="XYZ:force A:pose BC:hold", period=0.005):
@@ -27,9 +28,14 @@ def build(kind, task="XYZ:force A:pose BC:hold", period=0.005):
     if kind == "twin":
         plant = TwinPlant(load_twin("easy"), scene)
     else:
-        plant = make_plant(kind, scene, DynamicsConfig())
+        engine = "mujoco" if kind == "remote" else kind
+        plant = make_plant(engine, scene, DynamicsConfig())
     osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
     limits = LimitConfig.for_period(robot, period)
+    if kind == "remote":
+        from .served_arm import ServedArm
+
+        return ServedArm(plant, robot, osc, limits, task, period)
     return LocalArm(plant, robot, osc, limits, task, period)
 
 
@@ -121,7 +127,7 @@ def test_speed_limit_raises_its_flag(arm):
 def test_reset_begins_an_equal_trial(arm):
     logs = []
     for _ in range(2):
-        arm.plant.seed(3)
+        (arm if hasattr(arm, "seed") else arm.plant).seed(3)
         arm.reset(start(arm), HOLE)
         logs.append([arm.step(push([1.0, -0.5, -2.0])).log for _ in range(15)])
     np.testing.assert_array_equal(np.array(logs[0]), np.array(logs[1]))

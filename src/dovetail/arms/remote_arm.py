@@ -1,0 +1,307 @@
+"""An arm behind `dovetail serve`, here or on another machine, over gRPC."""
+
+import queue
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail.arms.address import GrpcAddress, parse_address
+from dovetail.arms.arm import ArmState
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import TaskSpec
+from dovetail.errors import ArmError, ConfigError, MissingDependencyError
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.poses import Pose
+from dovetail.robot import Robot
+from dovetail.types import Array, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.rpc import dovetail_pb2 as pb
+    from dovetail.rpc.client import Connection
+    from dovetail.scene import SceneConfig
+
+
+class RemoteArm:
+    """An arm in another process; moves bit for bit as it would here.
+
+    It holds the service's lease from construction to `close`: another learner is
+    refused meanwhile. If this process dies, the service holds the arm.
+    """
+
+    def __init__(
+        self,
+        address: str | GrpcAddress,
+        osc: OscConfig,
+        limits: LimitConfig,
+        task: TaskSpec | str,
+        period: float,
+        *,
+        robot: Robot | None = None,
+        scene: "SceneConfig | None" = None,
+        name: str | None = None,
+        timeout: float = 30.0,
+        reset_timeout: float = 120.0,
+        lease_timeout: float = 10.0,
+    ) -> None:
+        """Connect, take the lease and set the arm up.
+
+        Args:
+            address: grpc://HOST:PORT?ca=FILE&cert=FILE&key=FILE.
+            osc: Operational-space law.
+            limits: Limits, made for the same robot and period.
+            task: Mode of each axis.
+            period: Control period [s].
+            robot: Controller's model that this program computes with; refused if the
+                service has another one. None takes the service's.
+            scene: Geometry of the task; refused if the service has another peg or
+                clearance. None does not ask.
+            name: What others are told about who holds the arm; default the program.
+            timeout: Longest wait for an answer, beyond a step's own duration [s].
+            reset_timeout: Longest wait for a reset, which may be a motion [s].
+            lease_timeout: The service gives the arm to others when nothing is heard of
+                this process for so long [s].
+
+        Raises:
+            ArmError: No service there, or another client holds the arm.
+            ConfigError: Settings, robot, scene or versions do not fit the service's.
+            MissingDependencyError: grpcio is not installed.
+        """
+        _require_grpc()
+        from dovetail.rpc.client import client_name
+
+        if isinstance(address, str):
+            parsed = parse_address(address)
+            if not isinstance(parsed, GrpcAddress):
+                raise ConfigError(
+                    f"arm {address!r} is not behind a service; give grpc://HOST:PORT"
+                )
+            address = parsed
+        self.period = period
+        self.limits = limits
+        self.task = TaskSpec.parse(task) if isinstance(task, str) else task
+        self._timeout, self._reset_timeout = timeout, reset_timeout
+        self._seed: int | None = None
+        self._counter = 0
+        self._due = float("inf")
+        self._closed = threading.Event()
+        self._outbox: queue.SimpleQueue[pb.StepRequest | None] = queue.SimpleQueue()
+        self._connection = _connect(address, timeout)
+        self._stub = self._connection.stub
+        try:
+            self.robot = _agreed_robot(self._connection.info, robot)
+            self._lease = self._acquire(name or client_name(), lease_timeout)
+            self._answers = self._stub.control(iter(self._outbox.get, None))
+            self._keeper = threading.Thread(
+                target=self._keep_alive, name="dovetail-lease", daemon=True
+            )
+            self._open_stream()
+            self._keeper.start()
+            self._configure(osc, scene)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def info(self) -> "pb.Info":
+        """What the service said of its arm when the connection was made."""
+        return self._connection.info
+
+    def seed(self, seed: int) -> None:
+        """Start a simulation's noise again with the next reset."""
+        self._seed = int(seed)
+
+    def reset(self, q: Vec7, hole: Pose) -> ArmState:
+        """Go to q [rad], at rest, with the hole at its pose; latch what is held.
+
+        Raises:
+            ConfigError: Wrong numbers; names them.
+            ArmError: The service is gone, or the arm is stopped; says why.
+        """
+        from dovetail.rpc import dovetail_pb2 as pb
+        from dovetail.rpc.messages import read_state, write_pose
+
+        request = pb.ResetRequest(
+            lease=self._lease, q=np.asarray(q, dtype=float).tolist(), seed=self._seed
+        )
+        self._seed = None
+        write_pose(hole, request.hole)
+        with self._connection.words("the reset failed"):
+            report = self._stub.reset(request, timeout=self._reset_timeout)
+        return read_state(report.state)
+
+    def step(self, target: "_core.Target", duration: float = 0.05) -> ArmState:
+        """Follow the target for a duration [s], a whole number of periods.
+
+        Raises:
+            ConfigError: Wrong numbers, or not a whole number of periods.
+            PlantError: The simulation behind the service diverged.
+            ArmError: The service is gone, the lease is lost or the arm is stopped.
+        """
+        from dovetail.rpc import dovetail_pb2 as pb
+        from dovetail.rpc.messages import read_state, write_target
+        from dovetail.rpc.problems import error_of
+
+        if self._closed.is_set():
+            raise ArmError("this arm is closed: make a new one")
+        self._counter += 1
+        request = pb.StepRequest(
+            lease=self._lease, counter=self._counter, duration=duration
+        )
+        write_target(target, request.target)
+        self._due = time.monotonic() + max(0.0, duration) + self._timeout
+        self._outbox.put(request)
+        try:
+            report = self._next("the arm was lost in a step")
+            while report.counter < self._counter:  # of a step that was interrupted
+                report = self._next("the arm was lost in a step")
+        finally:
+            self._due = float("inf")
+        if report.HasField("problem"):
+            raise error_of(report.problem)
+        return read_state(report.state)
+
+    def stop(self) -> None:
+        """Hold the arm now; only `clear` lets it move again."""
+        from dovetail.rpc import dovetail_pb2 as pb
+
+        with self._connection.words("the stop failed"):
+            request = pb.StopRequest(reason="stopped by its learner")
+            self._stub.stop(request, timeout=self._timeout)
+
+    def clear(self) -> None:
+        """Let the arm move again after a stop."""
+        from dovetail.rpc import dovetail_pb2 as pb
+
+        with self._connection.words("the clear failed"):
+            self._stub.clear(pb.Holder(lease=self._lease), timeout=self._timeout)
+
+    def cycles(self) -> Array:
+        """Return every control cycle since the last reset, columns CYCLE_COLUMNS.
+
+        It comes from the service, so that it is whole even if a step was interrupted;
+        of a long motion the service keeps the last 120,000 cycles.
+        """
+        from dovetail.rpc import dovetail_pb2 as pb
+        from dovetail.rpc.messages import rows_from_bytes
+        from dovetail.rpc.version import own_version
+
+        with self._connection.words("the log cannot be read"):
+            request = pb.LogRequest(version=own_version())
+            chunks = list(self._stub.get_log(request, timeout=self._timeout))
+        blocks = [rows_from_bytes(chunk.rows) for chunk in chunks if chunk.rows]
+        return np.vstack([np.empty((0, len(CYCLE_COLUMNS))), *blocks])
+
+    def close(self) -> None:
+        """Give the lease back, the arm held; harmless when repeated."""
+        if self._closed.is_set():
+            return
+        self._closed.set()
+        lease = getattr(self, "_lease", None)
+        if lease is not None:
+            from dovetail.rpc import dovetail_pb2 as pb
+            from dovetail.rpc.calls import is_failed_call
+
+            try:
+                self._stub.release_lease(pb.Holder(lease=lease), timeout=2.0)
+            except Exception as error:
+                if not is_failed_call(error):  # else the service is gone: nothing held
+                    raise
+        self._outbox.put(None)
+        self._connection.close()
+
+    def _acquire(self, name: str, lease_timeout: float) -> str:
+        from dovetail.rpc import dovetail_pb2 as pb
+        from dovetail.rpc.version import own_version
+
+        request = pb.LeaseRequest(
+            version=own_version(), client=name, timeout=lease_timeout
+        )
+        with self._connection.words("the arm's lease cannot be had"):
+            lease = self._stub.acquire_lease(request, timeout=self._timeout)
+        self._rest = lease.timeout / 3.0
+        return lease.lease
+
+    def _open_stream(self) -> None:
+        """Tie the lease to the stream; its first answer is empty."""
+        from dovetail.rpc import dovetail_pb2 as pb
+
+        self._outbox.put(pb.StepRequest(lease=self._lease))
+        self._next("the arm's stream cannot be opened")
+
+    def _configure(self, osc: OscConfig, scene: "SceneConfig | None") -> None:
+        from dovetail.rpc import dovetail_pb2 as pb
+        from dovetail.rpc.settings import Settings, write_settings
+        from dovetail.rpc.version import own_version
+
+        request = pb.Configuration(lease=self._lease, version=own_version())
+        settings = Settings(
+            osc=osc, limits=self.limits, task=self.task, period=self.period
+        )
+        write_settings(settings, request)
+        if scene is not None:
+            request.scene.peg, request.scene.clearance = scene.peg, scene.clearance
+        with self._connection.words("the arm refuses its settings"):
+            self._stub.configure(request, timeout=self._reset_timeout)
+
+    def _next(self, doing: str) -> Any:
+        try:
+            with self._connection.words(doing):
+                return next(self._answers)
+        except StopIteration:
+            raise ArmError(f"{doing}: the service has closed the stream") from None
+
+    def _keep_alive(self) -> None:
+        """Keep the lease while this process lives; end a step that never answers."""
+        from dovetail.rpc import dovetail_pb2 as pb
+        from dovetail.rpc.calls import is_failed_call
+
+        holder = pb.Holder(lease=self._lease)
+        while not self._closed.wait(min(self._rest, 1.0)):
+            if time.monotonic() > self._due:
+                self._answers.cancel()
+            try:
+                self._stub.keep_alive(holder, timeout=self._rest)
+            except Exception as error:
+                if not is_failed_call(error):
+                    raise  # else the next step says it
+
+
+def _require_grpc() -> None:
+    try:
+        import dovetail.rpc.calls  # noqa: F401
+    except ModuleNotFoundError as error:
+        raise MissingDependencyError(
+            f"an arm behind a service needs gRPC ({error.name} is not installed): "
+            'pip install "dovetail[rpc]"'
+        ) from error
+
+
+def _connect(address: GrpcAddress, timeout: float) -> "Connection":
+    from dovetail.rpc.client import Connection
+    from dovetail.rpc.security import certificates
+
+    files = certificates(
+        cert=address.cert, key=address.key, ca=address.ca, names=("cert", "key", "ca")
+    )
+    return Connection(address.host, address.port, files, timeout)
+
+
+def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
+    """Return the robot that both ends compute with."""
+    from dovetail.rpc.robot_message import differences, read_robot
+
+    offered = read_robot(info.robot)
+    if robot is None:
+        return offered
+    if different := differences(robot, offered):
+        first = different[0]
+        raise ConfigError(
+            f"the service's robot {offered.name} is not this program's {robot.name}: "
+            f"{', '.join(different)} differ, for example {first} is "
+            f"{getattr(offered, first).tolist()} there and "
+            f"{getattr(robot, first).tolist()} here; give both the same peg and tool"
+        )
+    return robot

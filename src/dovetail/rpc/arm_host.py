@@ -1,0 +1,242 @@
+"""The arm that a service owns: built anew for each learner's settings, held when told.
+
+Who may move it is the lease's business; whether it can be moved is decided here.
+"""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+
+from dovetail.arms.arm import Arm, ArmState
+from dovetail.errors import ArmError
+from dovetail.poses import Pose
+from dovetail.rpc.settings import Settings
+from dovetail.types import Array, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.robot import Robot
+    from dovetail.scene import SceneConfig
+
+ROWS_KEPT = 120_000
+"""Control cycles of a motion that are kept for its log: 10 min at 5 ms, 40 MB."""
+
+
+class ArmBuilder(Protocol):
+    """Makes the arm for a learner's settings."""
+
+    name: str
+    """Address of the arm."""
+    robot: "Robot"
+    """The controller's model, tool included."""
+    scene: "SceneConfig | None"
+    """Geometry of the task; None where it is not known."""
+    is_real_time: bool
+    """Whether the arm moves on while the learner thinks."""
+
+    def build(self, settings: Settings) -> Arm:
+        """Return an arm with these settings; the one built before is not used again."""
+        ...
+
+    def close(self) -> None:
+        """Release everything, the arm included; harmless when repeated."""
+        ...
+
+
+class Stop(NamedTuple):
+    """Why the arm may not move."""
+
+    reason: str
+    """In words."""
+    is_ordered: bool
+    """Whether it was asked for: then only `clear` ends it, not a reset."""
+
+
+class Watched(NamedTuple):
+    """What a read-only watcher is told."""
+
+    serial: int
+    """Grows with every report."""
+    state: ArmState | None
+    """Newest state; None before the first reset."""
+    stop: Stop | None
+    """Why the arm may not move; None if it may."""
+
+
+class ArmHost:
+    """One arm, one motion at a time, its log, and who watches it."""
+
+    def __init__(self, builder: ArmBuilder) -> None:
+        """Own what the builder makes; nothing is built before `configure`."""
+        self.builder = builder
+        self.settings: Settings | None = None
+        self._configured = b""
+        self._arm: Arm | None = None
+        self._turn = threading.Lock()
+        self._news = threading.Condition()
+        self._watched = Watched(0, None, None)
+        self._in_motion = False
+        self._blocks: deque[tuple[int, Array]] = deque()
+        self._rows = 0
+        self._steps = 0
+
+    @property
+    def stop_reason(self) -> str:
+        """Why the arm may not move; empty if it may."""
+        stop = self._watched.stop
+        return "" if stop is None else stop.reason
+
+    def configure(self, settings: Settings, key: bytes) -> bool:
+        """Build the arm with new settings.
+
+        Args:
+            settings: Checked.
+            key: Equal for equal settings; nothing is rebuilt for the same again.
+
+        Returns:
+            Whether an arm was built.
+
+        Raises:
+            ArmError: The arm is moving.
+        """
+        if not self._turn.acquire(blocking=False):
+            raise ArmError(
+                "settings cannot change while the arm moves: a step or reset is under "
+                "way; wait for its answer, or stop the arm"
+            )
+        try:
+            if self._arm is not None and key == self._configured:
+                return False
+            is_held = self._watched.stop is not None
+            if self.builder.is_real_time and self._in_motion and not is_held:
+                raise ArmError(
+                    "settings cannot change while the arm follows a target in real "
+                    "time; stop it first"
+                )
+            self._arm, self._configured = None, b""
+            self._in_motion = False
+            self._arm = self.builder.build(settings)
+            self.settings, self._configured = settings, key
+            return True
+        finally:
+            self._turn.release()
+
+    def reset(self, q: Vec7, hole: Pose, seed: int | None) -> ArmState:
+        """Go to q [rad], at rest; the log begins again.
+
+        Raises:
+            ArmError: Not configured, or stopped by someone's order.
+        """
+        with self._turn:
+            arm = self._require_arm()
+            stop = self._watched.stop
+            if stop is not None and stop.is_ordered:
+                raise ArmError(f"the arm is stopped ({stop.reason}): clear it first")
+            if stop is not None:
+                _call(arm, "clear")
+            if seed is not None:
+                _seed(arm, seed)
+            state = arm.reset(q, hole)
+            self._in_motion = True
+            self._blocks.clear()
+            self._rows = self._steps = 0
+            # A stop that came during the reset is newer than the reset.
+            if self._watched.stop is stop:
+                self._tell(state, None)
+            else:
+                self._tell(state, self._watched.stop)
+            return state
+
+    def step(self, target: "_core.Target", duration: float) -> ArmState:
+        """Follow a target for a duration [s].
+
+        Raises:
+            ArmError: Not reset, or stopped; says why.
+        """
+        with self._turn:
+            arm = self._require_arm()
+            if (stop := self._watched.stop) is not None:
+                raise ArmError(
+                    f"the arm is stopped ({stop.reason}): "
+                    + ("clear it" if stop.is_ordered else "clear or reset it")
+                )
+            if not self._in_motion:
+                raise ArmError("the arm has not been reset since it was configured")
+            state = arm.step(target, duration)
+            self._keep(state.log)
+            self._tell(state, self._watched.stop)
+            return state
+
+    def stop(self, reason: str, *, is_ordered: bool) -> None:
+        """Hold the arm now, also while a step is under way in another thread."""
+        before = self._watched.stop
+        if before is None or (is_ordered and not before.is_ordered):
+            self._tell(self._watched.state, Stop(reason, is_ordered))
+        if self._arm is not None:
+            _call(self._arm, "stop")
+
+    def clear(self) -> None:
+        """Let the arm move again."""
+        with self._turn:
+            if self._watched.stop is not None:
+                if self._arm is not None:
+                    _call(self._arm, "clear")
+                self._tell(self._watched.state, None)
+
+    def wait_for_news(self, serial: int, timeout: float) -> Watched:
+        """Return the newest report as soon as there is one after `serial`.
+
+        Args:
+            serial: Of the last report seen, -1 for none.
+            timeout: Longest wait [s]; then the report may be an old one.
+        """
+        with self._news:
+            self._news.wait_for(lambda: self._watched.serial > serial, timeout)
+            return self._watched
+
+    def cycles(self) -> list[tuple[int, Array]]:
+        """Return step numbers and cycle logs of the motion since its reset."""
+        with self._turn:
+            return list(self._blocks)
+
+    def close(self) -> None:
+        """Hold the arm, then release it."""
+        self.stop("the service has closed", is_ordered=False)
+        with self._turn:
+            self._arm = None
+            self.builder.close()
+
+    def _require_arm(self) -> Arm:
+        if self._arm is None:
+            raise ArmError("the arm has no settings yet: configure it first")
+        return self._arm
+
+    def _keep(self, log: Array) -> None:
+        self._blocks.append((self._steps, log))
+        self._steps += 1
+        self._rows += len(log)
+        while self._rows > ROWS_KEPT and len(self._blocks) > 1:
+            self._rows -= len(self._blocks.popleft()[1])
+
+    def _tell(self, state: ArmState | None, stop: Stop | None) -> None:
+        with self._news:
+            self._watched = Watched(self._watched.serial + 1, state, stop)
+            self._news.notify_all()
+
+
+def _call(arm: Any, name: str) -> None:
+    """Call `stop` or `clear` where the arm has it: one that waits for steps does not.
+
+    Nothing runs between the steps of a `LocalArm`, so that there is nothing to stop.
+    """
+    method: Callable[[], None] | None = getattr(arm, name, None)
+    if method is not None:
+        method()
+
+
+def _seed(arm: Any, seed: int) -> None:
+    """Start a simulation's noise again; a real arm's cannot."""
+    seeded = arm if hasattr(arm, "seed") else getattr(arm, "plant", None)
+    if seeded is not None:
+        seeded.seed(seed)

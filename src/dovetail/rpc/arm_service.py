@@ -1,0 +1,312 @@
+"""The service's calls: who calls, is it allowed, what is answered."""
+
+import functools
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
+
+import grpc
+import numpy as np
+
+from dovetail.arms.arm import ArmState
+from dovetail.errors import ArmError, ConfigError, DovetailError
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.rpc import dovetail_pb2 as pb
+from dovetail.rpc.arm_host import ArmHost, Watched
+from dovetail.rpc.fields import FieldReader
+from dovetail.rpc.lease import TIMEOUT, TIMEOUT_MAX, TIMEOUT_MIN, Holder, LeaseBook
+from dovetail.rpc.messages import (
+    read_configuration,
+    read_duration,
+    read_target,
+    rows_to_bytes,
+    write_state,
+)
+from dovetail.rpc.problems import abort, problem_of
+from dovetail.rpc.robot_message import write_robot
+from dovetail.rpc.settings import read_settings, write_settings
+from dovetail.rpc.version import own_version, require_version
+from dovetail.types import JOINTS
+
+WATCHERS_MAX = 8
+"""Most read-only watchers at a time: each needs a thread."""
+INTERVAL_MAX = 10.0
+"""Longest time between two reports that a watcher can ask for [s]."""
+
+_NAME_MAX = 200
+_NO_LOG = np.empty((0, len(CYCLE_COLUMNS)))
+_LOG = logging.getLogger("dovetail.rpc")
+_F = TypeVar("_F", bound=Callable[..., Any])
+
+
+def _answered(method: _F) -> _F:
+    """Turn an exception into the call's status; a stream's is turned in the stream."""
+
+    @functools.wraps(method)
+    def call(self: Any, request: Any, context: grpc.ServicerContext) -> Any:
+        try:
+            return method(self, request, context)
+        except DovetailError as error:
+            return abort(context, error)
+        except Exception as error:
+            self.fail(error)
+            return abort(context, error)
+
+    return call  # type: ignore[return-value]
+
+
+class ArmService:
+    """Serves one arm to one controlling client and to watchers."""
+
+    def __init__(self, host: ArmHost, notify: Callable[[str], None]) -> None:
+        """Serve a host's arm.
+
+        Args:
+            host: Owns the arm; closed by whoever made it.
+            notify: Called with a line for each thing that a person should know.
+        """
+        self._host = host
+        self._notify = notify
+        self.leases = LeaseBook(self._lease_ended)
+        self.steps = 0
+        self._watchers = threading.BoundedSemaphore(WATCHERS_MAX)
+
+    @property
+    def status(self) -> str:
+        """One line: who holds the arm, how far it is, whether it is stopped."""
+        holder = self.leases.holder
+        parts = [f"held by {holder}" if holder else "free", f"{self.steps} steps"]
+        if self._host.stop_reason:
+            parts.append(f"stopped: {self._host.stop_reason}")
+        return ", ".join(parts)
+
+    def fail(self, error: Exception) -> None:
+        """Hold the arm after an error that nobody expected."""
+        _LOG.exception("an unexpected error ends the motion", exc_info=error)
+        self._notify(f"unexpected {type(error).__name__}: {error}; the arm is held")
+        self._host.stop(f"unexpected {type(error).__name__}", is_ordered=False)
+
+    @_answered
+    def get_info(self, request: pb.InfoRequest, context: Any) -> pb.Info:
+        """Say what arm this is."""
+        require_version(request.version, "client")
+        builder, holder = self._host.builder, self.leases.holder
+        info = pb.Info(
+            version=own_version(),
+            arm=builder.name,
+            real_time=builder.is_real_time,
+            holder=str(holder or ""),
+            stopped=self._host.stop_reason,
+            joints=JOINTS,
+            columns=CYCLE_COLUMNS,
+        )
+        write_robot(builder.robot, info.robot)
+        if builder.scene is not None:
+            info.scene.peg = builder.scene.peg
+            info.scene.clearance = builder.scene.clearance
+        if self._host.settings is not None:
+            write_settings(self._host.settings, info.configured)
+        return info
+
+    @_answered
+    def acquire_lease(self, request: pb.LeaseRequest, context: Any) -> pb.Lease:
+        """Give the lease to the caller, if nobody has it."""
+        require_version(request.version, "client")
+        timeout = TIMEOUT
+        if request.HasField("timeout"):
+            fields = FieldReader()
+            allowed = (TIMEOUT_MIN, TIMEOUT_MAX)
+            timeout = fields.number("timeout", request, "timeout", "s", allowed)
+            fields.finish()
+        name = "".join(c for c in request.client if c.isprintable())[:_NAME_MAX]
+        holder = self.leases.acquire(name or "a client", _caller(context), timeout)
+        self._notify(f"{holder} holds the arm")
+        return pb.Lease(lease=holder.lease, timeout=timeout)
+
+    @_answered
+    def keep_alive(self, request: pb.Holder, context: Any) -> pb.Lease:
+        """Note that the holder is there."""
+        holder = self.leases.require(request.lease)
+        return pb.Lease(lease=holder.lease, timeout=holder.timeout)
+
+    @_answered
+    def release_lease(self, request: pb.Holder, context: Any) -> pb.Done:
+        """Take the lease back."""
+        self.leases.end(self.leases.require(request.lease), "released")
+        return pb.Done()
+
+    @_answered
+    def configure(self, request: pb.Configuration, context: Any) -> pb.Done:
+        """Build the arm with the caller's settings."""
+        require_version(request.version, "client")
+        with self.leases.use(request.lease):
+            self._require_scene(request)
+            settings = read_settings(request, self._host.builder.robot)
+            key = pb.Configuration()
+            write_settings(settings, key)
+            is_new = self._host.configure(
+                settings, key.SerializeToString(deterministic=True)
+            )
+        if is_new:
+            self._notify(f"configured: {settings.task}, {settings.period:g} s")
+        return pb.Done()
+
+    @_answered
+    def reset(self, request: pb.ResetRequest, context: Any) -> pb.Report:
+        """Begin a motion."""
+        with self.leases.use(request.lease):
+            q, hole = read_configuration(request, self._host.builder.robot)
+            seed = request.seed if request.HasField("seed") else None
+            return _report(0, self._host.reset(q, hole, seed))
+
+    @_answered
+    def step(self, request: pb.StepRequest, context: Any) -> pb.Report:
+        """Follow a target."""
+        return self._step(request)
+
+    def control(
+        self, requests: Iterator[pb.StepRequest], context: grpc.ServicerContext
+    ) -> Iterator[pb.Report]:
+        """Follow targets one after the other; the lease ends with the stream."""
+        try:
+            holder = self.leases.bind(next(requests, pb.StepRequest()).lease)
+        except DovetailError as error:
+            return abort(context, error)
+        if not context.add_callback(
+            lambda: self.leases.end(holder, "its connection has ended")
+        ):
+            return self.leases.end(holder, "its connection has ended")
+        yield pb.Report()
+        for request in requests:
+            try:
+                report = self._step(request)
+            except DovetailError as error:
+                report = _trouble(request.counter, error)
+            except Exception as error:
+                self.fail(error)
+                report = _trouble(request.counter, error)
+            yield report
+
+    def state(
+        self, request: pb.WatchRequest, context: grpc.ServicerContext
+    ) -> Iterator[pb.Report]:
+        """Report every change to a watcher, or the newest if it is slow."""
+        try:
+            require_version(request.version, "client")
+            interval = _interval(request)
+            if not self._watchers.acquire(blocking=False):
+                raise ArmError(f"{WATCHERS_MAX} clients watch already: end one of them")
+        except DovetailError as error:
+            return abort(context, error)
+        try:
+            serial = -1
+            while context.is_active():
+                news = self._host.wait_for_news(serial, timeout=0.5)
+                if news.serial > serial:
+                    serial = news.serial
+                    yield self._watched(news, has_log=request.log)
+                    time.sleep(interval)
+        finally:
+            self._watchers.release()
+
+    @_answered
+    def stop(self, request: pb.StopRequest, context: Any) -> pb.Done:
+        """Hold the arm now, whoever asks."""
+        reason = "".join(c for c in request.reason if c.isprintable())[:_NAME_MAX]
+        reason = f"{reason or 'stopped'}, asked by {_caller(context)}"
+        self._host.stop(reason, is_ordered=True)
+        self._notify(f"the arm is held: {reason}")
+        return pb.Done()
+
+    @_answered
+    def clear(self, request: pb.Holder, context: Any) -> pb.Done:
+        """Let the arm move again."""
+        with self.leases.use(request.lease) as holder:
+            self._host.clear()
+        self._notify(f"{holder} lets the arm move again")
+        return pb.Done()
+
+    def get_log(
+        self, request: pb.LogRequest, context: grpc.ServicerContext
+    ) -> Iterator[pb.LogChunk]:
+        """Send the control cycles since the last reset."""
+        try:
+            require_version(request.version, "client")
+        except DovetailError as error:
+            return abort(context, error)
+        blocks = self._host.cycles()
+        yield pb.LogChunk(columns=CYCLE_COLUMNS, dropped=blocks[0][0] if blocks else 0)
+        for step, rows in blocks:
+            yield pb.LogChunk(step=step, rows=rows_to_bytes(rows))
+
+    def _step(self, request: pb.StepRequest) -> pb.Report:
+        with self.leases.use(request.lease):
+            settings = self._host.settings
+            if settings is None:
+                raise ArmError("the arm has no settings yet: configure it first")
+            fields = FieldReader()
+            target = read_target(request.target, fields)
+            duration = read_duration(request, settings.period, fields)
+            fields.finish()
+            state = self._host.step(target, duration)
+            self.steps += 1
+            return _report(request.counter, state)
+
+    def _watched(self, news: Watched, *, has_log: bool) -> pb.Report:
+        holder = self.leases.holder
+        report = pb.Report(
+            counter=news.serial,
+            holder=str(holder or ""),
+            stopped="" if news.stop is None else news.stop.reason,
+        )
+        if news.state is not None:
+            state = news.state if has_log else news.state._replace(log=_NO_LOG)
+            write_state(state, report.state)
+        return report
+
+    def _require_scene(self, request: pb.Configuration) -> None:
+        scene = self._host.builder.scene
+        if scene is None or not request.HasField("scene"):
+            return
+        for name in ("peg", "clearance"):
+            wanted, own = getattr(request.scene, name), getattr(scene, name)
+            if wanted != own:
+                raise ConfigError(
+                    f"the learner's scene has {name} {wanted!r}, the service's has "
+                    f"{own!r}: start both with the same --{name}"
+                )
+
+    def _lease_ended(self, holder: Holder, reason: str) -> None:
+        why = f"{holder} has left: {reason}"
+        self._host.stop(why, is_ordered=False)
+        self._notify(f"{why}; the arm is held")
+
+
+def _report(counter: int, state: ArmState) -> pb.Report:
+    report = pb.Report(counter=counter)
+    write_state(state, report.state)
+    return report
+
+
+def _trouble(counter: int, error: Exception) -> pb.Report:
+    return pb.Report(counter=counter, problem=problem_of(error))
+
+
+def _interval(request: pb.WatchRequest) -> float:
+    fields = FieldReader()
+    interval = 0.0
+    if request.HasField("interval"):
+        interval = fields.number(
+            "interval", request, "interval", "s", (0.0, INTERVAL_MAX)
+        )
+    fields.finish()
+    return interval
+
+
+def _caller(context: grpc.ServicerContext) -> str:
+    """Return where a call comes from, with the name in its certificate if any."""
+    names: Any = context.auth_context().get("x509_common_name", [])
+    name = ", ".join(part.decode(errors="replace") for part in names)
+    return f"{context.peer()} ({name})" if name else context.peer()

@@ -1,0 +1,88 @@
+"""How a service makes its arm: over a plant in this process, or anew each time."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from dovetail.arms.arm import Arm
+from dovetail.arms.local_arm import LocalArm
+from dovetail.plants.plant import Plant
+from dovetail.rpc.settings import Settings
+
+if TYPE_CHECKING:
+    from dovetail.robot import Robot
+    from dovetail.scene import SceneConfig
+
+
+class LocalBuilder:
+    """A new controller for each learner's settings, over the same simulation."""
+
+    is_real_time = False
+
+    def __init__(self, name: str, plant: Plant) -> None:
+        """Own a plant.
+
+        Args:
+            name: Address of the arm.
+            plant: Where the torques go; closed with the builder.
+        """
+        self.name = name
+        self.scene: SceneConfig | None = plant.scene
+        self.robot: Robot = plant.scene.robot()
+        self._plant = plant
+
+    def build(self, settings: Settings) -> Arm:
+        """Return an arm with these settings."""
+        return LocalArm(
+            self._plant,
+            self.robot,
+            settings.osc,
+            settings.limits,
+            settings.task,
+            settings.period,
+        )
+
+    def close(self) -> None:
+        """Close the plant."""
+        self._plant.close()
+
+
+class RebuiltArm:
+    """An arm that is closed and made anew for each learner's settings.
+
+    For arms that own a port or a device: the one before lets it go first.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        scene: "SceneConfig",
+        make: Callable[[Settings], Arm],
+        *,
+        is_real_time: bool,
+    ) -> None:
+        """Own whatever `make` returns.
+
+        Args:
+            name: Address of the arm.
+            scene: Geometry of the task, as the user says it is.
+            make: Makes the arm.
+            is_real_time: Whether the arm moves on while the learner thinks.
+        """
+        self.name = name
+        self.scene: SceneConfig | None = scene
+        self.robot: Robot = scene.robot()
+        self.is_real_time = is_real_time
+        self._make = make
+        self._arm: Arm | None = None
+
+    def build(self, settings: Settings) -> Arm:
+        """Close the arm before and return a new one."""
+        self.close()
+        self._arm = self._make(settings)
+        return self._arm
+
+    def close(self) -> None:
+        """Close the arm."""
+        arm, self._arm = self._arm, None
+        if arm is not None:
+            arm.close()

@@ -1,0 +1,130 @@
+"""Poses, Targets and states in messages: doubles go through unchanged."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail.arms.arm import ArmState
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.poses import Pose
+from dovetail.rpc import dovetail_pb2 as pb
+from dovetail.rpc.fields import TASK_AXES, XYZ, FieldReader
+from dovetail.types import JOINTS, Array, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.robot import Robot
+
+DURATION_MAX = 10.0
+"""Longest step [s]: a learner that asks for more has mistaken the unit."""
+
+_ROW = np.dtype("<f8")
+_COLUMNS = len(CYCLE_COLUMNS)
+
+
+def write_target(target: "_core.Target", message: pb.Target) -> None:
+    """Put a Target into an empty message."""
+    message.f_star.extend(target.f_star.tolist())
+    message.position_d.extend(target.position_d.tolist())
+    message.quat_wxyz_d.extend(target.quat_wxyz_d.tolist())
+    if getattr(target, "joint_mode", False):
+        message.q_d.extend(target.q_d.tolist())  # type: ignore[attr-defined]
+
+
+def read_target(message: pb.Target, fields: FieldReader) -> "_core.Target":
+    """Return a message's Target; wrong fields go to the reader."""
+    from dovetail import _core
+
+    target = _core.Target(
+        f_star=fields.vector(
+            "target.f_star", message.f_star, TASK_AXES, "m/s2 or rad/s2"
+        ),
+        position_d=fields.vector("target.position_d", message.position_d, XYZ, "m"),
+        quat_wxyz_d=fields.rotation("target.quat_wxyz_d", message.quat_wxyz_d),
+    )
+    if message.q_d:
+        q_d = fields.vector("target.q_d", message.q_d, JOINTS, "rad")
+        target.q_d = q_d  # type: ignore[attr-defined]
+        target.joint_mode = True  # type: ignore[attr-defined]
+    return target
+
+
+def read_duration(message: pb.StepRequest, period: float, fields: FieldReader) -> float:
+    """Return a step's duration [s], a whole number of control periods."""
+    duration = fields.number("duration", message, "duration", "s")
+    cycles = round(duration / period) if abs(duration) <= DURATION_MAX else 0
+    if duration == duration and (
+        cycles < 1 or abs(cycles * period - duration) > 1e-9  # as arms have it
+    ):
+        fields.refuse(
+            "duration",
+            f"{duration} s, which is not a whole number of control periods of "
+            f"{period} s",
+            f"{period:g} to {DURATION_MAX:g} s",
+        )
+    return duration
+
+
+def write_pose(pose: Pose, message: pb.Pose) -> None:
+    """Put a pose into an empty message."""
+    message.position.extend(np.asarray(pose.position, dtype=float).tolist())
+    message.quat_wxyz.extend(np.asarray(pose.quat_wxyz, dtype=float).tolist())
+
+
+def read_pose(path: str, message: pb.Pose, fields: FieldReader) -> Pose:
+    """Return a message's pose; wrong fields go to the reader."""
+    return Pose(
+        fields.vector(f"{path}.position", message.position, XYZ, "m"),
+        fields.rotation(f"{path}.quat_wxyz", message.quat_wxyz),
+    )
+
+
+def read_configuration(message: pb.ResetRequest, robot: "Robot") -> tuple[Vec7, Pose]:
+    """Return where a reset goes: q [rad], inside the robot's limits, and the hole.
+
+    Raises:
+        FieldError: Names every wrong field.
+    """
+    fields = FieldReader()
+    q = fields.vector("q", message.q, JOINTS, "rad", (robot.q_min, robot.q_max))
+    hole = read_pose("hole", message.hole, fields)
+    fields.finish()
+    return q, hole
+
+
+def write_state(state: ArmState, message: pb.ArmState) -> None:
+    """Put a state into an empty message."""
+    message.stamp = state.stamp
+    message.q.extend(state.q.tolist())
+    message.dq.extend(state.dq.tolist())
+    message.position.extend(state.position.tolist())
+    message.quat_wxyz.extend(state.quat_wxyz.tolist())
+    message.velocity.extend(state.velocity.tolist())
+    message.contact_force.extend(state.contact_force.tolist())
+    message.flags = state.flags
+    message.log = rows_to_bytes(state.log)
+
+
+def read_state(message: pb.ArmState) -> ArmState:
+    """Return a message's state."""
+    return ArmState(
+        message.stamp,
+        np.array(message.q),
+        np.array(message.dq),
+        np.array(message.position),
+        np.array(message.quat_wxyz),
+        np.array(message.velocity),
+        np.array(message.contact_force),
+        message.flags,
+        rows_from_bytes(message.log),
+    )
+
+
+def rows_to_bytes(rows: Array) -> bytes:
+    """Return the bytes of a cycle log."""
+    return np.ascontiguousarray(rows, dtype=_ROW).tobytes()
+
+
+def rows_from_bytes(data: bytes) -> Array:
+    """Return a cycle log from its bytes, shape (cycles, columns)."""
+    return np.frombuffer(data, dtype=_ROW).astype(float).reshape(-1, _COLUMNS)

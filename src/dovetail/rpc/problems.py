@@ -1,0 +1,101 @@
+"""Errors across the wire: which exception, its words, and each wrong field."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import grpc
+
+from dovetail.errors import (
+    ArmError,
+    ConfigError,
+    DovetailError,
+    LimitError,
+    LogError,
+    MissingDependencyError,
+    PlantError,
+)
+from dovetail.rpc import dovetail_pb2 as pb
+
+METADATA_KEY = "dovetail-problem-bin"
+"""Trailing metadata of a failed call: a serialized Problem."""
+
+_KNOWN: dict[str, type[DovetailError]] = {
+    kind.__name__: kind
+    for kind in (
+        ArmError,
+        ConfigError,
+        LimitError,
+        LogError,
+        MissingDependencyError,
+        PlantError,
+    )
+}
+
+
+class Field(NamedTuple):
+    """One wrong field of a request."""
+
+    path: str
+    """Where it is: target.f_star[Z]."""
+    value: str
+    """What was given, with its unit."""
+    allowed: str
+    """What may be given."""
+
+    def __str__(self) -> str:
+        """Say all three in words."""
+        return f"{self.path} is {self.value}; allowed: {self.allowed}"
+
+
+class FieldError(ConfigError):
+    """Fields of a request are wrong; every one of them is listed."""
+
+    def __init__(self, wrong: Sequence[Field]) -> None:
+        super().__init__("; ".join(map(str, wrong)))
+        self.fields = tuple(wrong)
+
+
+def problem_of(error: Exception) -> pb.Problem:
+    """Put an exception into a message."""
+    kind = type(error)
+    if isinstance(error, DovetailError):
+        known = next((k for k in kind.__mro__ if k.__name__ in _KNOWN), ArmError)
+        problem = pb.Problem(kind=known.__name__, text=str(error))
+    else:
+        problem = pb.Problem(kind="ArmError", text=f"{kind.__name__}: {error}")
+    for path, value, allowed in getattr(error, "fields", ()):
+        problem.fields.add(path=path, value=value, allowed=allowed)
+    return problem
+
+
+def error_of(problem: pb.Problem) -> DovetailError:
+    """Return the exception that a message tells of."""
+    if problem.fields:
+        return FieldError([Field(f.path, f.value, f.allowed) for f in problem.fields])
+    return _KNOWN.get(problem.kind, ArmError)(problem.text)
+
+
+def status_of(error: Exception) -> grpc.StatusCode:
+    """Return the status with which a call fails."""
+    if isinstance(error, ConfigError | LimitError):
+        return grpc.StatusCode.INVALID_ARGUMENT
+    if isinstance(error, PlantError):
+        return grpc.StatusCode.ABORTED
+    if isinstance(error, DovetailError):
+        return grpc.StatusCode.FAILED_PRECONDITION
+    return grpc.StatusCode.INTERNAL
+
+
+def abort(context: grpc.ServicerContext, error: Exception) -> None:
+    """End a call with an exception's status, words and fields; does not return."""
+    problem = problem_of(error)
+    context.set_trailing_metadata(((METADATA_KEY, problem.SerializeToString()),))
+    context.abort(status_of(error), problem.text)
+
+
+def problem_in(call: grpc.RpcError) -> pb.Problem | None:
+    """Return what the service said of a failed call, if it said anything."""
+    for key, value in getattr(call, "trailing_metadata", tuple)() or ():
+        if key == METADATA_KEY and isinstance(value, bytes):
+            return pb.Problem.FromString(value)
+    return None

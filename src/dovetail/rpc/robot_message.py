@@ -1,0 +1,69 @@
+"""The controller's model in a message, so that both ends compute with the same."""
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+
+from dovetail.robot import Payload, Robot
+from dovetail.rpc import dovetail_pb2 as pb
+
+_SHAPES = {
+    "origin_position": (7, 3),
+    "origin_rotation": (7, 3, 3),
+    "com": (7, 3),
+    "inertia": (7, 3, 3),
+    "flange_rotation": (3, 3),
+    "tool_rotation": (3, 3),
+}
+"""Shapes of what is not one-dimensional."""
+
+
+def write_robot(robot: Robot, message: pb.RobotModel) -> None:
+    """Put a robot into an empty message."""
+    message.name = robot.name
+    for name in _arrays():
+        getattr(message, name).extend(getattr(robot, name).ravel().tolist())
+    if robot.payload is not None:
+        message.payload.mass = robot.payload.mass
+        message.payload.com.extend(robot.payload.com.tolist())
+        message.payload.inertia.extend(robot.payload.inertia.ravel().tolist())
+
+
+def read_robot(message: pb.RobotModel) -> Robot:
+    """Return a message's robot.
+
+    Raises:
+        ConfigError: It is none, see `Robot`.
+    """
+    arrays: dict[str, Any] = {
+        name: _shaped(getattr(message, name), _SHAPES.get(name)) for name in _arrays()
+    }
+    payload = None
+    if message.HasField("payload"):
+        payload = Payload(
+            mass=message.payload.mass,
+            com=np.array(message.payload.com),
+            inertia=_shaped(message.payload.inertia, (3, 3)),
+        )
+    return Robot(name=message.name, payload=payload, **arrays)
+
+
+def differences(one: Robot, other: Robot) -> list[str]:
+    """Return the names of the fields in which two robots differ."""
+    return [
+        name
+        for name in _arrays()
+        if not np.array_equal(getattr(one, name), getattr(other, name))
+    ]
+
+
+def _arrays() -> list[str]:
+    return [f.name for f in fields(Robot) if f.name not in ("name", "payload")]
+
+
+def _shaped(values: Any, shape: tuple[int, ...] | None) -> Any:
+    array = np.array(values, dtype=float)
+    if shape is not None and array.size == np.prod(shape):
+        return array.reshape(shape)
+    return array  # Robot says what is wrong with its shape

@@ -1,0 +1,39 @@
+"""What both ends must agree on before anything else."""
+
+from importlib.metadata import PackageNotFoundError, version
+
+from dovetail.errors import ConfigError
+from dovetail.rpc import dovetail_pb2 as pb
+
+PROTOCOL = 1
+"""Version of `proto/dovetail.proto`; it grows when an old peer would misunderstand."""
+
+
+def own_version() -> pb.Version:
+    """Return what this end speaks."""
+    try:
+        package = version("dovetail")
+    except PackageNotFoundError:  # run from its sources
+        package = "not installed"
+    return pb.Version(protocol=PROTOCOL, package=package)
+
+
+def require_version(other: pb.Version, who: str) -> None:
+    """Refuse a peer that speaks another version.
+
+    Args:
+        other: What the peer said of itself.
+        who: What the peer is: "client" or "service".
+
+    Raises:
+        ConfigError: Names both versions.
+    """
+    if other.protocol == PROTOCOL:
+        return
+    own = own_version()
+    here = "client" if who == "service" else "service"
+    raise ConfigError(
+        f"the {who} speaks protocol {other.protocol} "
+        f"(dovetail {other.package or 'unknown'}), this {here} speaks "
+        f"{own.protocol} (dovetail {own.package}): install the same dovetail on both"
+    )

@@ -1,0 +1,30 @@
+"""A RemoteArm with its service in threads of the same process."""
+
+import pytest
+
+pytest.importorskip("grpc")
+
+from dovetail.arms.remote_arm import RemoteArm
+from dovetail.rpc.builders import LocalBuilder
+from dovetail.rpc.server import ArmServer
+
+
+class ServedArm(RemoteArm):
+    """Closes its service with itself."""
+
+    def __init__(self, plant, robot, osc, limits, task, period):
+        self._server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
+        self._server.start()
+        try:
+            super().__init__(
+                f"grpc://{self._server.address}",
+                *(osc, limits, task, period),
+                robot=robot,
+            )
+        except BaseException:
+            self._server.close()
+            raise
+
+    def close(self):
+        super().close()
+        self._server.close()

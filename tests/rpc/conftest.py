@@ -1,0 +1,176 @@
+"""Services over a simulation or over a recording arm, and clients of them."""
+
+import subprocess
+
+import grpc
+import numpy as np
+import pytest
+
+from dovetail import _core
+from dovetail.arms.remote_arm import RemoteArm
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.poses import Pose, quat_about_z
+from dovetail.rpc import dovetail_pb2 as pb
+from dovetail.rpc.builders import LocalBuilder
+from dovetail.rpc.calls import Stub
+from dovetail.rpc.problems import problem_in
+from dovetail.rpc.server import ArmServer
+from dovetail.rpc.version import own_version
+from dovetail.scene import SceneConfig
+
+from .recording_arm import RecordingBuilder
+
+TASK = "XYZ:force A:pose BC:hold"
+PERIOD = 0.005
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
+
+
+def push(*f_star):
+    full = np.array([*f_star, *[0.0] * (6 - len(f_star))])
+    return _core.Target(f_star=full, quat_wxyz_d=TOOL_DOWN)
+
+
+@pytest.fixture(scope="session")
+def scene():
+    return SceneConfig()
+
+
+@pytest.fixture(scope="session")
+def start(scene):
+    seed = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+    return scene.robot().inverse_kinematics(
+        Pose(np.array([0.60, 0.0, 0.16]), TOOL_DOWN), seed
+    )
+
+
+@pytest.fixture(scope="session")
+def settings(scene):
+    """Law, limits, task, period: the arguments of every arm after the robot."""
+    osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
+    return osc, LimitConfig.for_period(scene.robot(), PERIOD), TASK, PERIOD
+
+
+@pytest.fixture
+def news():
+    """Lines that a service told its user."""
+    return []
+
+
+@pytest.fixture
+def simulation(scene, news):
+    """A service over MuJoCo."""
+    plant = make_plant("mujoco", scene, DynamicsConfig())
+    server = ArmServer(LocalBuilder("mujoco", plant), "127.0.0.1:0", notify=news.append)
+    with server:
+        yield server
+
+
+@pytest.fixture
+def builder(scene):
+    """Makes an arm that records what it is told and waits as long as it moves."""
+    return RecordingBuilder(scene)
+
+
+@pytest.fixture
+def server(builder, news):
+    """A service over the recording arm."""
+    with ArmServer(builder, "127.0.0.1:0", notify=news.append) as server:
+        yield server
+
+
+@pytest.fixture
+def connect(settings):
+    """Make learners; they are closed at the end."""
+    arms = []
+
+    def make(server, **options):
+        address = server if isinstance(server, str) else f"grpc://{server.address}"
+        given = [options.pop(n, v) for n, v in zip(_NAMES, settings, strict=True)]
+        arms.append(RemoteArm(address, *given, **options))
+        return arms[-1]
+
+    yield make
+    for arm in arms:
+        arm.close()
+
+
+_NAMES = ("osc", "limits", "task", "period")
+
+
+@pytest.fixture
+def open_stub():
+    """Make bare clients of a service."""
+    channels = []
+
+    def make(server):
+        channels.append(grpc.insecure_channel(server.address))
+        return Stub(channels[-1])
+
+    yield make
+    for channel in channels:
+        channel.close()
+
+
+@pytest.fixture
+def stub(server, open_stub):
+    return open_stub(server)
+
+
+@pytest.fixture
+def lease(stub):
+    request = pb.LeaseRequest(version=own_version(), client="bare")
+    return stub.acquire_lease(request).lease
+
+
+def refused(call, *args, code=grpc.StatusCode.INVALID_ARGUMENT):
+    """Return what the service says of a call that it must refuse."""
+
+    def whole():
+        answer = call(*args, timeout=10)
+        list(answer if hasattr(answer, "__next__") else ())
+
+    with pytest.raises(grpc.RpcError) as error:
+        whole()
+    assert error.value.code() == code, error.value
+    problem = problem_in(error.value)
+    assert problem is not None
+    assert problem.text == error.value.details()
+    return problem
+
+
+@pytest.fixture(scope="session")
+def authority(tmp_path_factory):
+    """Make an authority, and certificates that it or a stranger signed."""
+    folder = tmp_path_factory.mktemp("certificates")
+
+    def openssl(*words):
+        subprocess.run(
+            ["openssl", *words], cwd=folder, check=True, capture_output=True, timeout=60
+        )
+
+    key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-noenc"]
+    for name in ("ca", "stranger"):
+        openssl(
+            *("req", "-x509", *key, "-keyout", f"{name}.key", "-out", f"{name}.pem"),
+            *("-subj", f"/CN=test {name}", "-days", "2"),
+        )
+    places = {
+        "service": ("ca", "DNS:localhost,IP:127.0.0.1"),
+        "elsewhere": ("ca", "DNS:robot.example"),
+        "learner": ("ca", "DNS:learner"),
+        "intruder": ("stranger", "DNS:learner"),
+    }
+    for name, (signer, place) in places.items():
+        (folder / f"{name}.ext").write_text(f"subjectAltName={place}\n")
+        openssl(
+            *("req", *key, "-keyout", f"{name}.key", "-out", f"{name}.csr"),
+            *("-subj", f"/CN={name}"),
+        )
+        openssl(
+            *("x509", "-req", "-in", f"{name}.csr", "-CA", f"{signer}.pem"),
+            *("-CAkey", f"{signer}.key", "-CAcreateserial", "-days", "2"),
+            *("-extfile", f"{name}.ext", "-out", f"{name}.pem"),
+        )
+    return folder

@@ -1,0 +1,79 @@
+"""An arm in real time, without physics: it records calls, and a stop ends its step."""
+
+import threading
+import time
+
+import numpy as np
+
+from dovetail.arms.arm import ArmState
+from dovetail.plants.plant import CYCLE_COLUMNS
+
+
+class RecordingArm:
+    """Steps take as long as they say; `trouble` is raised by the next step."""
+
+    def __init__(self, robot, period):
+        self.robot, self.period = robot, period
+        self.calls = []
+        self.trouble = None
+        self.stopped_at = None
+        self._stop = threading.Event()
+        self._stamp = 0.0
+
+    def reset(self, q, hole):
+        self.calls.append("reset")
+        self._stamp = 0.0
+        return self._state(0)
+
+    def step(self, target, duration=0.05):
+        self.calls.append("step")
+        if self.trouble is not None:
+            trouble, self.trouble = self.trouble, None
+            raise trouble
+        self._stop.wait(duration)
+        self._stamp += duration
+        return self._state(round(duration / self.period))
+
+    def stop(self):
+        self.calls.append("stop")
+        self.stopped_at = time.monotonic()
+        self._stop.set()
+
+    def clear(self):
+        self.calls.append("clear")
+        self._stop.clear()
+
+    def seed(self, seed):
+        self.calls.append(f"seed {seed}")
+
+    def close(self):
+        self.calls.append("close")
+
+    def _state(self, cycles):
+        log = np.zeros((cycles, len(CYCLE_COLUMNS)))
+        log[:, 0] = self._stamp + self.period * np.arange(cycles)
+        none = np.full(3, np.nan)
+        quat = np.array([0.0, 1.0, 0.0, 0.0])
+        return ArmState(
+            *(self._stamp, np.zeros(7), np.zeros(7), np.zeros(3), quat, np.zeros(6)),
+            *(none, 0, log),
+        )
+
+
+class RecordingBuilder:
+    name = "recording"
+    is_real_time = True
+
+    def __init__(self, scene):
+        self.scene, self.robot = scene, scene.robot()
+        self.arm = None
+        self.built = []
+        self.closed = False
+
+    def build(self, settings):
+        self.built.append(settings)
+        self.arm = RecordingArm(self.robot, settings.period)
+        return self.arm
+
+    def close(self):
+        self.closed = True
