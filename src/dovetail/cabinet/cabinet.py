@@ -4,7 +4,6 @@ The cabinet speaks first and sets the pace: one monitoring message per send peri
 one client, in which the session's state tells the client what it may do.
 """
 
-import os
 import queue
 import socket
 import threading
@@ -32,6 +31,8 @@ _GOODBYES = 5
 """IDLE messages at the end of a session; KUKA's clients leave at the first."""
 _REQUEST_TIME = 10.0
 """How long a request waits for the cabinet's thread [s]."""
+_ANSWER_TIME = 0.1
+"""How often a waiting request looks whether the cabinet still runs [s]."""
 _RATE_TIME = 0.5
 """Time over which the rate is counted [s]."""
 
@@ -291,11 +292,16 @@ class Cabinet:
         """
         reply: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         self._requests.put((request, reply))
-        try:
-            self._wake.send(b"x")
-            return reply.get(timeout=_REQUEST_TIME)
-        except (OSError, queue.Empty):
-            return {"ok": False, "error": "the cabinet does not run"}
+        end = time.monotonic() + _REQUEST_TIME
+        while not self._is_closing and time.monotonic() < end:
+            try:
+                self._wake.send(b"x")
+                return reply.get(timeout=_ANSWER_TIME)
+            except queue.Empty:
+                continue
+            except OSError:
+                break
+        return {"ok": False, "error": "the cabinet does not run"}
 
     def status(self) -> dict[str, Any]:
         """Return state, quality, rate and counts of the running cabinet; any thread."""
@@ -312,19 +318,3 @@ class Cabinet:
     last_error = ""
     """The last datagram that could not be read, and why."""
     _started = 0.0
-
-
-def request_realtime(priority: int = 80) -> str:
-    """Give this process a real-time priority.
-
-    Returns:
-        What was done, or why it was not and what to do.
-    """
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (AttributeError, OSError) as error:
-        return (
-            f"no real-time priority: {error}; the cabinet goes on without. Allow it "
-            "with `ulimit -r 99` or CAP_SYS_NICE"
-        )
-    return f"real-time priority {priority} (SCHED_FIFO)"

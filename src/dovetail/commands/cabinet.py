@@ -1,5 +1,8 @@
 """`dovetail cabinet`: a simulated robot behind KUKA's FRI."""
 
+import gc
+import signal
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,9 +14,9 @@ from rich.live import Live
 from rich.text import Text
 
 from dovetail.cabinet.cabinet import Cabinet as Server
-from dovetail.cabinet.cabinet import request_realtime
 from dovetail.cabinet.config import CabinetConfig, parse_duration, parse_endpoint
 from dovetail.cabinet.faults import parse_faults, read_script
+from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
 from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.errors import ConfigError
@@ -87,15 +90,21 @@ class Cabinet:
         config = self.settings()
         faults = parse_faults(self.fault)
         script = read_script(self.script) if self.script else []
+        if self.realtime:
+            console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
+        server = None
         try:
             server = Server(plant, config, faults=faults, script=script, log=self.log)
-            if self.realtime:
-                console.print(request_realtime(), soft_wrap=True, highlight=False)
             _announce(server, console)
-            with server:
-                _show_status(server, console)
+            _prepare_process()
+            server.start()
+            _show_status(server, console)
+        except KeyboardInterrupt:
+            console.print("cabinet: ends, says IDLE to the client")
         finally:
+            if server is not None:
+                server.close()
             plant.close()
         return 0
 
@@ -161,6 +170,15 @@ def _seven(text: str, name: str) -> tuple[float, ...]:
             "by commas"
         )
     return values * 7 if len(values) == 1 else values
+
+
+def _prepare_process() -> None:
+    """Keep pauses short, and end on SIGTERM as on Ctrl-C."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.setswitchinterval(1e-4)  # the cabinet's thread waits no longer for this one
+    gc.collect()
+    gc.freeze()
 
 
 def _announce(server: Server, console: Console) -> None:

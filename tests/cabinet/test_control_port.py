@@ -1,0 +1,244 @@
+"""The control port: requests, and everything that is none."""
+
+import json
+import socket
+
+import numpy as np
+import pytest
+
+from dovetail.cabinet.config import Endpoint
+from dovetail.cabinet.control_port import MAX_CONNECTIONS, MAX_LINE
+from dovetail.cabinet.protocol import SessionState
+from dovetail.cabinet.signals import parse_signal
+from dovetail.errors import ConfigError
+
+from .client import mirror, wait_until
+from .conftest import HOLE, Q_START, LightPlant
+
+IDLE, WAIT, READY, C_WAIT, ACTIVE = SessionState
+WHERE = {"position": HOLE.position.tolist(), "quat_wxyz": HOLE.quat_wxyz.tolist()}
+PLACE = {"do": "place", "q": Q_START.tolist(), "hole": WHERE}
+
+
+class Line:
+    """One connection to the control port."""
+
+    def __init__(self, address):
+        self.socket = socket.create_connection(address, timeout=20.0)
+        self.file = self.socket.makefile("rwb")
+
+    def send(self, line):
+        self.file.write(line + b"\n")
+        self.file.flush()
+        return self.read()
+
+    def ask(self, **request):
+        return self.send(json.dumps(request).encode())
+
+    def read(self):
+        return json.loads(self.file.readline())
+
+    def close(self):
+        self.file.close()
+        self.socket.close()
+
+
+@pytest.fixture
+def cabinet(make, client):
+    client.start()
+    with make(io=(parse_signal("FRI.In_Bool:boolean:input"),)) as cabinet:
+        yield cabinet
+
+
+@pytest.fixture
+def line(cabinet):
+    line = Line(cabinet.control_address)
+    yield line
+    line.close()
+
+
+def test_status_says_how_it_goes(line, client):
+    client.wait_for(ACTIVE)
+    status = line.ask(do="status")
+    assert status["ok"]
+    assert status["state"] == "COMMANDING_ACTIVE"
+    assert status["quality"] in ("GOOD", "EXCELLENT")
+    assert status["counts"]["sent"] > 80
+    assert status["clock"] == "lockstep"
+
+
+def test_place_puts_the_arm_there_and_restarts_the_motion(cabinet, line, client):
+    client.wait_for(ACTIVE)
+    q = (Q_START + 0.1).tolist()
+    answer = line.ask(do="place", q=q, hole=WHERE, seed=5)
+    assert answer["ok"]
+    client.wait_for(ACTIVE)
+    wait_until(lambda: client.messages[-1].sequence > answer["sequence"] + 40)
+    first = next(m for m in client.messages if m.sequence == answer["sequence"])
+    assert int(first.state) == READY
+    np.testing.assert_allclose(first.q_measured, q)
+    assert cabinet.controller.body.plant.noise_seed == 5
+    assert client.states == [WAIT, READY, C_WAIT, ACTIVE, READY, C_WAIT, ACTIVE]
+
+
+def test_place_works_while_the_client_is_thinking(cabinet, line, client):
+    client.wait_for(ACTIVE)
+    client.answer = lambda message: None  # withholds its reply, as a learner may
+    assert line.ask(**PLACE)["ok"]
+    client.states.clear()
+    client.answer = mirror
+    client.wait_for(ACTIVE)
+
+
+def test_hole_moves_the_hole_alone(cabinet, line, client):
+    client.wait_for(ACTIVE)
+    cabinet.controller.body.plant.move_hole = lambda hole: setattr(
+        cabinet.controller.body.plant, "hole", hole
+    )
+    moved = {**WHERE, "position": [0.61, 0.01, 0.1]}
+    assert line.ask(do="hole", hole=moved)["ok"]
+    assert cabinet.controller.body.plant.hole.position.tolist() == moved["position"]
+    assert client.state is ACTIVE
+
+
+def test_a_plant_that_cannot_move_its_hole_says_so(line, client):
+    client.wait_for(ACTIVE)
+    answer = line.ask(do="hole", hole=WHERE)
+    assert not answer["ok"]
+    assert "pause first" in answer["error"]
+
+
+def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):
+    client.wait_for(ACTIVE)
+    assert line.ask(do="push", force=[1, 0, 0], duration=0.1)["ok"]
+    assert line.ask(do="fault", text="delay=1ms")["ok"]
+    assert line.ask(do="status")["faults"] == "delay=0.001s"
+    assert line.ask(do="io", name="FRI.In_Bool", value=1)["ok"]
+    assert line.ask(do="status")["io"] == {"FRI.In_Bool": 1.0}
+    truth = line.ask(do="truth")
+    assert len(truth["tool"]["position"]) == len(truth["contact_force_peak"]) == 3
+    assert truth["contact_force_peak"][2] > 0.0
+    assert line.ask(do="pause")["ok"]
+    client.wait_for(READY)
+    assert line.ask(do="resume")["ok"]
+    client.wait_for(ACTIVE)
+    assert line.ask(do="stop")["ok"]
+    client.wait_for(IDLE)
+    assert line.ask(do="status")["state"] == "IDLE"
+
+
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        ({}, "do is None; known: place, hole, push, io, fault, pause"),
+        ({"do": "fly"}, "do is 'fly'; known: place"),
+        ({"do": ["place"]}, "known: place"),
+        ({**PLACE, "q": [0.0] * 6}, "place: q is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; give"),
+        ({**PLACE, "q": [0.0] * 8}, "give a list of 7 numbers"),
+        ({**PLACE, "q": "zero"}, "give a list of 7 numbers"),
+        ({**PLACE, "q": [True, *[0.0] * 6]}, "q[0] is True, which is no number"),
+        ({**PLACE, "q": [1e300, *[0.0] * 6]}, "q[0] is 1e+300"),
+        ({"do": "place", "q": [0.0] * 7}, "hole is None; give"),
+        ({**PLACE, "hole": {**WHERE, "quat_wxyz": [0, 0, 0, 0]}}, "norm 0"),
+        ({**PLACE, "hole": {**WHERE, "position": [5, 0, 0.1]}}, "too far"),
+        ({**PLACE, "seed": -1}, "seed is -1"),
+        ({**PLACE, "seed": "x"}, "seed is 'x'"),
+        (
+            {"do": "push", "force": [1, 2], "duration": 1},
+            "force is [1, 2]; give a list",
+        ),
+        ({"do": "push", "force": [1, 2, 3]}, "duration[0] is None"),
+        ({"do": "push", "force": [1, 2, 3], "duration": -1}, "0 to 3600 s"),
+        ({"do": "io", "name": "nothing", "value": 1}, "registered: FRI.In_Bool"),
+        ({"do": "io", "name": "FRI.In_Bool", "value": 0.5}, "cannot be set to 0.5"),
+        ({"do": "fault"}, "text is None"),
+        ({"do": "fault", "text": "los=1"}, "known faults: loss"),
+    ],
+)
+def test_a_wrong_request_is_answered_and_changes_nothing(line, request_, message):
+    answer = line.ask(**request_)
+    assert not answer["ok"]
+    assert message in answer["error"]
+    assert line.ask(do="status")["motion"] <= 1
+
+
+@pytest.mark.parametrize(
+    "garbage",
+    [
+        b"hello",
+        b"{",
+        b"[1, 2]",
+        b"7",
+        b"null",
+        b'{"do": NaN}',
+        b"\xff\xfe\x00",
+        b'{"do": "place", "q": [NaN, 0, 0, 0, 0, 0, 0]}',
+        b"[" * 30000,
+    ],
+)
+def test_garbage_is_answered_with_an_error(line, garbage):
+    answer = line.send(garbage)
+    assert not answer["ok"]
+    assert line.ask(do="status")["ok"]
+
+
+def test_empty_lines_are_skipped(line):
+    assert line.send(b"\n   \n" + b'{"do": "status"}')["ok"]
+
+
+def test_several_requests_in_one_packet_are_all_answered(line):
+    line.socket.sendall(b'{"do": "status"}\n{"do": "fly"}\n{"do": "sta')
+    assert line.read()["ok"]
+    assert not line.read()["ok"]
+    line.socket.sendall(b'tus"}\n')
+    assert line.read()["ok"]
+
+
+def test_an_endless_line_is_refused_and_the_connection_closed(cabinet):
+    line = Line(cabinet.control_address)
+    line.socket.sendall(b"x" * (MAX_LINE + 10000))
+    assert "more than" in line.read()["error"]
+    assert line.socket.recv(10) == b""
+    line.close()
+    again = Line(cabinet.control_address)
+    assert again.ask(do="status")["ok"]
+    again.close()
+
+
+def test_connections_that_vanish_leave_the_others_served(cabinet, line, rng):
+    for _ in range(30):
+        other = socket.create_connection(cabinet.control_address)
+        other.sendall(rng.bytes(50) + b"\n" + b'{"do": "status"}\n')
+        other.close()
+    assert line.ask(do="status")["ok"]
+
+
+def test_too_many_connections_are_closed(cabinet):
+    lines = [Line(cabinet.control_address) for _ in range(MAX_CONNECTIONS)]
+    assert all(line.ask(do="status")["ok"] for line in lines)
+    extra = Line(cabinet.control_address)
+    assert extra.file.readline() == b""
+    for line in (*lines, extra):
+        line.close()
+
+
+def test_a_control_port_in_use_is_said(make, cabinet):
+    taken = cabinet.control_address
+    with pytest.raises(ConfigError, match=f"control port {taken} cannot be opened"):
+        make(control=Endpoint(*taken))
+
+
+def test_a_udp_port_in_use_is_said(make, cabinet):
+    taken = cabinet.address
+    with pytest.raises(ConfigError, match="the port is in use"):
+        make(bind=Endpoint(*taken))
+
+
+def test_a_cabinet_that_does_not_run_answers_so(make, monkeypatch):
+    monkeypatch.setattr("dovetail.cabinet.cabinet._REQUEST_TIME", 0.05)
+    cabinet = make(LightPlant())
+    assert cabinet.request({"do": "status"})["error"] == "the cabinet does not run"
+
+
+def test_no_control_port_is_needed(make):
+    assert make(control=None).control_address is None
