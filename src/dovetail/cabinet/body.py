@@ -84,7 +84,9 @@ class Body:
             ConfigError: The hole is out of reach, or the arm moves and this plant can
                 move its hole only at rest.
         """
-        mover = getattr(self.plant, "move_hole", None)
+        # A twin has its engine's plant inside.
+        engine = getattr(self.plant, "plant", self.plant)
+        mover = getattr(engine, "move_hole", None)
         if mover is not None:
             mover(hole)
         elif self.is_braked:

@@ -132,6 +132,16 @@ class MujocoPlant:
         self._loop.reset()
         self._is_ready = True
 
+    def move_hole(self, hole: Pose) -> None:
+        """Move the hole to a pose at once, the arm's motion untouched.
+
+        Raises:
+            ConfigError: The hole is out of reach.
+        """
+        self.scene.require_reachable(self.robot, hole)
+        self.data.mocap_pos[0] = hole.position
+        self.data.mocap_quat[0] = hole.quat_wxyz
+
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and velocity [rad/s]."""
         return self._loop.read()
