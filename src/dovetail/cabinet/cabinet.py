@@ -22,6 +22,7 @@ from dovetail.cabinet.requests import RequestDesk
 from dovetail.cabinet.robot_controller import RobotController
 from dovetail.cabinet.udp_port import UdpPort
 from dovetail.cabinet.wire import Command, Wire
+from dovetail.cabinet.wrong_values import with_joint_values
 from dovetail.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -175,6 +176,10 @@ class Cabinet:
         if isinstance(exchange, LockstepExchange):
             exchange.is_patient = controller.state >= SessionState.MONITORING_READY
         payload = self._wire.encode(self._stamp())
+        if self._faults.values != 7:
+            payload = with_joint_values(
+                payload, self._faults.values, is_framed=self.config.version == "2.7"
+            )
         is_due = controller.is_slot_end
         exchange.transact(payload, controller.sequence, is_due=is_due)
         if self._is_closing:
@@ -313,6 +318,7 @@ class Cabinet:
         status["clock"] = self.config.clock
         status["faults"] = self._faults.describe()
         status["last_error"] = self.last_error
+        status["log_failure"] = self.log.failure
         return status
 
     last_error = ""

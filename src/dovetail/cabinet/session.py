@@ -127,7 +127,8 @@ class Application:
             self._delay -= 1
         is_ready = state is SessionState.MONITORING_READY
         self._ready = self._ready + 1 if is_ready else 0
-        if self._delay == 0 and not self.is_paused and self._ready > self._ready_slots:
+        is_ready = is_ready and self._ready >= self._ready_slots
+        if is_ready and self._delay == 0 and not self.is_paused:
             self.has_motion = True
             self.motions += 1
             self.stop_reason = ""

@@ -106,6 +106,7 @@ class Cabinet:
             if server is not None:
                 server.close()
             plant.close()
+            gc.unfreeze()
         return 0
 
     def settings(self) -> CabinetConfig:
@@ -203,7 +204,8 @@ def describe_status(status: dict[str, Any]) -> str:
     for name in ("undecodable", "foreign", "late", "overruns"):
         if counts.get(name):
             line += f"  {name} {counts[name]}"
-    why = status["stop_reason"] or status["waits_for"] or status["last_error"]
+    reasons = ("stop_reason", "waits_for", "last_error", "log_failure")
+    why = next((status[name] for name in reasons if status.get(name)), "")
     return f"{line}  {why}" if why else line
 
 
