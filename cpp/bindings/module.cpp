@@ -5,6 +5,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 
+#include "bind_cycle_log.hpp"
 #include "bind_fri.hpp"
 #include "bind_limits.hpp"
 #include "bind_mujoco.hpp"
@@ -312,6 +313,7 @@ NB_MODULE(_core, m) {
   bind_limits(m);
   bind_controller(m);
   bind_rigid_plant(m);
+  bind_cycle_log(m);
   bind_mujoco(m);
   bind_replay(m);
   bind_fri(m);

@@ -117,6 +117,14 @@ struct Motion {
 
 }  // namespace
 
+Vec7 Chain::gravity_of(const Frames& frames) const noexcept {
+  const auto& [X, Y, Z, p] = frames;
+  Lanes3 moment = (p + to_world(X, Y, Z, com_)) * mass_;
+  sum_inward(moment);
+  const Lanes g = -dot(Z, cross(moment - p * mass_beyond_, params_.gravity));
+  return g.head<7>();
+}
+
 void Chain::evaluate(const Vec7& q, const Vec7& dq, ChainTerms& terms) const noexcept {
   Frames frames;
   place(q, frames);
@@ -169,18 +177,20 @@ void Chain::tool_motion(const Vec7& q, const Vec7& dq,
                         ToolMotion& motion) const noexcept {
   Frames frames;
   place(q, frames);
-  const auto& [X, Y, Z, p] = frames;
   motion.p = tool_of(frames, motion.R);
   motion.twist.setZero();
   for (int i = 0; i < kNumJoints; ++i) {
-    const Vec3 spin = Z.get(i) * dq[i];
-    motion.twist.head<3>() += spin.cross(motion.p - p.get(i));
+    const Vec3 spin = frames.Z.get(i) * dq[i];
+    motion.twist.head<3>() += spin.cross(motion.p - frames.p.get(i));
     motion.twist.tail<3>() += spin;
   }
-  Lanes3 moment = (p + to_world(X, Y, Z, com_)) * mass_;
-  sum_inward(moment);
-  const Lanes g = -dot(Z, cross(moment - p * mass_beyond_, params_.gravity));
-  motion.g = g.head<7>();
+  motion.g = gravity_of(frames);
+}
+
+Vec7 Chain::gravity(const Vec7& q) const noexcept {
+  Frames frames;
+  place(q, frames);
+  return gravity_of(frames);
 }
 
 void Chain::pose(const Vec7& q, Vec3& p, Mat3& R) const noexcept {

@@ -259,6 +259,7 @@ StepResult Controller::step(const Vec7& q, const Vec7& dq,
                             const Target& target) noexcept {
   if (!is_within(q, kLargestAngle) || !is_within(dq, kLargestSpeed) ||
       !is_usable(target)) {
+    chain_.tool_motion(q, dq, tool_);  // for the log; braking does not look at it
     return brake();
   }
   update_disturbance(dq);

@@ -3,7 +3,6 @@
 #include <dlfcn.h>
 #include <mujoco/mujoco.h>
 
-#include <Eigen/Geometry>
 #include <cmath>
 #include <stdexcept>
 
@@ -49,12 +48,6 @@ struct RowWriter {
   void put_number(double x) noexcept { *next++ = x; }
 };
 
-Vec4 quat_wxyz(const Mat3& R) noexcept {
-  const Eigen::Quaterniond q(R);
-  const double sign = q.w() < 0.0 ? -1.0 : 1.0;
-  return sign * Vec4(q.w(), q.x(), q.y(), q.z());
-}
-
 }  // namespace
 
 MujocoLoop::MujocoLoop(const std::string& library, std::uintptr_t model,
@@ -74,6 +67,8 @@ MujocoLoop::MujocoLoop(const std::string& library, std::uintptr_t model,
                                 " velocities, the loop drives 7 hinges");
   }
   tool_body_ = model_->jnt_bodyid[kNumJoints - 1];
+  // MuJoCo times its stages for mjData.timer, which nobody reads here: an eighth of it.
+  *find_function<mjfTime*>(handle, library, "mjcb_time") = nullptr;
   reset();
 }
 
@@ -123,14 +118,12 @@ void MujocoLoop::apply(const Vec7& tau, int steps) {
   const Vec7 sent = channel_.send(tau);
   const double h = model_->opt.timestep;
   Eigen::Map<Vec7> applied(data_->qfrc_applied);
-  ToolMotion motion;
   peak_.setZero();
   double largest = 0.0;
   for (int i = 0; i < steps; ++i) {
     applied = channel_.receive(sent, h);
     if (compensate_gravity_) {
-      nominal_.tool_motion(Eigen::Map<const Vec7>(data_->qpos), Vec7::Zero(), motion);
-      applied += motion.g;
+      applied += nominal_.gravity(Eigen::Map<const Vec7>(data_->qpos));
     }
     step_(model_, data_);
     sum_contact_force();
@@ -146,10 +139,9 @@ void MujocoLoop::apply(const Vec7& tau, int steps) {
 
 void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
                      int steps, double* log) {
-  ToolMotion motion;
   for (int i = 0; i < cycles; ++i) {
     const StepResult result = controller.step(q_, dq_, target);
-    controller.chain().tool_motion(q_, dq_, motion);
+    const ToolMotion& motion = controller.tool();
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
     row.put_number(data_->time);
     row.put(q_);

@@ -40,6 +40,9 @@ class Chain {
   /// the cost of `evaluate`.
   void tool_motion(const Vec7& q, const Vec7& dq, ToolMotion& motion) const noexcept;
 
+  /// Gravity torque only [Nm].
+  Vec7 gravity(const Vec7& q) const noexcept;
+
   /// Forward kinematics: TCP position [m] and axes in world.
   void pose(const Vec7& q, Vec3& p, Mat3& R) const noexcept;
 
@@ -48,6 +51,7 @@ class Chain {
  private:
   struct Frames;
   void place(const Vec7& q, Frames& frames) const noexcept;
+  Vec7 gravity_of(const Frames& frames) const noexcept;
   static Vec3 tool_of(const Frames& frames, Mat3& R) noexcept;
 
   ChainParams params_;

@@ -45,6 +45,8 @@ class Controller {
   const Mat7& inertia() const noexcept { return terms_.M; }
   const Mat7& inverse_inertia() const noexcept { return Minv_; }
   const Vec7& bias() const noexcept { return h_; }
+  /// Tool at the last step's measurement, by the model.
+  const ToolMotion& tool() const noexcept { return tool_; }
   const Chain& chain() const noexcept { return chain_; }
   const LimitParams& limits() const noexcept { return limits_; }
   double period() const noexcept { return period_; }

@@ -14,17 +14,17 @@
 #include "dovetail/chain.hpp"
 #include "dovetail/channel.hpp"
 #include "dovetail/controller.hpp"
+#include "dovetail/cycle_log.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
-
-/// Numbers per control cycle: CYCLE_COLUMNS of plants/plant.py.
-constexpr int kCycleColumns = 42;
 
 class MujocoLoop {
  public:
   /// \param library  path of libmujoco, as the Python package loaded it
   /// \param model, data  addresses of its mjModel and mjData, which must outlive this
+  /// Switches off the clock that MuJoCo reads some thirty times a step for its own
+  /// statistics (mjcb_time), in the whole process.
   /// \param nominal  chain whose gravity torque is added to every command
   /// Throws std::runtime_error: library missing or of another version;
   /// std::invalid_argument: the model is not a seven-joint arm.
