@@ -1,24 +1,17 @@
 """Controller and plant in this process."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from dovetail import _core
 from dovetail.arms.arm import ArmState
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, Plant
-from dovetail.poses import Pose, quat_from_matrix
+from dovetail.plants.plant import CYCLE_COLUMNS, Plant
+from dovetail.poses import Pose
 from dovetail.robot import Robot
 from dovetail.types import Array, Vec7
-
-if TYPE_CHECKING:
-    from dovetail import _core
-
-_FORCE = slice(COLUMN["fx"], COLUMN["fz"] + 1)
-_FLAGS = COLUMN["flags"]
 
 
 class LocalArm:
@@ -61,7 +54,7 @@ class LocalArm:
         self._stamp = 0.0
         return self._state(q_m, dq_m, np.empty((0, len(CYCLE_COLUMNS))))
 
-    def step(self, target: "_core.Target", duration: float = 0.05) -> ArmState:
+    def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
         """Follow the target for a duration [s], a whole number of periods.
 
         Raises:
@@ -79,25 +72,12 @@ class LocalArm:
         return self._state(q, dq, log)
 
     def _state(self, q: Vec7, dq: Vec7, log: Array) -> ArmState:
-        position, rotation = self._chain.pose(q)
-        velocity = self._chain.jacobian(q) @ dq
-        forces = log[:, _FORCE]
-        if len(log):
-            force = forces[np.argmax(np.einsum("ij,ij->i", forces, forces))]
-            flags = int(np.bitwise_or.reduce(log[:, _FLAGS].astype(np.int64)))
-        else:
-            force, flags = np.zeros(3), 0
-        return ArmState(
-            self._stamp,
-            q,
-            dq,
-            position,
-            quat_from_matrix(rotation),
-            velocity,
-            force,
-            flags,
-            log,
-        )
+        seen = _core.summarize(self._chain, q, dq, log)  # position to flags
+        return ArmState(self._stamp, q, dq, *seen, log)
+
+    def seed(self, seed: int) -> None:
+        """Start the plant's noise again."""
+        self.plant.seed(seed)
 
     def close(self) -> None:
         """Close the plant."""

@@ -45,30 +45,34 @@ class ObservationScaling:
 
     def __init__(self, q_min: Vec7, q_max: Vec7, mouth_offset: Vec3) -> None:
         """Take the joint limits [rad] and the mouth minus the target [m], world."""
-        self._mouth_offset = np.asarray(mouth_offset, dtype=float)
-        self._q_mid = (q_max + q_min) / 2.0
-        self._q_half = (q_max - q_min) / 2.0
-        self._scale = np.array(
-            [POSITION_SCALE] * 3 + [THETA_SCALE] + [VELOCITY_SCALE] * 3
+        self._zero = np.array([*(q_max + q_min) / 2.0, *mouth_offset, *[0.0] * 4])
+        self._unit = np.array(
+            [
+                *(q_max - q_min) / 2.0,
+                *[POSITION_SCALE] * 3,
+                THETA_SCALE,
+                *[VELOCITY_SCALE] * 3,
+            ]
         )
+        self._high = OBSERVATION_HIGH.astype(float)
+        self._low = -self._high
 
     def scale(self, raw: Array) -> NDArray[np.float32]:
         """Scale an unscaled observation, shape (14,)."""
-        out = np.empty(NUM_OBSERVATIONS, dtype=np.float32)
-        out[:7] = (raw[:7] - self._q_mid) / self._q_half
-        tail = raw[7:].copy()
-        tail[:3] -= self._mouth_offset
-        out[7:] = np.copysign(np.log1p(np.abs(tail) / self._scale), tail)
-        np.maximum(out, -OBSERVATION_HIGH, out=out)
-        return np.minimum(out, OBSERVATION_HIGH, out=out)
+        out = (raw - self._zero) / self._unit
+        tail = out[7:]
+        np.copysign(np.log1p(np.abs(tail)), tail, out=tail)
+        np.maximum(out, self._low, out=out)
+        np.minimum(out, self._high, out=out)
+        return out.astype(np.float32)
 
     def describe(self) -> dict[str, object]:
         """Return the scaling as plain data, for a policy's JSON."""
         return {
-            "joint_middle": self._q_mid.tolist(),
-            "joint_half_range": self._q_half.tolist(),
-            "symmetric_log": self._scale.tolist(),
-            "mouth_offset": self._mouth_offset.tolist(),
+            "joint_middle": self._zero[:7].tolist(),
+            "joint_half_range": self._unit[:7].tolist(),
+            "symmetric_log": self._unit[7:].tolist(),
+            "mouth_offset": self._zero[7:10].tolist(),
         }
 
 

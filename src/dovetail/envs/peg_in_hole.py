@@ -39,8 +39,6 @@ from dovetail.types import Array, Vec3, Vec4, Vec7
 POLICY_PERIOD = 0.05
 """Time between two actions [s]."""
 
-_ONE = np.float32(1.0)
-
 
 class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """Push a peg into a hole whose pose is known, under a torque-controlled arm.
@@ -282,8 +280,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         else:
             q = self.arm.robot.inverse_kinematics(self.draw_start(hole), self.q_seed)
         self.hole = hole
-        if seed is not None and hasattr(self.arm, "plant"):
-            self.arm.plant.seed(seed)  # type: ignore[attr-defined]
+        if seed is not None and hasattr(self.arm, "seed"):
+            self.arm.seed(seed)  # type: ignore[attr-defined]
         self.tracker.reset(hole)
         self.state = self.arm.reset(q, hole)
         self._steps = 0
@@ -295,20 +293,23 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Follow an action for 50 ms."""
         action = np.asarray(action, dtype=np.float32)
-        if action.shape != self.action_space.shape or not np.isfinite(action).all():
+        values = action.tolist()
+        # In double precision a sum of float32 is finite where each of them is.
+        if action.shape != self.action_space.shape or not math.isfinite(sum(values)):
             raise ConfigError(
-                f"the action is {action.tolist()}; it must be "
+                f"the action is {values}; it must be "
                 f"{len(self.commands)} finite numbers, one for each of "
                 f"{' '.join(self.commands.axes)}"
             )
-        action = np.maximum(np.minimum(action, _ONE), -_ONE)
+        if max(values) > 1.0 or min(values) < -1.0:
+            action = action.clip(-1.0, 1.0)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
         info = self._info(raw)
         reward = insertion_reward(
-            raw[7:10],
+            info["position_error"],
             info["theta_error"],
             info["success"],
             self.reward_config,
@@ -354,7 +355,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return observe(self.state, self._goal, self._goal_quat)
 
     def _info(self, raw: Array) -> dict[str, Any]:
-        x, y, z = raw[7:10].tolist()
+        error = raw[7:10]
+        x, y, z = error.tolist()
         nx, ny, nz = self._axis.tolist()
         height = x * nx + y * ny + z * nz
         depth = self.scene.hole_depth - height
@@ -364,7 +366,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "success": depth >= self.scene.success_depth
             and lateral <= self._lateral_max,
             "depth": depth,
-            "position_error": raw[7:10],
+            "position_error": error,
             "theta_error": float(raw[10]),
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
             "limit_violations": self._violations.count(self.state.log),

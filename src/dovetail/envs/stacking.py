@@ -46,11 +46,12 @@ class History:
         self, action: NDArray[np.float32], observation: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         """Remember the action just taken; return the new stacked observation."""
+        if not self.size:
+            return observation
         stacked, count, pair = self._stacked, self._num_observations, self._pair
-        if self.size:
-            past = stacked[count : len(stacked) - pair].copy()
-            stacked[count + pair :] = past
-            stacked[count : 2 * count] = stacked[:count]
-            stacked[2 * count : count + pair] = action
+        past = stacked[count : len(stacked) - pair].copy()
+        stacked[count + pair :] = past
+        stacked[count : 2 * count] = stacked[:count]
+        stacked[2 * count : count + pair] = action
         stacked[:count] = observation
         return stacked.copy()

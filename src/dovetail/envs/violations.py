@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dovetail import _core
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.robot import Robot
 from dovetail.types import Array
@@ -34,7 +35,4 @@ class ViolationCounter:
 
     def count(self, log: Array) -> int:
         """Return how many rows of a cycle log lie outside a limit."""
-        outside = (log < self._low) | (log > self._high)
-        if not outside.any():
-            return 0
-        return int(np.count_nonzero(outside.any(axis=1)))
+        return _core.count_outside(log, self._low, self._high)
