@@ -9,10 +9,11 @@ for control at 5 ms and at 1 ms,
 * environment steps per second of `dovetail/PegInHole-v0` (50 ms simulated per step),
   resets included;
 * with ``--robosuite PYTHON``, an interpreter that has robosuite, the steps per second
-  of its Lift task with its operational-space controller at 20 Hz (50 ms per step, 2 ms
-  physics, its default), no camera, and the ratio. robosuite 1.5.2 ran with mujoco
-  3.3.0; with 3.17.0 and later it fails to build its model. Another robot and another
-  task: the ratio says what a step costs a user, not whose physics is faster.
+  of its Lift task with its IIWA, the same arm, and its Panda, each with its default
+  operational-space controller at 20 Hz (50 ms per step, 2 ms physics, its default), no
+  camera, and the ratios. robosuite 1.5.2 ran with mujoco 3.3.0; with 3.17.0 and later
+  it fails to build its model. Another task: the ratio says what a step costs a user,
+  not whose physics is faster.
 """
 
 import argparse
@@ -41,9 +42,11 @@ HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 STEP = 0.05
 TAU = slice(COLUMN["tau1"], COLUMN["tau7"] + 1)
 
+PEERS = ("IIWA", "Panda")
+
 ROBOSUITE = """
-import time, numpy as np, robosuite
-env = robosuite.make('Lift', robots='Panda', has_renderer=False,
+import sys, time, numpy as np, robosuite
+env = robosuite.make('Lift', robots=sys.argv[1], has_renderer=False,
     has_offscreen_renderer=False, use_camera_obs=False, control_freq=20,
     horizon=200, hard_reset=False)
 low, high = env.action_spec
@@ -176,17 +179,17 @@ def main() -> None:
     for period in (0.005, 0.001):
         measure_loop(period, options.steps)
     rates = {period: measure_env(period, options.steps) for period in (0.005, 0.001)}
-    if options.robosuite:
+    for robot in PEERS if options.robosuite else ():
         done = subprocess.run(
-            [options.robosuite, "-c", ROBOSUITE],
+            [options.robosuite, "-c", ROBOSUITE, robot],
             check=True,
             capture_output=True,
             text=True,
         )
         peer = float(done.stdout.split()[-1])
-        print(f"robosuite Lift with its operational-space control: {peer:.0f} steps/s")
+        print(f"robosuite Lift with {robot} and its controller: {peer:.0f} steps/s")
         for period, rate in rates.items():
-            print(f"period {period * 1e3:.0f} ms: {rate / peer:.1f} times robosuite")
+            print(f"period {period * 1e3:.0f} ms: {rate / peer:.1f} times that")
 
 
 if __name__ == "__main__":
