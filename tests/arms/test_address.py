@@ -140,7 +140,7 @@ def test_an_endpoint_is_host_and_port(text):
 
 def test_an_address_in_this_process_gives_the_arm_that_the_settings_give():
     states = []
-    for settings in ({"address": "twin:easy"}, {"address": None, "twin": "easy"}):
+    for settings in ({"arm": "twin:easy"}, {"arm": None, "twin": "easy"}):
         arm = build_arm(scene=SceneConfig(), task=TASK, **settings)
         assert isinstance(arm, LocalArm)
         states.append(arm.plant.dynamics)

@@ -36,7 +36,7 @@ NEAR_SPEED = 0.02
 
 
 def build_arm(
-    address: str | ArmAddress | None,
+    arm: Arm | ArmAddress | str | None,
     scene: SceneConfig,
     task: TaskSpec,
     *,
@@ -53,7 +53,8 @@ def build_arm(
     """Build the arm that an address names.
 
     Args:
-        address: See `arms.address`; None is the plant or twin of the next arguments.
+        arm: An address, see `arms.address`; None is the plant or twin of the next
+            arguments; an arm that is built already is returned.
         scene: Geometry of the task.
         task: Mode of each axis.
         plant: Engine's name; an address, or a twin, names its own.
@@ -71,8 +72,7 @@ def build_arm(
         ConfigError: An unknown address or name, or a setting out of range.
         MissingDependencyError: What the address needs is not installed.
     """
-    if isinstance(address, str):
-        address = parse_address(address)
+    address = parse_address(arm) if isinstance(arm, str) else arm
     build = partial(
         build_local_arm,
         scene,
@@ -98,14 +98,17 @@ def build_arm(
             engine=engine,
             dynamics=dynamics,
         )
+    if not isinstance(address, (FriAddress, GrpcAddress)):
+        return address
     if dynamics is not None:
         raise ConfigError(
             "dynamics can be given to a plant of this process only; the arm behind "
             "the address has its own"
         )
-    if isinstance(address, FriAddress) and address.period is not None:
-        period = address.period
-    is_hardware = isinstance(address, FriAddress) and address.margins == "hardware"
+    is_hardware = False
+    if isinstance(address, FriAddress):
+        period = address.period or period
+        is_hardware = address.margins == "hardware"
     osc, limits = make_settings(
         scene, period, force_damping, near_speed, walls, scheme, is_hardware=is_hardware
     )

@@ -170,22 +170,20 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.render_mode = render_mode
         self.scene = SceneConfig(peg=peg, clearance=clearance)  # type: ignore[arg-type]
         self.task = TaskSpec.parse(task)
-        if arm is None or isinstance(arm, str):
-            arm = build_arm(
-                arm,
-                self.scene,
-                self.task,
-                plant=plant,
-                twin=twin,
-                period=period,
-                force_damping=force_damping,
-                near_speed=near_speed,
-                walls=self.walls(),
-                scheme=scheme,
-                engine=engine,
-                dynamics=dynamics,
-            )
-        self.arm: Arm = arm
+        self.arm = build_arm(
+            arm,
+            self.scene,
+            self.task,
+            plant=plant,
+            twin=twin,
+            period=period,
+            force_damping=force_damping,
+            near_speed=near_speed,
+            walls=self.walls(),
+            scheme=scheme,
+            engine=engine,
+            dynamics=dynamics,
+        )
         self.max_steps = max_steps
         self.randomisation = randomisation or RandomisationConfig()
         self.reward_config = reward or RewardConfig()
