@@ -1,9 +1,11 @@
 """One evaluation from its settings to the written report."""
 
+import math
 import os
 import platform
 import shlex
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -23,13 +25,24 @@ from rich.progress import (
 )
 from rich.table import Table
 
+from dovetail.arms.address import (
+    SCHEMES,
+    ArmAddress,
+    FriAddress,
+    GrpcAddress,
+    PlantAddress,
+    TwinAddress,
+    is_simulated_here,
+    parse_address,
+    places_hole,
+)
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.files import claim_output_folder, write_atomic
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
-from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
+from dovetail.evaluate.trials import HOLE_POSES, HolePose, plan_trials, run_trials
 from dovetail.learn.export import commit, versions
 from dovetail.learn.policy import Policy, policy_files
 from dovetail.plants.plant import PLANTS
@@ -47,15 +60,20 @@ class EvaluationConfig:
     policy: str
     """Policy: a file (.safetensors or .json) or the name of a shipped one."""
     plant: str | None = None
-    """Engine of an ideal plant, mujoco or bullet; or give a twin."""
+    """Engine of an ideal plant, mujoco or bullet; or give a twin, or an arm."""
     twin: str | None = None
     """Twin to try on: the name of a shipped one, or a .toml file."""
+    arm: str | None = None
+    """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    hole: tuple[float, float, float, float] | None = None
+    """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
+    three poses, which an arm must be able to put the hole at."""
     peg: str | None = None
     """Shape of peg and hole: square, triangle or round; default the policy's."""
     clearance: float | None = None
     """Gap between peg and hole on each side [m]; default the policy's."""
     tries: int = 20
-    """Tries at each of the three hole poses."""
+    """Tries at each hole pose."""
     seed: int = 0
     """Seed of starts and noise, 0 or more."""
     workers: int = 1
@@ -108,28 +126,64 @@ def environment_options(
     Raises:
         ConfigError: Neither or both of plant and twin, or an unknown one.
     """
-    if (config.plant is None) == (config.twin is None):
+    places = ("plant", "twin", "arm")
+    if sum(getattr(config, name) is not None for name in places) != 1:
         raise ConfigError(
-            "give either a plant or a twin to try the policy on; known plants: "
-            f"{', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}"
+            "give either a plant or a twin or an arm to try the policy on; known "
+            f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
+            f"arms: {', '.join(SCHEMES)}"
         )
     options = dict(policy["env"])
-    for name in ("plant", "twin", "peg", "clearance"):
+    for name in (*places, "peg", "clearance"):
         if (value := getattr(config, name)) is not None:
             options[name] = value
-    if config.twin is not None:
+    if config.plant is None:
         options.pop("plant", None)
+    if config.twin is not None:
         if Path(config.twin).suffix == ".toml":
             options["twin"] = str(Path(config.twin).expanduser().absolute())
         load_twin(options["twin"])
+    if config.arm is not None:
+        _require_usable(config, parse_address(config.arm))
     return options
+
+
+def _require_usable(config: EvaluationConfig, arm: ArmAddress) -> None:
+    """Refuse what an arm outside this process cannot do."""
+    if not is_simulated_here(arm) and config.workers > 1:
+        raise ConfigError(
+            f"workers is {config.workers}, but there is one arm at {config.arm}; "
+            "needs 1"
+        )
+    if not places_hole(arm) and config.hole is None:
+        raise ConfigError(
+            f"the arm at {config.arm} cannot move the hole: say where it is with "
+            "--hole X Y Z YAW [m, rad], or add control=HOST:PORT for a simulated "
+            "cabinet"
+        )
+
+
+def hole_poses(config: EvaluationConfig) -> tuple[HolePose, ...]:
+    """Return where the hole is for the tries."""
+    if config.hole is None:
+        return HOLE_POSES
+    return (HolePose.given(config.hole),)
 
 
 def name_ground(config: EvaluationConfig) -> str:
     """Return where a result was found: a twin is called a twin, never a robot."""
-    if config.twin is None:
-        return f"simulation ({config.plant})"
-    return f"twin {Path(config.twin).stem} ({load_twin(config.twin).engine})"
+    twin, plant = config.twin, config.plant
+    if config.arm is not None:
+        arm = parse_address(config.arm)
+        if isinstance(arm, FriAddress) and arm.control is not None:
+            return f"simulated cabinet ({config.arm})"
+        if isinstance(arm, (FriAddress, GrpcAddress)):
+            return f"the arm at {config.arm.partition('?')[0]}"
+        twin = arm.twin if isinstance(arm, TwinAddress) else None
+        plant = arm.engine if isinstance(arm, PlantAddress) else None
+    if twin is None:
+        return f"simulation ({plant})"
+    return f"twin {Path(twin).stem} ({load_twin(twin).engine})"
 
 
 def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
@@ -144,22 +198,32 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     """
     if config.workers < 1:
         raise ConfigError(f"workers is {config.workers}; needs at least 1")
-    jobs = plan_trials(len(HOLE_POSES), config.tries, config.seed)
+    poses = hole_poses(config)
+    jobs = plan_trials(len(poses), config.tries, config.seed)
     file = find_policy(config.policy)
     policy = Policy.load(file)
     options = environment_options(config, policy.metadata)
     make_env = partial(
         gym.make, policy.metadata["env_id"], disable_env_checker=True, **options
     )
-    scene = _inspect(make_env, policy)
-    folder = claim_output_folder(config.out)
-    logs = folder / "logs"
-    logs.mkdir()
-
-    started = datetime.now(UTC)
-    load = partial(Policy.load, file)
-    outcomes = _run(config, jobs, make_env, load, logs, console)
-    rows = summarise(outcomes, [pose.name for pose in HOLE_POSES])
+    with closing(_inspect(make_env, policy, poses[0], jobs[0].seed)) as env:
+        scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
+        folder = claim_output_folder(config.out)
+        logs = folder / "logs"
+        logs.mkdir()
+        started = datetime.now(UTC)
+        # One process tries on the environment that is there: it may hold the only arm.
+        make = make_env if config.workers > 1 else lambda: env
+        trials = run_trials(
+            make,
+            partial(Policy.load, file),
+            jobs,
+            poses=poses,
+            logs=logs,
+            workers=config.workers,
+        )
+        outcomes = _show(trials, len(jobs), console)
+    rows = summarise(outcomes, [pose.name for pose in poses])
     ground = name_ground(config)
     report = Report(
         title=f"{file.stem}, {scene.peg} peg, "
@@ -178,34 +242,32 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     return Evaluation(rows, outcomes, report, folder, [*files, logs])
 
 
-def _inspect(make_env: Callable[[], gym.Env], policy: Policy) -> SceneConfig:
-    """Return the environment's scene; says what is wrong before any process starts."""
+def _inspect(
+    make_env: Callable[[], gym.Env], policy: Policy, pose: HolePose, seed: int
+) -> gym.Env:
+    """Return an environment; says what is wrong before anything is written."""
     try:
         env = make_env()
     except (TypeError, gym.error.Error) as error:
         raise PolicyError(
             f"the policy's JSON file does not describe a known environment: {error}"
         ) from error
-    observation, _ = env.reset(seed=0, options={"hole": HOLE_POSES[0].pose()})
-    action = policy(observation)
-    scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
-    env.close()
-    if action.shape != env.action_space.shape:
-        raise PolicyError(
-            f"the policy gives actions of shape {action.shape}, its environment takes "
-            f"{env.action_space.shape}: it was trained for another task"
-        )
-    return scene
+    try:
+        observation, _ = env.reset(seed=seed, options={"hole": pose.pose()})
+        action = policy(observation)
+        if action.shape != env.action_space.shape:
+            raise PolicyError(
+                f"the policy gives actions of shape {action.shape}, its environment "
+                f"takes {env.action_space.shape}: it was trained for another task"
+            )
+    except BaseException:
+        env.close()
+        raise
+    return env
 
 
-def _run(
-    config: EvaluationConfig,
-    jobs: list[Job],
-    make_env: Any,
-    load_policy: Any,
-    logs: Path,
-    console: Console,
-) -> list[Outcome]:
+def _show(trials: Iterator[Outcome], count: int, console: Console) -> list[Outcome]:
+    """Run the tries under a progress bar."""
     outcomes: list[Outcome] = []
     with Progress(
         TextColumn("{task.description}"),
@@ -216,10 +278,8 @@ def _run(
         TimeRemainingColumn(),
         console=console,
     ) as progress:
-        bar = progress.add_task("tries", total=len(jobs), inserted=0)
-        for outcome in run_trials(
-            make_env, load_policy, jobs, logs=logs, workers=config.workers
-        ):
+        bar = progress.add_task("tries", total=count, inserted=0)
+        for outcome in trials:
             outcomes.append(outcome)
             progress.update(bar, advance=1, inserted=sum(o.success for o in outcomes))
     return outcomes
@@ -249,11 +309,13 @@ def write_report(report: Report, folder: Path, scene: SceneConfig) -> list[Path]
     """
     labels = [row.label for row in report.rows[:-1]]
     paths = draw_paths(report.outcomes, labels, scene=scene, title=report.title)
-    forces = draw_forces(report.outcomes)
-    captions = {"Paths of the peg's tip": paths, "Contact force": forces}
+    captions = {"Paths of the peg's tip": paths}
+    files = [write_atomic(folder / "paths.png", paths)]
+    if not math.isnan(report.rows[-1].force_peak):
+        forces = captions["Contact force"] = draw_forces(report.outcomes)
+        files.append(write_atomic(folder / "forces.png", forces))
     return [
-        write_atomic(folder / "paths.png", paths),
-        write_atomic(folder / "forces.png", forces),
+        *files,
         write_atomic(folder / "report.json", report.to_json()),
         write_atomic(folder / "report.html", report.to_html(captions)),
     ]
@@ -264,7 +326,7 @@ def _settings(config: EvaluationConfig, options: Mapping[str, Any]) -> dict[str,
     settings["environment"] = dict(options)
     settings["hole poses (x y z [m], theta [rad])"] = {
         pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}"
-        for pose in HOLE_POSES
+        for pose in hole_poses(config)
     }
     if config.twin is not None:
         settings["twin file"] = asdict(load_twin(config.twin))
@@ -274,9 +336,10 @@ def _settings(config: EvaluationConfig, options: Mapping[str, Any]) -> dict[str,
 def command_line(config: EvaluationConfig) -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
-    for name in ("plant", "twin", "peg", "clearance", "tries", "seed"):
+    for name in ("plant", "twin", "arm", "hole", "peg", "clearance", "tries", "seed"):
         if (value := getattr(config, name)) is not None:
-            words += [f"--{name}", str(value)]
+            values = value if isinstance(value, tuple) else [value]
+            words += [f"--{name}", *map(str, values)]
     return shlex.join([*words, "--out", "results-again"])
 
 

@@ -22,7 +22,8 @@ class Outcome:
     depth: float
     """Insertion depth at the end [m]."""
     force_mean: float
-    """Mean contact force over the cycles in contact [N]; 0 without contact."""
+    """Mean contact force over the cycles in contact [N]; 0 without contact, nan where
+    the arm does not measure it, as the next two."""
     force_peak: float
     """Largest contact force in any control cycle [N]."""
     force_step: float

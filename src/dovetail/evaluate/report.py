@@ -88,7 +88,7 @@ class Report:
             "the control cycles in contact; peak: the largest of a try, its 95th "
             "percentile over the tries; 50 ms: the same for the largest mean over a "
             "policy step. Limits broken: control cycles in which a measured value lay "
-            "outside its limit.</p>",
+            "outside its limit. A dash: this arm does not measure contact force.</p>",
             *(_figure(caption, png) for caption, png in figures.items()),
             "<h2>Make it again</h2>",
             f"<pre>{_text(self.command)}</pre>",

@@ -9,6 +9,7 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.evaluate.outcome import Outcome
+from dovetail.types import Array
 
 
 class Interval(NamedTuple):
@@ -68,7 +69,8 @@ class Row:
     steps_max: float
     """Most policy steps to insert, successful tries only; nan without one."""
     force_mean: float
-    """Mean contact force over the cycles in contact of all tries [N]."""
+    """Mean contact force over the cycles in contact of all tries [N]; nan where the
+    arm does not measure it, as the next three."""
     force_peak_p95: float
     """95th percentile over the tries of the peak contact force [N]."""
     force_peak: float
@@ -103,7 +105,6 @@ def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
     peaks = np.array([o.force_peak for o in outcomes])
     in_contact = np.array([o.contact_cycles for o in outcomes])
     means = np.array([o.force_mean for o in outcomes])
-    total = in_contact.sum()
     successes = sum(o.success for o in outcomes)
     return Row(
         label=label,
@@ -112,12 +113,20 @@ def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
         interval=wilson_interval(successes, len(outcomes)),
         steps_median=float(np.median(steps)) if steps.size else math.nan,
         steps_max=float(steps.max()) if steps.size else math.nan,
-        force_mean=float((means * in_contact).sum() / total) if total else 0.0,
+        force_mean=_weighted_mean(means, in_contact),
         force_peak_p95=float(np.percentile(peaks, 95)),
         force_peak=float(peaks.max()),
         force_step_p95=float(np.percentile([o.force_step for o in outcomes], 95)),
         violations=sum(o.violations for o in outcomes),
     )
+
+
+def _weighted_mean(means: Array, counts: Array) -> float:
+    """Return the mean over all cycles in contact; nan if a try did not measure it."""
+    if np.isnan(means).any():
+        return math.nan
+    total = counts.sum()
+    return float((means * counts).sum() / total) if total else 0.0
 
 
 COLUMNS = (
@@ -142,8 +151,9 @@ def cells(row: Row) -> tuple[str, ...]:
         f"{row.successes}/{row.tries}",
         f"{100 * low:.1f}-{100 * high:.1f} %",
         f"{row.steps_median:.0f} / {row.steps_max:.0f}" if has_steps else "none",
-        f"{row.force_mean:.1f}",
-        f"{row.force_peak_p95:.1f}",
-        f"{row.force_step_p95:.1f}",
+        *(
+            "-" if math.isnan(force) else f"{force:.1f}"
+            for force in (row.force_mean, row.force_peak_p95, row.force_step_p95)
+        ),
         str(row.violations),
     )

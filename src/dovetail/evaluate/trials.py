@@ -1,10 +1,11 @@
 """Run a policy many times at given hole poses, from seeded starts."""
 
+import math
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import gymnasium as gym
 import numpy as np
@@ -32,6 +33,20 @@ class HolePose(NamedTuple):
     """[m]"""
     theta: float
     """[rad]"""
+
+    @classmethod
+    def given(cls, numbers: Sequence[float]) -> Self:
+        """Return the place that a user named by x y z [m] and yaw [rad].
+
+        Raises:
+            ConfigError: Not four finite numbers.
+        """
+        if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
+            raise ConfigError(
+                f"hole is {', '.join(f'{n:g}' for n in numbers)}; give four finite "
+                "numbers: x y z [m] of its mouth and yaw [rad], world axes"
+            )
+        return cls("given", *map(float, numbers))
 
     def pose(self) -> Pose:
         """Return the hole's frame in the world, z out of the hole."""
@@ -116,7 +131,7 @@ class Trialist:
                 violations += int(info["limit_violations"])
                 done = ended or cut
         log = "" if file is None else file.name
-        return _outcome(job, np.vstack(blocks), hole, steps, violations, info, log)
+        return _outcome(job, blocks, hole, steps, violations, info, log)
 
     def close(self) -> None:
         """Release the environment."""
@@ -137,17 +152,14 @@ class Trialist:
 
 def _outcome(
     job: Job,
-    log: Array,
+    blocks: list[Array],
     hole: Pose,
     steps: int,
     violations: int,
     info: dict[str, Any],
     file: str,
 ) -> Outcome:
-    vectors = _columns(log, "fx", "fy", "fz")
-    force = np.linalg.norm(vectors, axis=1)
-    per_step = np.linalg.norm(vectors.reshape(steps, -1, 3).mean(axis=1), axis=1)
-    in_contact = force >= CONTACT_THRESHOLD
+    log = np.vstack(blocks)
     path = _columns(log, "x", "y", "z") - hole.position
     return Outcome(
         pose=job.pose,
@@ -156,14 +168,31 @@ def _outcome(
         success=bool(info["success"]),
         steps=steps,
         depth=float(info["depth"]),
-        force_mean=float(force[in_contact].mean()) if in_contact.any() else 0.0,
-        force_peak=float(force.max()),
-        force_step=float(per_step.max()),
-        contact_cycles=int(in_contact.sum()),
         violations=violations,
         path=path @ matrix_from_quat(hole.quat_wxyz),
         log=file,
+        **_forces(blocks),
     )
+
+
+def _forces(blocks: list[Array]) -> dict[str, Any]:
+    """Return the force numbers of an Outcome; nan where the arm measures none.
+
+    Args:
+        blocks: The cycle log of each policy step; over a network some are shorter.
+    """
+    vectors = [_columns(block, "fx", "fy", "fz") for block in blocks if len(block)]
+    force = np.linalg.norm(np.vstack(vectors), axis=1)
+    in_contact = force >= CONTACT_THRESHOLD
+    if np.isnan(force).any():
+        unknown = dict.fromkeys(("force_mean", "force_peak", "force_step"), math.nan)
+        return {**unknown, "contact_cycles": 0}
+    return {
+        "force_mean": float(force[in_contact].mean()) if in_contact.any() else 0.0,
+        "force_peak": float(force.max()),
+        "force_step": max(float(np.linalg.norm(v.mean(axis=0))) for v in vectors),
+        "contact_cycles": int(in_contact.sum()),
+    }
 
 
 def _columns(log: Array, *names: str) -> Array:
