@@ -16,7 +16,7 @@ LAYERS = (
     {"types", "poses", "errors", "kinematics", "iiwa14", "robot", "robot_file"},
     {"scene"},
     {"control", "plants"},
-    {"arms", "cabinet", "episode", "rpc"},
+    {"arms", "cabinet", "episode", "gripper", "rpc"},
     {"envs", "identify", "perceive"},
     {"learn", "evaluate", "view"},
     {"commands", "doctor"},

@@ -114,8 +114,7 @@ def _check_twins() -> str:
 
 
 def _check_policies() -> str:
-    from dovetail.evaluate.evaluation import find_policy, list_policies
-    from dovetail.learn.policy import Policy
+    from dovetail.learn.policy import Policy, find_policy, list_policies
 
     names = list_policies()
     for name in names:

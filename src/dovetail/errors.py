@@ -34,6 +34,15 @@ class ArmError(DovetailError, RuntimeError):
     """An arm cannot be reached, is held by another client, or has stopped."""
 
 
+class GripperError(DovetailError, RuntimeError):
+    """A gripper cannot be reached, refuses a command, or failed at it."""
+
+    def __init__(self, message: str, code: int | None = None) -> None:
+        super().__init__(message)
+        self.code = code
+        """The gripper's own error code; None where it sent none."""
+
+
 class PolicyError(DovetailError, ValueError):
     """A policy file is damaged or does not fit the task."""
 

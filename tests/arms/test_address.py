@@ -79,6 +79,7 @@ def test_a_service_on_this_machine_needs_no_certificate():
     address = parse_address(text)
     assert address == GrpcAddress(text=text, host="127.0.0.1", port=50051)
     assert parse_address("grpc://localhost").port == 50051
+    assert parse_address("grpc://localhost?margins=model").margins == "model"
 
 
 def test_certificates_are_files(tmp_path):
@@ -119,7 +120,10 @@ def test_certificates_are_files(tmp_path):
         ("fri://0.0.0.0?realtime=1", "known: no, yes"),
         ("fri://0.0.0.0?clock=wall&clock=lockstep", "gives clock twice"),
         ("grpc://", "give grpc://HOST:PORT"),
-        ("grpc://a:1?token=x", "unknown keys: token; known keys: ca, cert, key"),
+        (
+            "grpc://a:1?token=x",
+            "unknown keys: token; known keys: ca, cert, key, margins",
+        ),
         ("grpc://a:1", "needs certificates"),
         ("grpc://a:1?cert=x", "gives cert without key"),
         ("grpc://a:1?ca=/nowhere", "arm ca '/nowhere' is no file"),
@@ -170,7 +174,7 @@ def test_what_an_address_names_cannot_be_given_twice():
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
-        "dovetail.envs.arm_setup._build_fri_arm",
+        "dovetail.envs.arm_setup.build_fri_arm",
         lambda address, scene, osc, limits, task, period: built.append(
             (limits.delta_v, period)
         ),

@@ -5,6 +5,7 @@ from gymnasium.utils.env_checker import check_env
 
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
 from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.envs.randomisation import tool_down
 from dovetail.errors import ConfigError, MissingDependencyError
@@ -324,3 +325,17 @@ def test_force_damping_and_limits_reach_the_controller():
     act(env, 0.0, 0.0, 1.0, 0.0)
     assert len(env.state.log) == 50
     env.close()
+
+
+def test_a_floor_inside_the_margin_that_hardware_needs_is_refused_with_the_remedy():
+    local = PegInHoleEnv()
+    limits = LimitConfig.for_period(
+        local.arm.robot, 0.005, hardware=True, x_min=WALLS_MIN, x_max=WALLS_MAX
+    )
+    local.arm.limits = limits
+    hole = Pose(np.array([0.56, 0.0, 0.085]), quat_about_z(0.0))
+    with pytest.raises(ConfigError, match=r"z = 0.0550 m.*1 or 2 ms, or margins=model"):
+        local.reset(seed=0, options={"hole": hole})
+    local.arm.limits = LimitConfig.for_period(local.arm.robot, 0.002, hardware=True)
+    local.reset(seed=0, options={"hole": hole})
+    local.close()

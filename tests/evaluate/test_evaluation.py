@@ -14,9 +14,9 @@ from dovetail.evaluate.evaluation import (
     EvaluationConfig,
     command_line,
     evaluate,
-    find_policy,
     name_ground,
 )
+from dovetail.learn.policy import find_policy
 from dovetail.plants.twin import load_twin
 
 

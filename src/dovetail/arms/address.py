@@ -83,6 +83,8 @@ class GrpcAddress:
     """Own certificate."""
     key: Path | None = None
     """Own private key."""
+    margins: Literal["model", "hardware"] = "hardware"
+    """Limit margins: for an arm that is as the model says, or for one that is not."""
 
 
 ArmAddress: TypeAlias = PlantAddress | TwinAddress | FriAddress | GrpcAddress
@@ -263,7 +265,9 @@ def _fri_period(text: str) -> float:
 
 def _grpc(text: str) -> GrpcAddress:
     host, port, keys = _split(text, GRPC_PORT)
-    _require_known(text, keys, ("ca", "cert", "key"))
+    _require_known(text, keys, ("ca", "cert", "key", "margins"))
+    margins = _choice(keys, "margins", ("hardware", "model"))
+    keys.pop("margins", None)
     if ("cert" in keys) != ("key" in keys):
         given, needed = ("cert", "key") if "cert" in keys else ("key", "cert")
         raise ConfigError(
@@ -278,4 +282,10 @@ def _grpc(text: str) -> GrpcAddress:
     for name, path in files.items():
         if not path.is_file():
             raise ConfigError(f"arm {name} {str(path)!r} is no file")
-    return GrpcAddress(text=text, host=host, port=port, **files)
+    return GrpcAddress(
+        text=text,
+        host=host,
+        port=port,
+        margins=margins,  # type: ignore[arg-type]
+        **files,
+    )

@@ -10,22 +10,23 @@ from dovetail.learn.train import TrainResult, train
 
 @dataclass(frozen=True, kw_only=True)
 class Train(TrainConfig):
-    """Train a policy in a simulation, and evaluate and export it."""
+    """Train a policy in a simulation or on an arm, and evaluate and export it."""
 
     def run(self, console: Console) -> int:
         """Train and say what came out and where it is."""
         for result in train(self, console):
-            console.print(_describe(result), soft_wrap=True, highlight=False)
+            console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0
 
 
-def _describe(result: TrainResult) -> str:
+def _describe(result: TrainResult, config: TrainConfig) -> str:
     lines = [f"{result.policy}: {result.steps} steps in {result.wall_time:.0f} s"]
     if result.evaluation is not None:
         successes, episodes = (result.evaluation[k] for k in ("successes", "episodes"))
         low, high = result.evaluation["wilson_95"]
+        place = f"on {config.arm}" if config.arm else "in the training simulation"
         lines.append(
-            f"  {successes}/{episodes} inserted in the training simulation "
+            f"  {successes}/{episodes} inserted {place} "
             f"(Wilson 95 %: {100 * low:.1f}-{100 * high:.1f} %)"
         )
     lines.append(f"  next: dovetail evaluate {result.policy} --twin medium")

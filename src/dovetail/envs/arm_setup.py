@@ -105,15 +105,14 @@ def build_arm(
             "dynamics can be given to a plant of this process only; the arm behind "
             "the address has its own"
         )
-    is_hardware = False
     if isinstance(address, FriAddress):
         period = address.period or period
-        is_hardware = address.margins == "hardware"
+    is_hardware = address.margins == "hardware"
     osc, limits = make_settings(
         scene, period, force_damping, near_speed, walls, scheme, is_hardware=is_hardware
     )
     if isinstance(address, FriAddress):
-        return _build_fri_arm(address, scene, osc, limits, task, period)
+        return build_fri_arm(address, scene, osc, limits, task, period)
     return _build_remote_arm(address, scene, osc, limits, task, period)
 
 
@@ -198,14 +197,15 @@ def build_local_arm(
     return LocalArm(body, scene.robot(), osc, limits, task, period)
 
 
-def _build_fri_arm(
+def build_fri_arm(
     address: FriAddress,
     scene: SceneConfig,
     osc: OscConfig,
     limits: LimitConfig,
-    task: TaskSpec,
+    task: TaskSpec | str,
     period: float,
 ) -> Arm:
+    """Build the arm behind a cabinet, real or simulated; waits for its messages."""
     from dovetail.arms.fri_arm import FriArm
 
     return FriArm(
@@ -234,4 +234,12 @@ def _build_remote_arm(
 ) -> Arm:
     from dovetail.arms.remote_arm import RemoteArm
 
-    return RemoteArm(address.text, osc, limits, task, period, robot=scene.robot())
+    return RemoteArm(
+        address.text,
+        osc,
+        limits,
+        task,
+        period,
+        robot=scene.robot(),
+        scene=scene,
+    )

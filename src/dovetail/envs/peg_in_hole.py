@@ -330,14 +330,18 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         axis = matrix_from_quat(hole.quat_wxyz)[:, 2]
         bottom = hole.position - self.scene.hole_depth * axis
         low, high = self.walls()
+        limits = getattr(self.arm, "limits", None)
+        room = self.scene.hole_depth - self.scene.success_depth
+        margin = max(0.005, getattr(limits, "delta_x", 0.0) - room)
         for point, place in ((hole.position, "mouth"), (bottom, "floor")):
             for i, name in enumerate("xyz"):
-                excess = max(low[i] - point[i], point[i] - high[i]) + 0.005
+                excess = max(low[i] - point[i], point[i] - high[i]) + margin
                 if excess > 0.0:
                     raise ConfigError(
                         f"the hole's {place} has {name} = {point[i]:.4f} m, which is "
                         f"{excess:.4f} m outside the workspace; allowed: "
-                        f"{low[i] + 0.005:g} to {high[i] - 0.005:g} m; move the hole"
+                        f"{low[i] + margin:g} to {high[i] - margin:g} m; move the hole"
+                        f"{_margin_advice(margin)}"
                     )
 
     def _locate(self) -> Array:
@@ -370,3 +374,13 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "limit_violations": self._violations.count(self.state.log),
             "observation_raw": raw,
         }
+
+
+def _margin_advice(margin: float) -> str:
+    """Say what narrows the margin [m] that hardware needs at long periods."""
+    if margin < 0.01:
+        return ""
+    return (
+        f", or narrow the limits' margin of {1e3 * margin:g} mm: a control period of 1 "
+        "or 2 ms, or margins=model in the address of an arm that is simulated"
+    )

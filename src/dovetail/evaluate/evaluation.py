@@ -44,13 +44,10 @@ from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
 from dovetail.evaluate.trials import HOLE_POSES, HolePose, plan_trials, run_trials
 from dovetail.learn.export import commit, versions
-from dovetail.learn.policy import Policy, policy_files
+from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
 from dovetail.scene import SceneConfig
-
-POLICY_FOLDER = Path(__file__).parent.parent / "policies"
-"""Where the shipped policies are."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,28 +87,6 @@ class Evaluation(NamedTuple):
     report: Report
     folder: Path
     files: list[Path]
-
-
-def list_policies() -> tuple[str, ...]:
-    """Return the names of the shipped policies."""
-    return tuple(sorted(path.stem for path in POLICY_FOLDER.glob("*.safetensors")))
-
-
-def find_policy(name_or_path: str) -> Path:
-    """Return the path of a policy given as a file or by a shipped policy's name.
-
-    Raises:
-        ConfigError: Neither; lists the shipped ones.
-    """
-    path = Path(name_or_path).expanduser()
-    if any(file.is_file() for file in policy_files(path)):
-        return policy_files(path)[0]
-    if name_or_path in list_policies():
-        return POLICY_FOLDER / f"{name_or_path}.safetensors"
-    raise ConfigError(
-        f"no policy {name_or_path!r}: there is no such file, and the shipped policies "
-        f"are: {', '.join(list_policies()) or 'none'}"
-    )
 
 
 def environment_options(

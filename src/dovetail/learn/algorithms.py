@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.errors import MissingDependencyError
+from dovetail.evaluate.trials import HolePose
 from dovetail.learn.config import TrainConfig
 
 _LARGEST_BUFFER = 1_000_000
@@ -59,13 +60,18 @@ def make_vec_env(config: TrainConfig) -> Any:
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
+    from dovetail.envs.fixed_goal import FixedGoal
     from dovetail.envs.rewards import RewardConfig
 
-    reward = RewardConfig(force_weight=config.force_weight)
+    options = config.env_options()
+    options["reward"] = RewardConfig(force_weight=config.force_weight)
+    if config.arm is not None:
+        options["arm"] = config.arm
 
     def make() -> Any:
-        options = config.env_options()
-        env = gym.make(config.env, disable_env_checker=True, reward=reward, **options)
+        env = gym.make(config.env, disable_env_checker=True, **options)
+        if config.fixed_goal:
+            env = FixedGoal(env, HolePose.given(config.hole).pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
     return DummyVecEnv([make] * config.num_envs)

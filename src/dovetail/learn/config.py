@@ -3,8 +3,16 @@
 import shlex
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
+import tyro
+
+from dovetail.arms.address import (
+    FriAddress,
+    is_simulated_here,
+    parse_address,
+    places_hole,
+)
 from dovetail.errors import ConfigError
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
@@ -18,6 +26,8 @@ ENV_FIELDS = (
 """Fields that are handed to the environment as they are."""
 
 _NOT_COMPARED = ("out", "resume")
+_OPTIONS = {"from_policy": "from"}
+_CENTRE = (0.60, 0.0, 0.10, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +42,16 @@ class TrainConfig:
     """Gymnasium id of the environment."""
     plant: str = "mujoco"
     """Physics engine to train in: mujoco or bullet."""
+    arm: str | None = None
+    """Train on this one arm in place of a plant: mujoco, bullet, twin:NAME,
+    fri://HOST:PORT or grpc://HOST:PORT."""
+    fixed_goal: bool = False
+    """Keep the hole where `hole` says; needed where the arm cannot move it."""
+    hole: tuple[float, float, float, float] = _CENTRE
+    """With `fixed_goal`: x y z [m] of the hole's mouth and yaw [rad], world axes."""
+    from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
+    """Start from this policy's weights: a file, or the name of a shipped one. For the
+    first `learning_starts` steps only the critics learn."""
     peg: str = "square"
     """Shape of peg and hole: square, triangle (MuJoCo only) or round."""
     clearance: float = 0.0005
@@ -70,7 +90,7 @@ class TrainConfig:
     seeds: int = 1
     """Number of runs with seeds seed, seed + 1, ..., as many at once as cores."""
     num_envs: int = 4
-    """Environments stepped in turn by one process."""
+    """Environments stepped in turn by one process; on an arm always 1."""
     updates_per_step: int = 2
     """Gradient steps per environment step (not ppo)."""
     gamma: float = 0.99
@@ -90,7 +110,7 @@ class TrainConfig:
     force_weight: float = 0.0
     """Weight of contact force in the reward [1/N], see RewardConfig; 0 is the paper."""
     learning_starts: int = 1000
-    """Steps of random actions before the first gradient step (not ppo)."""
+    """Steps of random actions before the first gradient step (not ppo); see `from`."""
     exploration_noise: float = 0.1
     """Standard deviation of the noise added to actions (ddpg, td3) [1]."""
     rollout_steps: int = 512
@@ -116,6 +136,36 @@ class TrainConfig:
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         self.entropy_coefficient()
+        object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
+        if self.hole != _CENTRE and not self.fixed_goal:
+            raise ConfigError("hole is given, which needs --fixed-goal")
+        if self.from_policy is not None and self.algorithm == "crossq":
+            raise ConfigError(
+                "crossq cannot start from a policy: its actor normalises by the batch "
+                "while it trains; known: sac, tqc, td3, ddpg, ppo"
+            )
+        if self.arm is not None:
+            object.__setattr__(self, "num_envs", 1)
+            self._require_arm(self.arm)
+
+    def _require_arm(self, text: str) -> None:
+        """Refuse what the one arm cannot do."""
+        arm = parse_address(text)
+        if self.seeds > 1 and not is_simulated_here(arm):
+            raise ConfigError(
+                f"seeds is {self.seeds}, but there is one arm at {text}; train one "
+                "seed after the other, each with its own --out"
+            )
+        if not places_hole(arm) and not self.fixed_goal:
+            raise ConfigError(
+                f"the arm at {text} cannot move the hole: add --fixed-goal and say "
+                "where it is with --hole X Y Z YAW [m, rad]"
+            )
+        if self.force_weight > 0.0 and isinstance(arm, FriAddress):
+            raise ConfigError(
+                f"force_weight is {self.force_weight:g}, but FRI does not measure "
+                "contact force; needs 0"
+            )
 
     def entropy_coefficient(self) -> str | float:
         """Return `ent_coef` as SBX takes it: "auto", "auto_START" or a number."""
@@ -173,7 +223,7 @@ class TrainConfig:
         for name, value in self.to_json().items():
             if value == default[name]:
                 continue
-            option = name.replace("_", "-")
+            option = _OPTIONS.get(name, name).replace("_", "-")
             if isinstance(value, bool):
                 words.append(f"--{option}" if value else f"--no-{option}")
             else:

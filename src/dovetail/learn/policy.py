@@ -15,11 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.control.task_spec import TaskSpec
-from dovetail.errors import PolicyError
+from dovetail.errors import ConfigError, PolicyError
 from dovetail.evaluate.files import write_atomic
 
 FORMAT = "dovetail-policy"
 VERSION = 1
+
+POLICY_FOLDER = Path(__file__).parent.parent / "policies"
+"""Where the shipped policies are."""
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Weight (inputs, outputs) and bias (outputs,) of a dense layer."""
@@ -203,6 +206,28 @@ def policy_files(path: str | Path) -> tuple[Path, Path]:
     path = Path(path)
     name = path.name.removesuffix(".safetensors").removesuffix(".json")
     return path.with_name(f"{name}.safetensors"), path.with_name(f"{name}.json")
+
+
+def list_policies() -> tuple[str, ...]:
+    """Return the names of the shipped policies."""
+    return tuple(sorted(path.stem for path in POLICY_FOLDER.glob("*.safetensors")))
+
+
+def find_policy(name_or_path: str) -> Path:
+    """Return the path of a policy given as a file or by a shipped policy's name.
+
+    Raises:
+        ConfigError: Neither; lists the shipped ones.
+    """
+    path = Path(name_or_path).expanduser()
+    if any(file.is_file() for file in policy_files(path)):
+        return policy_files(path)[0]
+    if name_or_path in list_policies():
+        return POLICY_FOLDER / f"{name_or_path}.safetensors"
+    raise ConfigError(
+        f"no policy {name_or_path!r}: there is no such file, and the shipped policies "
+        f"are: {', '.join(list_policies()) or 'none'}"
+    )
 
 
 def _read(path: Path) -> bytes:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: TID253
 
 from dovetail.learn.progress import EpisodeLog, EpisodeRow, Report, Stopwatch
@@ -20,6 +21,7 @@ class Recorder(BaseCallback):
         report: Report,
         checkpoint: Callable[[], object],
         interval: int,
+        frozen_until: int = 0,
     ) -> None:
         """Take what to write to.
 
@@ -29,6 +31,8 @@ class Recorder(BaseCallback):
             report: Told now and then where the run stands.
             checkpoint: Writes a checkpoint of the model as it is.
             interval: Environment steps between two checkpoints.
+            frozen_until: Before this step the actor stays as it is: the critics of a
+                policy that came from elsewhere know nothing yet.
         """
         super().__init__()
         self._log = log
@@ -36,17 +40,20 @@ class Recorder(BaseCallback):
         self._report = report
         self._checkpoint = checkpoint
         self._interval = interval
+        self._frozen_until = frozen_until
         self._force: list[float] = []
         self._saved = self._reported = 0
 
     def _on_training_start(self) -> None:
         self._force = [0.0] * self.training_env.num_envs
         self._saved = self._reported = self.num_timesteps
+        self._actor = self.model.policy.actor_state
 
     def _on_step(self) -> bool:
         infos, dones = self.locals["infos"], self.locals["dones"]
         for i, (info, done) in enumerate(zip(infos, dones, strict=True)):
-            self._force[i] = max(self._force[i], float(info["contact_force_max"]))
+            force = float(info["contact_force_max"])
+            self._force[i] = float(np.maximum(self._force[i], force))  # nan stays
             if done:
                 self._finish(info, self._force[i])
                 self._force[i] = 0.0
@@ -72,6 +79,14 @@ class Recorder(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         """Save here: every transition so far is stored and has been learned from."""
+        self._keep_actor()
         if self.num_timesteps - self._saved >= self._interval:
             self._saved = self.num_timesteps
             self._checkpoint()
+
+    def _on_training_end(self) -> None:
+        self._keep_actor()
+
+    def _keep_actor(self) -> None:
+        if self.num_timesteps <= self._frozen_until:
+            self.model.policy.actor_state = self._actor

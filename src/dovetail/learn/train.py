@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
+from dovetail.errors import ArmError, PlantError
 from dovetail.evaluate.files import write_atomic
 from dovetail.learn.algorithms import make_model, make_vec_env
 from dovetail.learn.assess import assess
@@ -16,6 +17,7 @@ from dovetail.learn.checkpoint import (
     seed_run,
 )
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.fine_tune import load_start, start_from
 from dovetail.learn.policy import Policy
 from dovetail.learn.progress import (
     EpisodeLog,
@@ -94,12 +96,12 @@ def train_one(config: TrainConfig, report: Report) -> TrainResult:
             model = make_model(config, env)
             wall_time = _learn(model, config, folder, report)
             policy = _export(model, config, folder, wall_time)
+            steps = int(model.num_timesteps)
+            rows = read_progress(folder / PROGRESS)
+            report(summarise(rows, steps, 0.0)._replace(phase="evaluating"))
+            evaluation = _evaluate(policy, config, folder, env.envs[0])
         finally:
             env.close()
-        steps = int(model.num_timesteps)
-        rows = read_progress(folder / PROGRESS)
-        report(summarise(rows, steps, 0.0)._replace(phase="evaluating"))
-        evaluation = _evaluate(policy, config, folder)
     return TrainResult(folder / POLICY, evaluation, steps, wall_time)
 
 
@@ -111,10 +113,15 @@ def _learn(model: Any, config: TrainConfig, folder: Path, report: Report) -> flo
 
     checkpoints = folder / CHECKPOINTS
     step, wall_time = 0, 0.0
+    start = load_start(config, model.get_env().envs[0])
+    if start is not None:
+        model.learning_starts = 0  # its own actions are better than random ones
     if found := list_checkpoints(checkpoints):
         step, wall_time = load_checkpoint(found[-1], model, config.seed)
     else:
         seed_run(model, config.seed, 0)
+        if start is not None:
+            start_from(model, start)
     if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
@@ -126,11 +133,15 @@ def _learn(model: Any, config: TrainConfig, folder: Path, report: Report) -> flo
         report,
         lambda: save_checkpoint(checkpoints, model, watch.elapsed()),
         config.checkpoint_interval,
+        config.learning_starts if start is not None else 0,
     )
     try:
         model.learn(config.steps - step, callback=recorder, reset_num_timesteps=False)
         wall_time = watch.elapsed()
         save_checkpoint(checkpoints, model, wall_time)
+    except (PlantError, ArmError, KeyboardInterrupt):
+        save_checkpoint(checkpoints, model, watch.elapsed())  # an arm's time is dear
+        raise
     finally:
         log.close()
         model.logger.close()
@@ -146,10 +157,11 @@ def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> 
 
 
 def _evaluate(
-    policy: Policy, config: TrainConfig, folder: Path
+    policy: Policy, config: TrainConfig, folder: Path, env: Any
 ) -> dict[str, Any] | None:
     if config.eval_episodes == 0:
         return None
-    evaluation = assess(policy, config.eval_episodes)
+    is_special = config.arm is not None or config.fixed_goal
+    evaluation = assess(policy, config.eval_episodes, env if is_special else None)
     write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
     return evaluation

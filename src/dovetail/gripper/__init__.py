@@ -1,0 +1,1 @@
+"""The Weiss / Schunk WSG 50 gripper: its driver, and a simulated one."""

@@ -1,0 +1,114 @@
+"""Go on from a trained policy: its weights become the new run's first actor."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dovetail.errors import PolicyError
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.policy import Policy, find_policy
+
+START_STD = 0.2
+"""Standard deviation of the exploring actor's first actions, before tanh [1]: a fresh
+actor's 1.0 would drown what the policy knows."""
+
+
+def load_start(config: TrainConfig, env: Any) -> Policy | None:
+    """Return the policy that a run starts from, or None when it starts from nothing.
+
+    Args:
+        config: Settings of the run.
+        env: One environment of the run.
+
+    Raises:
+        ConfigError: No such policy.
+        PolicyError: Its network, observation or action is not this run's; says what to
+            change.
+    """
+    if config.from_policy is None:
+        return None
+    policy = Policy.load(find_policy(config.from_policy))
+    try:
+        _require_fit(policy, config, env)
+    except PolicyError as error:
+        raise PolicyError(f"cannot start from {config.from_policy}: {error}") from error
+    return policy
+
+
+def _require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
+    policy.require_env(config.env, config.env_options())
+    size = int(env.observation_space.shape[0])
+    if policy.observation_size != size:
+        raise PolicyError(
+            f"it takes {policy.observation_size} observations, this run's environment "
+            f"gives {size}; give the stack it was trained with"
+        )
+    commands = env.unwrapped.commands
+    if policy.action_size != len(commands):
+        raise PolicyError(
+            f"it gives {policy.action_size} actions, this run's environment takes "
+            f"{len(commands)}; give the task it was trained with"
+        )
+    scale = policy.metadata.get("action", {}).get("scale", commands.scale)
+    if not np.allclose(scale, commands.scale):
+        raise PolicyError(
+            f"its actions mean {list(scale)} for {' '.join(commands.axes)} at 1, this "
+            f"run's {list(commands.scale)}; give f_scale, f_scale_angular, theta_range "
+            "and position_range as it was trained with"
+        )
+    hidden = tuple(int(weight.shape[1]) for weight, _ in policy.layers[:-1])
+    if hidden != config.net:
+        raise PolicyError(
+            f"its hidden layers have widths {hidden}, this run's {config.net}; add "
+            f"--net {' '.join(map(str, hidden))}"
+        )
+    network = policy.metadata["network"]
+    kind = ("tanh", "clip") if config.algorithm == "ppo" else ("relu", "tanh")
+    if (network["activation"], network["output"]) != kind:
+        raise PolicyError(
+            f"its layers use {network['activation']} and its output "
+            f"{network['output']}, those of {config.algorithm} {kind[0]} and "
+            f"{kind[1]}; policies of ppo go on with ppo, the others with sac, tqc, "
+            "td3 or ddpg"
+        )
+
+
+def start_from(model: Any, policy: Policy) -> None:
+    """Put a policy's weights into a freshly built SBX algorithm's actor.
+
+    Where the actor explores by a standard deviation of its own, that becomes
+    `START_STD`. The critics stay as they are: new.
+
+    Args:
+        model: SBX algorithm whose actor has the policy's shape.
+        policy: A policy that `load_start` accepted.
+    """
+    import jax.numpy as jnp
+
+    state = model.policy.actor_state
+    is_nested = "params" in state.params
+    layers = dict(state.params["params"] if is_nested else state.params)
+    for i, (weight, bias) in enumerate(policy.layers):
+        layers[f"Dense_{i}"] = {"kernel": jnp.array(weight), "bias": jnp.array(bias)}
+    head = f"Dense_{len(policy.layers)}"
+    if head in layers:
+        layers[head] = _constant(layers[head], math.log(START_STD))
+    if "log_std" in layers:
+        layers["log_std"] = jnp.full_like(layers["log_std"], math.log(START_STD))
+    params = {**state.params, "params": layers} if is_nested else layers
+    changes = {"params": params}
+    if hasattr(state, "target_params"):
+        changes["target_params"] = params
+    model.policy.actor_state = state.replace(**changes)
+
+
+def _constant(layer: Mapping[str, Any], value: float) -> dict[str, Any]:
+    """Return a dense layer that gives `value` for every input."""
+    import jax.numpy as jnp
+
+    return {
+        "kernel": jnp.zeros_like(layer["kernel"]),
+        "bias": jnp.full_like(layer["bias"], value),
+    }
