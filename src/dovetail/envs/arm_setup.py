@@ -207,6 +207,7 @@ def build_fri_arm(
 ) -> Arm:
     """Build the arm behind a cabinet, real or simulated; waits for its messages."""
     from dovetail.arms.fri_arm import FriArm
+    from dovetail.arms.watchdog import WatchdogConfig
 
     return FriArm(
         scene.robot(),
@@ -220,6 +221,7 @@ def build_fri_arm(
         control=address.control,
         reset=address.reset,
         timeout=address.timeout,
+        watchdog=WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,
     )
 
