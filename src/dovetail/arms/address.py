@@ -159,9 +159,10 @@ def parse_endpoint(text: str, name: str) -> tuple[str, int]:
     try:
         parts = urlsplit(f"//{text}")
         host, port = parts.hostname, parts.port
+        is_alone = not (parts.path or parts.query or parts.username)
     except ValueError:
-        host, port = None, None
-    if not host or not port or parts.path or parts.query or parts.username:
+        host, port, is_alone = None, None, False
+    if not host or not port or not is_alone:
         raise ConfigError(
             f"{name} is {text!r}; give HOST:PORT, such as 127.0.0.1:30301, the port "
             "1 to 65535"

@@ -189,9 +189,10 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
         make = make_env if config.workers > 1 else lambda: env
+        load: Any = partial(Policy.load, file)
         trials = run_trials(
             make,
-            partial(Policy.load, file),
+            load,
             jobs,
             poses=poses,
             logs=logs,
