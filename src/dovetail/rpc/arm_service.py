@@ -36,6 +36,7 @@ INTERVAL_MAX = 10.0
 """Longest time between two reports that a watcher can ask for [s]."""
 
 _NAME_MAX = 200
+_OF_THE_HOLDER = ("configure", "reset", "step", "clear")
 _NO_LOG = np.empty((0, len(CYCLE_COLUMNS)))
 _LOG = logging.getLogger("dovetail.rpc")
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -51,7 +52,7 @@ def _answered(method: _F) -> _F:
         except DovetailError as error:
             return abort(context, error)
         except Exception as error:
-            self.fail(error)
+            self.fail(error, is_holder=method.__name__ in _OF_THE_HOLDER)
             return abort(context, error)
 
     return call  # type: ignore[return-value]
@@ -82,11 +83,13 @@ class ArmService:
             parts.append(f"stopped: {self._host.stop_reason}")
         return ", ".join(parts)
 
-    def fail(self, error: Exception) -> None:
-        """Hold the arm after an error that nobody expected."""
-        _LOG.exception("an unexpected error ends the motion", exc_info=error)
-        self._notify(f"unexpected {type(error).__name__}: {error}; the arm is held")
-        self._host.stop(f"unexpected {type(error).__name__}", is_ordered=False)
+    def fail(self, error: Exception, *, is_holder: bool) -> None:
+        """Tell of an error that nobody expected; hold the arm if it was a motion's."""
+        _LOG.error("an error that nobody expected", exc_info=error)
+        held = "; the arm is held" if is_holder else ""
+        self._notify(f"unexpected {type(error).__name__}: {error}{held}")
+        if is_holder:
+            self._host.stop(f"unexpected {type(error).__name__}", is_ordered=False)
 
     @_answered
     def get_info(self, request: pb.InfoRequest, context: Any) -> pb.Info:
@@ -185,7 +188,7 @@ class ArmService:
             except DovetailError as error:
                 report = _trouble(request.counter, error)
             except Exception as error:
-                self.fail(error)
+                self.fail(error, is_holder=True)
                 report = _trouble(request.counter, error)
             yield report
 

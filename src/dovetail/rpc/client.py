@@ -141,13 +141,17 @@ def _explain_tls(
             return _NEEDS_TLS if "ALERT" in str(error.reason) else ""
         except OSError:
             return ""
+    refused = (
+        f"the service refuses the certificate {files.cert}, which must be signed by "
+        "the authority that the service was given as --client-ca: "
+    )
     try:
         with tls_context(files, verify=True).wrap_socket(
             connection, server_hostname=host
         ) as tls:
             tls.settimeout(0.5)
-            tls.recv(1)  # TLS 1.3: a refusal of the own certificate comes here
-            return ""
+            # In TLS 1.3 the own certificate is refused here, after the handshake.
+            return "" if tls.recv(1) else refused + "it has closed the connection"
     except ssl.SSLCertVerificationError as error:
         return (
             f"the service's certificate is refused here: {error.verify_message}; it "
@@ -158,11 +162,10 @@ def _explain_tls(
     except ssl.SSLError as error:
         reason = str(error.reason).lower().replace("_", " ")
         if "alert" in reason:
-            return (
-                f"the service refuses the certificate {files.cert}: {reason}; it must "
-                "be signed by the authority that the service was given as --client-ca"
-            )
+            return refused + reason
         return f"TLS fails: {reason}; was the service started with certificates?"
+    except ConnectionError as error:
+        return refused + str(error.strerror or error).lower()
     except OSError as error:
         return f"TLS fails: {error}; was the service started with certificates?"
 

@@ -1,5 +1,6 @@
 """Poses, Targets and states in messages: doubles go through unchanged."""
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -44,8 +45,9 @@ def read_target(message: pb.Target, fields: FieldReader) -> "_core.Target":
     )
     if message.q_d:
         q_d = fields.vector("target.q_d", message.q_d, JOINTS, "rad")
-        target.q_d = q_d  # type: ignore[attr-defined]
-        target.joint_mode = True  # type: ignore[attr-defined]
+        if not fields.wrong:
+            target.q_d = q_d  # type: ignore[attr-defined]
+            target.joint_mode = True  # type: ignore[attr-defined]
     return target
 
 
@@ -53,7 +55,7 @@ def read_duration(message: pb.StepRequest, period: float, fields: FieldReader) -
     """Return a step's duration [s], a whole number of control periods."""
     duration = fields.number("duration", message, "duration", "s")
     cycles = round(duration / period) if abs(duration) <= DURATION_MAX else 0
-    if duration == duration and (
+    if math.isfinite(duration) and (
         cycles < 1 or abs(cycles * period - duration) > 1e-9  # as arms have it
     ):
         fields.refuse(

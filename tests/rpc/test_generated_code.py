@@ -1,0 +1,37 @@
+"""What is generated from proto/dovetail.proto is what is committed."""
+
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from dovetail.robot import Robot
+from dovetail.rpc import dovetail_pb2 as pb
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_generating_again_gives_the_same_bytes(tmp_path):
+    pytest.importorskip("grpc_tools")
+    subprocess.run(
+        [
+            *(sys.executable, "-m", "grpc_tools.protoc", "-Idovetail/rpc=proto"),
+            *(f"--python_out={tmp_path}", f"--pyi_out={tmp_path}"),
+            "proto/dovetail.proto",
+        ],
+        cwd=ROOT,
+        check=True,
+        timeout=60,
+    )
+    for name in ("dovetail_pb2.py", "dovetail_pb2.pyi"):
+        fresh = (tmp_path / "dovetail" / "rpc" / name).read_bytes()
+        assert fresh == (ROOT / "src" / "dovetail" / "rpc" / name).read_bytes(), (
+            f"{name} is not what proto/dovetail.proto gives: run `make proto`"
+        )
+
+
+def test_the_message_has_every_field_of_a_robot():
+    in_message = {field.name for field in pb.RobotModel.DESCRIPTOR.fields}
+    assert in_message == {f.name for f in fields(Robot)}

@@ -1,0 +1,69 @@
+"""`dovetail serve` as a user starts it."""
+
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from dovetail.cli import run
+
+from .conftest import HOLE, push
+
+
+@pytest.fixture
+def serve():
+    """Start the command; returns the process and the address it printed."""
+    processes = []
+
+    def start_one(*words):
+        command = [sys.executable, "-m", "dovetail.cli", "serve", *words]
+        process = subprocess.Popen(
+            [*command, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True
+        )
+        processes.append(process)
+        line = process.stdout.readline()
+        return process, re.search(r"grpc://127\.0\.0\.1:\d+", line)[0]
+
+    yield start_one
+    for process in processes:
+        process.kill()
+        process.communicate(timeout=20)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_it_serves_until_it_is_told_to_end(serve, connect, start, scene, number):
+    process, address = serve("--arm", "mujoco")
+    arm = connect(address, robot=scene.robot(), scene=scene)
+    arm.reset(start, HOLE)
+    for _ in range(3):
+        arm.step(push(1.0))
+    process.send_signal(number)
+    text, _ = process.communicate(timeout=30)
+    assert process.returncode == 0
+    for words in ("holds the arm", "configured: XYZ", "closing", "after 3 steps"):
+        assert words in text
+
+
+def test_a_twin_with_another_peg(serve, connect):
+    _, address = serve("--twin", "medium", "--peg", "round")
+    arm = connect(address)
+    assert arm.info.arm == "twin:medium"
+    assert arm.info.scene.peg == "round"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--listen", "0.0.0.0:50051"], "would let anyone on the network move the arm"),
+        (["--cert", "c.pem"], "--key, --client-ca are missing"),
+        (["--arm", "grpc://127.0.0.1:50051"], "is served already"),
+        (["--arm", "gazebo"], "known addresses: mujoco, bullet"),
+        (["--arm", "bullet", "--twin", "medium"], "exclude each other"),
+        (["--realtime"], "--realtime is for fri:// arms"),
+    ],
+)
+def test_wrong_settings(words, message, capsys):
+    assert run(["serve", *words]) == 2
+    assert message in capsys.readouterr().err
