@@ -48,7 +48,10 @@ std::string reason(const DecodeResult& result) {
     case DecodeStatus::kTwice:
       return field + " is there twice";
     case DecodeStatus::kCount:
-      return field + " has a wrong number of elements: " + value;
+      if (result.value > result.allowed)
+        return field + " has more than " + std::to_string(result.allowed) + " values";
+      return field + " has " + value + " values, " + std::to_string(result.allowed) +
+             " are needed";
     case DecodeStatus::kName:
       return field + " has " + value + " bytes, at most 63 without NUL are allowed";
     case DecodeStatus::kEnum:

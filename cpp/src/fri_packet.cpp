@@ -1,6 +1,7 @@
 #include "dovetail/fri_packet.hpp"
 
-#include "fri_fields.hpp"
+#include "fri_reader.hpp"
+#include "fri_writer.hpp"
 
 namespace dovetail::fri {
 
@@ -43,12 +44,12 @@ wire::Reader unframe(const std::uint8_t* bytes, std::size_t size,
                      DecodeResult& result) noexcept {
   const std::uint32_t length = size < kFrameSize ? 0 : little_endian(bytes);
   if (size < kFrameSize || length > size - kFrameSize) {
-    result = {DecodeStatus::kFrame, "", length, {}};
+    result = {DecodeStatus::kFrame, "", length, 0, {}};
     return {};
   }
   const std::uint8_t* message = bytes + kLengthSize;
   if (crc32(message, length) != little_endian(message + length)) {
-    result = {DecodeStatus::kChecksum, "", length, {}};
+    result = {DecodeStatus::kChecksum, "", length, 0, {}};
     return {};
   }
   return {message, length};
@@ -61,7 +62,7 @@ void decode_message(wire::Reader in, Version version, std::uint32_t expected,
   FieldReader reader(version, in, "the message", result);
   reader.read_all([&](auto& v) { schema::visit_message(v, identifier, out); });
   if (result.ok() && identifier != expected)
-    result = {DecodeStatus::kIdentifier, "messageIdentifier", identifier, {}};
+    result = {DecodeStatus::kIdentifier, "messageIdentifier", identifier, 0, {}};
 }
 
 /// Whether a datagram without frame starts with an FRI header.
@@ -94,8 +95,8 @@ std::optional<Version> recognise(const std::uint8_t* bytes, std::size_t size,
 template <class Message>
 DecodeResult decode(const std::uint8_t* bytes, std::size_t size, Version version,
                     std::uint32_t identifier, Message& out) noexcept {
-  if (size == 0) return {DecodeStatus::kEmpty, "", 0, {}};
-  if (size > kMaxDatagram) return {DecodeStatus::kTooLong, "", size, {}};
+  if (size == 0) return {DecodeStatus::kEmpty, "", 0, 0, {}};
+  if (size > kMaxDatagram) return {DecodeStatus::kTooLong, "", size, 0, {}};
   out = {};
   DecodeResult result;
   const wire::Reader in = version == Version::k2_7 ? unframe(bytes, size, result)
@@ -133,7 +134,7 @@ DecodeResult decode_command(const std::uint8_t* bytes, std::size_t size,
                             Version version, CommandMessage& out) noexcept {
   DecodeResult result = decode(bytes, size, version, kCommandIdentifier, out);
   if (result.ok() && out.wrench && !is_finite(*out.wrench))
-    result = {DecodeStatus::kNotFinite, "cartesianWrenchFeedForward", 0, {}};
+    result = {DecodeStatus::kNotFinite, "cartesianWrenchFeedForward", 0, 0, {}};
   return result;
 }
 

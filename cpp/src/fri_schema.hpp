@@ -5,9 +5,24 @@
 /// members lie flat in ours.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
 #include <type_traits>
 
 #include "dovetail/fri_message.hpp"
+
+namespace dovetail::fri {
+
+template <class E>
+concept Enum = std::is_enum_v<E>;
+
+template <std::size_t N>
+bool is_finite(const std::array<double, N>& values) noexcept {
+  return std::all_of(values.begin(), values.end(),
+                     [](double x) { return std::isfinite(x); });
+}
+
+}  // namespace dovetail::fri
 
 namespace dovetail::fri::schema {
 

@@ -1,8 +1,6 @@
-/// The two visitors of the schema: one reads its fields from bytes, one writes them.
+/// The visitor of the schema that reads its fields from bytes.
 #pragma once
 
-#include <algorithm>
-#include <cmath>
 #include <type_traits>
 
 #include "fri_schema.hpp"
@@ -32,15 +30,6 @@ template <>
 inline constexpr std::uint64_t kLargest<IoType> = 2;
 template <>
 inline constexpr std::uint64_t kLargest<IoDirection> = 1;
-
-template <class E>
-concept Enum = std::is_enum_v<E>;
-
-template <std::size_t N>
-bool is_finite(const std::array<double, N>& values) noexcept {
-  return std::all_of(values.begin(), values.end(),
-                     [](double x) { return std::isfinite(x); });
-}
 
 class FieldReader {
  public:
@@ -91,7 +80,7 @@ class FieldReader {
     Wrench values{};
     const std::size_t count = read_doubles(name, values);
     if (count != 0 && count != values.size())
-      fail(DecodeStatus::kCount, name, count);
+      fail(DecodeStatus::kCount, name, count, values.size());
     else if (count != 0)
       member = values;
   }
@@ -100,7 +89,8 @@ class FieldReader {
     if (is_checking_ || !takes(number)) return;
     T item{};
     read(name, item);
-    if (result_.ok() && !list.push_back(item)) fail(DecodeStatus::kCount, name, N + 1);
+    if (result_.ok() && !list.push_back(item))
+      fail(DecodeStatus::kCount, name, N + 1, N);
   }
   void enums(std::uint32_t number, const char* name,
              List<DriveState, 7>& list) noexcept {
@@ -113,7 +103,7 @@ class FieldReader {
       if (!result_.ok() || !in.ok()) return fail(in.status(), name);
       if (value > kLargest<DriveState>) return fail(DecodeStatus::kEnum, name, value);
       if (!list.push_back(static_cast<DriveState>(value)))
-        return fail(DecodeStatus::kCount, name, 8);
+        return fail(DecodeStatus::kCount, name, 8, 7);
     } while (tag_.type == wire::kBytes);
   }
   void doubles(std::uint32_t number, const char* name, List<double, 12>& list,
@@ -121,7 +111,7 @@ class FieldReader {
     if (is_checking_ || !takes(number)) return;
     each_double(name, in_, tag_, [&](double value) {
       if (list.size() == max || !list.push_back(value))
-        fail(DecodeStatus::kCount, name, max + 1);
+        fail(DecodeStatus::kCount, name, max + 1, max);
     });
   }
   template <class Visit>
@@ -138,11 +128,13 @@ class FieldReader {
   }
 
  private:
-  void fail(DecodeStatus status, const char* name, std::uint64_t value = 0) noexcept {
+  void fail(DecodeStatus status, const char* name, std::uint64_t value = 0,
+            std::uint64_t allowed = 0) noexcept {
     if (!result_.ok() || status == DecodeStatus::kOk) return;
     result_.status = status;
     result_.field = name;
     result_.value = value;
+    result_.allowed = allowed;
   }
   void check(const char* name) noexcept { fail(in_.status(), name); }
 
@@ -215,7 +207,7 @@ class FieldReader {
   }
   void read(const char* name, Joints& member) noexcept {
     const std::size_t count = read_doubles(name, member);
-    if (count != member.size()) fail(DecodeStatus::kCount, name, count);
+    if (count != member.size()) fail(DecodeStatus::kCount, name, count, member.size());
     if (!is_finite(member)) fail(DecodeStatus::kNotFinite, name);
   }
   template <class M>
@@ -290,107 +282,6 @@ class FieldReader {
   std::uint32_t seen_ = 0;
   bool is_taken_ = false;
   bool is_checking_ = false;
-};
-
-class FieldWriter {
- public:
-  FieldWriter(Version version, wire::Writer& out) noexcept
-      : version_(version), out_(out) {}
-
-  Version version() const noexcept { return version_; }
-  bool is_1x() const noexcept { return version_ == Version::k1_15; }
-
-  void field(std::uint32_t number, const char*, std::uint64_t value) noexcept {
-    out_.tag(number, wire::kVarint);
-    out_.varint(value);
-  }
-  void field(std::uint32_t number, const char* name, std::uint32_t value) noexcept {
-    field(number, name, std::uint64_t{value});
-  }
-  void field(std::uint32_t number, const char* name, std::int32_t value) noexcept {
-    field(number, name, static_cast<std::uint64_t>(std::int64_t{value}));
-  }
-  template <Enum E>
-  void field(std::uint32_t number, const char* name, E value) noexcept {
-    field(number, name, static_cast<std::uint64_t>(value));
-  }
-  void field(std::uint32_t number, const char*, double value) noexcept {
-    out_.tag(number, wire::kFixed64);
-    out_.fixed64(value);
-  }
-  void field(std::uint32_t number, const char*, const Name& name) noexcept {
-    out_.tag(number, wire::kBytes);
-    out_.varint(name.view().size());
-    out_.raw(name.view().data(), name.view().size());
-  }
-  /// Unpacked, as KUKA's client writes joint values.
-  void field(std::uint32_t number, const char*, const Joints& values) noexcept {
-    if (!is_finite(values)) out_.fail();
-    out_.tag(number, wire::kBytes);
-    const std::size_t start = out_.size();
-    for (const double value : values) {
-      out_.tag(1, wire::kFixed64);
-      out_.fixed64(value);
-    }
-    out_.close(start);
-  }
-  /// Packed, as KUKA's client writes everything else.
-  void field(std::uint32_t number, const char*, const Wrench& values) noexcept {
-    out_.tag(number, wire::kBytes);
-    const std::size_t start = out_.size();
-    packed(1, values);
-    out_.close(start);
-  }
-  template <class M>
-    requires std::is_class_v<M>
-  void field(std::uint32_t number, const char* name, const M& message) noexcept {
-    required_section(number, name, [&](auto& v) { schema::visit(v, message); });
-  }
-  template <class T>
-  void field(std::uint32_t number, const char* name,
-             const std::optional<T>& member) noexcept {
-    if (member) field(number, name, *member);
-  }
-  template <class T, std::size_t N>
-  void field(std::uint32_t number, const char* name, const List<T, N>& list) noexcept {
-    for (const T& item : list) field(number, name, item);
-  }
-  void enums(std::uint32_t number, const char* name,
-             const List<DriveState, 7>& list) noexcept {
-    for (const DriveState state : list) field(number, name, state);
-  }
-  void doubles(std::uint32_t number, const char*, const List<double, 12>& list,
-               std::size_t max) noexcept {
-    if (list.size() > max) out_.fail();
-    if (!list.empty()) packed(number, list);
-  }
-  /// Left out where nothing in it is there.
-  template <class Visit>
-  void section(std::uint32_t number, const char* name, Visit&& visit) noexcept {
-    const std::size_t before = out_.size();
-    if (required_section(number, name, visit) == 0) out_.rewind(before);
-  }
-  template <class Visit>
-  std::size_t required_section(std::uint32_t number, const char*,
-                               Visit&& visit) noexcept {
-    out_.tag(number, wire::kBytes);
-    const std::size_t start = out_.size();
-    visit(*this);
-    const std::size_t content = out_.size() - start;
-    out_.close(start);
-    return content;
-  }
-
- private:
-  template <class Values>
-  void packed(std::uint32_t number, const Values& values) noexcept {
-    out_.tag(number, wire::kBytes);
-    out_.varint(values.size() * sizeof(double));
-    for (const double value : values) out_.fixed64(value);
-  }
-
-  Version version_;
-  wire::Writer& out_;
 };
 
 }  // namespace dovetail::fri
