@@ -61,7 +61,10 @@ void decode_message(wire::Reader in, Version version, std::uint32_t expected,
   std::uint32_t identifier = 0;
   FieldReader reader(version, in, "the message", result);
   reader.read_all([&](auto& v) { schema::visit_message(v, identifier, out); });
-  if (result.ok() && identifier != expected)
+  // A message of the other direction fails in its fields first, but this is why.
+  const bool is_other =
+      identifier == kMonitoringIdentifier || identifier == kCommandIdentifier;
+  if (identifier != expected && (result.ok() || is_other))
     result = {DecodeStatus::kIdentifier, "messageIdentifier", identifier, 0, {}};
 }
 

@@ -10,7 +10,7 @@ namespace {
 // A step back by less is a message that was overtaken; by more, a new count.
 constexpr std::int64_t kReorderWindow = 32;
 // So many older messages, each one after the other, are a new count too.
-constexpr std::uint32_t kNewCount = 3;
+constexpr std::uint32_t kNewCount = 8;
 
 bool is_finite(const Joints& values) noexcept {
   return std::all_of(values.begin(), values.end(),
@@ -26,14 +26,13 @@ bool is_legal(SessionState from, SessionState to) noexcept {
   using S = SessionState;
   if (from == to || to == S::kIdle) return true;
   switch (from) {
-    case S::kIdle:
-      return to == S::kMonitoringWait;
+    case S::kIdle:  // a client may hear of a session late
+    case S::kCommandingWait:
+      return true;
     case S::kMonitoringWait:
       return to == S::kMonitoringReady;
     case S::kMonitoringReady:
       return to == S::kMonitoringWait || to == S::kCommandingWait;
-    case S::kCommandingWait:
-      return true;
     case S::kCommandingActive:
       return to != S::kCommandingWait;
   }

@@ -215,6 +215,17 @@ BOOST_AUTO_TEST_CASE(another_versions_framing_is_recognised) {
   BOOST_TEST(!decode(hex(kTorque), Version::k1_15, m).likely_version);
 }
 
+BOOST_AUTO_TEST_CASE(a_message_of_the_other_direction_is_named) {
+  MonitoringMessage monitoring;
+  CommandMessage command;
+  const DecodeResult ours = decode(hex(kTorque), Version::k1_15, monitoring);
+  BOOST_TEST(describe(ours) ==
+             "messageIdentifier is 0x34001: a command, not a monitoring message");
+  const DecodeResult theirs = decode(hex(kMonitoring), Version::k1_15, command);
+  BOOST_TEST(describe(theirs) ==
+             "messageIdentifier is 0x245142: a monitoring message, not a command");
+}
+
 BOOST_AUTO_TEST_CASE(versions_have_names) {
   for (const Version version : kVersions)
     BOOST_TEST((parse_version(name(version)) == version));
