@@ -132,6 +132,8 @@ void bind_parameters(nb::module_& m) {
       .def_rw("k_null", &OscParams::k_null, "Null-space damping [1/s].")
       .def_rw("length_scale", &OscParams::length_scale, "L of rotation rows [m/rad].")
       .def_rw("s0", &OscParams::s0, "Eigenvalue fade threshold [1/kg].")
+      .def_rw("joint_stiffness", &OscParams::joint_stiffness, "Joint targets [1/s2].")
+      .def_rw("joint_damping_ratio", &OscParams::joint_damping_ratio)
       .def_rw("use_jdot", &OscParams::use_jdot, "Subtract dJ dq in the task.")
       .def_rw("use_coriolis", &OscParams::use_coriolis, "Add c to u0.");
   nb::class_<LimitParams>(m, "LimitParams", "Every limit. NaN means not set yet.")
@@ -169,16 +171,20 @@ void bind_data(nb::module_& m) {
       .def(
           "__init__",
           [](Target* self, const Vec6& f_star, const Vec3& position_d,
-             const Vec4& quat_wxyz_d) {
-            new (self) Target{f_star, position_d, quat_wxyz_d, Target{}.near_plane};
+             const Vec4& quat_wxyz_d, bool joint_mode, const Vec7& q_d) {
+            new (self) Target{f_star,     position_d, quat_wxyz_d, Target{}.near_plane,
+                              joint_mode, q_d};
           },
           "f_star"_a = Vec6(Vec6::Zero()), "position_d"_a = Vec3(Vec3::Zero()),
-          "quat_wxyz_d"_a = Vec4(1.0, 0.0, 0.0, 0.0))
+          "quat_wxyz_d"_a = Vec4(1.0, 0.0, 0.0, 0.0), "joint_mode"_a = false,
+          "q_d"_a = Vec7(Vec7::Zero()))
       .def_rw("f_star", &Target::f_star, "Force axes: [m/s2, rad/s2], world, (6,).")
       .def_rw("position_d", &Target::position_d, "Pose axes: TCP position [m], (3,).")
       .def_rw("quat_wxyz_d", &Target::quat_wxyz_d, "Pose axes: TCP rotation, (4,).")
       .def_rw("near_plane", &Target::near_plane,
-              "Unit normal n and d [m]: where n . p < d the speed limit is dx_near.");
+              "Unit normal n and d [m]: where n . p < d the speed limit is dx_near.")
+      .def_rw("joint_mode", &Target::joint, "Go to q_d; task axes are not used.")
+      .def_rw("q_d", &Target::q_d, "Desired configuration [rad], shape (7,).");
   nb::class_<Flags>(m, "Flags",
                     "What limited a cycle. Masks: bit i is joint A(i+1) or axis XYZ.")
       .def_ro("joint_position", &Flags::joint_position)
@@ -192,13 +198,15 @@ void bind_data(nb::module_& m) {
       .def_ro("bad_input", &Flags::bad_input, "Non-finite input: damped hold.")
       .def_ro("unsafe", &Flags::unsafe, "The torque had to be clipped.")
       .def_ro("qp_early", &Flags::qp_early, "The QP stopped early: safe answer.")
+      .def_ro("target_late", &Flags::target_late, "No fresh Target: held.")
+      .def_ro("stopped", &Flags::stopped, "A watchdog's stop: braked, then held.")
       .def_ro("displaced", &Flags::displaced, "|a - a0| [rad/s2].")
       .def_prop_ro(
           "packed", &pack_flags,
           "All in one int: bits 0-6 joint_position, 7-13 joint_velocity, 14-20 "
           "joint_acceleration, 21-27 torque, 28-30 wall_position, 31-33 "
           "wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced, 40 "
-          "bad_input, 41 unsafe, 42 qp_early.");
+          "bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped.");
   nb::class_<StepResult>(m, "StepResult", "What one cycle gave.")
       .def_ro("tau", &StepResult::tau, "Overlay torque, gravity excluded [Nm].")
       .def_ro("a", &StepResult::a, "Commanded joint acceleration [rad/s2].")
@@ -252,8 +260,15 @@ void bind_controller(nb::module_& m) {
       .def("reset", &Controller::reset, "q"_a, "position_hold"_a, "quat_hold"_a,
            "Start afresh at rest at q [rad]; hold axes keep this TCP position [m] and "
            "rotation (wxyz).")
-      .def("step", &Controller::step, "q"_a, "dq"_a, "target"_a,
-           "One cycle from measured q [rad], dq [rad/s]: overlay torque and flags.")
+      .def(
+          "step",
+          [](Controller& self, const Vec7& q, const Vec7& dq, const Target& target,
+             double elapsed) { return self.step(q, dq, target, elapsed); },
+          "q"_a, "dq"_a, "target"_a, "elapsed"_a = 0.0,
+          "One cycle from measured q [rad], dq [rad/s]: overlay torque and flags. "
+          "elapsed: time since the last cycle [s]; 0 is one period.")
+      .def("hold_at", &Controller::hold_at, "position_hold"_a, "quat_hold"_a,
+           "Latch another TCP pose for hold axes: position [m], rotation (wxyz).")
       .def(
           "osc_terms",
           [](const Controller& self, const Vec7& q, const Vec7& dq,

@@ -30,6 +30,7 @@ bool is_usable(const Target& target) noexcept {
          is_within(target.position_d, kLargestTarget) &&
          is_within(target.quat_wxyz_d, kLargestTarget) &&
          target.quat_wxyz_d.norm() > kSmallestQuat &&
+         is_within(target.q_d, kLargestAngle) &&
          is_within(target.near_plane.head<3>(), kLargestTarget) &&
          target.near_plane[3] <= kLargestTarget;  // minus infinity: no plane
 }
@@ -77,14 +78,18 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold,
   update_model(is_within(q, kLargestAngle) ? q : Vec7::Zero(), Vec7::Zero());
 }
 
+void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
+  osc_.reset(p_hold, quat_hold);
+}
+
 /// r += beta (M ddq + h0 - u - r) over the interval that has just ended; terms_ and h_
 /// still hold that interval's model, and h0 = h_ + r.
-void Controller::update_disturbance(const Vec7& dq) noexcept {
+void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   if (!has_last_ || limits_.beta == 0.0) return;
   const Vec7 change = dq - dq_last_;
   const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
   disturbance_ +=
-      limits_.beta * (terms_.M * change / period_ + h_ + viscous - tau_last_);
+      limits_.beta * (terms_.M * change / elapsed + h_ + viscous - tau_last_);
 }
 
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
@@ -255,22 +260,48 @@ StepResult Controller::brake() noexcept {
   return result;
 }
 
-StepResult Controller::step(const Vec7& q, const Vec7& dq,
-                            const Target& target) noexcept {
+/// a0 = M^-1 (u0 - h)
+void Controller::follow_task(const Vec7& dq, const Target& target,
+                             StepResult& result) noexcept {
+  Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
+  if (limits_.walls && limits_.scheme == Scheme::kQp) keep_inside(f_star, result);
+  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star, task_terms_);
+  result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
+}
+
+/// a0 = K (q_d - q) - D dq, each joint inside its own interval: one that cannot follow
+/// must not draw the others along.
+void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
+                               StepResult& result) noexcept {
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d);
+  result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  unsigned upper = 0, lower = 0;
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (wanted[i] > bounds_.ub[i]) upper |= bit(i);
+    if (wanted[i] < bounds_.lb[i]) lower |= bit(i);
+  }
+  mark_joints(upper, lower, result.flags);
+  task_terms_ = {Mat67::Zero(), Mat6::Zero(), Vec6::Zero(), terms_.M * result.a0 + h_,
+                 true};
+}
+
+StepResult Controller::step(const Vec7& q, const Vec7& dq, const Target& target,
+                            double elapsed) noexcept {
   if (!is_within(q, kLargestAngle) || !is_within(dq, kLargestSpeed) ||
       !is_usable(target)) {
     chain_.tool_motion(q, dq, tool_);  // for the log; braking does not look at it
     return brake();
   }
-  update_disturbance(dq);
+  update_disturbance(dq, elapsed > 0.0 ? elapsed : period_);
   update_model(q, dq);
   update_bounds(q, dq, target);
 
   StepResult result;
-  Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
-  if (limits_.walls && limits_.scheme == Scheme::kQp) keep_inside(f_star, result);
-  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star, task_terms_);
-  result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
+  if (target.joint) {
+    follow_joints(q, dq, target, result);
+  } else {
+    follow_task(dq, target, result);
+  }
   if (limits_.scheme == Scheme::kQp) {
     limit_by_qp(result);
   } else {

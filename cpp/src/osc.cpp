@@ -142,6 +142,13 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
   return f;
 }
 
+Vec7 OperationalSpace::joint_acceleration(const Vec7& q, const Vec7& dq,
+                                          const Vec7& q_d) const noexcept {
+  const double K = params_.joint_stiffness;
+  const double D = 2.0 * params_.joint_damping_ratio * std::sqrt(K);
+  return K * (q_d - q) - D * dq;
+}
+
 void OperationalSpace::evaluate(const ChainTerms& terms, const Mat7& M,
                                 const Cholesky<7>& M_factor, const Vec7& dq,
                                 const Vec6& f_star, OscTerms& out) const noexcept {

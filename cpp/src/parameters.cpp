@@ -112,6 +112,8 @@ void check_osc(const OscParams& osc) {
   require("k_null", osc.k_null, "1/s", kNotNegative);
   require("length_scale", osc.length_scale, "m/rad", kPositive);
   require("s0", osc.s0, "1/kg", kPositive);
+  require("joint_stiffness", osc.joint_stiffness, "1/s2", kNotNegative);
+  require("joint_damping_ratio", osc.joint_damping_ratio, "", kNotNegative);
 }
 
 void check_limits(const LimitParams& limits) {

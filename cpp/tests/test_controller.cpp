@@ -212,6 +212,12 @@ BOOST_AUTO_TEST_CASE(every_bad_element_is_noticed) {
     wrong.position_d[i] = kNaN;
     BOOST_TEST(is_bad(q, Vec7::Zero(), wrong));
   }
+  for (int i = 0; i < 7; ++i) {
+    Target wrong = target;
+    wrong.joint = true;
+    wrong.q_d[i] = i % 2 == 0 ? kNaN : 2e3;
+    BOOST_TEST(is_bad(q, Vec7::Zero(), wrong));
+  }
   Target wrong = target;
   wrong.quat_wxyz_d.setZero();
   BOOST_TEST(is_bad(q, Vec7::Zero(), wrong));
@@ -308,6 +314,72 @@ BOOST_AUTO_TEST_CASE(weak_motors_keep_torque_and_joint_limits_together) {
     settings.is_random_start = false;
     require_no_violation(
         Adversary(limits, 0.001, settings, 4).run(closed_loop_cycles()));
+  }
+}
+
+BOOST_AUTO_TEST_CASE(joint_targets_are_reached_and_obey_every_limit) {
+  const ChainParams chain = iiwa14_with_tool();
+  for (const double period : {0.001, 0.005}) {
+    LimitParams limits = limits_for(period);
+    limits.walls = false;
+    Controller controller(chain, {}, limits, kPegTask, period);
+    RigidPlant plant(chain, chain, {});
+    plant.reset(tool_down_posture(), Vec7::Zero());
+    controller.reset(plant.q(), Vec3::Zero(), Vec4(1, 0, 0, 0));
+    std::mt19937_64 random(7);
+    Target target;
+    target.joint = true;
+    for (int move = 0; move < 5; ++move) {
+      target.q_d = random_posture(random, limits, 0.05);
+      if (move == 4) target.q_d[2] = limits.q_max[2] + 1.0;  // out of reach
+      for (double t = 0.0; t < 6.0; t += period) {
+        const StepResult result = controller.step(plant.q(), plant.dq(), target);
+        plant.apply(result.tau, period);
+        BOOST_REQUIRE((plant.q() - limits.q_max).maxCoeff() <= 0.0);
+        BOOST_REQUIRE((limits.q_min - plant.q()).maxCoeff() <= 0.0);
+        BOOST_REQUIRE((plant.dq().cwiseAbs() - limits.dq_max).maxCoeff() <= 0.0);
+      }
+      const Vec7 reached = target.q_d.cwiseMin(limits.q_max);
+      BOOST_TEST((plant.q() - reached).cwiseAbs().maxCoeff() < 0.01);
+      BOOST_TEST(plant.dq().cwiseAbs().maxCoeff() < 0.01);
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_joint_target_becomes_a_damped_spring_in_each_joint) {
+  Resting arm;
+  OscParams osc;
+  osc.joint_stiffness = 49.0;
+  osc.joint_damping_ratio = 0.5;
+  Controller controller = make_controller(arm.limits, osc);
+  controller.reset(arm.q, arm.p, quat_of(arm.R));
+  const Vec7 dq = Vec7::Constant(0.1);
+  arm.target.joint = true;
+  arm.target.q_d = arm.q + Vec7::Constant(0.05);
+  const StepResult result = controller.step(arm.q, dq, arm.target);
+  BOOST_TEST((result.a0 - Vec7::Constant(49.0 * 0.05 - 7.0 * 0.1)).norm() < 1e-12);
+  BOOST_TEST((result.a - result.a0).norm() < 1e-9);
+}
+
+BOOST_AUTO_TEST_CASE(time_that_has_passed_divides_the_change_of_speed) {
+  Resting arm;
+  for (const double elapsed : {0.001, 0.003}) {
+    Controller controller = make_controller(arm.limits);
+    controller.reset(arm.q, arm.p, quat_of(arm.R));
+    RigidPlant plant(arm.chain, arm.chain, {});
+    plant.reset(arm.q, Vec7::Zero());
+    plant.set_external_force(Vec3(5.0, 0.0, 0.0));
+    double time = 0.0;
+    while (time < 0.2) {
+      const StepResult result =
+          controller.step(plant.q(), plant.dq(), arm.target, elapsed);
+      plant.apply(result.tau, elapsed);
+      time += elapsed;
+    }
+    ChainTerms terms;
+    Chain(arm.chain).evaluate(plant.q(), plant.dq(), terms);
+    const Vec7 expected = terms.J.topRows<3>().transpose() * Vec3(5.0, 0.0, 0.0);
+    BOOST_TEST((controller.disturbance() - expected).norm() < 0.1 * expected.norm());
   }
 }
 

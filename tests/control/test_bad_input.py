@@ -28,17 +28,18 @@ def controller(robot, limits, q_home):
 def bad_inputs(q):
     """The input of a cycle with one number spoilt."""
     for value in (np.nan, np.inf, -np.inf):
-        for field in ("q", "dq", "f_star", "position_d", "quat_wxyz_d"):
+        for field in ("q", "dq", "f_star", "position_d", "quat_wxyz_d", "q_d"):
             inputs = {
                 "q": q.copy(),
                 "dq": np.zeros(7),
                 "f_star": np.zeros(6),
                 "position_d": np.zeros(3),
                 "quat_wxyz_d": np.array([1.0, 0.0, 0.0, 0.0]),
+                "q_d": q.copy(),
             }
             inputs[field][1] = value
-            target = {k: inputs.pop(k) for k in ("f_star", "position_d", "quat_wxyz_d")}
-            yield inputs["q"], inputs["dq"], _core.Target(**target)
+            state = inputs.pop("q"), inputs.pop("dq")
+            yield *state, _core.Target(**inputs, joint_mode=field == "q_d")
     for i, value in ((0, np.nan), (2, np.inf), (3, np.nan), (3, np.inf)):
         target = _core.Target()
         plane = target.near_plane

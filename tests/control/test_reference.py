@@ -28,6 +28,8 @@ def random_target(rng, robot, q, action):
         rng.uniform(-1.0, 1.0, 6) * action * np.array([1, 1, 1, 7, 7, 7]),
         pose.position + rng.normal(0.0, 0.1, 3),
         quat_normalized(quat),
+        joint_mode=bool(rng.random() < 0.25),
+        q_d=q + rng.normal(0.0, 0.02 * action, 7),
     )
     if rng.uniform() < 0.5:
         offset = normal @ pose.position + rng.normal(0.0, 0.01)

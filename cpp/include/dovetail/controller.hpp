@@ -36,7 +36,17 @@ class Controller {
   /// |u + g(q)| <= tau_max always. Input that is not finite (or beyond 1000 rad or
   /// rad/s): a damped hold and `bad_input`.
   [[nodiscard]] StepResult step(const Vec7& q, const Vec7& dq,
-                                const Target& target) noexcept;
+                                const Target& target) noexcept {
+    return step(q, dq, target, period_);
+  }
+
+  /// The same where `elapsed` [s] have passed since the last cycle: its torque acted
+  /// that long. A time that is not positive counts as one period.
+  [[nodiscard]] StepResult step(const Vec7& q, const Vec7& dq, const Target& target,
+                                double elapsed) noexcept;
+
+  /// Latches another pose for hold axes: TCP position [m] and rotation (wxyz).
+  void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
   /// Estimated external torque r [Nm] (control.md section 7).
   const Vec7& disturbance() const noexcept { return disturbance_; }
@@ -52,10 +62,13 @@ class Controller {
   double period() const noexcept { return period_; }
 
  private:
-  void update_disturbance(const Vec7& dq) noexcept;
+  void update_disturbance(const Vec7& dq, double elapsed) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq, const Target& target) noexcept;
   void keep_inside(Vec6& f_star, StepResult& result) const noexcept;
+  void follow_task(const Vec7& dq, const Target& target, StepResult& result) noexcept;
+  void follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
+                     StepResult& result) noexcept;
   void limit_by_qp(StepResult& result) noexcept;
   void limit_by_cascade(StepResult& result) noexcept;
   void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;

@@ -45,6 +45,10 @@ class OperationalSpace {
   void evaluate(const ChainTerms& terms, const Mat7& M, const Cholesky<7>& M_factor,
                 const Vec7& dq, const Vec6& f_star, OscTerms& out) const noexcept;
 
+  /// K (q_d - q) - 2 zeta sqrt(K) dq [rad/s2], for joint targets.
+  [[nodiscard]] Vec7 joint_acceleration(const Vec7& q, const Vec7& dq,
+                                        const Vec7& q_d) const noexcept;
+
   const OscParams& params() const noexcept { return params_; }
   const TaskSpec& task() const noexcept { return task_; }
 

@@ -65,12 +65,14 @@ struct OscParams {
   double error_clamp_rotation = 0.5;         ///< [rad]
   double error_clamp_position = 0.1;         ///< [m]
   double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
-  double f_clamp_angular = 200.0;  ///< largest |f*| per rotation axis [rad/s2]
-  double k_null = 5.0;             ///< null-space damping k [1/s]
-  double length_scale = 0.15;      ///< L, scales rotation rows [m/rad]
-  double s0 = 0.005;               ///< eigenvalue fade threshold [1/kg]
-  bool use_jdot = false;           ///< subtract dJ dq in the task
-  bool use_coriolis = false;       ///< add c to u0
+  double f_clamp_angular = 200.0;    ///< largest |f*| per rotation axis [rad/s2]
+  double k_null = 5.0;               ///< null-space damping k [1/s]
+  double length_scale = 0.15;        ///< L, scales rotation rows [m/rad]
+  double s0 = 0.005;                 ///< eigenvalue fade threshold [1/kg]
+  double joint_stiffness = 100.0;    ///< K of joint targets [1/s2]
+  double joint_damping_ratio = 1.0;  ///< zeta of joint targets
+  bool use_jdot = false;             ///< subtract dJ dq in the task
+  bool use_coriolis = false;         ///< add c to u0
 };
 
 /// Every limit; each one is enforced and has a flag (control.md sections 3-7, 9).
@@ -104,7 +106,7 @@ struct LimitParams {
   BoundsKind bounds = BoundsKind::kViability;
 };
 
-/// One policy command, held until the next one.
+/// One command, held until the next one: of the task, or of the joints.
 struct Target {
   Vec6 f_star = Vec6::Zero();            ///< force axes: [m/s2, rad/s2], world
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
@@ -112,6 +114,8 @@ struct Target {
   /// Where contact is near: at TCP positions p with n . p < d the speed limit is
   /// `dx_near`. Unit normal n, then d [m], world axes; d = -infinity: nowhere.
   Vec4 near_plane{0.0, 0.0, 0.0, -std::numeric_limits<double>::infinity()};
+  bool joint = false;       ///< go to q_d; the task axes are not used
+  Vec7 q_d = Vec7::Zero();  ///< desired configuration [rad]
 };
 
 /// What limited the last cycle. Masks: bit i is joint A(i+1) or axis X, Y, Z.
@@ -125,15 +129,17 @@ struct Flags {
   std::uint8_t wall_acceleration = 0;   ///< the TCP acceleration bounds the axis
   std::uint8_t wall_displaced = 0;      ///< a wall row could not be met this cycle
   bool bad_input = false;               ///< non-finite input: damped hold
-  bool unsafe = false;     ///< even the safe action exceeded a torque: clipped
-  bool qp_early = false;   ///< the QP stopped early; its safe answer was used
-  double displaced = 0.0;  ///< |a - a0| [rad/s2]
+  bool unsafe = false;       ///< even the safe action exceeded a torque: clipped
+  bool qp_early = false;     ///< the QP stopped early; its safe answer was used
+  bool target_late = false;  ///< no fresh Target (a servo loop's watchdog): held
+  bool stopped = false;      ///< a watchdog's stop: braked, then held
+  double displaced = 0.0;    ///< |a - a0| [rad/s2]
 };
 
 /// All masks and switches of Flags in one number, exact in a double: bits 0-6
 /// joint_position, 7-13 joint_velocity, 14-20 joint_acceleration, 21-27 torque, 28-30
 /// wall_position, 31-33 wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced,
-/// 40 bad_input, 41 unsafe, 42 qp_early.
+/// 40 bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped.
 constexpr std::int64_t pack_flags(const Flags& flags) noexcept {
   const auto mask = [](std::uint8_t bits, int shift) {
     return static_cast<std::int64_t>(bits) << shift;
@@ -142,7 +148,8 @@ constexpr std::int64_t pack_flags(const Flags& flags) noexcept {
          mask(flags.joint_acceleration, 14) | mask(flags.torque, 21) |
          mask(flags.wall_position, 28) | mask(flags.wall_velocity, 31) |
          mask(flags.wall_acceleration, 34) | mask(flags.wall_displaced, 37) |
-         mask(flags.bad_input, 40) | mask(flags.unsafe, 41) | mask(flags.qp_early, 42);
+         mask(flags.bad_input, 40) | mask(flags.unsafe, 41) | mask(flags.qp_early, 42) |
+         mask(flags.target_late, 43) | mask(flags.stopped, 44);
 }
 
 struct StepResult {

@@ -83,6 +83,10 @@ class OscConfig:
     s0: Annotated[float, Range(1e-6, 10.0, "1/kg")] = 0.005
     """Task inertia eigenvalue below which a direction fades out [1/kg]. With rotor
     inertia in the model the tool-down home pose has 0.0145: 0.02 would fade there."""
+    joint_stiffness: Annotated[float, Range(0.0, 1e4, "1/s2")] = 100.0
+    """Stiffness K of joint targets [1/s2], each joint alone; 0.2 s to settle."""
+    joint_damping_ratio: Annotated[float, Range(0.0, 10.0, "1")] = 1.0
+    """Damping ratio zeta of joint targets [1]; D = 2 zeta sqrt(K)."""
     use_jdot: bool = False
     """Subtract dJ dq from f*; off as in the paper."""
     use_coriolis: bool = False

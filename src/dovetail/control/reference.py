@@ -1,7 +1,6 @@
 """The controller in NumPy: one cycle as equations, in the order of Khatib 1987.
 
-It is what the C++ controller is compared with, and the one to read first. It takes
-checked settings and finite input, and is about a thousand times slower.
+The C++ controller is compared with it. It takes checked settings and finite input.
 """
 
 from typing import TYPE_CHECKING
@@ -71,6 +70,9 @@ class ReferenceController:
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
         lb, ub = self.intervals(q, dq, *joint)
+        if target.joint_mode:  # a spring in each joint instead
+            K, zeta = osc.joint_stiffness, osc.joint_damping_ratio
+            a0 = np.clip(K * (target.q_d - q) - 2 * zeta * np.sqrt(K) * dq, lb, ub)
         rows = (J_tool[:3], dJdq[:3], cl, cu) if lim.walls else None
         g = chain.gravity(q)
         lo, hi = -lim.tau_max - g, lim.tau_max - g

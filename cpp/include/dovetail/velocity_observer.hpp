@@ -1,0 +1,72 @@
+/// Joint velocity from positions alone: FRI sends no velocity.
+///
+/// Prediction with the acceleration that the controller commanded, correction with the
+/// measured position:
+///
+///     dq+ = dq + a T
+///     q+  = q + dq T + a T^2 / 2
+///     dq  = dq+ + gain / T (q_measured - q+)
+///
+/// Gain 1 takes (q_k - q_k-1) / T, the mean velocity of the interval, and moves it to
+/// the interval's end by a T / 2: no lag where the arm does as commanded, and the noise
+/// of one difference. A smaller gain trusts the model for longer and has less noise.
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// One thread. After construction nothing allocates or throws.
+class VelocityObserver {
+ public:
+  /// \param period  time between measurements [s]
+  /// \param gain    above 0, at most 1
+  /// Throws std::invalid_argument for a number out of range.
+  explicit VelocityObserver(double period, double gain = 1.0)
+      : period_(period), gain_(gain) {
+    if (!(period > 0.0 && period <= 0.1)) {
+      throw std::invalid_argument("observer period is " + std::to_string(period) +
+                                  " s; allowed: above 0 and at most 0.1 s");
+    }
+    if (!(gain > 0.0 && gain <= 1.0)) {
+      throw std::invalid_argument("observer gain is " + std::to_string(gain) +
+                                  "; allowed: above 0 and at most 1");
+    }
+  }
+
+  /// Starts at rest at q [rad].
+  void reset(const Vec7& q) noexcept {
+    q_ = q;
+    dq_.setZero();
+  }
+
+  /// Takes the measured q [rad] after `elapsed` [s] under the acceleration a [rad/s2],
+  /// and returns the velocity [rad/s] at its end.
+  const Vec7& update(const Vec7& q, const Vec7& a, double elapsed) noexcept {
+    const double T = elapsed > 0.0 ? elapsed : period_;
+    const Vec7 predicted = q_ + T * dq_ + (0.5 * T * T) * a;
+    dq_ += T * a + (gain_ / T) * (q - predicted);
+    q_ = q;
+    return dq_;
+  }
+
+  /// The same after one period.
+  const Vec7& update(const Vec7& q, const Vec7& a) noexcept {
+    return update(q, a, period_);
+  }
+
+  const Vec7& dq() const noexcept { return dq_; }
+  double period() const noexcept { return period_; }
+  double gain() const noexcept { return gain_; }
+
+ private:
+  double period_;
+  double gain_;
+  Vec7 q_ = Vec7::Zero();
+  Vec7 dq_ = Vec7::Zero();
+};
+
+}  // namespace dovetail

@@ -1,0 +1,90 @@
+#define BOOST_TEST_MODULE velocity_observer
+#include <boost/test/included/unit_test.hpp>
+#include <cmath>
+#include <random>
+#include <stdexcept>
+
+#include "arm.hpp"
+#include "dovetail/velocity_observer.hpp"
+
+using namespace dovetail;
+using namespace dovetail::testing;
+
+namespace {
+
+constexpr double kPeriod = 0.005;
+
+/// q(t) = sin(w t) in each joint, w from 1 to 4 rad/s.
+Vec7 frequencies() { return Vec7::LinSpaced(1.0, 4.0); }
+Vec7 position(double t) { return (frequencies() * t).array().sin(); }
+Vec7 velocity(double t) {
+  return frequencies().array() * (frequencies() * t).array().cos();
+}
+Vec7 acceleration(double t) {
+  return -frequencies().array().square() * (frequencies() * t).array().sin();
+}
+
+}  // namespace
+
+BOOST_AUTO_TEST_CASE(gain_one_is_the_difference_moved_to_the_end_of_the_interval) {
+  std::mt19937_64 random(1);
+  VelocityObserver observer(kPeriod);
+  Vec7 last = random_vector(random, 1.0);
+  observer.reset(last);
+  BOOST_TEST(observer.dq().norm() == 0.0);
+  for (int k = 0; k < 100; ++k) {
+    const Vec7 q = last + random_vector(random, 0.01);
+    const Vec7 a = random_vector(random, 10.0);
+    const Vec7 expected = (q - last) / kPeriod + 0.5 * kPeriod * a;
+    BOOST_TEST((observer.update(q, a) - expected).norm() < 1e-9);
+    last = q;
+  }
+}
+
+BOOST_AUTO_TEST_CASE(constant_acceleration_is_followed_without_lag_at_any_gain) {
+  for (const double gain : {1.0, 0.5, 0.2}) {
+    VelocityObserver observer(kPeriod, gain);
+    observer.reset(Vec7::Zero());
+    const Vec7 a = Vec7::LinSpaced(-3.0, 3.0);
+    for (int k = 1; k <= 50; ++k) {
+      const double t = k * kPeriod;
+      observer.update(0.5 * t * t * a, a);
+      BOOST_TEST((observer.dq() - t * a).norm() < 1e-9);
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(an_interval_of_several_periods_counts_as_long_as_it_was) {
+  VelocityObserver observer(kPeriod);
+  observer.reset(position(0.0));
+  double t = 0.0;
+  for (int k = 0; k < 300; ++k) {
+    const double elapsed = kPeriod * (k % 7 == 0 ? 3 : 1);  // two messages lost
+    const Vec7 mean = acceleration(t + 0.5 * elapsed);
+    t += elapsed;
+    observer.update(position(t), mean, elapsed);
+    if (k == 0) continue;  // started at rest, which the sine does not
+    BOOST_REQUIRE((observer.dq() - velocity(t)).cwiseAbs().maxCoeff() < 2e-3);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_smaller_gain_has_less_noise) {
+  const auto noise_of = [](double gain) {
+    std::mt19937_64 random(2);
+    VelocityObserver observer(kPeriod, gain);
+    observer.reset(Vec7::Zero());
+    double sum = 0.0;
+    for (int k = 0; k < 2000; ++k) {
+      sum += observer.update(random_vector(random, 1e-4), Vec7::Zero()).squaredNorm();
+    }
+    return std::sqrt(sum / (7 * 2000));
+  };
+  BOOST_TEST(noise_of(0.3) < 0.7 * noise_of(1.0));
+}
+
+BOOST_AUTO_TEST_CASE(numbers_out_of_range_are_refused) {
+  BOOST_CHECK_THROW(VelocityObserver(0.0), std::invalid_argument);
+  BOOST_CHECK_THROW(VelocityObserver(NAN), std::invalid_argument);
+  BOOST_CHECK_THROW(VelocityObserver(0.005, 0.0), std::invalid_argument);
+  BOOST_CHECK_THROW(VelocityObserver(0.005, 1.5), std::invalid_argument);
+}
