@@ -53,3 +53,17 @@ class LogError(DovetailError, OSError):
 
 class MissingDependencyError(DovetailError, ImportError):
     """An optional package is needed and not installed."""
+
+
+class ArmError(DovetailError, RuntimeError):
+    """An arm cannot be reached, or does not follow any more.
+
+    Attributes:
+        reason: One word for programs, such as "external_torque" or "no_cabinet".
+        state: What the arm last knew of itself, an `ArmState`, or None.
+    """
+
+    def __init__(self, message: str, reason: str = "", state: object = None) -> None:
+        super().__init__(message)
+        self.reason = reason
+        self.state = state

@@ -1,0 +1,317 @@
+#include "dovetail/servo_cycle.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dovetail/mujoco_loop.hpp"
+
+namespace dovetail {
+namespace {
+
+using fri::Joints;
+using fri::MonitoringMessage;
+using fri::SessionState;
+
+Vec7 vector_of(const Joints& joints) noexcept {
+  return Eigen::Map<const Vec7>(joints.data());
+}
+
+Joints joints_of(const Vec7& v) noexcept {
+  Joints joints;
+  Eigen::Map<Vec7>(joints.data()) = v;
+  return joints;
+}
+
+Vec4 quat_of(const Mat3& R) noexcept {
+  const Eigen::Quaterniond q(R);
+  const double sign = q.w() < 0.0 ? -1.0 : 1.0;
+  return sign * Vec4(q.w(), q.x(), q.y(), q.z());
+}
+
+std::vector<std::string> numbered(const std::string& stem) {
+  std::vector<std::string> names;
+  for (int i = 1; i <= kNumJoints; ++i) names.push_back(stem + std::to_string(i));
+  return names;
+}
+
+std::vector<std::string> make_columns() {
+  std::vector<std::string> names{"time"};
+  const auto add = [&](const std::vector<std::string>& more) {
+    names.insert(names.end(), more.begin(), more.end());
+  };
+  add(numbered("q"));
+  add(numbered("dq"));
+  add(numbered("tau"));
+  add({"x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"});
+  add({"fx", "fy", "fz", "fsx", "fsy", "fsz", "flags"});
+  add(numbered("tau_measured"));
+  add(numbered("tau_external"));
+  add({"sequence", "motion", "elapsed", "reason"});
+  return names;
+}
+
+/// Appends numbers to one row of the log.
+struct RowWriter {
+  double* next;
+
+  template <typename Vector>
+  void put(const Vector& v) noexcept {
+    for (Eigen::Index i = 0; i < v.size(); ++i) *next++ = v[i];
+  }
+  void put_number(double x) noexcept { *next++ = x; }
+};
+
+std::size_t rows_of(const ServoParams& params) {
+  const double rows = params.log_seconds / params.period;
+  if (!(rows >= 1.0 && rows <= 1e7)) {
+    throw std::invalid_argument("servo log_seconds is " +
+                                std::to_string(params.log_seconds) +
+                                " s; allowed: one period up to 1e7 of them");
+  }
+  return static_cast<std::size_t>(std::ceil(rows));
+}
+
+void require_filter(double frequency, double period) {
+  if (frequency > 0.0 && frequency < 0.5 / period) return;
+  throw std::invalid_argument("servo position_filter is " + std::to_string(frequency) +
+                              " Hz; allowed: above 0 and below half the rate, " +
+                              std::to_string(0.5 / period) + " Hz");
+}
+
+}  // namespace
+
+const std::vector<std::string>& servo_columns() {
+  static const std::vector<std::string> columns = make_columns();
+  return columns;
+}
+
+ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
+                       const OscParams& osc, const LimitParams& limits,
+                       const TaskSpec& task)
+    : params_(params),
+      session_(params.version),
+      controller_(chain, osc, limits, task, params.period),
+      observer_(params.period, params.observer_gain),
+      watchdog_(params.watchdog, limits),
+      log_(rows_of(params), servo_columns().size()) {
+  require_filter(params.position_filter, params.period);
+  // Tustin: at 1 ms and 20 Hz these are the numbers of fri.md section 13.
+  const double w = std::tan(M_PI * params.position_filter * params.period);
+  filter_b_ = w / (1.0 + w);
+  filter_a_ = (1.0 - w) / (1.0 + w);
+}
+
+void ServoCycle::note(const MonitoringMessage& message) noexcept {
+  state_.session = message.state();
+  if (message.connection) {
+    state_.quality = message.connection->quality;
+    state_.send_period = message.connection->send_period.value_or(0);
+    state_.multiplier =
+        std::max<std::uint32_t>(1, message.connection->receive_multiplier.value_or(1));
+  }
+  if (message.safety) state_.safety = static_cast<std::uint8_t>(*message.safety);
+  if (message.operation_mode) {
+    state_.operation_mode = static_cast<std::uint8_t>(*message.operation_mode);
+  }
+  if (!message.drive_states.empty()) {
+    const fri::DriveState first = message.drive_states[0];
+    const bool is_common =
+        std::all_of(message.drive_states.begin(), message.drive_states.end(),
+                    [&](fri::DriveState s) { return s == first; });
+    state_.drives =
+        static_cast<std::uint8_t>(is_common ? first : fri::DriveState::kTransitioning);
+  }
+  state_.tracking = message.tracking.value_or(0.0);
+  const Vec7 unknown = Vec7::Constant(kUnset);
+  state_.tau_measured =
+      message.tau_measured
+          ? Vec7(params_.measured_sign * vector_of(*message.tau_measured))
+          : unknown;
+  state_.tau_external =
+      message.tau_external
+          ? Vec7(params_.external_sign * vector_of(*message.tau_external))
+          : unknown;
+  tau_commanded_ =
+      message.tau_commanded
+          ? Vec7(params_.commanded_sign * vector_of(*message.tau_commanded))
+          : unknown;
+  if (message.q_measured && !is_active_) state_.q = vector_of(*message.q_measured);
+}
+
+/// Why this cabinet must not be commanded, though it would take commands.
+Refusal ServoCycle::find_refusal(const MonitoringMessage& message) const noexcept {
+  if (step_.problem != fri::Problem::kNone || !message.q_measured) {
+    return Refusal::kProblem;
+  }
+  const double period = 1e-3 * state_.send_period * state_.multiplier;
+  if (state_.send_period != 0 && std::abs(period - params_.period) > 1e-9) {
+    return Refusal::kPeriod;
+  }
+  return Refusal::kNone;
+}
+
+void ServoCycle::begin_motion(const Vec7& q) noexcept {
+  is_active_ = true;
+  has_target_ = false;
+  ++state_.motion;
+  state_.time = 0.0;
+  state_.is_at_rest = false;
+  observer_.reset(q);
+  watchdog_.begin();
+  controller_.chain().tool_motion(q, Vec7::Zero(), motion_);
+  controller_.reset(q, motion_.p, quat_of(motion_.R));
+  filtered_ = q;
+  q_last_ = q;
+  q_hold_ = q;
+  a_last_.setZero();
+  target_age_ = 0.0;
+  measured_ = 0.0;
+  elapsed_ = params_.period;
+}
+
+void ServoCycle::end_motion() noexcept {
+  is_active_ = false;
+  has_target_ = false;
+  state_.is_waiting = false;
+  state_.dq.setZero();
+}
+
+void ServoCycle::lose_session() noexcept {
+  session_.reset();
+  end_motion();
+  state_.session = SessionState::kIdle;
+  state_.refusal = Refusal::kNone;
+}
+
+ServoCycle::Action ServoCycle::receive(const std::uint8_t* bytes,
+                                       std::size_t size) noexcept {
+  step_ = session_.receive(bytes, size);
+  if (!step_.is_new) return Action::kNothing;
+  const MonitoringMessage& message = session_.message();
+  note(message);
+  const bool is_commanding = step_.state >= SessionState::kCommandingWait;
+  state_.refusal = is_commanding ? find_refusal(message) : Refusal::kNone;
+  if (step_.state == SessionState::kCommandingActive &&
+      state_.refusal == Refusal::kNone) {
+    return receive_active(step_);
+  }
+  if (is_active_) end_motion();
+  return step_.reply == fri::Reply::kNothing ? Action::kNothing : Action::kSend;
+}
+
+ServoCycle::Action ServoCycle::receive_active(const fri::SessionStep& step) noexcept {
+  const Vec7 q = vector_of(*session_.message().q_measured);
+  const bool is_first = !is_active_ || step.is_first_active;
+  if (is_first) {
+    begin_motion(q);
+  } else {
+    measured_ += (1.0 + step.missed) * params_.period / state_.multiplier;
+  }
+  if (step.reply != fri::Reply::kActive) return Action::kNothing;
+  if (is_first) {
+    ++state_.tick;
+  } else {
+    observer_.update(q, a_last_, measured_);
+    elapsed_ += measured_;
+    state_.time += measured_;
+    state_.tick += std::max(1L, std::lround(measured_ / params_.period));
+    measured_ = 0.0;
+  }
+  state_.q = q;
+  state_.dq = observer_.dq();
+  state_.is_waiting = true;
+  return Action::kAnswer;
+}
+
+std::size_t ServoCycle::reply(std::uint8_t* out) noexcept {
+  const MonitoringMessage& message = session_.message();
+  const Joints q = message.q_ipo.value_or(message.q_measured.value_or(Joints{}));
+  return session_.answer(q, Joints{}, out);
+}
+
+/// The order's Target, or a joint target that damps the arm and holds it where it
+/// comes to rest.
+Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
+  if (order.serial != serial_) {
+    serial_ = order.serial;
+    has_target_ = true;
+    target_age_ = 0.0;
+  }
+  ToolMotion at_rest;
+  controller_.chain().tool_motion(state_.q, Vec7::Zero(), at_rest);
+  WatchdogInput input{state_.q, state_.dq, {}, {}, {}, 0.0, elapsed_};
+  if (state_.tau_measured.allFinite()) input.tau_measured = state_.tau_measured;
+  if (state_.tau_external.allFinite()) input.tau_external = state_.tau_external;
+  if (tau_commanded_.allFinite()) {
+    input.tau_commanded =
+        params_.commanded_is_total ? tau_commanded_ : Vec7(tau_commanded_ + at_rest.g);
+  }
+  // In lockstep time stands still while the learner thinks.
+  if (has_target_ && !params_.lockstep) input.target_age = target_age_;
+  Verdict verdict = watchdog_.check(input);
+  state_.facts = watchdog_.facts();
+  state_.is_stopped = verdict == Verdict::kStop;
+  flags.stopped = state_.is_stopped;
+  flags.target_late = verdict == Verdict::kHold;
+  if (!has_target_ && verdict == Verdict::kFollow) verdict = Verdict::kHold;
+  state_.is_held = verdict != Verdict::kFollow;
+  if (verdict == Verdict::kFollow) {
+    state_.is_at_rest = false;
+    return order.target;
+  }
+  if (!state_.is_at_rest) {
+    q_hold_ = state_.q;
+    state_.is_at_rest = state_.dq.cwiseAbs().maxCoeff() < watchdog_.params().rest_speed;
+  }
+  Target hold;
+  hold.joint = true;
+  hold.q_d = q_hold_;
+  return hold;
+}
+
+std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
+  if (order.latch != latch_) {
+    latch_ = order.latch;
+    controller_.hold_at(order.p_hold, order.quat_hold);
+  }
+  target_age_ += elapsed_;
+  Flags flags;
+  const Target target = choose_target(order, flags);
+  StepResult result = controller_.step(state_.q, state_.dq, target, elapsed_);
+  result.flags.target_late = flags.target_late;
+  result.flags.stopped = flags.stopped;
+  write_row(result, target);
+  filtered_ = filter_b_ * (state_.q + q_last_) + filter_a_ * filtered_;
+  q_last_ = state_.q;
+  a_last_ = result.a;
+  elapsed_ = 0.0;
+  state_.is_waiting = false;
+  return session_.answer(joints_of(filtered_), joints_of(result.tau), out);
+}
+
+void ServoCycle::write_row(const StepResult& result, const Target& target) noexcept {
+  controller_.chain().tool_motion(state_.q, state_.dq, motion_);
+  RowWriter row{log_.next_row()};
+  row.put_number(state_.time);
+  row.put(state_.q);
+  row.put(state_.dq);
+  row.put(result.tau);
+  row.put(motion_.p);
+  row.put(quat_of(motion_.R));
+  row.put(motion_.twist);
+  row.put(Vec3(Vec3::Constant(kUnset)));  // no sensor for contact forces
+  row.put(Vec3(target.f_star.head<3>()));
+  row.put_number(static_cast<double>(pack_flags(result.flags)));
+  row.put(state_.tau_measured);
+  row.put(state_.tau_external);
+  row.put_number(session_.message().header.sequence);
+  row.put_number(static_cast<double>(state_.motion));
+  row.put_number(elapsed_);
+  row.put_number(static_cast<double>(state_.facts.reason));
+  log_.commit();
+  state_.rows = log_.count();
+}
+
+}  // namespace dovetail

@@ -1,0 +1,370 @@
+#include "dovetail/servo_loop.hpp"
+
+#include <time.h>
+
+#include <cmath>
+#include <limits>
+
+namespace dovetail {
+namespace {
+
+constexpr int kIdleWait = 100;       // [ms]; how late silence and closing are noticed
+constexpr double kAfterEvent = 1.0;  // a log holds this much of what followed [s]
+constexpr auto kNobody = std::numeric_limits<std::uint64_t>::max();
+
+double monotonic() noexcept {
+  timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+std::uint64_t pack(const Peer& peer) noexcept {
+  return (static_cast<std::uint64_t>(peer.address) << 16) | peer.port;
+}
+
+bool is_active(const ServoState& state) noexcept {
+  return state.session == fri::SessionState::kCommandingActive &&
+         state.refusal == Refusal::kNone;
+}
+
+}  // namespace
+
+const char* name(Count count) noexcept {
+  switch (count) {
+    case Count::kReceived:
+      return "received";
+    case Count::kAnswered:
+      return "answered";
+    case Count::kSendErrors:
+      return "send_errors";
+    case Count::kForeign:
+      return "foreign";
+    case Count::kUndecodable:
+      return "undecodable";
+    case Count::kDuplicates:
+      return "duplicates";
+    case Count::kOlder:
+      return "older";
+    case Count::kMissed:
+      return "missed";
+    case Count::kMotions:
+      return "motions";
+    case Count::kStops:
+      return "stops";
+    case Count::kHolds:
+      return "holds";
+    case Count::kSilences:
+      return "silences";
+    case Count::kSuperseded:
+      return "superseded";
+    case Count::kNumber:
+      break;
+  }
+  return "unknown";
+}
+
+ServoLoop::ServoLoop(const LoopParams& loop, const ServoParams& servo,
+                     const ChainParams& chain, const OscParams& osc,
+                     const LimitParams& limits, const TaskSpec& task)
+    : loop_(loop),
+      cycle_(servo, chain, osc, limits, task),
+      socket_(loop.address, loop.port) {
+  awaited_ = kNobody;
+  writer_ = std::thread(&ServoLoop::write_logs, this);
+  thread_ = std::thread(&ServoLoop::run, this);
+}
+
+ServoLoop::~ServoLoop() { close(); }
+
+void ServoLoop::close() noexcept {
+  closing_ = true;
+  wake_loop_.ring();
+  if (thread_.joinable()) thread_.join();
+  writer_closing_ = true;
+  wake_writer_.ring();
+  if (writer_.joinable()) writer_.join();
+}
+
+// -- the learner's side -----------------------------------------------------------
+
+void ServoLoop::set_target(const Target& target) noexcept {
+  const std::lock_guard lock(order_mutex_);
+  order_.target = target;
+  ++order_.serial;
+  orders_.write(order_);
+}
+
+void ServoLoop::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
+  const std::lock_guard lock(order_mutex_);
+  order_.p_hold = p_hold;
+  order_.quat_hold = quat_hold;
+  ++order_.latch;
+  orders_.write(order_);
+}
+
+void ServoLoop::grant(std::uint64_t tick) noexcept {
+  granted_.store(tick, std::memory_order_release);
+  wake_loop_.ring();
+}
+
+void ServoLoop::stop() noexcept {
+  stop_requested_ = true;
+  wake_loop_.ring();
+}
+
+void ServoLoop::clear() noexcept {
+  clear_requested_ = true;
+  wake_loop_.ring();
+}
+
+void ServoLoop::expect_end() noexcept { end_expected_ = true; }
+
+ServoState ServoLoop::state() noexcept {
+  const std::lock_guard lock(state_mutex_);
+  states_.update();
+  return states_.value();
+}
+
+WaitResult ServoLoop::wait(std::uint64_t tick, std::uint64_t motion,
+                           double seconds) noexcept {
+  const double end = monotonic() + seconds;
+  while (true) {
+    awaited_ = tick;
+    wake_waiter_.silence();
+    const ServoState now = state();
+    if (now.motion != motion || !is_active(now)) return WaitResult::kMotionEnded;
+    if (now.tick >= tick) return WaitResult::kReached;
+    const double left = end - monotonic();
+    if (left <= 0.0) return WaitResult::kTime;
+    wake_waiter_.wait(static_cast<int>(std::ceil(1e3 * std::fmin(left, 1.0))));
+  }
+}
+
+bool ServoLoop::wait_for_motion(std::uint64_t motion, double seconds) noexcept {
+  const double end = monotonic() + seconds;
+  while (true) {
+    wake_waiter_.silence();
+    const ServoState now = state();
+    if (now.motion > motion && is_active(now)) return true;
+    const double left = end - monotonic();
+    if (left <= 0.0) return false;
+    wake_waiter_.wait(static_cast<int>(std::ceil(1e3 * std::fmin(left, 1.0))));
+  }
+}
+
+std::uint64_t ServoLoop::count(Count count) const noexcept {
+  return counts_[static_cast<std::size_t>(count)].load(std::memory_order_relaxed);
+}
+
+std::uint64_t ServoLoop::undecodable(fri::DecodeStatus status) const noexcept {
+  return undecodable_[static_cast<std::size_t>(status)].load(std::memory_order_relaxed);
+}
+
+Peer ServoLoop::peer() const noexcept {
+  const std::uint64_t packed = packed_peer_;
+  return {static_cast<std::uint32_t>(packed >> 16), static_cast<std::uint16_t>(packed)};
+}
+
+std::string ServoLoop::last_undecodable() {
+  const std::lock_guard lock(state_mutex_);
+  failures_.update();
+  const Failure& failure = failures_.value();
+  if (failure.result.ok()) return "";
+  return "datagram from " + dovetail::describe(failure.source) + ": " +
+         fri::describe(failure.result);
+}
+
+std::string ServoLoop::diagnose() {
+  const std::uint64_t before = diagnoses_;
+  diagnosis_requested_ = true;
+  wake_loop_.ring();
+  const double end = monotonic() + 0.5;
+  while (diagnoses_ == before && monotonic() < end && !closing_) {
+    timespec moment{0, 1000000};
+    nanosleep(&moment, nullptr);
+  }
+  const std::lock_guard lock(state_mutex_);
+  sessions_.update();
+  return sessions_.value() ? sessions_.value()->diagnose() : "";
+}
+
+// -- the loop ---------------------------------------------------------------------
+
+void ServoLoop::add(Count count, std::uint64_t number) noexcept {
+  auto& counter = counts_[static_cast<std::size_t>(count)];
+  counter.store(counter.load(std::memory_order_relaxed) + number,
+                std::memory_order_relaxed);
+}
+
+void ServoLoop::run() noexcept {
+  set_up_thread();
+  Datagram datagram;
+  while (!closing_.load(std::memory_order_relaxed)) {
+    take_requests();
+    answer_if_granted();
+    if (socket_.receive(bytes_.data(), bytes_.size(), datagram)) {
+      handle(datagram);
+      continue;
+    }
+    watch_silence(monotonic());
+    notice_events(monotonic());
+    wait_for(socket_.descriptor(), wake_loop_.descriptor(), kIdleWait);
+    wake_loop_.silence();
+  }
+  if (save_at_ > 0.0) {
+    jobs_.write(job_);
+    wake_writer_.ring();
+  }
+}
+
+void ServoLoop::take_requests() noexcept {
+  if (stop_requested_.load(std::memory_order_relaxed) &&
+      stop_requested_.exchange(false)) {
+    cycle_.watchdog().request_stop();
+  }
+  if (clear_requested_.load(std::memory_order_relaxed) &&
+      clear_requested_.exchange(false)) {
+    cycle_.watchdog().clear();
+  }
+  if (diagnosis_requested_.load(std::memory_order_relaxed) &&
+      diagnosis_requested_.exchange(false)) {
+    sessions_.write(cycle_.session());
+    ++diagnoses_;
+  }
+}
+
+/// Whether the datagram is of the session's peer, or may become its first.
+bool ServoLoop::is_served(const Datagram& datagram) noexcept {
+  if (has_peer_ && datagram.source == peer_) return true;
+  if (is_locked_) {
+    add(Count::kForeign);
+    return false;
+  }
+  // A stranger takes over only with a message that can be read.
+  fri::MonitoringMessage message;
+  const fri::DecodeResult result = fri::decode_monitoring(
+      bytes_.data(), datagram.size, cycle_.params().version, message);
+  if (result.ok()) {
+    cycle_.lose_session();
+    peer_ = datagram.source;
+    packed_peer_ = pack(peer_);
+    has_peer_ = true;
+    has_arrival_ = false;
+  }
+  return true;
+}
+
+void ServoLoop::count_arrival(const Datagram& datagram) noexcept {
+  const double arrival = taken_ - datagram.waited;
+  const double period = 1e-3 * cycle_.state().send_period;
+  if (has_arrival_ && cycle_.step().missed == 0 && period > 0.0 &&
+      !cycle_.params().lockstep) {
+    arrival_jitter_.add(std::abs(arrival - last_arrival_ - period));
+  }
+  has_arrival_ = true;
+  last_arrival_ = arrival;
+}
+
+void ServoLoop::handle(const Datagram& datagram) noexcept {
+  taken_ = monotonic();
+  waited_ = datagram.waited;
+  add(Count::kReceived);
+  if (!is_served(datagram)) return;
+  const fri::SessionCounters before = cycle_.session().counters();
+  const bool was_waiting = cycle_.state().is_waiting;
+  const ServoCycle::Action action = cycle_.receive(bytes_.data(), datagram.size);
+  const fri::SessionStep& step = cycle_.step();
+  const fri::SessionCounters& after = cycle_.session().counters();
+  add(Count::kDuplicates, after.duplicates - before.duplicates);
+  add(Count::kOlder, after.older - before.older);
+  if (!step.decode.ok()) {
+    add(Count::kUndecodable);
+    ++undecodable_[static_cast<std::size_t>(step.decode.status)];
+    failures_.write({step.decode, datagram.source});
+  }
+  if (!step.is_new) return;
+  add(Count::kMissed, step.missed);
+  if (was_waiting && cycle_.state().is_waiting) add(Count::kSuperseded);
+  count_arrival(datagram);
+  // From MONITORING_READY on the link is good: nobody else is listened to.
+  if (step.state == fri::SessionState::kIdle) is_locked_ = false;
+  if (step.state >= fri::SessionState::kMonitoringReady) is_locked_ = true;
+  if (action == ServoCycle::Action::kSend) send(cycle_.reply(reply_.data()), false);
+  // In lockstep the learner waits for this message; by the clock the answer is first.
+  if (action != ServoCycle::Action::kAnswer || cycle_.params().lockstep) publish();
+  answer_if_granted();
+  notice_events(taken_);
+}
+
+void ServoLoop::answer_if_granted() noexcept {
+  if (!cycle_.state().is_waiting) return;
+  if (cycle_.params().lockstep &&
+      cycle_.state().tick >= granted_.load(std::memory_order_acquire)) {
+    return;
+  }
+  orders_.update();
+  send(cycle_.answer(orders_.value(), reply_.data()), true);
+  publish();
+}
+
+void ServoLoop::send(std::size_t size, bool is_active) noexcept {
+  const bool is_lockstep = cycle_.params().lockstep;
+  if (is_active && !is_lockstep) cycle_time_.add(monotonic() - taken_);
+  if (size == 0 || !socket_.send(reply_.data(), size, peer_)) {
+    add(Count::kSendErrors);
+    return;
+  }
+  add(Count::kAnswered);
+  if (!is_lockstep) reply_time_.add(waited_ + monotonic() - taken_);
+}
+
+void ServoLoop::watch_silence(double now) noexcept {
+  if (!has_peer_ || cycle_.state().is_waiting) return;
+  if (now - last_arrival_ < loop_.silence) return;
+  has_peer_ = is_locked_ = false;
+  add(Count::kSilences);
+  cycle_.lose_session();
+  publish();
+}
+
+void ServoLoop::publish() noexcept {
+  const ServoState& state = cycle_.state();
+  states_.write(state);
+  const bool is_reached = state.tick >= awaited_.load(std::memory_order_relaxed);
+  if (is_reached) awaited_.store(kNobody, std::memory_order_relaxed);
+  const bool is_news = state.session != last_state_.session ||
+                       state.motion != last_state_.motion ||
+                       state.refusal != last_state_.refusal;
+  if (is_reached || is_news) wake_waiter_.ring();
+}
+
+void ServoLoop::plan_log(std::string_view cause, double now) noexcept {
+  if (save_at_ > 0.0) return;  // the first cause counts
+  job_ = {cause, cycle_.state().facts, cycle_.state()};
+  save_at_ = now + kAfterEvent;
+}
+
+void ServoLoop::notice_events(double now) noexcept {
+  const ServoState& state = cycle_.state();
+  if (state.motion != last_state_.motion) add(Count::kMotions);
+  if (is_active(last_state_) &&
+      (!is_active(state) || state.motion != last_state_.motion)) {
+    if (!end_expected_.exchange(false)) plan_log("session", now);
+  }
+  if (state.is_stopped && !last_state_.is_stopped) {
+    add(Count::kStops);
+    plan_log("stop", now);
+  }
+  const bool is_late = state.facts.reason == StopReason::kTargetTimeout;
+  if (is_late && last_state_.facts.reason != StopReason::kTargetTimeout) {
+    add(Count::kHolds);
+    plan_log("hold", now);
+  }
+  last_state_ = state;
+  if (save_at_ == 0.0 || now < save_at_) return;
+  save_at_ = 0.0;
+  jobs_.write(job_);
+  wake_writer_.ring();
+}
+
+}  // namespace dovetail

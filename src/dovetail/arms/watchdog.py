@@ -1,0 +1,46 @@
+"""When an arm on the network must stop following: settings of the C++ watchdog."""
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Annotated
+
+from dovetail.control.ranges import Range, check_ranges
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+_INF = float("inf")
+
+
+@dataclass(frozen=True, kw_only=True)
+class WatchdogConfig:
+    """Causes of a hold or a controlled stop; infinity switches a cause off."""
+
+    target_timeout: Annotated[float, Range(0.005, _INF, "s")] = 0.15
+    """Without a new Target for this long: damped hold until the next one [s]. Not in
+    lockstep, where time stands still while the learner thinks."""
+    position_margin: Annotated[float, Range(1e-4, _INF, "rad")] = 0.02
+    """Measured position beyond a joint limit that stops [rad]."""
+    speed_margin: Annotated[float, Range(1e-3, _INF, "1")] = 0.15
+    """Measured speed beyond the joint's limit that stops, as a share of it [1]."""
+    torque_error: Annotated[float, Range(1e-3, _INF, "1")] = 0.3
+    """Measured from commanded torque that stops, as a share of the motor's [1]."""
+    external_torque: Annotated[float, Range(1e-3, _INF, "1")] = 0.6
+    """External torque that stops, as a share of the motor's [1]."""
+    confirm: Annotated[float, Range(1e-6, 10.0, "s")] = 0.01
+    """How long speed or external torque must be too large [s]."""
+    confirm_tracking: Annotated[float, Range(1e-6, 10.0, "s")] = 0.1
+    """How long torque must not be as commanded [s]."""
+    rest_speed: Annotated[float, Range(1e-4, 1.0, "rad/s")] = 0.02
+    """Speed of every joint below which a braking arm is held where it is [rad/s]."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self)
+
+    def params(self) -> "_core.WatchdogParams":
+        """Copy into the C++ parameter struct."""
+        from dovetail import _core
+
+        params = _core.WatchdogParams()
+        for f in fields(self):
+            setattr(params, f.name, getattr(self, f.name))
+        return params

@@ -1,0 +1,152 @@
+"""A plant whose velocity is observed from its positions, as an FRI client has to do."""
+
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from dovetail.plants.cycle_loop import run_cycles
+from dovetail.plants.plant import DynamicsConfig, Plant
+from dovetail.poses import Pose
+from dovetail.types import Array, Vec3, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+
+class _Watched:
+    """A controller whose last commanded acceleration can be read."""
+
+    def __init__(self, controller: "_core.Controller") -> None:
+        self._controller = controller
+        self.a: Vec7 = np.zeros(7)
+
+    def step(self, q: Vec7, dq: Vec7, target: "_core.Target") -> "_core.StepResult":
+        result = self._controller.step(q, dq, target)
+        self.a = result.a
+        return result
+
+
+class EncoderPlant:
+    """Any plant without its velocity: what `read` gives is `VelocityObserver`'s.
+
+    The observer is the class that the FRI servo loop uses, so that a `LocalArm` over an
+    `EncoderPlant` moves as a `FriArm` on a cabinet over the same plant.
+    """
+
+    def __init__(self, plant: Plant, period: float, gain: float = 1.0) -> None:
+        """Wrap a plant.
+
+        Args:
+            plant: The plant; closed with this one.
+            period: Control period [s]; the only one that `apply` then takes.
+            gain: Gain of the observer, above 0 and at most 1.
+        """
+        from dovetail import _core
+
+        self.plant = plant
+        self.scene = plant.scene
+        self.robot = plant.robot
+        self._observer = _core.VelocityObserver(period, gain)
+        self._q = np.zeros(7)
+        self._a = np.zeros(7)
+        self._time = 0.0
+
+    @property
+    def dynamics(self) -> DynamicsConfig:
+        """Return the physics of the plant."""
+        return self.plant.dynamics
+
+    def configure(self, dynamics: DynamicsConfig) -> None:
+        """Change the dynamics; call `reset` before the next torque."""
+        self.plant.configure(dynamics)
+
+    def attach_channel(self, channel: "_core.Channel") -> None:
+        """Put a twin's delay and noise between controller and joints."""
+        self.plant.attach_channel(channel)
+
+    def seed(self, seed: int) -> None:
+        """Start the plant's noise again."""
+        self.plant.seed(seed)
+
+    def reset(self, q: Vec7, hole: Pose) -> None:
+        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0."""
+        self.plant.reset(q, hole)
+        self._q, _ = self.plant.read()
+        self._observer.reset(self._q)
+        self._a = np.zeros(7)
+        self._time = 0.0
+
+    def read(self) -> tuple[Vec7, Vec7]:
+        """Return the measured configuration [rad] and the observed velocity [rad/s]."""
+        return self._q, self._observer.dq
+
+    def apply(self, tau: Vec7, dt: float) -> None:
+        """Hold the overlay torque tau [Nm] for dt [s].
+
+        Raises:
+            PlantError: The simulation diverged.
+        """
+        self.plant.apply(tau, dt)
+        self._q, _ = self.plant.read()
+        self._observer.update(self._q, self._a, dt)
+        self._time += dt
+
+    def run_cycles(
+        self,
+        controller: "_core.Controller",
+        target: "_core.Target",
+        cycles: int,
+        period: float,
+    ) -> tuple[Array, Vec7, Vec7]:
+        """Run the controller against the plant; see `Plant.run_cycles`."""
+        watched = _Watched(controller)
+        seen = _Seen(self, watched)
+        return run_cycles(
+            cast("Plant", seen),
+            cast("_core.Controller", watched),
+            target,
+            cycles,
+            period,
+            self._time,
+        )
+
+    def apply_commanded(self, tau: Vec7, a: Vec7, dt: float) -> None:
+        """Hold tau [Nm] for dt [s], the observer knowing which acceleration it is for.
+
+        Args:
+            tau: Overlay torque [Nm].
+            a: What the controller meant by it [rad/s2].
+            dt: Time [s].
+        """
+        self._a = a
+        self.apply(tau, dt)
+
+    def contact_force(self) -> Vec3:
+        """Return the force on peg and gripper in the last physics step [N], world."""
+        return self.plant.contact_force()
+
+    def contact_force_peak(self) -> Vec3:
+        """Return the largest such force during the last `apply` [N], world."""
+        return self.plant.contact_force_peak()
+
+    def tool_pose(self) -> Pose:
+        """Return the true pose of the TCP in the world."""
+        return self.plant.tool_pose()
+
+    def close(self) -> None:
+        """Release the plant; harmless when repeated."""
+        self.plant.close()
+
+
+class _Seen:
+    """The plant as the cycle loop needs it, joined with the controller it runs."""
+
+    def __init__(self, plant: EncoderPlant, controller: _Watched) -> None:
+        self._plant = plant
+        self._controller = controller
+        self.robot = plant.robot
+        self.read = plant.read
+        self.contact_force_peak = plant.contact_force_peak
+
+    def apply(self, tau: Vec7, dt: float) -> None:
+        self._plant.apply_commanded(tau, self._controller.a, dt)
