@@ -10,6 +10,7 @@
 #include "bind_limits.hpp"
 #include "bind_mujoco.hpp"
 #include "bind_replay.hpp"
+#include "bind_servo.hpp"
 #include "dovetail/controller.hpp"
 #include "dovetail/parameters.hpp"
 #include "dovetail/rigid_plant.hpp"
@@ -332,4 +333,5 @@ NB_MODULE(_core, m) {
   bind_mujoco(m);
   bind_replay(m);
   bind_fri(m);
+  bind_servo(m);
 }

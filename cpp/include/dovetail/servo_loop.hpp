@@ -96,7 +96,7 @@ class ServoLoop {
   Peer peer() const noexcept;
 
   /// The last datagram that could not be read: why, and from where; "" where none.
-  std::string last_undecodable() const;
+  std::string last_undecodable();
 
   /// Why no command acts on the robot, likely causes first; "" where all is well.
   std::string diagnose();

@@ -1,0 +1,87 @@
+"""A simulated cabinet's control port: places the arm and the hole."""
+
+import json
+import socket
+from typing import Any
+
+from dovetail.arms.address import parse_endpoint
+from dovetail.errors import ArmError
+from dovetail.poses import Pose
+from dovetail.types import Vec7
+
+_LONGEST = 1 << 20
+
+
+class CabinetControl:
+    """One connection; it is opened again where it has broken."""
+
+    def __init__(self, address: str, timeout: float = 10.0) -> None:
+        """Take the address; nothing is sent yet.
+
+        Args:
+            address: HOST:PORT.
+            timeout: How long to wait for an answer [s].
+
+        Raises:
+            ConfigError: The address is not of that form.
+        """
+        self.address = address
+        self._where = parse_endpoint(address, "control")
+        self._timeout = timeout
+        self._socket: socket.socket | None = None
+
+    def request(self, do: str, **what: Any) -> dict[str, Any]:
+        """Ask the cabinet to do something and return its answer.
+
+        Raises:
+            ArmError: It cannot be reached, or refuses.
+        """
+        line = json.dumps({"do": do, **what}).encode() + b"\n"
+        try:
+            answer = json.loads(self._exchange(line))
+        except (OSError, ValueError) as error:
+            self.close()
+            raise ArmError(
+                f"control port {self.address} of the simulated cabinet does not "
+                f"answer: {error}; is `dovetail cabinet --control {self.address}` "
+                "running? A real cabinet has none: leave control= out",
+                "no_control",
+            ) from error
+        if not isinstance(answer, dict) or not answer.get("ok"):
+            why = answer.get("error") if isinstance(answer, dict) else answer
+            raise ArmError(f"the cabinet refuses to {do}: {why}", "refused")
+        return answer
+
+    def place(self, q: Vec7, hole: Pose) -> dict[str, Any]:
+        """Put arm and hole; the running motion ends and another begins."""
+        return self.request("place", q=list(map(float, q)), hole=_pose(hole))
+
+    def move_hole(self, hole: Pose) -> dict[str, Any]:
+        """Put the hole; the arm stays."""
+        return self.request("hole", hole=_pose(hole))
+
+    def _exchange(self, line: bytes) -> bytes:
+        if self._socket is None:
+            self._socket = socket.create_connection(self._where, self._timeout)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.sendall(line)
+        answer = b""
+        while not answer.endswith(b"\n"):
+            part = self._socket.recv(65536)
+            if not part or len(answer) > _LONGEST:
+                raise ConnectionError("it closed the connection")
+            answer += part
+        return answer
+
+    def close(self) -> None:
+        """Close the connection; harmless when repeated."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+def _pose(pose: Pose) -> dict[str, list[float]]:
+    return {
+        "position": list(map(float, pose.position)),
+        "quat_wxyz": list(map(float, pose.quat_wxyz)),
+    }

@@ -1,0 +1,355 @@
+"""An arm behind KUKA's FRI: a real cabinet, or a simulated one.
+
+The controller runs in C++ on a thread of its own, paced by the cabinet's messages
+(cpp/include/dovetail/servo_loop.hpp); this class gives it Targets and reads back.
+"""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from dovetail.arms.arm import ArmState
+from dovetail.arms.cabinet_control import CabinetControl
+from dovetail.arms.fri_errors import (
+    connection_error,
+    motion_error,
+    socket_error,
+    stop_error,
+)
+from dovetail.arms.reset_motion import TICK, plan_reset
+from dovetail.arms.watchdog import WatchdogConfig
+from dovetail.control.config import LimitConfig, OscConfig, check_period
+from dovetail.control.task_spec import TaskSpec
+from dovetail.errors import ArmError, ConfigError
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, require_configuration
+from dovetail.poses import Pose, quat_from_matrix
+from dovetail.robot import Robot
+from dovetail.types import Array, Vec7
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+_FLAGS = COLUMN["flags"]
+_SLICE = 0.05
+"""How often a waiting learner says that it is alive [s]: less than the watchdog."""
+_PRIORITY = 80
+"""SCHED_FIFO priority in real time: above drivers' threads, below the kernel's own."""
+_ARRIVED = 0.02
+"""Distance of every joint from the start that ends a reset [rad]."""
+_ARRIVAL_TIME = 5.0
+"""How long the end of a reset may take [s]."""
+
+
+class FriArm:
+    """An arm that takes torques over FRI."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        osc: OscConfig,
+        limits: LimitConfig,
+        task: TaskSpec | str,
+        period: float,
+        *,
+        bind: tuple[str, int] = ("0.0.0.0", 30200),
+        version: str = "1.15",
+        clock: Literal["wall", "lockstep"] = "wall",
+        control: str | None = None,
+        reset: Literal["move", "place"] | None = None,
+        timeout: float = 10.0,
+        watchdog: WatchdogConfig | None = None,
+        realtime: bool = False,
+        processor: int | None = None,
+        log_folder: str | Path | None = "fri-logs",
+        **servo: Any,
+    ) -> None:
+        """Listen for the cabinet; nothing moves before `reset`.
+
+        Args:
+            robot: The controller's model, tool included.
+            osc: Operational-space law.
+            limits: Limits, made for the same robot and period.
+            task: Mode of each axis.
+            period: Control period [s]: the cabinet's send period x multiplier.
+            bind: Address and UDP port to listen on; port 0 takes a free one.
+            version: FRI version: 1.15 (1.14, 1.16), 2.5 or 2.7.
+            clock: wall, or lockstep, in which a simulated cabinet waits for `step`.
+            control: Control port HOST:PORT of a simulated cabinet.
+            reset: place (simulated cabinet: put the arm there) or move (drive there
+                below the limits); by default place where there is a control port.
+            timeout: How long to wait for the cabinet [s].
+            watchdog: When the arm must not follow.
+            realtime: SCHED_FIFO and locked memory, where permitted.
+            processor: The servo thread stays on this one.
+            log_folder: Where the last 10 s of motions that end go; None for nowhere.
+            **servo: Any other field of `_core.ServoParams`, as measured_sign.
+
+        Raises:
+            ArmError: The port is in use or not permitted.
+            ConfigError: A setting is out of range.
+        """
+        self.robot = robot
+        self.period = check_period(period)
+        self.task = TaskSpec.parse(task) if isinstance(task, str) else task
+        self.limits = limits
+        if clock not in ("wall", "lockstep"):
+            raise ConfigError(f"clock {clock!r} is unknown; known: wall, lockstep")
+        self._is_lockstep = clock == "lockstep"
+        self._timeout = timeout
+        self._version = version
+        self._host = bind[0]
+        self._control = CabinetControl(control, timeout) if control else None
+        self._reset = reset or ("place" if control else "move")
+        if self._reset == "place" and self._control is None:
+            raise ConfigError(
+                "reset=place needs the control port of a simulated cabinet: give "
+                "control=HOST:PORT, or reset=move"
+            )
+        self._chain = robot.chain()
+        self._servo = self._make_servo(
+            bind, osc, watchdog or WatchdogConfig(), realtime, processor, log_folder,
+            servo,
+        )  # fmt: skip
+        self._motion = 0
+        self._goal = 0
+        self._row = 0
+        self._begin = 0  # tick of the reset
+        self._begin_time = 0.0
+
+    def _make_servo(
+        self,
+        bind: tuple[str, int],
+        osc: OscConfig,
+        watchdog: WatchdogConfig,
+        realtime: bool,
+        processor: int | None,
+        log_folder: str | Path | None,
+        settings: dict[str, Any],
+    ) -> "_core.ServoLoop":
+        from dovetail import _core
+
+        loop, servo = _core.LoopParams(), _core.ServoParams()
+        loop.address, loop.port = bind
+        loop.priority = _PRIORITY if realtime else 0
+        loop.lock_memory = realtime
+        loop.processor = -1 if processor is None else processor
+        loop.log_folder = "" if log_folder is None else str(log_folder)
+        loop.silence = 5.0 if self._is_lockstep else 1.0
+        servo.version = self._version
+        servo.period = self.period
+        servo.lockstep = self._is_lockstep
+        servo.watchdog = watchdog.params()
+        for name, value in settings.items():
+            if not hasattr(servo, name):
+                known = ", ".join(n for n in dir(servo) if not n.startswith("_"))
+                raise ConfigError(f"servo setting {name!r} is unknown; known: {known}")
+            setattr(servo, name, value)
+        try:
+            return _core.ServoLoop(
+                loop,
+                servo,
+                self._chain,
+                osc.params(),
+                self.limits.params(),
+                list(self.task.modes),
+            )
+        except ValueError as error:
+            raise ConfigError(str(error)) from error
+        except RuntimeError as error:
+            raise socket_error(error, *bind) from error
+
+    @property
+    def port(self) -> int:
+        """UDP port that it listens on."""
+        return self._servo.port
+
+    # -- Arm ---------------------------------------------------------------------
+
+    def reset(self, q: Vec7, hole: Pose) -> ArmState:
+        """Bring the arm to q [rad], at rest; latch what is held. Ends a stop.
+
+        Raises:
+            ArmError: No motion is commanded within the timeout, or the way is barred.
+        """
+        q = require_configuration(q)
+        self._servo.clear()
+        if self._reset == "place" and self._control is not None:
+            before = self._servo.state()
+            if before.session == 4:
+                self._servo.expect_end()
+            self._control.place(q, hole)
+            self._wait_for_motion(before.motion)
+        else:
+            self.connect()
+            if self._control is not None:
+                self._control.move_hole(hole)
+            self._move_to(q, hole)
+        hold = self.robot.tool_pose(q)
+        self._servo.hold_at(hold.position, hold.quat_wxyz)
+        return self._begin_episode()
+
+    def step(self, target: "_core.Target", duration: float = 0.05) -> ArmState:
+        """Follow the target for a duration [s], a whole number of periods.
+
+        Raises:
+            ConfigError: The duration is not a whole number of periods.
+            ArmError: The motion has ended, or a watchdog has stopped the arm.
+        """
+        cycles = round(duration / self.period)
+        if cycles < 1 or abs(cycles * self.period - duration) > 1e-9:
+            raise ConfigError(
+                f"duration is {duration} s, which is not a whole number of control "
+                f"periods of {self.period} s"
+            )
+        if self._motion == 0:
+            raise ArmError("the arm was not reset yet: call reset first", "reset")
+        self._follow(target, cycles)
+        return self._state()
+
+    def close(self) -> None:
+        """Stop listening; the cabinet then ends the motion. Harmless when repeated."""
+        self._servo.close()
+        if self._control is not None:
+            self._control.close()
+
+    # -- beyond Arm --------------------------------------------------------------
+
+    def connect(self) -> None:
+        """Wait until the cabinet commands torques.
+
+        Raises:
+            ArmError: It does not within the timeout: why, likely causes first.
+        """
+        self._wait_for_motion(0)
+
+    def stop(self) -> None:
+        """Brake to rest and hold until `clear` or `reset`."""
+        self._servo.stop()
+
+    def clear(self) -> None:
+        """End a stop; a cause that is still there stops the arm again."""
+        self._servo.clear()
+
+    def read(self) -> "_core.ServoState":
+        """Return what the servo loop last knew, in any state of the session."""
+        return self._servo.state()
+
+    def statistics(self) -> dict[str, Any]:
+        """Return counts, times with quantiles [s], notes and the session's state."""
+        state = self._servo.state()
+        return {
+            "counts": self._servo.counts(),
+            "times": self._servo.times(),
+            "notes": self._servo.notes(),
+            "session": state.session_name,
+            "quality": state.quality,
+            "peer": self._servo.peer,
+            "last_undecodable": self._servo.last_undecodable(),
+            "problem": self._servo.diagnose(),
+        }
+
+    # -- inside ------------------------------------------------------------------
+
+    def _wait_for_motion(self, after: int) -> None:
+        """Wait for a motion later than one, in slices that Ctrl-C can end."""
+        end = time.monotonic() + self._timeout
+        while not self._servo.wait_for_motion(after, _SLICE):
+            if time.monotonic() > end:
+                pace = f"{1e3 * self.period:g} ms"
+                raise connection_error(
+                    self._servo, self._host, self.port, self._version, pace
+                )
+        self._motion = self._servo.state().motion
+        self._goal = self._servo.state().tick
+
+    def _begin_episode(self) -> ArmState:
+        state = self._servo.state()
+        self._begin, self._begin_time = state.tick, state.time
+        self._goal, self._row = state.tick, state.rows
+        return self._state()
+
+    def _follow(self, target: "_core.Target", cycles: int) -> None:
+        servo = self._servo
+        servo.set_target(target)
+        self._goal += cycles
+        if self._is_lockstep:
+            servo.grant(self._goal)
+        else:
+            late = servo.state().tick - (self._goal - cycles)
+            if late > cycles // 2:  # the learner was slow: its step begins now
+                self._goal += late
+        end = time.monotonic() + cycles * self.period + self._timeout
+        while True:
+            result = servo.wait(self._goal, self._motion, _SLICE)
+            if result == result.reached:
+                break
+            state = servo.state()
+            if state.is_stopped:
+                break
+            if result == result.motion_ended:
+                raise motion_error(servo, state)
+            if time.monotonic() > end:
+                raise ArmError(
+                    f"no message of the cabinet for {self._timeout:g} s; is it still "
+                    "running, is the network up?",
+                    "silence",
+                    state,
+                )
+            servo.set_target(target)  # still there, still meant
+        state = servo.state()
+        if state.is_stopped:
+            raise stop_error(servo, state)
+
+    def _move_to(self, q: Vec7, hole: Pose) -> None:
+        """Drive to q [rad], below the limits.
+
+        Raises:
+            ArmError: The arm does not arrive.
+        """
+        from dovetail import _core
+
+        cycles = max(1, round(TICK / self.period))
+        z_max = float(self.limits.x_max[2] - 2.0 * self.limits.delta_x)
+        path = plan_reset(self.robot, self._servo.state().q, q, hole, z_max)
+        for q_d in path:
+            self._follow(_core.Target(joint_mode=True, q_d=q_d), cycles)
+        at_goal = _core.Target(joint_mode=True, q_d=q)
+        for _ in range(round(_ARRIVAL_TIME / TICK)):
+            state = self._servo.state()
+            error = np.abs(state.q - q)
+            if error.max() < _ARRIVED and np.abs(state.dq).max() < 2.0 * _ARRIVED:
+                return
+            self._follow(at_goal, cycles)
+        joint = int(np.argmax(error))
+        raise ArmError(
+            f"the arm does not arrive at the start: A{joint + 1} is "
+            f"{error[joint]:.3f} rad away after {_ARRIVAL_TIME:g} s; is something in "
+            "its way, or the start behind a wall or a joint limit?",
+            "reset",
+        )
+
+    def _state(self) -> ArmState:
+        state = self._servo.state()
+        q, dq = state.q, state.dq
+        log = self._rows(state.rows)
+        position, rotation = self._chain.pose(q)
+        return ArmState(
+            (state.tick - self._begin) * self.period,
+            q,
+            dq,
+            position,
+            quat_from_matrix(rotation),
+            self._chain.jacobian(q) @ dq,
+            np.full(3, np.nan),
+            int(np.bitwise_or.reduce(log[:, _FLAGS].astype(np.int64), initial=0)),
+            log,
+        )
+
+    def _rows(self, end: int) -> Array:
+        begin = max(self._row, self._servo.oldest_row())
+        self._row = end
+        log = self._servo.rows(begin, end, len(CYCLE_COLUMNS))
+        log[:, 0] -= self._begin_time
+        return log

@@ -1,0 +1,135 @@
+"""What may be wrong between a client and its cabinet, in words."""
+
+from typing import TYPE_CHECKING, Any
+
+from dovetail.errors import ArmError, ConfigError
+
+if TYPE_CHECKING:
+    from dovetail import _core
+
+_KUKA_PORTS = "KUKA's cabinets send to 30200 to 30209"
+
+
+def socket_error(error: RuntimeError, host: str, port: int) -> ArmError | ConfigError:
+    """Say why the UDP port cannot be had."""
+    text = str(error)
+    if "in use" in text:
+        return ArmError(
+            f"UDP port {port} is in use: another dovetail or FRI client listens there. "
+            f"End it (`ss -ulpn` names it), or choose another port ({_KUKA_PORTS}) "
+            "and let the cabinet send to that",
+            "port_in_use",
+        )
+    if "ermission" in text or "not permitted" in text:
+        return ArmError(
+            f"no permission to listen on UDP port {port}: ports below 1024 are the "
+            f"system's; choose another ({_KUKA_PORTS})",
+            "no_permission",
+        )
+    if "assign" in text:
+        return ArmError(
+            f"{host} is no address of this machine (`ip addr` lists them); 0.0.0.0 "
+            "listens on all of them",
+            "no_address",
+        )
+    return ConfigError(f"cannot listen on {host}:{port}: {text}")
+
+
+def connection_error(
+    servo: "_core.ServoLoop", host: str, port: int, version: str, settings: str
+) -> ArmError:
+    """Say why no motion is commanded, likely causes first.
+
+    Args:
+        servo: The loop that waited.
+        host: Address it listens on.
+        port: Port it listens on.
+        version: FRI version it speaks.
+        settings: What it expects of the cabinet's pace.
+    """
+    counts: dict[str, Any] = servo.counts()
+    state = servo.state()
+    if counts["received"] == 0:
+        return ArmError(
+            f"no cabinet: not one datagram has come to {host}:{port}. Check in this "
+            "order: 1. the cabinet sends (the Java application runs and has made its "
+            "FRI session; `dovetail cabinet` runs); 2. it sends to an address of this "
+            f"machine and to port {port} (client address and port on remote in the "
+            "application, --client); 3. no firewall drops UDP; 4. the cable is in the "
+            "KONI or KLI interface that the application has configured, and `ping` "
+            "reaches the cabinet",
+            "no_cabinet",
+        )
+    answered_none = counts["answered"] == 0 and state.session == 0
+    if answered_none and counts["undecodable"]:
+        return ArmError(
+            f"{counts['undecodable']} datagrams came and none is FRI {version}: "
+            f"{servo.last_undecodable()}. Set version= to what the cabinet "
+            "speaks (its Sunrise OS): 1.15 (also 1.14, 1.16), 2.5 or 2.7",
+            "version",
+        )
+    if state.refusal == 1:
+        return ArmError(
+            f"the cabinet wants a command every {state.send_period} ms x "
+            f"{state.multiplier}, this arm was made for {settings}: give the same "
+            "period on both sides",
+            "period",
+        )
+    why = servo.diagnose() or _wait_reasons(state)
+    return ArmError(
+        f"the session has stayed in {state.session_name} (cabinet {servo.peer}, "
+        f"quality {state.quality} of 3): {why}",
+        "session",
+    )
+
+
+def _wait_reasons(state: "_core.ServoState") -> str:
+    """Return what to check, by the state that was reached."""
+    if state.session == 0:
+        return "the application has closed its FRI session; start it again"
+    if state.session == 1:
+        return (
+            "the cabinet does not see enough answers in time: check the load of this "
+            "machine (realtime=True), the network, and the send period"
+        )
+    if state.session == 2:
+        return (
+            "no motion with an FRI overlay runs: start it in the Java application; in "
+            "T1 hold the enabling switch; acknowledge safety stops"
+        )
+    return (
+        "the motion does not begin: the drives must be active (enabling switch in T1), "
+        "and the overlay's client command mode must be TORQUE"
+    )
+
+
+def motion_error(servo: "_core.ServoLoop", state: "_core.ServoState") -> ArmError:
+    """Say how a motion ended without being asked to."""
+    where = f"the session is in {state.session_name}"
+    if state.safety:
+        where += f", safety stop {state.safety - 1}"
+    if state.drives != 2:
+        where += ", drives not active"
+    return ArmError(
+        f"the motion has ended: {where}. Likely causes, in order: an emergency or "
+        "safety stop, a released enabling switch, the Java application ended its "
+        "motion, or too few answers in time (see statistics()). reset() goes on when "
+        f"the cabinet is ready. {_last_note(servo)}",
+        "motion_ended",
+        state,
+    )
+
+
+def stop_error(servo: "_core.ServoLoop", state: "_core.ServoState") -> ArmError:
+    """Say which watchdog has stopped the arm."""
+    return ArmError(
+        f"the arm was stopped and is held: {state.stop_text}. Find the cause, then "
+        f"clear() or reset(). {_last_note(servo)}",
+        state.stop_reason,
+        state,
+    )
+
+
+def _last_note(servo: "_core.ServoLoop") -> str:
+    notes = servo.notes()
+    return f"Last note: {notes[-1]}" if notes else ""

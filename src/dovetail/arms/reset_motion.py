@@ -1,0 +1,102 @@
+"""The way back to a start: up out of the hole, across, and down.
+
+For arms that cannot be placed. The path is joint targets at a fixed rate, followed
+below every limit like any other target.
+"""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail.errors import ArmError, ReachError
+from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
+from dovetail.types import Vec3, Vec7
+
+if TYPE_CHECKING:
+    from dovetail.robot import Robot
+
+TICK = 0.05
+"""Time between two targets [s]."""
+LIFT = 0.06
+"""Height of the peg's end over the hole's mouth while it goes across [m]."""
+SPEED_NEAR = 0.05
+"""Speed of the tool on the way up and down [m/s]."""
+TURN_SPEED = 0.3
+"""Speed of the tool's rotation on the way [rad/s]."""
+JOINT_SPEED = 0.4
+"""Speed of the fastest joint on the way across [rad/s]."""
+_LEVEL = 1e-6
+
+
+def plan_reset(
+    robot: "Robot", q: Vec7, q_start: Vec7, hole: Pose, z_max: float = np.inf
+) -> list[Vec7]:
+    """Return joint targets, one for every `TICK`, from q to q_start.
+
+    The tool goes straight up to above the hole's block and the start, keeping its
+    rotation; across it moves in joint space; down it goes straight to the start.
+
+    Args:
+        robot: The arm, tool included.
+        q: Where it is now [rad].
+        q_start: Where it has to be in the end [rad].
+        hole: The hole; its mouth is passed at a distance of `LIFT`.
+        z_max: No higher than this, where the walls are [m].
+
+    Raises:
+        ArmError: The way leads out of the arm's reach.
+    """
+    here, start = robot.tool_pose(q), robot.tool_pose(q_start)
+    safe = float(hole.position[2]) + LIFT
+    height = max(safe, float(here.position[2]), float(start.position[2]))
+    height = min(height, z_max)
+    above_here = Pose(_with_height(here.position, height), here.quat_wxyz)
+    above_start = Pose(_with_height(start.position, height), start.quat_wxyz)
+    up = list(_line(robot, q, here, above_here))
+    down = list(_line(robot, q_start, start, above_start))[::-1]
+    q_up = up[-1] if up else q
+    q_down = down[0] if down else q_start
+    return [*up, *_across(q_up, q_down), *down[1:], np.asarray(q_start, dtype=float)]
+
+
+def _with_height(position: Vec3, height: float) -> Vec3:
+    return np.array([position[0], position[1], max(height, position[2])])
+
+
+def _line(robot: "Robot", q: Vec7, begin: Pose, end: Pose) -> Iterator[Vec7]:
+    """Yield configurations along a straight line, from begin's q on."""
+    length = float(np.linalg.norm(end.position - begin.position))
+    turn = rotation_error(end.quat_wxyz, begin.quat_wxyz)
+    duration = max(length / SPEED_NEAR, float(np.linalg.norm(turn)) / TURN_SPEED)
+    if duration < _LEVEL:
+        return
+    for share in _shares(duration):
+        pose = Pose(
+            begin.position + share * (end.position - begin.position),
+            quat_multiply(quat_from_vector(share * turn), begin.quat_wxyz),
+        )
+        try:
+            q = robot.inverse_kinematics(pose, q)
+        except ReachError as error:
+            raise ArmError(
+                f"the way back to the start leaves the arm's reach at "
+                f"{np.round(pose.position, 3).tolist()} m: {error}; move the arm by "
+                "hand, or choose a start or a hole nearer to the middle",
+                "reset",
+            ) from error
+        yield q
+
+
+def _across(begin: Vec7, end: Vec7) -> Iterator[Vec7]:
+    duration = float(np.abs(end - begin).max()) / JOINT_SPEED
+    for share in _shares(duration):
+        yield begin + share * (end - begin)
+
+
+def _shares(duration: float) -> Iterator[float]:
+    """Yield 0 to 1 with no speed at either end, the mean speed as asked for."""
+    count = max(1, round(1.5 * duration / TICK))
+    for i in range(1, count + 1):
+        s = i / count
+        yield s * s * (3.0 - 2.0 * s)

@@ -1,0 +1,73 @@
+"""An arm over FRI moves as one in this process."""
+
+import numpy as np
+import pytest
+
+from dovetail import _core
+from dovetail.arms.local_arm import LocalArm
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.plants.encoder_plant import EncoderPlant
+from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.poses import Pose, quat_about_z, quat_multiply
+from dovetail.scene import SceneConfig
+
+from .loopback import fri_arm
+
+TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+TASK = "XYZ:force A:pose BC:hold"
+PERIOD = 0.005
+SAME = 1e-6  # rad
+
+
+def settings(scene, period=PERIOD):
+    osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
+    return osc, LimitConfig.for_period(scene.robot(), period)
+
+
+def targets(seed, count):
+    """A policy that presses, pushes sideways and turns."""
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        down = -1.0 if i > 20 else -2.0
+        f_star = np.array([*rng.uniform(-1.5, 1.5, 2), down, 0.0, 0.0, 0.0])
+        quat = quat_multiply(quat_about_z(rng.uniform(-0.2, 0.2)), TOOL_DOWN)
+        yield _core.Target(f_star=f_star, quat_wxyz_d=quat)
+
+
+@pytest.mark.parametrize(
+    "engine", ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet)]
+)
+def test_same_episode_same_targets_same_motion_as_a_local_arm(engine):
+    if engine == "bullet":
+        pytest.importorskip("pybullet")
+    scene = SceneConfig()
+    osc, limits = settings(scene)
+    start = scene.robot().inverse_kinematics(
+        Pose(np.array([0.60, 0.0, 0.16]), TOOL_DOWN), Q_SEED
+    )
+    plant = EncoderPlant(make_plant(engine, scene, DynamicsConfig()), PERIOD)
+    local = LocalArm(plant, scene.robot(), osc, limits, TASK, PERIOD)
+    local.reset(start, HOLE)
+    mine = [local.step(target) for target in targets(1, 200)]
+    local.close()
+
+    plant = make_plant(engine, scene, DynamicsConfig())
+    with fri_arm(plant, osc, limits, TASK, PERIOD) as arm:
+        arm.reset(start, HOLE)
+        theirs = [arm.step(target) for target in targets(1, 200)]
+
+    logs = [np.concatenate([s.log for s in states]) for states in (mine, theirs)]
+    assert logs[0].shape == logs[1].shape == (2000, len(COLUMN))
+    for name, tolerance in (("q", SAME), ("dq", 1e-4), ("tau", 1e-2)):
+        columns = slice(COLUMN[f"{name}1"], COLUMN[f"{name}7"] + 1)
+        difference = np.abs(logs[0][:, columns] - logs[1][:, columns]).max()
+        assert difference <= tolerance, name
+    np.testing.assert_allclose(logs[0][:, 0], logs[1][:, 0], atol=1e-9)
+    np.testing.assert_array_equal(logs[0][:, COLUMN["flags"]], logs[1][:, -1])
+    moved = np.ptp(logs[0][:, COLUMN["x"]])
+    assert moved > 0.02
+    assert np.isnan(logs[1][:, COLUMN["fx"]]).all()
+    assert theirs[-1].stamp == pytest.approx(mine[-1].stamp) == pytest.approx(10.0)
+    np.testing.assert_allclose(theirs[-1].q, mine[-1].q, atol=SAME)
