@@ -1,5 +1,6 @@
 # make demo    set up, then the main job: the shipped policy on a twin
 # make test    set up for development, then every test, C++ included
+# make fuzz    ten million random datagrams into the FRI decoders (FUZZ_INPUTS, FUZZ_SEED)
 # make lint    what CI checks besides the tests
 # make proto   generate the gRPC messages from proto/dovetail.proto
 # make format  write Python and C++ in the house's format
@@ -11,6 +12,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BUILD ?= build
 ARGS ?=
+FUZZ_INPUTS ?= 10000000
+FUZZ_SEED ?= 1
 
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
@@ -26,7 +29,7 @@ CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
 EXTRAS := bullet,learn,log,rpc,test,lint
 
-.PHONY: demo test test-cpp test-sanitized test-python lint proto format clean
+.PHONY: demo test test-cpp test-sanitized test-python fuzz lint proto format clean
 
 demo: $(SET_UP)
 	$(BIN)/dovetail demo $(ARGS)
@@ -43,6 +46,12 @@ test-sanitized: $(DEVELOP)
 	  -DDOVETAIL_TESTS=ON -DDOVETAIL_SANITIZE=ON
 	$(BIN)/cmake --build $(BUILD)/sanitized --target cpp_tests
 	$(BIN)/ctest --test-dir $(BUILD)/sanitized --output-on-failure --parallel 2
+
+fuzz: $(DEVELOP)
+	$(BIN)/cmake -S . -B $(BUILD)/sanitized -G Ninja $(CMAKE_ARGS) \
+	  -DDOVETAIL_TESTS=ON -DDOVETAIL_SANITIZE=ON
+	$(BIN)/cmake --build $(BUILD)/sanitized --target fuzz_fri
+	$(BUILD)/sanitized/fuzz_fri $(FUZZ_INPUTS) $(FUZZ_SEED)
 
 # pytest comes last: its closing line says how many tests passed.
 test-python: $(DEVELOP)
