@@ -53,9 +53,10 @@ class FieldReader:
             wanted = f"{len(labels)} ({' '.join(labels)})" if any(labels) else "1 value"
             self.refuse(path, given if values else "missing", f"{wanted} in {unit}")
             return np.full(len(labels), np.nan)
-        array = np.array(values)
+        numbers = values[:]  # a list: far quicker than the message's own container
+        array = np.array(numbers)
         low, high = allowed
-        if (low is FINITE[0] and math.isfinite(sum(values))) or (
+        if (low is FINITE[0] and math.isfinite(sum(numbers))) or (
             ((array >= low) & (array <= high)).all() and np.isfinite(array).all()
         ):
             return array
@@ -87,7 +88,7 @@ class FieldReader:
     def rotation(self, path: str, values: Sequence[float]) -> Array:
         """Read a unit quaternion."""
         quat = self.vector(path, values, WXYZ, "1")
-        length = float(quat @ quat)
+        length = sum(x * x for x in values[:]) if len(values) == 4 else math.nan
         if math.isfinite(length) and abs(length - 1.0) > 2e-3:
             self.refuse(path, f"of length {math.sqrt(length):.6g}", "length 1")
         return quat

@@ -1,0 +1,201 @@
+"""What a step over gRPC takes beyond the arm's own time, beside a bare gRPC echo.
+
+    python benchmarks/grpc_round_trip.py [--steps 2000] [--waits 100]
+
+The service runs in a process of its own on loopback. Its arm either answers at once or
+waits for the 50 ms of a policy step, and says in `stamp` how long that took; what is
+left of the learner's time is the road there and back. The peer is gRPC alone: the same
+number of bytes there and back, no arm and no checks. Blocks of both take turns.
+"""
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from queue import SimpleQueue
+from typing import Any
+
+import grpc
+import numpy as np
+
+from dovetail import _core
+from dovetail.arms.arm import ArmState
+from dovetail.arms.remote_arm import RemoteArm
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.poses import Pose
+from dovetail.robot import Robot
+from dovetail.rpc.server import ArmServer
+from dovetail.rpc.settings import Settings
+from dovetail.scene import SceneConfig
+from dovetail.types import Vec7
+
+PERIOD, STEP = 0.005, 0.05
+QUAT = np.array([0.0, 1.0, 0.0, 0.0])
+REQUEST, WAITING, ANSWER = b"r" * 170, b"w" * 170, b"a" * 3700
+"""As long as a StepRequest and a Report with ten control cycles."""
+
+
+class TimedArm:
+    """Takes no time for a step of one period, real time for a longer one."""
+
+    def __init__(self, robot: Robot, period: float) -> None:
+        self.robot, self.period = robot, period
+        self.log = np.random.default_rng(0).normal(size=(10, len(CYCLE_COLUMNS)))
+
+    def reset(self, q: Vec7, hole: Pose) -> ArmState:
+        """Answer at once."""
+        return self._state(0.0)
+
+    def step(self, target: _core.Target, duration: float = STEP) -> ArmState:
+        """Wait, or not, and say how long it took."""
+        return self._state(wait(duration > self.period))
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _state(self, seconds: float) -> ArmState:
+        seven, three = np.full(7, 0.1), np.full(3, 0.1)
+        return ArmState(
+            *(seconds, seven, seven, three, QUAT, np.full(6, 0.1), three, 0, self.log)
+        )
+
+
+class Builder:
+    """Makes the arm for the service."""
+
+    name, is_real_time = "timed", False
+
+    def __init__(self) -> None:
+        self.scene: SceneConfig | None = SceneConfig()
+        self.robot = self.scene.robot()
+
+    def build(self, settings: Settings) -> TimedArm:
+        """Return the arm."""
+        return TimedArm(self.robot, settings.period)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class Echo(grpc.GenericRpcHandler):
+    """The peer: answers with the time that it waited and as many bytes as a Report."""
+
+    def service(self, details: Any) -> Any:
+        """Return the handler of a call."""
+        if details.method == "/echo/Unary":
+            return grpc.unary_unary_rpc_method_handler(lambda r, _: self._answer(r))
+        return grpc.stream_stream_rpc_method_handler(
+            lambda requests, _: map(self._answer, requests)
+        )
+
+    def _answer(self, request: bytes) -> bytes:
+        return b"%12.9f" % wait(request == WAITING) + ANSWER
+
+
+def wait(is_long: bool) -> float:
+    """Wait for a policy step or not at all; return how long it took [s]."""
+    start = time.perf_counter()
+    if is_long:
+        time.sleep(STEP)
+    return time.perf_counter() - start
+
+
+def serve() -> None:
+    """Serve arm and echo until the standard input ends."""
+    echo = grpc.server(ThreadPoolExecutor(4), handlers=[Echo()])
+    port = echo.add_insecure_port("127.0.0.1:0")
+    echo.start()
+    with ArmServer(Builder(), "127.0.0.1:0") as server:
+        print(server.address, port, flush=True)
+        sys.stdin.read()
+    echo.stop(0)
+
+
+def timed(call: Callable[[], float], count: int) -> list[float]:
+    """Return the time of each call [s] less what it says the arm took."""
+    times = []
+    for _ in range(count):
+        start = time.perf_counter()
+        own = call()
+        times.append(time.perf_counter() - start - own)
+    return times
+
+
+def measure(address: str, echo_port: str, steps: int, waits: int) -> None:
+    """Measure in turns and print the table."""
+    robot = SceneConfig().robot()
+    arm = RemoteArm(
+        f"grpc://{address}",
+        OscConfig(),
+        LimitConfig.for_period(robot, PERIOD),
+        "XYZ:force A:pose BC:hold",
+        PERIOD,
+        robot=robot,
+    )
+    arm.reset(np.full(7, 0.1), Pose(np.array([0.6, 0.0, 0.1]), QUAT))
+    target = _core.Target(quat_wxyz_d=QUAT)
+    channel = grpc.insecure_channel(f"127.0.0.1:{echo_port}")
+    unary = channel.unary_unary("/echo/Unary")
+    outbox: SimpleQueue[bytes | None] = SimpleQueue()
+    answers = channel.stream_stream("/echo/Stream")(iter(outbox.get, None))
+
+    def stream(request: bytes) -> float:
+        outbox.put(request)
+        return float(next(answers)[:12])
+
+    blocks = {
+        "RemoteArm.step": (lambda: arm.step(target, PERIOD).stamp, steps),
+        "peer: stream echo": (lambda: stream(REQUEST), steps),
+        "peer: unary echo": (lambda: float(unary(REQUEST)[:12]), steps),
+        "RemoteArm.step, 50 ms": (lambda: arm.step(target, STEP).stamp, waits),
+        "peer: stream echo, 50 ms": (lambda: stream(WAITING), waits),
+        "peer: unary echo, 50 ms": (lambda: float(unary(WAITING)[:12]), waits),
+    }
+    times: dict[str, list[float]] = {name: [] for name in blocks}
+    for call, _ in blocks.values():
+        timed(call, 10)
+    for _ in range(10):
+        for name, (call, count) in blocks.items():
+            times[name] += timed(call, count // 10)
+    print(f"{'beyond the own time of the arm':32}" + "     p50     p90     p99     max")
+    for name, values in times.items():
+        row = [*np.percentile(values, [50, 90, 99]), max(values)]
+        print(f"{name:32}" + "".join(f"{1e6 * v:8.0f}" for v in row) + " us")
+    middle = {name: np.median(values) for name, values in times.items()}
+    for end in ("", ", 50 ms"):
+        ratio = middle[f"RemoteArm.step{end}"] / middle[f"peer: stream echo{end}"]
+        print(f"RemoteArm.step over gRPC's stream alone{end}: {ratio:.2f}")
+    outbox.put(None)
+    channel.close()
+    arm.close()
+
+
+def main() -> None:
+    """Start the service's process, measure, end it."""
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--steps", type=int, default=2000)
+    parser.add_argument("--waits", type=int, default=100)
+    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.serve:
+        serve()
+        return
+    with subprocess.Popen(
+        [sys.executable, __file__, "--serve"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as service:
+        assert service.stdout is not None
+        address, echo_port = service.stdout.readline().split()
+        try:
+            measure(address, echo_port, options.steps, options.waits)
+        finally:
+            service.communicate("", timeout=20)
+
+
+if __name__ == "__main__":
+    main()
