@@ -204,3 +204,21 @@ def test_a_plant_that_cannot_move_its_hole_does_so_behind_brakes():
     body.release()
     with pytest.raises(ConfigError, match="pause first"):
         body.move_hole(there)
+
+
+def test_position_mode_follows_the_commanded_position(plant):
+    body = released(plant, mode="position")
+    for i in range(200):
+        q_cmd = Q_START + 0.05 * np.sin(0.03 * i)
+        body.drive(q_cmd.tolist(), [0.0] * 7)
+    np.testing.assert_allclose(body.q, q_cmd, atol=2e-3)
+
+
+def test_wrench_mode_pushes_the_tool_in_the_wrenchs_direction(plant):
+    body = released(plant, mode="wrench", stiffness=(50.0,) * 7, damping=(1.0,) * 7)
+    before = plant.tool_pose().position
+    for _ in range(60):
+        body.drive(Q_START.tolist(), [0.0] * 7, [0.0, 8.0, 0.0, 0.0, 0.0, 0.0])
+    moved = plant.tool_pose().position - before
+    assert moved[1] > 0.01
+    assert abs(moved[0]) < 0.3 * moved[1]

@@ -186,6 +186,34 @@ def test_a_motion_starts_only_from_rest():
     direct.run_until(ACTIVE)
 
 
+@pytest.mark.parametrize(
+    ("mode", "given", "missing"),
+    [
+        ("position", {}, {}),
+        ("wrench", {"wrench": [1.0, 2.0, 3.0, 0.1, 0.2, 0.3]}, {"wrench": None}),
+    ],
+)
+def test_other_modes_want_other_commands(mode, given, missing):
+    direct = Direct(mode=mode, stiffness=(200.0,) * 7, damping=(0.7,) * 7)
+
+    def answer(message, values=given):
+        command = _core.FriCommand()
+        if int(message.state) >= C_WAIT:
+            command.q = message.ipo_q
+            for name, value in values.items():
+                setattr(command, name, value)
+        return command
+
+    message = direct.run_until(ACTIVE, answer)
+    assert _core.FriCommandMode(int(message.command_mode)).name == mode.upper()
+    for _ in range(20):
+        direct.pass_period(answer)
+    assert direct.controller.state == ACTIVE
+    if missing:
+        direct.pass_period(lambda m: answer(m, missing))
+        assert "without wrench" in direct.controller.application.stop_reason
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_signals_are_listed_read_and_written(version):
     texts = [

@@ -45,6 +45,8 @@ class Body:
             coriolis=config.coriolis,
         )
         self.sensors = TorqueSensors(self.law, config.period, config.external_filter)
+        self._mode = config.mode
+        self._is_torque = config.mode == "torque"
         self.failure = ""
         """Why the plant cannot go on; empty while it can. `place` mends it."""
         self._push_force = np.zeros(3)
@@ -60,6 +62,7 @@ class Body:
         self.is_braked = True
         """The brakes are closed: the arm does not move."""
         self._braking = 0.0
+        self._q_cmd: Vec7 | None = None  # last position in a motion
         self._peak = (0.0, 0.0, 0.0)
         self._peak_square = 0.0
         self.tau = np.zeros(7)
@@ -104,26 +107,45 @@ class Body:
     def release(self) -> None:
         """Open the brakes."""
         self.is_braked = False
+        self._q_cmd = None
 
     def stop(self) -> None:
         """Begin to brake, if the arm is not held."""
         self._braking = 0.0
 
-    def drive(self, q_cmd: list[float], tau: list[float]) -> None:
-        """Let a command act for one period: position [rad] and torque [Nm]."""
+    def drive(
+        self, q_cmd: list[float], tau: list[float], wrench: list[float] | None = None
+    ) -> None:
+        """Let a command act for one period.
+
+        Args:
+            q_cmd: Position [rad].
+            tau: Torque overlay [Nm].
+            wrench: Wrench overlay at the TCP [N, Nm], in wrench mode.
+        """
         if self.failure:
             return
-        overlay = np.array(tau)
-        if not self.law.has_impedance:
+        overlay, target = np.array(tau), np.array(q_cmd)
+        if self._is_torque and not self.law.has_impedance:
             self._step(overlay, self.period)
             return
+        # The cabinet's own law is faster than FRI may be.
         steps = max(1, round(self.period / _LAW_PERIOD))
-        target = np.array(q_cmd)
-        q, dq = self.q, self.dq
-        for _ in range(steps):
-            tau_now = overlay + self.law.impedance(target, q, dq)
-            self._apply(tau_now, self.period / steps)
+        h = self.period / steps
+        start = target if self._q_cmd is None else self._q_cmd
+        dq_cmd = (target - start) / self.period
+        q, dq, tau_now = self.q, self.dq, overlay
+        for i in range(steps):
+            if self._mode == "position":
+                point = start + (i + 1) * h * dq_cmd
+                tau_now = self.law.servo(point, dq_cmd, q, dq)
+            else:
+                tau_now = overlay + self.law.impedance(target, q, dq)
+                if self._mode == "wrench" and wrench is not None:
+                    tau_now = tau_now + self.law.wrench(q, wrench)
+            self._apply(tau_now, h)
             q, dq = self.plant.read()
+        self._q_cmd = target
         self._observe(tau_now, q, dq)
 
     def hold(self) -> None:

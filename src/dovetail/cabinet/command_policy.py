@@ -23,7 +23,7 @@ class Command(Protocol):
 class CommandPolicy:
     """Checks commands of one motion and keeps the one that acts.
 
-    The lists in `q` and `tau` are what acts on the arm now.
+    The lists in `q`, `tau` and `wrench` are what acts on the arm now.
     """
 
     def __init__(self, config: CabinetConfig, robot: Robot) -> None:
@@ -40,14 +40,14 @@ class CommandPolicy:
         self._tau_max = (robot.tau_max + _TORQUE_SLACK).tolist()
         slot = config.period * config.receive_multiplier
         self._step_max = (config.command_speed_factor * robot.dq_max * slot).tolist()
-        self.mode = CommandMode.TORQUE
+        self.mode = CommandMode[config.mode.upper()]
         self.begin([0.0] * 7)
 
     def begin(self, q_ipo: list[float]) -> None:
         """Start a motion that holds q_ipo [rad]."""
         self.q_ipo = q_ipo
         self.q = list(q_ipo)
-        self.tau = [0.0] * 7
+        self._drop()
         self.mirrored = 0
         """Commands in a row that mirrored the interpolator."""
         self.missed = 0
@@ -55,11 +55,17 @@ class CommandPolicy:
         self.waits_for = "the client's first command"
         """What COMMANDING_WAIT is waiting for; empty when synchronised."""
 
+    def _drop(self) -> None:
+        self.tau = [0.0] * 7
+        self.wrench = [0.0] * 6
+
     def _missing(self, command: Command) -> str:
         if command.q is None:
             return "command without joint position"
-        if command.tau is None:
+        if self.mode is CommandMode.TORQUE and command.tau is None:
             return "command without joint torque, which torque mode needs every time"
+        if self.mode is CommandMode.WRENCH and command.wrench is None:
+            return "command without wrench, which wrench mode needs every time"
         return ""
 
     def mirror(self, command: Command | None) -> None:
@@ -102,12 +108,24 @@ class CommandPolicy:
         if command is None:
             return self._miss()
         reason = self._missing(command)
-        q_cmd, tau = command.q, command.tau
-        if reason or q_cmd is None or tau is None:
+        q_cmd = command.q
+        if reason or q_cmd is None:
             return reason
-        steps = 1 + self.missed
+        tau, wrench = [0.0] * 7, [0.0] * 6
+        if self.mode is CommandMode.TORQUE and command.tau is not None:
+            tau = list(command.tau)
+        if self.mode is CommandMode.WRENCH and command.wrench is not None:
+            wrench = list(command.wrench)
+        reason = self._illegal(q_cmd, q) or self._too_strong(tau, gravity)
         self.missed = 0
+        if not reason:
+            self.q, self.tau, self.wrench = list(q_cmd), tau, wrench
+        return reason
+
+    def _illegal(self, q_cmd: Sequence[float], q: Sequence[float]) -> str:
+        """Return what is wrong with a commanded position [rad], or ""."""
         delta_max = self._config.axis_delta_max
+        steps = 1 + self.missed
         for i in range(7):
             # Negated so that nan stops the motion, too.
             if not abs(q_cmd[i] - q[i]) <= delta_max:
@@ -121,13 +139,16 @@ class CommandPolicy:
                     f"commanded speed: {JOINTS[i]} commanded {step:+.4f} rad in one "
                     f"step, allowed is {step_max:.4f} rad"
                 )
+        return ""
+
+    def _too_strong(self, tau: Sequence[float], gravity: Sequence[float]) -> str:
+        for i in range(7):
             if not abs(tau[i] + gravity[i]) <= self._tau_max[i]:
                 return (
                     f"torque limit: {JOINTS[i]} commanded {tau[i]:.2f} Nm over "
                     f"{gravity[i]:.2f} Nm of gravity, limit is {self._tau_max[i]:.0f} "
                     "Nm"
                 )
-        self.q, self.tau = list(q_cmd), list(tau)
         return ""
 
     def _miss(self) -> str:
@@ -135,7 +156,7 @@ class CommandPolicy:
         if self.missed >= self._config.stop_slots:
             return f"{self.missed} commands missed in a row"
         if self.missed > self._config.hold_slots:
-            self.tau = [0.0] * 7
+            self._drop()
         return ""
 
     def check_joints(self, q: Sequence[float], dq: Sequence[float]) -> str:

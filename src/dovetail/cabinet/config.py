@@ -21,6 +21,10 @@ _RANGES: dict[str, tuple[float, float, str]] = {
     "external_filter": (0.0, 10.0, "s"),
     "watchdog": (0.01, 3600.0, "s"),
 }
+_WORDS = {
+    "clock": ("wall", "lockstep"),
+    "mode": ("torque", "position", "wrench"),
+}
 _LEAST = {
     "receive_multiplier": 1,
     "sync_slots": 1,
@@ -96,6 +100,8 @@ class CabinetConfig:
     """The cabinet's own UDP address; port 0 takes a free one."""
     control: Endpoint | None = _CONTROL
     """Control port (TCP); None for none, port 0 for a free one."""
+    mode: Literal["torque", "position", "wrench"] = "torque"
+    """What the overlay wants from the client, besides the position in every command."""
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the reply to the last has come."""
     watchdog: float = 10.0
@@ -159,10 +165,12 @@ class CabinetConfig:
                 f"send period is {period_ms:g} ms; allowed are whole ms, 1 to 100"
             )
         object.__setattr__(self, "period", 1e-3 * round(period_ms))
-        if self.clock not in ("wall", "lockstep"):
-            raise ConfigError(
-                f"clock {self.clock!r} is unknown; known clocks: wall, lockstep"
-            )
+        for name, known in _WORDS.items():
+            if getattr(self, name) not in known:
+                raise ConfigError(
+                    f"{name} {getattr(self, name)!r} is unknown; known {name}s: "
+                    f"{', '.join(known)}"
+                )
         for name, low in _LEAST.items():
             if getattr(self, name) < low:
                 raise ConfigError(f"{name} is {getattr(self, name)}; give >= {low}")

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 _BRAKE_RATE = 40.0
 """Decay of the speed under the brakes [1/s]."""
+_SERVO_RATE = 100.0
+"""Natural frequency of the position servo [rad/s]; critically damped."""
 _BRAKE_SHARE = 0.5
 """Share of the torque limit that braking uses [1]."""
 
@@ -63,6 +65,24 @@ class JointLaw:
         D = 2.0 * self._d * np.sqrt(self._K * inertia)
         tau = self._K * (q_cmd - q) - D * dq
         return tau + self.chain.coriolis(q, dq) if self._coriolis else tau
+
+    def servo(self, q_cmd: Vec7, dq_cmd: Vec7, q: Vec7, dq: Vec7) -> Vec7:
+        """Return the torque [Nm] that follows a moving position [rad, rad/s]."""
+        M = self.chain.inertia_matrix(q) + np.diag(self.armature)
+        rate = _SERVO_RATE
+        ddq = rate * rate * (q_cmd - q) + 2.0 * rate * (dq_cmd - dq)
+        return M @ ddq + self.chain.coriolis(q, dq) + self.friction * dq_cmd
+
+    def wrench(self, q: Vec7, wrench: list[float]) -> Vec7:
+        """Return the joint torque [Nm] of a client's wrench at the TCP [N, Nm].
+
+        Axes are the world's, and the moments about KUKA's A, B and C are about z, y
+        and x; which frame a real cabinet means is set in its program.
+        """
+        fx, fy, fz, about_a, about_b, about_c = wrench
+        return self.chain.jacobian(q).T @ np.array(
+            [fx, fy, fz, about_c, about_b, about_a]
+        )
 
     def brake(self, q: Vec7, dq: Vec7) -> Vec7:
         """Return the torque [Nm] that makes the speed dq [rad/s] decay."""

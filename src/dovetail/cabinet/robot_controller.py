@@ -191,8 +191,9 @@ class RobotController:
             self._phase = 0
             reason = self._judge()
         if self.state is SessionState.COMMANDING_ACTIVE and not reason:
-            self.body.drive(self.policy.q, self.policy.tau)
-            reason = self.body.failure or self.policy.check_joints(
+            policy = self.policy
+            self.body.drive(policy.q, policy.tau, policy.wrench)
+            reason = self.body.failure or policy.check_joints(
                 self.body.q.tolist(), self.body.dq.tolist()
             )
         else:

@@ -101,13 +101,15 @@ class Wire:
         message.quality = int(controller.quality_value)
         message.safety = int(controller.safety)
         message.drive_states = [int(drives)] * 7
-        message.control_mode = int(
-            ControlMode.NO_CONTROL
-            if drives is DriveState.OFF
-            else ControlMode.JOINT_IMPEDANCE
-        )
+        held = ControlMode.JOINT_IMPEDANCE
+        if controller.config.mode == "position":
+            held = ControlMode.POSITION
+        is_off = drives is DriveState.OFF
+        message.control_mode = int(ControlMode.NO_CONTROL if is_off else held)
         message.command_mode = int(controller.command_mode)
-        message.overlay = int(Overlay.JOINT if is_commanding else Overlay.NONE)
+        is_wrench = controller.config.mode == "wrench"
+        kind = Overlay.CARTESIAN if is_wrench else Overlay.JOINT
+        message.overlay = int(kind if is_commanding else Overlay.NONE)
         message.ipo_q = controller.q_ipo
 
     def _signals(self) -> list[Any]:

@@ -55,6 +55,8 @@ class Cabinet:
     """Own UDP port. KUKA's clients that were given the cabinet's name expect 30200."""
     control: str = "127.0.0.1:30301"
     """Control port (TCP), or none."""
+    mode: Literal["torque", "position", "wrench"] = "torque"
+    """What the overlay wants from the client."""
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the last message was answered."""
     watchdog: str = "10s"
@@ -126,6 +128,7 @@ class Cabinet:
             client=parse_endpoint(self.client, "--client"),
             bind=parse_endpoint(f"{self.bind}:{self.port}", "--bind and --port"),
             control=control,
+            mode=self.mode,
             clock=self.clock,
             watchdog=parse_duration(self.watchdog, "--watchdog"),
             stiffness=_seven(self.stiffness, "--stiffness"),
