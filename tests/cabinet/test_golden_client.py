@@ -134,9 +134,9 @@ def test_datagrams_have_the_sizes_of_real_ones(make, client, plant):
     client.start()
     with make(plant):
         wait_until(lambda: ACTIVE in sizes)
-    assert sizes[WAIT] <= set(range(400, 406))
-    assert sizes[READY] <= set(range(400, 406))
-    assert sizes[C_WAIT] <= set(range(467, 473))
+    assert sizes[WAIT] <= set(range(398, 408))
+    assert sizes[READY] <= set(range(398, 408))
+    assert sizes[C_WAIT] <= set(range(463, 475))
 
 
 def test_kukas_io_sample_is_understood(make, client, plant):
