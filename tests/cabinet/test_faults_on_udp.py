@@ -29,7 +29,7 @@ def test_a_safety_stop_is_shown_and_ends(make, client):
 
 def test_a_frozen_cabinet_goes_on(make, client):
     client.start()
-    with make(clock="wall") as cabinet:
+    with make() as cabinet:
         client.wait_for(ACTIVE)
         cabinet.request({"do": "fault", "text": "freeze=200ms"})
         seen = len(client.messages)

@@ -32,7 +32,7 @@ def test_another_version_is_named(make, client, ours, theirs):
 def test_foreign_datagrams_change_nothing(make, client):
     stranger = Client()
     client.start()
-    with make(clock="wall") as cabinet:
+    with make() as cabinet:
         stranger.cabinet = tuple(cabinet.address)
         for i in range(50):
             command = _core.FriCommand()
