@@ -19,6 +19,7 @@ def test_a_client_that_mirrors_gets_to_commanding_active(make, client, version):
     client.start()
     with make(version=version):
         client.wait_for(ACTIVE)
+    client.wait_for(IDLE)
     assert client.states == [*UP, IDLE]
     assert client.undecodable == 0
     counters = [message.sequence for message in client.messages]
@@ -29,6 +30,7 @@ def test_messages_say_what_a_real_cabinet_says(make, client):
     client.start()
     with make(receive_multiplier=1, period=0.002):
         client.wait_for(ACTIVE)
+    client.wait_for(IDLE)
     by_state = {int(message.state): message for message in client.messages}
     first, active = client.messages[0], by_state[ACTIVE]
     assert first.num_joints == active.num_joints == 7

@@ -300,7 +300,7 @@ def test_another_number_of_values_is_refused_by_the_client(version, count):
     framed = version == "2.7"
     assert with_joint_values(good, 7, is_framed=framed) == good
     bad = with_joint_values(good, count, is_framed=framed)
-    with pytest.raises(ValueError, match=str(count)):
+    with pytest.raises(ValueError, match="values"):
         _core.FriMonitoring.decode(direct.version, bad)
 
 
