@@ -19,7 +19,7 @@ LAYERS = (
     {"arms", "cabinet", "episode", "gripper", "rpc"},
     {"envs", "identify", "perceive"},
     {"learn", "evaluate", "view"},
-    {"commands", "doctor"},
+    {"arm_checks", "commands", "doctor"},
     {"cli"},
 )
 """Modules and folders of the package; each imports from its own layer or from above."""

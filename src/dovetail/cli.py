@@ -11,12 +11,13 @@ from dovetail.errors import DovetailError
 
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
-    "train": ("Train", "train a policy in a simulation"),
-    "evaluate": ("Evaluate", "try a policy on a plant or a twin"),
+    "train": ("Train", "train a policy in a simulation or on an arm"),
+    "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
     "serve": ("Serve", "offer an arm to learners over gRPC"),
     "twin": ("Twin", "list the twins, or show one"),
     "cabinet": ("Cabinet", "simulate a robot behind KUKA's FRI"),
-    "doctor": ("Doctor", "check this installation"),
+    "gripper": ("Gripper", "drive a WSG 50, or simulate one"),
+    "doctor": ("Doctor", "check this installation, or an arm"),
 }
 """Subcommands: the settings class in `dovetail.commands.<name>`, and what it does.
 

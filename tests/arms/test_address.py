@@ -61,6 +61,27 @@ def test_every_fri_key_is_read():
     assert places_hole(address)
 
 
+def test_what_public_reports_leave_open_can_be_said():
+    usual = parse_address("fri://0.0.0.0")
+    assert (usual.measured_sign, usual.commanded_sign, usual.external_sign) == (
+        -1,
+        -1,
+        1,
+    )
+    address = parse_address(
+        "fri://0.0.0.0?measured_sign=1&commanded_sign=1&external_sign=-1"
+        "&commanded_is_total=yes"
+    )
+    assert (address.measured_sign, address.commanded_sign) == (1, 1)
+    assert (address.external_sign, address.commanded_is_total) == (-1, True)
+
+
+def test_a_simulated_cabinet_places_the_arm_where_nothing_else_is_asked():
+    assert parse_address("fri://0.0.0.0?control=a:1").reset == "place"
+    assert parse_address("fri://0.0.0.0?control=a:1&reset=move").reset == "move"
+    assert parse_address("fri://0.0.0.0").reset == "move"
+
+
 @pytest.mark.parametrize(
     ("text", "seconds"), [("5ms", 0.005), ("0.005s", 0.005), ("1ms", 0.001)]
 )
@@ -118,6 +139,7 @@ def test_certificates_are_files(tmp_path):
         ("fri://0.0.0.0?control=x", "give HOST:PORT"),
         ("fri://0.0.0.0?control=x:y", "give HOST:PORT"),
         ("fri://0.0.0.0?realtime=1", "known: no, yes"),
+        ("fri://0.0.0.0?measured_sign=2", "measured_sign is '2'; known: -1, 1"),
         ("fri://0.0.0.0?clock=wall&clock=lockstep", "gives clock twice"),
         ("grpc://", "give grpc://HOST:PORT"),
         (

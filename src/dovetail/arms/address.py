@@ -56,7 +56,8 @@ class FriAddress:
     control: str | None = None
     """Control port HOST:PORT of a simulated cabinet; a real one has none."""
     reset: Literal["move", "place"] = "move"
-    """How an episode starts: move there, or be placed (simulated cabinet only)."""
+    """How an episode starts: move there, or be placed, which only a simulated cabinet
+    can do, and does where nothing else is asked."""
     timeout: float = 10.0
     """How long to wait for the cabinet [s]."""
     watchdog: float = 0.15
@@ -65,6 +66,14 @@ class FriAddress:
     """Ask the system for real-time priority and locked memory."""
     margins: Literal["model", "hardware"] = "hardware"
     """Limit margins: for an arm that is as the model says, or for one that is not."""
+    measured_sign: int = -1
+    """Sign of the measured torque on the wire over the torque on the joint."""
+    commanded_sign: int = -1
+    """The same of the commanded torque."""
+    external_sign: int = 1
+    """The same of the external torque."""
+    commanded_is_total: bool = False
+    """The commanded torque on the wire contains gravity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,7 +218,9 @@ def _choice(keys: Mapping[str, str], name: str, known: tuple[str, ...]) -> str:
 _FRI_KEYS = (
     *("version", "period", "clock", "control", "reset"),
     *("timeout", "watchdog", "realtime", "margins"),
+    *("measured_sign", "commanded_sign", "external_sign", "commanded_is_total"),
 )
+_SIGNS = {"measured_sign": "-1", "commanded_sign": "-1", "external_sign": "1"}
 
 
 def _fri(text: str) -> FriAddress:
@@ -225,14 +236,14 @@ def _fri(text: str) -> FriAddress:
     if control is not None:
         parse_endpoint(control, "arm control")
     clock = _choice(keys, "clock", ("wall", "lockstep"))
-    reset = _choice(keys, "reset", ("move", "place"))
+    usual = ("move", "place") if control is None else ("place", "move")
+    reset = _choice(keys, "reset", usual)
     if reset == "place" and control is None:
         raise ConfigError(
             "arm reset=place needs control=HOST:PORT, the control port of a simulated "
             "cabinet; a real arm starts its episodes with reset=move"
         )
-    is_known_simulation = control is not None
-    order = ("model", "hardware") if is_known_simulation else ("hardware", "model")
+    order = ("hardware", "model") if control is None else ("model", "hardware")
     times = {
         name: parse_time(keys[name], f"arm {name}")
         for name in ("timeout", "watchdog")
@@ -248,8 +259,19 @@ def _fri(text: str) -> FriAddress:
         reset=reset,  # type: ignore[arg-type]
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
         margins=_choice(keys, "margins", order),  # type: ignore[arg-type]
+        commanded_is_total=_choice(keys, "commanded_is_total", ("no", "yes")) == "yes",
+        **_signs(keys),
         **times,
     )
+
+
+def _signs(keys: Mapping[str, str]) -> dict[str, int]:
+    """Return the signs of torques on the wire."""
+    signs = {}
+    for name, usual in _SIGNS.items():
+        other = "1" if usual == "-1" else "-1"
+        signs[name] = int(_choice(keys, name, (usual, other)))
+    return signs
 
 
 def _fri_period(text: str) -> float:

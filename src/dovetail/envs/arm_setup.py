@@ -223,6 +223,10 @@ def build_fri_arm(
         timeout=address.timeout,
         watchdog=WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,
+        measured_sign=address.measured_sign,
+        commanded_sign=address.commanded_sign,
+        external_sign=address.external_sign,
+        commanded_is_total=address.commanded_is_total,
     )
 
 

@@ -1,0 +1,311 @@
+"""What to look at before an arm is trusted: connection, gravity, torques, a push.
+
+Each check moves the arm little and slowly; between them it is held where it is.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dovetail import _core
+from dovetail.arms.address import FriAddress
+from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor import Check
+from dovetail.envs.arm_setup import (
+    NEAR_SPEED,
+    WALLS_MAX,
+    WALLS_MIN,
+    build_fri_arm,
+    make_settings,
+)
+from dovetail.scene import SceneConfig
+from dovetail.types import JOINTS, Array, Vec3, Vec7
+
+DRIFT_MAX = 0.005
+"""Largest drift of the tool while it is held [m]."""
+EXTERNAL_SHARE = 0.05
+"""Largest external torque at rest over the motor's [1]."""
+GRAVITY_SCALE = (0.6, 1.5)
+"""Measured over modelled gravity torque: published models differ by a third."""
+GRAVITY_MIN = 5.0
+"""Largest gravity torque of a joint below which nothing is said [Nm]."""
+LOSS_MAX = 0.001
+"""Largest share of lost messages [1]."""
+TURN = 0.03
+"""How far each joint is turned [rad]."""
+TURN_MIN, WRONG_MAX = 0.3, 0.3
+"""Shares of `TURN`: what counts as turned, and what as turned the wrong way [1]."""
+PUSH_FORCE = 15.0
+"""Push of a simulated cabinet, along +x [N]."""
+PUSH_MIN = 5.0
+"""Smallest estimated force that counts as a push [N]."""
+HOLD_TIME, TURN_TIME, PUSH_TIME = 3.0, 0.6, 4.0
+_STEP = 0.05
+_MODES = ("T1", "T2", "AUT")
+_QUALITIES = ("poor", "fair", "good", "excellent")
+
+Ask = Callable[[str], bool]
+"""Asks the person at the arm and waits; False ends the checks."""
+
+
+class Rest(NamedTuple):
+    """How the arm was while it was held."""
+
+    q: Vec7
+    """Mean configuration [rad]."""
+    drift: float
+    """Largest distance of the tool from where it was at first [m]."""
+    measured: Vec7
+    """Mean measured torque on the joints [Nm]."""
+    external: Vec7
+    """Mean external torque on the joints [Nm]."""
+
+
+def run_arm_checks(address: FriAddress, ask: Ask | None) -> Iterator[Check]:
+    """Yield every check of an arm behind a cabinet as soon as it is done.
+
+    Args:
+        address: Where the cabinet sends to.
+        ask: Asks before the arm is moved; None asks nobody, and then only a simulated
+            cabinet is pushed.
+
+    Raises:
+        DovetailError: The arm cannot be had, or was stopped.
+    """
+    scene = SceneConfig()
+    period = address.period or 0.005
+    is_hardware = address.margins == "hardware"
+    osc, limits = make_settings(
+        scene,
+        period,
+        force_damping=0.0,
+        near_speed=NEAR_SPEED,
+        walls=(WALLS_MIN, WALLS_MAX),
+        scheme="qp",
+        is_hardware=is_hardware,
+    )
+    limits = replace(limits, walls=False)  # it may stand anywhere, and shall stay there
+    task = TaskSpec.parse("XYZABC:hold")
+    arm: Any = build_fri_arm(address, scene, osc, limits, task, period)
+    try:
+        if not _may(
+            ask,
+            "The arm will be held where it is. Start the Java application, hold the "
+            "enabling switch",
+        ):
+            return
+        arm.connect()
+        yield check_connection(arm, address)
+        rest = hold(arm, arm.read().q, HOLD_TIME)
+        yield check_gravity(arm, rest, address)
+        yield check_drift(arm, rest)
+        if not _may(ask, f"Every joint will be turned by {TURN:g} rad and back"):
+            return
+        yield check_turns(arm, rest.q)
+        yield check_push(arm, rest.q, address, ask)
+        yield check_messages(arm)
+    finally:
+        arm.close()
+
+
+def check_connection(arm: Any, address: FriAddress) -> Check:
+    """Say what is connected, and how."""
+    state, statistics = arm.read(), arm.statistics()
+    return Check(
+        "connection",
+        "ok",
+        f"FRI {address.version} from {statistics['peer']}, {state.send_period} ms x "
+        f"{state.multiplier}, {_MODES[state.operation_mode]}, quality "
+        f"{_QUALITIES[state.quality]}",
+    )
+
+
+def hold(arm: Any, q: Vec7, seconds: float) -> Rest:
+    """Hold the arm at q [rad] and look at it; the first half second is not counted."""
+    target = _core.Target(joint_mode=True, q_d=q)
+    positions, states = [], []
+    for i in range(round(seconds / _STEP)):
+        position = arm.step(target, _STEP).position
+        if i * _STEP >= min(0.5, seconds / 2.0):
+            positions.append(position)
+            states.append(arm.read())
+    drift = np.linalg.norm(np.array(positions) - positions[0], axis=1).max()
+    q_mean, measured, external = (
+        np.mean([getattr(state, name) for state in states], axis=0)
+        for name in ("q", "tau_measured", "tau_external")
+    )
+    return Rest(q_mean, float(drift), measured, external)
+
+
+def check_gravity(arm: Any, rest: Rest, address: FriAddress) -> Check:
+    """Compare the measured torque at rest with the model's gravity: sign and scale."""
+    name = "gravity, measured torque"
+    gravity = arm.robot.chain().gravity(rest.q)
+    if not np.isfinite(rest.measured).all():
+        return Check(name, "broken", "the cabinet sends no measured torque")
+    if np.abs(gravity).max() < GRAVITY_MIN:
+        return Check(
+            name,
+            "missing",
+            f"no joint carries {GRAVITY_MIN:g} Nm here: start with the arm stretched "
+            "out a little",
+            is_essential=False,
+        )
+    scale = float(rest.measured @ gravity / (gravity @ gravity))
+    detail = f"{scale:+.2f} times the model's ({_list(rest.measured - gravity)} Nm off)"
+    low, high = GRAVITY_SCALE
+    if scale < 0.0:
+        other = -address.measured_sign
+        return Check(
+            name,
+            "broken",
+            f"{detail}: the sign on the wire is the other one; add measured_sign="
+            f"{other} to the address, and find out what commanded_sign is",
+        )
+    if not low <= scale <= high:
+        return Check(name, "broken", f"{detail}; check the load data and the tool")
+    return Check(name, "ok", detail)
+
+
+def check_drift(arm: Any, rest: Rest) -> Check:
+    """Look at drift and external torque while the arm is held."""
+    share = np.abs(rest.external) / arm.robot.tau_max
+    worst = int(np.argmax(share))
+    detail = (
+        f"drift {1e3 * rest.drift:.2f} mm, external torque at most "
+        f"{rest.external[worst]:+.2f} Nm at {JOINTS[worst]}"
+    )
+    is_good = rest.drift <= DRIFT_MAX and share[worst] <= EXTERNAL_SHARE
+    if is_good:
+        return Check("hold", "ok", detail)
+    return Check(
+        "hold",
+        "broken",
+        f"{detail}; allowed: {1e3 * DRIFT_MAX:g} mm and "
+        f"{EXTERNAL_SHARE * arm.robot.tau_max[worst]:.1f} Nm: check the load data",
+    )
+
+
+def check_turns(arm: Any, q: Vec7) -> Check:
+    """Turn every joint a little each way and see that it goes where it was asked."""
+    reached = np.zeros((2, 7))
+    for joint in range(7):
+        for side, sign in enumerate((1.0, -1.0)):
+            turned = turn(arm, q, joint, sign)
+            reached[side, joint] = turned
+            if turned < -WRONG_MAX:
+                arm.stop()
+                return Check(
+                    "torques",
+                    "broken",
+                    f"{JOINTS[joint]} turned the wrong way by {-turned * TURN:.3f} rad "
+                    "and was stopped; end the motion, do not use this arm",
+                )
+    worst = reached.min(axis=0)
+    stuck = [
+        name for name, share in zip(JOINTS, worst, strict=True) if share < TURN_MIN
+    ]
+    detail = f"turned {_list(100.0 * worst, 0)} % of {TURN:g} rad"
+    if stuck:
+        return Check(
+            "torques",
+            "broken",
+            f"{detail}; {', '.join(stuck)} stayed behind: friction, a joint limit, or "
+            "something in the way",
+        )
+    return Check("torques", "ok", detail)
+
+
+def turn(arm: Any, q: Vec7, joint: int, sign: float) -> float:
+    """Turn one joint and back; return the way it went over the way asked [1]."""
+    there = q.copy()
+    there[joint] += sign * TURN
+    gone = 0.0
+    for q_d in (there, q):
+        target = _core.Target(joint_mode=True, q_d=q_d)
+        for _ in range(round(TURN_TIME / _STEP)):
+            state = arm.step(target, _STEP)
+            share = sign * float(state.q[joint] - q[joint]) / TURN
+            if share < -WRONG_MAX:
+                return share
+            gone = max(gone, share)
+    return gone
+
+
+def check_push(arm: Any, q: Vec7, address: FriAddress, ask: Ask | None) -> Check:
+    """See that a push away from the base is felt as one."""
+    name = "push, external torque"
+    before = hold(arm, q, 1.0).external
+    if address.control is not None:
+        _push_simulated(address.control)
+    elif not _may(
+        ask, f"Push the gripper away from the base for {PUSH_TIME:g} s", False
+    ):
+        return Check(name, "missing", "nobody pushed", is_essential=False)
+    target = _core.Target(joint_mode=True, q_d=q)
+    force, largest = np.zeros(3), 0.0
+    for _ in range(round(PUSH_TIME / _STEP)):
+        state = arm.step(target, _STEP)
+        felt = estimate_force(arm, state.q, arm.read().tau_external - before)
+        if (size := float(np.linalg.norm(felt))) > largest:
+            force, largest = felt, size
+    detail = f"felt {_list(force)} N"
+    if largest < PUSH_MIN:
+        return Check(name, "missing", f"{detail}: no push was felt", is_essential=False)
+    if force[0] < -0.5 * largest:
+        return Check(
+            name,
+            "broken",
+            f"{detail}, towards the base: add external_sign={-address.external_sign} "
+            "to the address",
+        )
+    if force[0] < 0.5 * largest:
+        return Check(name, "broken", f"{detail}, not away from the base: push again")
+    return Check(name, "ok", f"{detail}, away from the base")
+
+
+def estimate_force(arm: Any, q: Vec7, tau: Vec7) -> Vec3:
+    """Return the force at the TCP [N], world axes, that explains joint torques [Nm]."""
+    jacobian = arm.robot.chain().jacobian(q)
+    wrench: Array = np.linalg.lstsq(jacobian.T, tau, rcond=0.05)[0]
+    return wrench[:3]
+
+
+def check_messages(arm: Any) -> Check:
+    """Look at how many messages were lost, and how fast they were answered."""
+    statistics = arm.statistics()
+    counts, times = statistics["counts"], statistics["times"]
+    lost, received = counts["missed"], max(1, counts["received"])
+    reply = times["reply_time"]
+    detail = (
+        f"{received} received, {lost} lost, reply p50 {1e6 * reply['p50']:.0f} us, "
+        f"p99.9 {1e6 * reply['p999']:.0f} us"
+    )
+    if lost > LOSS_MAX * received:
+        return Check(
+            "messages",
+            "broken",
+            f"{detail}; allowed: {100 * LOSS_MAX:g} % lost: use a cable of its own, "
+            "realtime=yes, no power saving",
+        )
+    return Check("messages", "ok", detail)
+
+
+def _push_simulated(control: str) -> None:
+    from dovetail.arms.cabinet_control import CabinetControl
+
+    port = CabinetControl(control)
+    try:
+        port.request("push", force=[PUSH_FORCE, 0.0, 0.0], duration=0.5 * PUSH_TIME)
+    finally:
+        port.close()
+
+
+def _may(ask: Ask | None, question: str, without: bool = True) -> bool:
+    return without if ask is None else ask(question)
+
+
+def _list(values: Array, digits: int = 1) -> str:
+    return " ".join(f"{value:+.{digits}f}" for value in values)
