@@ -23,7 +23,7 @@ def commands():
                     yield pytest.param(line.strip(), id=f"{path.stem}: {line.strip()}")
 
 
-@pytest.mark.parametrize("line", commands())
+@pytest.mark.parametrize("line", list(commands()))
 def test_a_command_in_the_docs_is_understood(line):
     name, *words = shlex.split(line)[1:]
     assert name in COMMANDS

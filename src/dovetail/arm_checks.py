@@ -3,6 +3,7 @@
 Each check moves the arm little and slowly; between them it is held where it is.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -11,6 +12,7 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.address import FriAddress
+from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
 from dovetail.envs.arm_setup import (
@@ -88,7 +90,9 @@ def run_arm_checks(address: FriAddress, ask: Ask | None) -> Iterator[Check]:
     )
     limits = replace(limits, walls=False)  # it may stand anywhere, and shall stay there
     task = TaskSpec.parse("XYZABC:hold")
-    arm: Any = build_fri_arm(address, scene, osc, limits, task, period)
+    # Whether the measured torque follows the commanded one is what has to be found out.
+    watchdog = WatchdogConfig(target_timeout=address.watchdog, torque_error=math.inf)
+    arm: Any = build_fri_arm(address, scene, osc, limits, task, period, watchdog)
     try:
         if not _may(
             ask,

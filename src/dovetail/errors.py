@@ -30,10 +30,6 @@ class PlantError(DovetailError, RuntimeError):
     """A simulated plant cannot be built or has failed."""
 
 
-class ArmError(DovetailError, RuntimeError):
-    """An arm cannot be reached, is held by another client, or has stopped."""
-
-
 class GripperError(DovetailError, RuntimeError):
     """A gripper cannot be reached, refuses a command, or failed at it."""
 

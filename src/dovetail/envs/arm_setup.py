@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from dovetail.arms.address import (
     ArmAddress,
@@ -22,6 +22,9 @@ from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.scene import SceneConfig
+
+if TYPE_CHECKING:
+    from dovetail.arms.watchdog import WatchdogConfig
 
 Walls = tuple[tuple[float, ...], tuple[float, ...]]
 """Lower and upper walls of the TCP [m], world axes."""
@@ -204,8 +207,9 @@ def build_fri_arm(
     limits: LimitConfig,
     task: TaskSpec | str,
     period: float,
+    watchdog: "WatchdogConfig | None" = None,
 ) -> Arm:
-    """Build the arm behind a cabinet, real or simulated; waits for its messages."""
+    """Build the arm behind a cabinet, real or simulated."""
     from dovetail.arms.fri_arm import FriArm
     from dovetail.arms.watchdog import WatchdogConfig
 
@@ -221,7 +225,7 @@ def build_fri_arm(
         control=address.control,
         reset=address.reset,
         timeout=address.timeout,
-        watchdog=WatchdogConfig(target_timeout=address.watchdog),
+        watchdog=watchdog or WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,
         measured_sign=address.measured_sign,
         commanded_sign=address.commanded_sign,
