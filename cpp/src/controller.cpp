@@ -19,6 +19,9 @@ constexpr double kLargestSpeed = 1e3;   // [rad/s]
 constexpr double kLargestTarget = 1e9;  // any element of a Target
 constexpr double kSmallestQuat = 1e-6;  // norm, below it there is no direction
 
+// Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
+constexpr double kNearTime = 0.04;
+
 /// Every element finite and within +-limit (a NaN compares false).
 template <typename Vector>
 bool is_within(const Vector& v, double limit) noexcept {
@@ -104,8 +107,7 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   hi_ = limits_.tau_max - tool_.g;
 }
 
-void Controller::update_bounds(const Vec7& q, const Vec7& dq,
-                               const Target& target) noexcept {
+void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
     const Interval joint = not_empty(
         acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
@@ -117,19 +119,11 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq,
     bounds_.ub_cause[i] = joint.ub_cause;
   }
   if (!limits_.walls) return;
-  const Vec3 normal = target.near_plane.head<3>();
-  const double fall = std::min(normal.dot(tool_.twist.head<3>()), 0.0);
-  const double height = normal.dot(tool_.p) - target.near_plane[3];
-  const double room = std::max(height + limits_.kappa * period_ * fall, 0.0);
   for (int i = 0; i < 3; ++i) {
     const double speed = tool_.twist[i];
-    // Above the plane, what can be braked to dx_near before it.
-    const double near = std::sqrt(limits_.dx_near * limits_.dx_near +
-                                  2.0 * limits_.eta_wall * limits_.ddx_max[i] * room);
     const Interval wall = not_empty(
         acceleration_bounds(tool_.p[i], speed, limits_.x_min[i], limits_.x_max[i],
-                            std::min(limits_.dx_max[i], near), limits_.ddx_max[i],
-                            wall_params_),
+                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_),
         speed);
     bounds_.cl[i] = wall.lb;
     bounds_.cu[i] = wall.ub;
@@ -176,23 +170,46 @@ void Controller::mark_walls(unsigned upper, unsigned lower,
   }
 }
 
-/// Asks the tool for no more than its limits allow: the QP, which knows no axes but the
-/// limited one, would pay for the rest with the other axes and the rotation.
-void Controller::keep_inside(Vec6& f_star, StepResult& result) const noexcept {
+/// Speed limit of a TCP axis [m/s]: dx_near below the near plane, above it what can be
+/// braked to that in time.
+double Controller::near_speed(int axis, const Target& target) const noexcept {
+  const Vec3 normal = target.near_plane.head<3>();
+  const double fall = std::min(normal.dot(tool_.twist.head<3>()), 0.0);
+  const double height = normal.dot(tool_.p) - target.near_plane[3];
+  const double room = std::max(height + kNearTime * fall, 0.0);
+  const double brake = limits_.eta_wall * limits_.ddx_max[axis];
+  return std::sqrt(limits_.dx_near * limits_.dx_near + 2.0 * brake * room);
+}
+
+/// Asks the tool for no more than its limits allow. The QP, which knows no axes but the
+/// limited one, would pay for the rest with the other axes and the rotation; and near
+/// contact its interval is too short for a loop with delay.
+void Controller::keep_inside(const Target& target, Vec6& f_star,
+                             StepResult& result) const noexcept {
   const Vec7 lost = osc_.params().use_coriolis ? Vec7(h_ - terms_.c) : h_;
   Vec3 drift = terms_.J.topRows<3>() * (Minv_ * -lost).eval();
   if (!osc_.params().use_jdot) drift += terms_.dJdq.head<3>();
+  const bool is_qp = limits_.scheme == Scheme::kQp;
   unsigned upper = 0;
   unsigned lower = 0;
   for (int i = 0; i < 3; ++i) {
     if (osc_.task()[i] == AxisMode::kFree) continue;
-    if (f_star[i] > bounds_.cu[i] - drift[i]) {
-      f_star[i] = bounds_.cu[i] - drift[i];
-      upper |= 1U << i;
-    } else if (f_star[i] < bounds_.cl[i] - drift[i]) {
-      f_star[i] = bounds_.cl[i] - drift[i];
-      lower |= 1U << i;
+    const double near = near_speed(i, target);
+    double low = (-near - tool_.twist[i]) / kNearTime;
+    double high = (near - tool_.twist[i]) / kNearTime;
+    const std::uint8_t axis = bit(i);
+    if (f_star[i] > high - drift[i] || f_star[i] < low - drift[i]) {
+      result.flags.wall_velocity |= axis;
     }
+    if (is_qp && bounds_.cu[i] < high) {
+      high = bounds_.cu[i];
+      if (f_star[i] > high - drift[i]) upper |= axis;
+    }
+    if (is_qp && bounds_.cl[i] > low) {
+      low = bounds_.cl[i];
+      if (f_star[i] < low - drift[i]) lower |= axis;
+    }
+    f_star[i] = std::max(std::min(f_star[i], high - drift[i]), low - drift[i]);
   }
   mark_walls(upper, lower, result.flags);
 }
@@ -264,7 +281,7 @@ StepResult Controller::brake() noexcept {
 void Controller::follow_task(const Vec7& dq, const Target& target,
                              StepResult& result) noexcept {
   Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
-  if (limits_.walls && limits_.scheme == Scheme::kQp) keep_inside(f_star, result);
+  if (limits_.walls) keep_inside(target, f_star, result);
   osc_.evaluate(terms_, terms_.M, factor_, dq, f_star, task_terms_);
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
 }
@@ -294,7 +311,7 @@ StepResult Controller::step(const Vec7& q, const Vec7& dq, const Target& target,
   }
   update_disturbance(dq, elapsed > 0.0 ? elapsed : period_);
   update_model(q, dq);
-  update_bounds(q, dq, target);
+  update_bounds(q, dq);
 
   StepResult result;
   if (target.joint) {

@@ -154,8 +154,8 @@ def test_near_plane_slows_the_tool_before_it_is_crossed(bench):
     below = run.position[:, 2] < plane[3]
     assert run.speed[:, 2].min() < -0.1
     assert 100 < below.sum() < 1500
-    assert np.abs(run.speed[below]).max() < 0.023  # at the plane itself
-    deeper = run.position[:, 2] < plane[3] - 0.001
+    assert np.abs(run.speed[below]).max() < 0.04  # at the plane itself
+    deeper = run.position[:, 2] < plane[3] - 0.005
     assert np.abs(run.speed[deeper]).max() < 0.02 + REAL
 
 

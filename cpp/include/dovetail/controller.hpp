@@ -64,8 +64,10 @@ class Controller {
  private:
   void update_disturbance(const Vec7& dq, double elapsed) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
-  void update_bounds(const Vec7& q, const Vec7& dq, const Target& target) noexcept;
-  void keep_inside(Vec6& f_star, StepResult& result) const noexcept;
+  void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
+  double near_speed(int axis, const Target& target) const noexcept;
+  void keep_inside(const Target& target, Vec6& f_star,
+                   StepResult& result) const noexcept;
   void follow_task(const Vec7& dq, const Target& target, StepResult& result) noexcept;
   void follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                      StepResult& result) noexcept;

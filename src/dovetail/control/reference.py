@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from dovetail.robot import Robot
 
 
+NEAR_TIME = 0.04
+"""Time in which a speed near contact is corrected [s]."""
+
+
 class ReferenceController:
     """Operational-space control below every limit."""
 
@@ -56,12 +60,14 @@ class ReferenceController:
         # Task  u0 = J^T Lambda (f* - dJ dq) + N M (-k dq),  N = I - J^T Lambda J M^-1
         (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
         f = self.desired_acceleration(p, R, twist, target) - osc.use_jdot * dJdq
-        wall = (lim.x_min, lim.x_max, self.speed_limit(p, twist, target.near_plane))
-        wall = (*wall, lim.ddx_max, lim.eta_wall, lim.delta_x)
-        cl, cu = self.intervals(p, twist[:3], *wall)
-        if lim.walls and lim.scheme == "qp":  # ask for no more than the walls allow
+        wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
+        cl, cu = self.intervals(p, twist[:3], *wall, lim.delta_x)
+        if lim.walls:  # ask for no more than the tool's limits allow
             drift = (dJdq - J_tool @ Minv @ (h - osc.use_coriolis * c))[:3]
-            f[:3] = np.clip(f[:3], cl - drift, cu - drift)
+            low, high = self.near_interval(p, twist, target.near_plane)
+            if lim.scheme == "qp":
+                low, high = np.maximum(low, cl), np.minimum(high, cu)
+            f[:3] = np.maximum(np.minimum(f[:3], high - drift), low - drift)
         J = self.scale[:, None] * J_tool
         Lambda = faded_inverse(J @ Minv @ J.T, osc.s0)
         N = np.eye(7) - J.T @ Lambda @ J @ Minv
@@ -118,12 +124,12 @@ class ReferenceController:
         turn = poses.quat_multiply(swing, about_z[1])
         return poses.quat_multiply(turn, self.quat_hold)
 
-    def speed_limit(self, p: Array, twist: Array, plane: Array) -> Array:
-        """dx_near below the plane, above it what can be braked to that in time."""
+    def near_interval(self, p: Array, twist: Array, plane: Array) -> tuple[Array, ...]:
+        """Speed dx_near below the plane, above it what can be braked to in time."""
         lim, fall = self.limits, min(plane[:3] @ twist[:3], 0.0)
-        height = max(plane[:3] @ p - plane[3] + lim.kappa * self.dt * fall, 0.0)
+        height = max(plane[:3] @ p - plane[3] + NEAR_TIME * fall, 0.0)
         near = np.sqrt(lim.dx_near**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
-        return np.minimum(lim.dx_max, near)
+        return (-near - twist[:3]) / NEAR_TIME, (near - twist[:3]) / NEAR_TIME
 
     def intervals(
         self, x: Array, v: Array, x_min: Array, x_max: Array, v_max: Array,
