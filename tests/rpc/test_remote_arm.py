@@ -6,17 +6,21 @@ import time
 import numpy as np
 import pytest
 
+from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ArmError, ConfigError, PlantError
 from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc import version
 from dovetail.rpc.builders import LocalBuilder
+from dovetail.rpc.fields import FieldReader
+from dovetail.rpc.messages import read_target, write_target
 from dovetail.rpc.server import ArmServer
 from dovetail.scene import SceneConfig
 
-from .conftest import HOLE, push
+from .conftest import HOLE, TOOL_DOWN, push
 
 
 def assert_equal_states(one, other):
@@ -52,6 +56,31 @@ def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
             local.robot.tool_pose(start).position.tobytes()
         )
     local.close()
+
+
+@pytest.mark.parametrize("joint_mode", [False, True])
+def test_everything_of_a_target_arrives(joint_mode, rng):
+    target = _core.Target()
+    names = [name for name in dir(target) if not name.startswith("_")]
+    for name in set(names) - {"joint_mode"}:
+        setattr(target, name, rng.normal(size=getattr(target, name).shape))
+    target.quat_wxyz_d = TOOL_DOWN
+    target.joint_mode = joint_mode
+    if not joint_mode:
+        target.q_d = np.zeros(7)  # not used, not sent
+    message, fields = pb.Target(), FieldReader()
+    write_target(target, message)
+    arrived = read_target(pb.Target.FromString(message.SerializeToString()), fields)
+    fields.finish()
+    for name in names:
+        np.testing.assert_array_equal(getattr(arrived, name), getattr(target, name))
+
+
+def test_a_plane_that_is_nowhere_arrives():
+    message = pb.Target()
+    write_target(_core.Target(), message)
+    plane = read_target(message, FieldReader()).near_plane
+    np.testing.assert_array_equal(plane, [0.0, 0.0, 0.0, -np.inf])
 
 
 def test_robot_and_what_the_arm_is_come_from_the_service(simulation, scene, connect):
@@ -136,9 +165,10 @@ def test_an_error_of_the_arm_arrives_as_what_it_was(server, builder, start, conn
     builder.arm.trouble = PlantError("the simulation diverged")
     with pytest.raises(PlantError, match=r"^the simulation diverged$"):
         arm.step(push(0.0))
-    builder.arm.trouble = ArmError("the cabinet is gone")
-    with pytest.raises(ArmError, match=r"^the cabinet is gone$"):
+    builder.arm.trouble = ArmError("the cabinet is gone", "silence")
+    with pytest.raises(ArmError, match=r"^the cabinet is gone$") as error:
         arm.step(push(0.0))
+    assert error.value.reason == "silence"
     assert arm.step(push(0.0)).stamp == 0.05
 
 

@@ -175,16 +175,18 @@ class ResetRequest(_message.Message):
     def __init__(self, lease: _Optional[str] = ..., q: _Optional[_Iterable[float]] = ..., hole: _Optional[_Union[Pose, _Mapping]] = ..., seed: _Optional[int] = ...) -> None: ...
 
 class Target(_message.Message):
-    __slots__ = ("f_star", "position_d", "quat_wxyz_d", "q_d")
+    __slots__ = ("f_star", "position_d", "quat_wxyz_d", "q_d", "near_plane")
     F_STAR_FIELD_NUMBER: _ClassVar[int]
     POSITION_D_FIELD_NUMBER: _ClassVar[int]
     QUAT_WXYZ_D_FIELD_NUMBER: _ClassVar[int]
     Q_D_FIELD_NUMBER: _ClassVar[int]
+    NEAR_PLANE_FIELD_NUMBER: _ClassVar[int]
     f_star: _containers.RepeatedScalarFieldContainer[float]
     position_d: _containers.RepeatedScalarFieldContainer[float]
     quat_wxyz_d: _containers.RepeatedScalarFieldContainer[float]
     q_d: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, f_star: _Optional[_Iterable[float]] = ..., position_d: _Optional[_Iterable[float]] = ..., quat_wxyz_d: _Optional[_Iterable[float]] = ..., q_d: _Optional[_Iterable[float]] = ...) -> None: ...
+    near_plane: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, f_star: _Optional[_Iterable[float]] = ..., position_d: _Optional[_Iterable[float]] = ..., quat_wxyz_d: _Optional[_Iterable[float]] = ..., q_d: _Optional[_Iterable[float]] = ..., near_plane: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class StepRequest(_message.Message):
     __slots__ = ("lease", "counter", "target", "duration")
@@ -235,14 +237,16 @@ class Report(_message.Message):
     def __init__(self, counter: _Optional[int] = ..., state: _Optional[_Union[ArmState, _Mapping]] = ..., problem: _Optional[_Union[Problem, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ...) -> None: ...
 
 class Problem(_message.Message):
-    __slots__ = ("kind", "text", "fields")
+    __slots__ = ("kind", "text", "fields", "reason")
     KIND_FIELD_NUMBER: _ClassVar[int]
     TEXT_FIELD_NUMBER: _ClassVar[int]
     FIELDS_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
     kind: str
     text: str
     fields: _containers.RepeatedCompositeFieldContainer[FieldProblem]
-    def __init__(self, kind: _Optional[str] = ..., text: _Optional[str] = ..., fields: _Optional[_Iterable[_Union[FieldProblem, _Mapping]]] = ...) -> None: ...
+    reason: str
+    def __init__(self, kind: _Optional[str] = ..., text: _Optional[str] = ..., fields: _Optional[_Iterable[_Union[FieldProblem, _Mapping]]] = ..., reason: _Optional[str] = ...) -> None: ...
 
 class FieldProblem(_message.Message):
     __slots__ = ("path", "value", "allowed")

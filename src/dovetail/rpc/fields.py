@@ -12,6 +12,7 @@ from dovetail.types import Array
 
 TASK_AXES = tuple(AXES)
 XYZ = ("X", "Y", "Z")
+PLANE = ("nx", "ny", "nz", "offset")
 WXYZ = ("w", "x", "y", "z")
 FINITE = (-math.inf, math.inf)
 

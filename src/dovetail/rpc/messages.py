@@ -9,7 +9,7 @@ from dovetail.arms.arm import ArmState
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.rpc import dovetail_pb2 as pb
-from dovetail.rpc.fields import TASK_AXES, XYZ, FieldReader
+from dovetail.rpc.fields import PLANE, TASK_AXES, XYZ, FieldReader
 from dovetail.types import JOINTS, Array, Vec7
 
 if TYPE_CHECKING:
@@ -28,8 +28,9 @@ def write_target(target: "_core.Target", message: pb.Target) -> None:
     message.f_star.extend(target.f_star.tolist())
     message.position_d.extend(target.position_d.tolist())
     message.quat_wxyz_d.extend(target.quat_wxyz_d.tolist())
-    if getattr(target, "joint_mode", False):
-        message.q_d.extend(target.q_d.tolist())  # type: ignore[attr-defined]
+    message.near_plane.extend(target.near_plane.tolist())
+    if target.joint_mode:
+        message.q_d.extend(target.q_d.tolist())
 
 
 def read_target(message: pb.Target, fields: FieldReader) -> "_core.Target":
@@ -43,12 +44,22 @@ def read_target(message: pb.Target, fields: FieldReader) -> "_core.Target":
         position_d=fields.vector("target.position_d", message.position_d, XYZ, "m"),
         quat_wxyz_d=fields.rotation("target.quat_wxyz_d", message.quat_wxyz_d),
     )
+    if message.near_plane:
+        target.near_plane = _read_plane(message.near_plane[:], fields)
     if message.q_d:
-        q_d = fields.vector("target.q_d", message.q_d, JOINTS, "rad")
-        if not fields.wrong:
-            target.q_d = q_d  # type: ignore[attr-defined]
-            target.joint_mode = True  # type: ignore[attr-defined]
+        target.q_d = fields.vector("target.q_d", message.q_d, JOINTS, "rad")
+        target.joint_mode = True
     return target
+
+
+def _read_plane(values: list[float], fields: FieldReader) -> Array:
+    """Return normal and offset; only the offset may be infinite, and only below."""
+    is_nowhere = len(values) == 4 and values[3] == -math.inf
+    finite = [*values[:3], 0.0] if is_nowhere else values
+    plane = fields.vector("target.near_plane", finite, PLANE, "1 or m")
+    if is_nowhere:
+        plane[3] = -math.inf
+    return plane
 
 
 def read_duration(message: pb.StepRequest, period: float, fields: FieldReader) -> float:

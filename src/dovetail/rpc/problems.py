@@ -60,7 +60,8 @@ def problem_of(error: Exception) -> pb.Problem:
     kind = type(error)
     if isinstance(error, DovetailError):
         known = next((k for k in kind.__mro__ if k.__name__ in _KNOWN), ArmError)
-        problem = pb.Problem(kind=known.__name__, text=str(error))
+        reason = error.reason if isinstance(error, ArmError) else ""
+        problem = pb.Problem(kind=known.__name__, text=str(error), reason=reason)
     else:
         problem = pb.Problem(kind="ArmError", text=f"{kind.__name__}: {error}")
     for path, value, allowed in getattr(error, "fields", ()):
@@ -72,7 +73,10 @@ def error_of(problem: pb.Problem) -> DovetailError:
     """Return the exception that a message tells of."""
     if problem.fields:
         return FieldError([Field(f.path, f.value, f.allowed) for f in problem.fields])
-    return _KNOWN.get(problem.kind, ArmError)(problem.text)
+    kind = _KNOWN.get(problem.kind, ArmError)
+    if kind is ArmError:
+        return ArmError(problem.text, problem.reason)
+    return kind(problem.text)
 
 
 def status_of(error: Exception) -> grpc.StatusCode:
