@@ -72,7 +72,9 @@ void add_header(nb::class_<C>& cls) {
           "reflected", [](const C& self) { return self.header.reflected; },
           [](C& self, std::uint32_t value) { self.header.reflected = value; },
           "Reflected counter: the other side's last sequence.")
-      .def("__eq__", [](const C& self, const C& other) { return self == other; });
+      .def(
+          "__eq__", [](const C& self, const C& other) { return self == other; },
+          nb::is_operator(), nb::sig("def __eq__(self, other: object, /) -> bool"));
 }
 
 template <class C, class Encode, class Decode>

@@ -107,6 +107,8 @@ void check_session(const Bytes& bytes, Version version, std::uint8_t selector) {
   CommandMessage command;
   require(size > 0 && decode_command(out, size, version, command).ok(), "an answer");
   require(command.header.reflected == session.message().header.sequence, "reflects");
+  require(!command.q || session.state() >= SessionState::kCommandingWait,
+          "a position in the commanding states only");
   require(step.reply == Reply::kActive || !command.tau || *command.tau == Joints{},
           "no torque but where the caller's is due");
   require(counters.sent == sent + 1, "counts what it sends");

@@ -7,6 +7,8 @@
 #include <utility>
 
 #include "adversary.hpp"
+#include "dovetail/fri_session.hpp"
+#include "fri_fixtures.hpp"
 
 // Eigen allocates by malloc, not by operator new: count at the bottom. A sanitizer
 // brings its own malloc; the counter then sees nothing.
@@ -91,4 +93,26 @@ BOOST_AUTO_TEST_CASE(no_cycle_allocates_whatever_it_is_given) {
       BOOST_TEST(allocations - before == 0);
     }
   }
+}
+
+BOOST_AUTO_TEST_CASE(no_datagram_makes_the_fri_session_allocate) {
+  using namespace dovetail::fri;
+  fri::testing::RandomMessages random(3);
+  std::vector<fri::testing::Bytes> datagrams;
+  for (int k = 0; k < 2000; ++k) {
+    MonitoringMessage message = random.monitoring(Version::k2_7);
+    message.header.sequence = static_cast<std::uint32_t>(k);
+    datagrams.push_back(fri::testing::encoded(message, Version::k2_7));
+    if (k % 5 == 0 && !datagrams.back().empty()) datagrams.back().back() ^= 1;
+  }
+  FriSession session(Version::k2_7);
+  std::uint8_t out[kMaxDatagram];
+  const long before = allocations;
+  for (const fri::testing::Bytes& bytes : datagrams) {
+    const SessionStep step = session.receive(bytes.data(), bytes.size());
+    if (step.reply != Reply::kNothing) session.answer(Joints{}, Joints{}, out);
+  }
+  BOOST_TEST(allocations - before == 0);
+  BOOST_TEST(session.counters().sent > 100u);
+  BOOST_TEST(session.counters().undecodable > 100u);
 }
