@@ -1,6 +1,8 @@
 """Services over a simulation or over a recording arm, and clients of them."""
 
 import subprocess
+import sys
+from pathlib import Path
 
 import grpc
 import numpy as np
@@ -138,6 +140,30 @@ def refused(call, *args, code=grpc.StatusCode.INVALID_ARGUMENT):
     assert problem is not None
     assert problem.text == error.value.details()
     return problem
+
+
+@pytest.fixture
+def spawn_learner(start):
+    """Start learners in processes of their own; returns when the arm moves."""
+    processes = []
+
+    def start_one(server, how):
+        script = Path(__file__).with_name("learner.py")
+        address = f"grpc://{server.address}"
+        process = subprocess.Popen(
+            [sys.executable, str(script), address, how, *map(str, start)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(process)
+        assert process.stdout.readline() == "moving\n", process.stderr.read()
+        return process
+
+    yield start_one
+    for process in processes:
+        process.kill()
+        process.communicate(timeout=20)
 
 
 @pytest.fixture(scope="session")

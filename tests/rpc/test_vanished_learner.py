@@ -1,10 +1,8 @@
 """A learner that dies, or falls silent: the arm is held and the next one takes over."""
 
-import os
 import signal
-import subprocess
-import sys
 import time
+from functools import partial
 
 import pytest
 
@@ -14,57 +12,11 @@ from dovetail.rpc.version import own_version
 
 from .conftest import HOLE, push
 
-LEARNER = """
-import sys
-import numpy as np
-from dovetail import _core
-from dovetail.arms.remote_arm import RemoteArm
-from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
-
-robot = SceneConfig().robot()
-arm = RemoteArm(
-    sys.argv[1],
-    OscConfig(),
-    LimitConfig.for_period(robot, 0.005),
-    "XYZ:force A:pose BC:hold",
-    0.005,
-    robot=robot,
-    lease_timeout=60.0,
-)
-arm.reset(np.full(7, 0.1), Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0)))
-target = _core.Target(quat_wxyz_d=np.array([0.0, 1.0, 0.0, 0.0]))
-arm.step(target)
-print("moving", flush=True)
-if sys.argv[2] == "leave":
-    sys.exit()
-while True:
-    arm.step(target, float(sys.argv[2]))
-"""
-
 
 @pytest.fixture
-def spawn(server):
-    """Start learners in processes of their own; returns when the arm moves."""
-    processes = []
-
-    def start_one(how):
-        process = subprocess.Popen(
-            [sys.executable, "-c", LEARNER, f"grpc://{server.address}", how],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            env=os.environ | {"JAX_PLATFORMS": "cpu"},
-        )
-        processes.append(process)
-        assert process.stdout.readline() == "moving\n", process.stderr.read()
-        return process
-
-    yield start_one
-    for process in processes:
-        process.kill()
-        process.communicate(timeout=20)
+def spawn(server, spawn_learner):
+    """Start learners of the recording arm."""
+    return partial(spawn_learner, server)
 
 
 def wait_until(is_true, seconds):

@@ -68,7 +68,9 @@ class Serve:
 
         def notify(line: str) -> None:
             now = datetime.now().astimezone()
-            console.print(f"{now:%H:%M:%S} {line}", markup=False, highlight=False)
+            console.print(
+                f"{now:%H:%M:%S} {line}", markup=False, highlight=False, soft_wrap=True
+            )
 
         builder = _builder(self)
         try:

@@ -195,6 +195,11 @@ class ArmHost:
             self._news.wait_for(lambda: self._watched.serial > serial, timeout)
             return self._watched
 
+    def notes(self) -> list[str]:
+        """Return what the arm wants a person to know, such as refused priorities."""
+        statistics = getattr(self._arm, "statistics", None)
+        return [] if statistics is None else list(statistics()["notes"])
+
     def cycles(self) -> list[tuple[int, Array]]:
         """Return step numbers and cycle logs of the motion since its reset."""
         with self._turn:

@@ -72,6 +72,7 @@ class ArmService:
         self._notify = notify
         self.leases = LeaseBook(self._lease_ended)
         self.steps = 0
+        self._noted: set[str] = set()
         self._watchers = threading.BoundedSemaphore(WATCHERS_MAX)
 
     @property
@@ -162,7 +163,12 @@ class ArmService:
         with self.leases.use(request.lease):
             q, hole = read_configuration(request, self._host.builder.robot)
             seed = request.seed if request.HasField("seed") else None
-            return _report(0, self._host.reset(q, hole, seed))
+            report = _report(0, self._host.reset(q, hole, seed))
+        for note in self._host.notes():
+            if note not in self._noted:
+                self._noted.add(note)
+                self._notify(note)
+        return report
 
     @_answered
     def step(self, request: pb.StepRequest, context: Any) -> pb.Report:

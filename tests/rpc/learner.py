@@ -1,0 +1,35 @@
+"""A learner in a process of its own: steps until it is killed.
+
+python learner.py grpc://HOST:PORT DURATION|leave Q1 ... Q7
+"""
+
+import sys
+
+import numpy as np
+
+from dovetail import _core
+from dovetail.arms.remote_arm import RemoteArm
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.poses import Pose, quat_about_z
+from dovetail.scene import SceneConfig
+
+robot = SceneConfig().robot()
+arm = RemoteArm(
+    sys.argv[1],
+    OscConfig(),
+    LimitConfig.for_period(robot, 0.005),
+    "XYZ:force A:pose BC:hold",
+    0.005,
+    robot=robot,
+    lease_timeout=60.0,
+)
+q = [float(word) for word in sys.argv[3:]]
+arm.reset(np.array(q), Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0)))
+target = _core.Target(quat_wxyz_d=np.array([0.0, 1.0, 0.0, 0.0]))
+arm.step(target)
+sys.stdout.write("moving\n")
+sys.stdout.flush()
+if sys.argv[2] == "leave":
+    sys.exit()
+while True:
+    arm.step(target, float(sys.argv[2]))
