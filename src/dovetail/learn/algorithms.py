@@ -55,6 +55,7 @@ def make_vec_env(config: TrainConfig) -> Any:
 
     Episode returns in `info["episode"]` stay unscaled.
     """
+    import_sbx()  # takes seconds, for which an arm on the network would have to wait
     import gymnasium as gym
     from gymnasium.wrappers import TransformReward
     from stable_baselines3.common.monitor import Monitor
