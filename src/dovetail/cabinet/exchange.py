@@ -253,12 +253,14 @@ class LockstepExchange(Exchange):
         """
         end = time.monotonic() + self._patience()
         port, receiver = self.port, self._receiver
+        repeat = time.monotonic() + _RESEND_TIME
         while (left := end - time.monotonic()) > 0.0:
-            wait = min(left, _RESEND_TIME)
-            readable, _, _ = select.select(self._sources, [], [], wait)
-            if not readable and left > wait:
+            wait = repeat - time.monotonic()
+            if wait <= 0.0:  # by the clock: requests wake this loop at any time
                 port.send(message)
+                repeat += _RESEND_TIME
                 continue
+            readable, _, _ = select.select(self._sources, [], [], min(left, wait))
             if self._is_interrupted(readable):
                 return True
             payload = port.receive() if port.fileno() in readable else None
