@@ -31,6 +31,7 @@ def report(rng):
             force_step=3.0,
             contact_cycles=10,
             violations=0,
+            stopped="",
             path=np.cumsum(rng.normal(scale=1e-3, size=(50, 3)), axis=0),
             log=f"{pose}.npz",
         )

@@ -26,6 +26,7 @@ def outcome(pose=0, success=True, **changes):
         "force_step": 5.0,
         "contact_cycles": 100,
         "violations": 0,
+        "stopped": "",
         "path": np.zeros((2, 3)),
         "log": "",
     }

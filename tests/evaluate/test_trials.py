@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dovetail.episode import Episode
-from dovetail.errors import ConfigError
+from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 
@@ -18,21 +18,24 @@ CYCLES = 10
 class FallingEnv(gym.Env):
     """The tool sinks 4 mm per step from above the hole; no physics."""
 
-    def __init__(self, drop=0.004, force=(3.0, 0.0, 4.0), fail_at=None):
+    def __init__(
+        self, drop=0.004, force=(3.0, 0.0, 4.0), fail_at=None, error=RuntimeError
+    ):
         self.observation_space = gym.spaces.Box(-1, 1, (14,))
         self.action_space = gym.spaces.Box(-1, 1, (4,))
         self.drop, self.force, self.fail_at = drop, force, fail_at
+        self.error = error
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
         self.hole = options["hole"]
         self.height = self.np_random.uniform(0.01, 0.05)
         self.time, self.steps = 0.0, 0
-        return np.zeros(14), {}
+        return np.zeros(14), {"success": False, "depth": -self.height}
 
     def step(self, action):
         if self.steps == self.fail_at:
-            raise RuntimeError("the plant diverged")
+            raise self.error("the plant diverged")
         log = np.zeros((CYCLES, len(CYCLE_COLUMNS)))
         log[:, COLUMN["time"]] = self.time + 0.005 * np.arange(CYCLES)
         log[:, COLUMN["x"] : COLUMN["z"] + 1] = self.hole.position
@@ -133,3 +136,16 @@ def test_a_try_that_dies_still_leaves_its_log(tmp_path):
         run([Job(0, 0, 5)], partial(FallingEnv, fail_at=4), logs=tmp_path)
     episode = Episode.load(tmp_path / "A_00.npz")
     assert len(episode) == 4 * CYCLES
+
+
+@pytest.mark.parametrize("step", [0, 3])
+def test_a_try_that_the_arm_ends_is_a_failure_and_the_next_one_begins(tmp_path, step):
+    class Stopping(FallingEnv):
+        def __init__(self):
+            super().__init__(fail_at=step, error=partial(ArmError, reason="no_target"))
+
+    outcomes = run(plan_trials(1, 2, 0), Stopping, logs=tmp_path)
+    assert [o.stopped for o in outcomes] == ["no_target"] * 2
+    assert not any(o.success for o in outcomes)
+    assert [o.steps for o in outcomes] == [step] * 2
+    assert len(list(tmp_path.glob("*.npz"))) == 2

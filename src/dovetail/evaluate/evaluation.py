@@ -4,6 +4,7 @@ import math
 import os
 import platform
 import shlex
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
@@ -214,6 +215,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     )
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report))
+    if stopped := Counter(o.stopped for o in outcomes if o.stopped):
+        reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
+        console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
     files = write_report(report, folder, scene)
     return Evaluation(rows, outcomes, report, folder, [*files, logs])
 

@@ -34,6 +34,8 @@ class Outcome:
     """Control cycles in which a measured value lay outside its limit."""
     path: Array
     """Tool position in the hole's frame [m], shape (cycles, 3), z out of the hole."""
+    stopped: str
+    """Why the arm ended the try before its time; empty when it did not."""
     log: str
     """File name of the Episode log, or empty when none was kept."""
 

@@ -4,6 +4,7 @@ import math
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
@@ -11,9 +12,9 @@ import gymnasium as gym
 import numpy as np
 
 from dovetail.episode import Episode
-from dovetail.errors import ConfigError
+from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.outcome import Outcome
-from dovetail.plants.plant import COLUMN
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z
 from dovetail.types import Array
 
@@ -114,16 +115,20 @@ class Trialist:
         self._logs = logs
 
     def run(self, job: Job) -> Outcome:
-        """Run one try from reset to success or time-out, and log it."""
+        """Run one try from reset to success, time-out or the arm's stop, and log it."""
         hole = self._poses[job.pose].pose()
         file = self._log_file(job)
         observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
         blocks: list[Array] = []
-        steps, violations, done = 0, 0, False
+        steps, violations, done, stopped = 0, 0, False, ""
         with Episode(metadata=self._describe(job), path=file) as episode:
             while not done:
                 action = self._policy(observation)
-                observation, reward, ended, cut, info = self._env.step(action)
+                try:
+                    observation, reward, ended, cut, info = self._env.step(action)
+                except ArmError as error:
+                    stopped = error.reason or str(error)
+                    break
                 blocks.append(self._state().log)
                 raw = info["observation_raw"]
                 episode.append(blocks[-1], steps, action, float(reward), raw)
@@ -131,7 +136,8 @@ class Trialist:
                 violations += int(info["limit_violations"])
                 done = ended or cut
         log = "" if file is None else file.name
-        return _outcome(job, blocks, hole, steps, violations, info, log)
+        outcome = _outcome(job, blocks, hole, steps, violations, info, log)
+        return replace(outcome, success=False, stopped=stopped) if stopped else outcome
 
     def close(self) -> None:
         """Release the environment."""
@@ -159,7 +165,7 @@ def _outcome(
     info: dict[str, Any],
     file: str,
 ) -> Outcome:
-    log = np.vstack(blocks)
+    log = np.vstack([np.empty((0, len(CYCLE_COLUMNS))), *blocks])
     path = _columns(log, "x", "y", "z") - hole.position
     return Outcome(
         pose=job.pose,
@@ -169,6 +175,7 @@ def _outcome(
         steps=steps,
         depth=float(info["depth"]),
         violations=violations,
+        stopped="",
         path=path @ matrix_from_quat(hole.quat_wxyz),
         log=file,
         **_forces(blocks),
@@ -182,6 +189,7 @@ def _forces(blocks: list[Array]) -> dict[str, Any]:
         blocks: The cycle log of each policy step; over a network some are shorter.
     """
     vectors = [_columns(block, "fx", "fy", "fz") for block in blocks if len(block)]
+    vectors = vectors or [np.full((1, 3), math.nan)]
     force = np.linalg.norm(np.vstack(vectors), axis=1)
     in_contact = force >= CONTACT_THRESHOLD
     if np.isnan(force).any():
