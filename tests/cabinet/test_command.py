@@ -95,13 +95,20 @@ def test_the_status_line_tells_state_quality_rate_and_misses():
         "quality": "GOOD",
         "rate": 199.9,
         "time": 1.25,
-        "counts": {"missed": 3, "due": 300, "foreign": 7},
+        "counts": {"active_missed": 3, "active_due": 300, "foreign": 7},
         "stop_reason": "",
         "waits_for": "4 more mirrored commands",
         "last_error": "",
     }
     line = describe_status(status)
-    for part in ("COMMANDING_WAIT", "GOOD", "199.9/s", "3/300", "foreign 7", "4 more"):
+    for part in (
+        "COMMANDING_WAIT",
+        "GOOD",
+        "199.9/s",
+        "3 of 300",
+        "foreign 7",
+        "4 more",
+    ):
         assert part in line
 
 

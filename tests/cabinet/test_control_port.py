@@ -137,12 +137,14 @@ def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):
         ({**PLACE, "q": [0.0] * 8}, "give a list of 7 numbers"),
         ({**PLACE, "q": "zero"}, "give a list of 7 numbers"),
         ({**PLACE, "q": [True, *[0.0] * 6]}, "q[0] is True, which is no number"),
-        ({**PLACE, "q": [1e300, *[0.0] * 6]}, "q[0] is 1e+300"),
+        ({**PLACE, "q": [1e300, *[0.0] * 6]}, "q[0] is 1e+300; give one within 1e6"),
         ({"do": "place", "q": [0.0] * 7}, "hole is None; give"),
         ({**PLACE, "hole": {**WHERE, "quat_wxyz": [0, 0, 0, 0]}}, "norm 0"),
         ({**PLACE, "hole": {**WHERE, "position": [5, 0, 0.1]}}, "too far"),
         ({**PLACE, "seed": -1}, "seed is -1"),
         ({**PLACE, "seed": "x"}, "seed is 'x'"),
+        ({**PLACE, "seed": 2**70}, "seed is 1180591620717411303424"),
+        ({**PLACE, "q": [10**400, *[0.0] * 6]}, "q[0] is 1000000000000"),
         (
             {"do": "push", "force": [1, 2], "duration": 1},
             "force is [1, 2]; give a list",
@@ -242,3 +244,30 @@ def test_a_cabinet_that_does_not_run_answers_so(make, monkeypatch):
 
 def test_no_control_port_is_needed(make):
     assert make(control=None).control_address is None
+
+
+def test_a_request_that_breaks_the_plant_is_answered(cabinet, line, client):
+    client.wait_for(ACTIVE)
+
+    def fail(seed):
+        raise TypeError("no such noise")
+
+    cabinet.controller.body.plant.seed = fail
+    answer = line.ask(**{**PLACE, "seed": 1})
+    assert "place failed: TypeError('no such noise')" in answer["error"]
+    assert cabinet.is_running
+
+
+def test_a_cabinet_that_has_failed_says_why(make, client):
+    client.start()
+    with make() as cabinet:
+        client.wait_for(ACTIVE)
+
+        def fail():
+            raise RuntimeError("for this test")
+
+        cabinet.controller.body.plant.read = fail
+        wait_until(lambda: not cabinet.is_running)
+        error = cabinet.request({"do": "status"})["error"]
+        assert error == "the cabinet does not run: RuntimeError: for this test"
+    client.wait_for(IDLE)

@@ -131,8 +131,15 @@ class Cabinet:
 
     def start(self) -> None:
         """Run in a thread of this process."""
-        self._thread = threading.Thread(target=self.run, name="cabinet", daemon=True)
+        self._thread = threading.Thread(target=self._guard, name="cabinet", daemon=True)
         self._thread.start()
+
+    def _guard(self) -> None:
+        try:
+            self.run()
+        except Exception as error:  # told to whoever asks, as nobody waits for it here
+            self.failure = f"{type(error).__name__}: {error}"
+            self.log.write("failure", error=self.failure)
 
     def close(self) -> None:
         """Send IDLE messages, close the ports; harmless when repeated."""
@@ -306,7 +313,8 @@ class Cabinet:
                 continue
             except OSError:
                 break
-        return {"ok": False, "error": "the cabinet does not run"}
+        why = f": {self.failure}" if self.failure else ""
+        return {"ok": False, "error": f"the cabinet does not run{why}"}
 
     def status(self) -> dict[str, Any]:
         """Return state, quality, rate and counts of the running cabinet; any thread."""
@@ -321,6 +329,8 @@ class Cabinet:
         status["log_failure"] = self.log.failure
         return status
 
+    failure = ""
+    """What ended the cabinet's thread; empty while nothing has."""
     last_error = ""
     """The last datagram that could not be read, and why."""
     _started = 0.0

@@ -1,6 +1,5 @@
 """What may be asked of a running cabinet: JSON objects in, JSON objects out."""
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 
 from dovetail.cabinet.faults import FaultConfig, parse_faults
 from dovetail.cabinet.robot_controller import RobotController
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, DovetailError
 from dovetail.poses import Pose
 from dovetail.types import Array
 
@@ -25,8 +24,8 @@ def numbers(request: dict[str, Any], name: str, count: int) -> Array:
     for i, value in enumerate(values):
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ConfigError(f"{name}[{i}] is {_short(value)}, which is no number")
-        if not math.isfinite(value) or abs(value) > 1e6:
-            raise ConfigError(f"{name}[{i}] is {value:g}; give a number within 1e6")
+        if not abs(value) <= 1e6:  # nor nan, nor an integer no float can hold
+            raise ConfigError(f"{name}[{i}] is {_short(value)}; give one within 1e6")
     return np.array(values, dtype=float)
 
 
@@ -105,12 +104,14 @@ class RequestDesk:
             return {"ok": False, "error": error}
         try:
             return {"ok": True, **action(request)}
-        except ConfigError as error:
+        except DovetailError as error:
             return {"ok": False, "error": f"{what}: {error}"}
+        except Exception as error:  # no request may end the cabinet
+            return {"ok": False, "error": f"{what} failed: {error!r}"}
 
     def _place(self, request: dict[str, Any]) -> dict[str, Any]:
         seed = request.get("seed")
-        if seed is not None and (type(seed) is not int or seed < 0):
+        if seed is not None and not (type(seed) is int and 0 <= seed < 2**63):
             raise ConfigError(f"seed is {_short(seed)}; give a whole number >= 0")
         self._controller.place(numbers(request, "q", 7), pose(request, "hole"), seed)
         return self._where()

@@ -211,6 +211,8 @@ class RobotController:
         if self.state is SessionState.COMMANDING_WAIT:
             self.policy.mirror(command)
         elif self.state is SessionState.COMMANDING_ACTIVE:
+            self.counts["active_due"] += 1
+            self.counts["active_missed"] += command is None
             q, gravity = self.body.q.tolist(), self.body.gravity.tolist()
             return self.policy.act(command, q, gravity)
         return ""

@@ -19,7 +19,7 @@ from dovetail.cabinet.faults import parse_faults, read_script
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
 from dovetail.envs.randomisation import TOOL_DOWN
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
@@ -109,6 +109,8 @@ class Cabinet:
                 server.close()
             plant.close()
             gc.unfreeze()
+        if server is not None and server.failure:
+            raise PlantError(f"the cabinet ended: {server.failure}")
         return 0
 
     def settings(self) -> CabinetConfig:
@@ -201,15 +203,16 @@ def describe_status(status: dict[str, Any]) -> str:
     counts = status["counts"]
     line = (
         f"{status['state']:17} {status['quality']:9} {status['rate']:7.1f}/s "
-        f"t {status['time']:.1f} s  missed {counts.get('missed', 0)}"
-        f"/{counts.get('due', 0)}  stops {counts.get('stops', 0)}"
+        f"t {status['time']:.1f} s  missed {counts.get('active_missed', 0)} of "
+        f"{counts.get('active_due', 0)} while active  stops {counts.get('stops', 0)}"
     )
     for name in ("undecodable", "foreign", "late", "overruns"):
         if counts.get(name):
             line += f"  {name} {counts[name]}"
     reasons = ("stop_reason", "waits_for", "last_error", "log_failure")
     why = next((status[name] for name in reasons if status.get(name)), "")
-    return f"{line}  {why}" if why else line
+    line = f"{line}  {why}" if why else line
+    return line.encode("utf-8", "backslashreplace").decode()
 
 
 def _show_status(server: Server, console: Console) -> None:
