@@ -17,12 +17,10 @@ def test_a_safety_stop_is_shown_and_ends(make, client):
     with make(restart_delay=0.01) as cabinet:
         client.wait_for(ACTIVE)
         cabinet.request({"do": "fault", "text": "stop_at=50ms,stop=3,stop_time=100ms"})
-        client.wait_for(READY)
+        wait_until(lambda: client.states == [*UP, READY, C_WAIT, ACTIVE])
+        assert cabinet.status()["counts"]["stops"] == 1
         stopped = [m for m in client.messages if int(m.safety)]
-        wait_until(lambda: any(int(m.safety) == 3 for m in client.messages))
-        assert "safety stop" in cabinet.status()["stop_reason"]
-        client.wait_for(ACTIVE)
-        stopped = [m for m in client.messages if int(m.safety)]
+        assert len(stopped) > 10
         assert all(int(m.safety) == 3 for m in stopped)
         assert all([int(d) for d in m.drive_states] == [0] * 7 for m in stopped)
 
@@ -80,10 +78,7 @@ def test_a_script_brings_faults_in_time(make, client):
     client.start()
     script = [(1.0, FaultConfig(quality=Quality.POOR)), (1.5, FaultConfig())]
     with make(script=script) as cabinet:
-        client.wait_for(ACTIVE)
-        client.wait_for(WAIT)
-        client.wait_for(ACTIVE)
-        assert client.states == [*UP, *UP]
+        wait_until(lambda: client.states == [*UP, *UP], describe=lambda: client.states)
         stopped = [m.sequence for m in client.messages if int(m.state) == WAIT][-1]
         assert 0.005 * stopped == pytest.approx(1.5, abs=0.02)
         assert cabinet.status()["faults"] == "none"
