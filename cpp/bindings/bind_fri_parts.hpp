@@ -39,9 +39,9 @@ inline fri::Name to_name(const std::string& text) {
 }
 
 /// A name that is not UTF-8 still becomes a string, and the same bytes again.
-inline nanobind::object from_name(const fri::Name& name) {
+inline nanobind::str from_name(const fri::Name& name) {
   const std::string_view text = name.view();
-  return nanobind::steal(PyUnicode_DecodeUTF8(
+  return nanobind::steal<nanobind::str>(PyUnicode_DecodeUTF8(
       text.data(), static_cast<Py_ssize_t>(text.size()), "surrogateescape"));
 }
 

@@ -163,3 +163,37 @@ BOOST_AUTO_TEST_CASE(what_is_too_long_for_a_datagram_is_not_written) {
   BOOST_TEST(encoded(m, Version::k1_15).empty());
   BOOST_TEST(encoded(m, Version::k2_5).empty());  // twelve values, seven allowed
 }
+
+BOOST_AUTO_TEST_CASE(reasons_name_the_field_and_what_is_allowed) {
+  const std::string& h = kHeaderOnly;
+  const std::pair<std::string, const char*> reasons[] = {
+      {"", "an empty datagram"},
+      {h + repeat("a00600", 600), "a datagram of 1810 bytes, at most 1500 are allowed"},
+      {h + "a206 04 00", "the message reaches past the end of its bytes"},
+      {"0a0c 0881800d 108080808010 1800",
+       "sequenceCounter has a number that is too large"},
+      {h + "00", "the message has a field without a valid number and type"},
+      {h + "1201 13", "commandData has a group, which FRI never uses"},
+      {h + "1202 0805", "jointPosition has the wrong wire type 0"},
+      {h + h, "header is there twice"},
+      {h + "1249 1a47 " + repeat("09 000000000000f03f", 7) + "0a06 000000000000",
+       "jointTorque reaches past the end of its bytes"},
+      {h + "124a 1a48 " + repeat("09 000000000000f03f", 8),
+       "jointTorque has more than 7 values"},
+      {h + "1209 2a07 0a0141 1003 1801", "type has the unknown value 3"},
+      {h + "1205 2203 0a0100", "name has 1 bytes, at most 63 without NUL are allowed"},
+      {"0a04 0881800d", "sequenceCounter is missing"},
+      {"0a06 0805 1000 1800",
+       "messageIdentifier is 0x5, which is none of FRI's: another program sends to "
+       "this port"},
+  };
+  for (const auto& [text, expected] : reasons) {
+    CommandMessage m;
+    BOOST_TEST(describe(decode(hex(text), Version::k1_15, m)) == expected);
+  }
+  CommandMessage m;
+  BOOST_TEST(describe(decode(hex("00000000 00000001"), Version::k2_7, m)) ==
+             "the CRC does not match");
+  BOOST_TEST(describe(decode(hex("09000000 00000001"), Version::k2_7, m)) ==
+             "the length in front does not fit the datagram (9 bytes)");
+}

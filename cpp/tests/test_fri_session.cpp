@@ -15,7 +15,7 @@ constexpr S kStates[] = {S::kIdle, S::kMonitoringWait, S::kMonitoringReady,
                          S::kCommandingWait, S::kCommandingActive};
 constexpr Joints kIpo = {1, 2, 3, 4, 5, 6, 7};
 constexpr Joints kMeasured = {1.1, 2.1, 3.1, 4.1, 5.1, 6.1, 7.1};
-constexpr Joints kOwn = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7};
+constexpr Joints kFiltered = {0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7};
 constexpr Joints kTau = {7, 6, 5, 4, 3, 2, 1};
 
 /// A session and the cabinet it hears, one message per call.
@@ -42,7 +42,7 @@ struct Loop {
     old.header.sequence = sequence;
     return session.receive(old);
   }
-  const CommandMessage& answer() { return session.answer(kOwn, kTau); }
+  const CommandMessage& answer() { return session.answer(kFiltered, kTau); }
 
   /// Along the usual road to a state.
   void go(S state) {
@@ -77,7 +77,7 @@ BOOST_AUTO_TEST_CASE(each_state_has_its_answer) {
   BOOST_TEST((loop.next(S::kCommandingWait).reply == Reply::kMirror));
   BOOST_TEST((loop.answer().q == kIpo && loop.answer().tau == Joints{}));
   BOOST_TEST((loop.next(S::kCommandingActive).reply == Reply::kActive));
-  BOOST_TEST((loop.answer().q == kOwn && loop.answer().tau == kTau));
+  BOOST_TEST((loop.answer().q == kFiltered && loop.answer().tau == kTau));
   BOOST_TEST(loop.session.diagnose() == "");
 }
 
@@ -111,14 +111,14 @@ BOOST_AUTO_TEST_CASE(the_answer_is_the_bytes_of_kukas_client) {
     std::uint8_t out[kMaxDatagram];
     for (int k = 0; k < 131; ++k) {
       loop.next(S::kMonitoringWait);
-      loop.session.answer(kOwn, kTau, out);
+      loop.session.answer(kFiltered, kTau, out);
     }
     loop.message.header.sequence = 131;
     loop.message.connection->state = S::kCommandingWait;
     loop.message.q_ipo = kGoldenQ;
     loop.message.command_mode = CommandMode::kTorque;
     BOOST_TEST(loop.again().missed == 0u);
-    const std::size_t size = loop.session.answer(kOwn, kTau, out);
+    const std::size_t size = loop.session.answer(kFiltered, kTau, out);
     BOOST_TEST(Bytes(out, out + size) == hex(text), boost::test_tools::per_element());
   }
 }
@@ -333,7 +333,7 @@ BOOST_AUTO_TEST_CASE(commands_that_are_not_finite_become_the_mirror) {
   loop.go(S::kCommandingActive);
   Joints bad = kTau;
   bad[3] = std::numeric_limits<double>::quiet_NaN();
-  const CommandMessage& answer = loop.session.answer(kOwn, bad);
+  const CommandMessage& answer = loop.session.answer(kFiltered, bad);
   BOOST_TEST((answer.q == kIpo && answer.tau == Joints{}));
   BOOST_TEST(loop.session.counters().bad_commands == 1u);
 }
