@@ -127,12 +127,15 @@ void bind_state(nb::module_& m) {
       .def_ro("dq", &ServoState::dq, "Observed velocity [rad/s].")
       .def_ro("tau_measured", &ServoState::tau_measured, "On the joint [Nm].")
       .def_ro("tau_external", &ServoState::tau_external, "On the joint [Nm].")
+      .def_ro("tau_commanded", &ServoState::tau_commanded, "On the joint [Nm].")
       .def_prop_ro("session", number(&ServoState::session), "0 IDLE to 4 ACTIVE.")
       .def_prop_ro("session_name",
                    [](const ServoState& s) { return fri::name(s.session); })
       .def_prop_ro("quality", number(&ServoState::quality), "0 POOR to 3 EXCELLENT.")
       .def_ro("safety", &ServoState::safety, "0 normal, else the stop level + 1.")
       .def_ro("operation_mode", &ServoState::operation_mode, "0 T1, 1 T2, 2 AUT.")
+      .def_ro("control_mode", &ServoState::control_mode,
+              "0 position, 1 Cartesian impedance, 2 joint impedance, 3 none.")
       .def_ro("drives", &ServoState::drives, "0 off, 1 transitioning, 2 active.")
       .def_ro("send_period", &ServoState::send_period, "[ms]")
       .def_ro("multiplier", &ServoState::multiplier)

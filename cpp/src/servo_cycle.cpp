@@ -1,11 +1,10 @@
 #include "dovetail/servo_cycle.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "dovetail/mujoco_loop.hpp"
+#include "dovetail/cycle_log.hpp"
 
 namespace dovetail {
 namespace {
@@ -22,12 +21,6 @@ Joints joints_of(const Vec7& v) noexcept {
   Joints joints;
   Eigen::Map<Vec7>(joints.data()) = v;
   return joints;
-}
-
-Vec4 quat_of(const Mat3& R) noexcept {
-  const Eigen::Quaterniond q(R);
-  const double sign = q.w() < 0.0 ? -1.0 : 1.0;
-  return sign * Vec4(q.w(), q.x(), q.y(), q.z());
 }
 
 std::vector<std::string> numbered(const std::string& stem) {
@@ -115,6 +108,9 @@ void ServoCycle::note(const MonitoringMessage& message) noexcept {
   if (message.operation_mode) {
     state_.operation_mode = static_cast<std::uint8_t>(*message.operation_mode);
   }
+  if (message.control_mode) {
+    state_.control_mode = static_cast<std::uint8_t>(*message.control_mode);
+  }
   if (!message.drive_states.empty()) {
     const fri::DriveState first = message.drive_states[0];
     const bool is_common =
@@ -133,7 +129,7 @@ void ServoCycle::note(const MonitoringMessage& message) noexcept {
       message.tau_external
           ? Vec7(params_.external_sign * vector_of(*message.tau_external))
           : unknown;
-  tau_commanded_ =
+  state_.tau_commanded =
       message.tau_commanded
           ? Vec7(params_.commanded_sign * vector_of(*message.tau_commanded))
           : unknown;
@@ -160,8 +156,10 @@ void ServoCycle::begin_motion(const Vec7& q) noexcept {
   state_.is_at_rest = false;
   observer_.reset(q);
   watchdog_.begin();
-  controller_.chain().tool_motion(q, Vec7::Zero(), motion_);
-  controller_.reset(q, motion_.p, quat_of(motion_.R));
+  Vec3 p;
+  Mat3 R;
+  controller_.chain().pose(q, p, R);
+  controller_.reset(q, p, quat_wxyz(R));
   filtered_ = q;
   q_last_ = q;
   q_hold_ = q;
@@ -239,14 +237,14 @@ Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
     has_target_ = true;
     target_age_ = 0.0;
   }
-  ToolMotion at_rest;
-  controller_.chain().tool_motion(state_.q, Vec7::Zero(), at_rest);
+  const Vec7 gravity = controller_.chain().gravity(state_.q);
   WatchdogInput input{state_.q, state_.dq, {}, {}, {}, 0.0, elapsed_};
   if (state_.tau_measured.allFinite()) input.tau_measured = state_.tau_measured;
   if (state_.tau_external.allFinite()) input.tau_external = state_.tau_external;
-  if (tau_commanded_.allFinite()) {
-    input.tau_commanded =
-        params_.commanded_is_total ? tau_commanded_ : Vec7(tau_commanded_ + at_rest.g);
+  if (state_.tau_commanded.allFinite()) {
+    input.tau_commanded = params_.commanded_is_total
+                              ? state_.tau_commanded
+                              : Vec7(state_.tau_commanded + gravity);
   }
   // In lockstep time stands still while the learner thinks.
   if (has_target_ && !params_.lockstep) input.target_age = target_age_;
@@ -292,15 +290,15 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
 }
 
 void ServoCycle::write_row(const StepResult& result, const Target& target) noexcept {
-  controller_.chain().tool_motion(state_.q, state_.dq, motion_);
+  const ToolMotion& motion = controller_.tool();
   RowWriter row{log_.next_row()};
   row.put_number(state_.time);
   row.put(state_.q);
   row.put(state_.dq);
   row.put(result.tau);
-  row.put(motion_.p);
-  row.put(quat_of(motion_.R));
-  row.put(motion_.twist);
+  row.put(motion.p);
+  row.put(quat_wxyz(motion.R));
+  row.put(motion.twist);
   row.put(Vec3(Vec3::Constant(kUnset)));  // no sensor for contact forces
   row.put(Vec3(target.f_star.head<3>()));
   row.put_number(static_cast<double>(pack_flags(result.flags)));

@@ -1,7 +1,6 @@
 """Arms behind a simulated cabinet on this machine's loopback."""
 
 import socket
-from contextlib import contextmanager
 
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
@@ -17,28 +16,49 @@ def free_port():
         return probe.getsockname()[1]
 
 
-@contextmanager
-def fri_arm(plant, osc, limits, task, period, *, cabinet=None, **options):
-    """A FriArm on a cabinet over the plant, in lockstep unless told otherwise."""
-    port = free_port()
-    clock = options.setdefault("clock", "lockstep")
+def make_cabinet(plant, port, period, **settings):
+    """A cabinet over the plant that sends to a port of this machine."""
     config = CabinetConfig(
         period=period,
-        clock=clock,
         client=Endpoint(LOOPBACK, port),
         bind=Endpoint(LOOPBACK, 0),
         control=Endpoint(LOOPBACK, 0),
-        **(cabinet or {}),
+        **settings,
     )
-    with Cabinet(plant, config) as running:
-        options.setdefault("control", str(running.control_address))
+    return Cabinet(plant, config)
+
+
+class CabinetArm(FriArm):
+    """A FriArm with its own cabinet over a plant, in lockstep unless told otherwise."""
+
+    def __init__(self, plant, osc, limits, task, period, *, cabinet=None, **options):
+        self.plant = plant
+        self._is_open = True
+        clock = options.setdefault("clock", "lockstep")
         options.setdefault("log_folder", None)
-        options.setdefault("version", config.version)
+        port = options.pop("port", None) or free_port()
+        settings = {"clock": clock, **(cabinet or {})}
+        self.cabinet = make_cabinet(plant, port, period, **settings)
+        options.setdefault("control", str(self.cabinet.control_address))
         robot = plant.scene.robot()
-        arm = FriArm(robot, osc, limits, task, period, bind=(LOOPBACK, port), **options)
-        arm.cabinet = running
         try:
-            yield arm
-        finally:
-            arm.close()
-    plant.close()
+            super().__init__(
+                robot, osc, limits, task, period, bind=(LOOPBACK, port), **options
+            )
+        except Exception:
+            self.cabinet.close()
+            raise
+        self.cabinet.start()
+
+    def ask(self, do, **what):
+        """Ask something of the cabinet."""
+        answer = self.cabinet.request({"do": do, **what})
+        assert answer["ok"], answer
+        return answer
+
+    def close(self):
+        if self._is_open:
+            self._is_open = False
+            super().close()
+            self.cabinet.close()
+            self.plant.close()

@@ -11,7 +11,7 @@ from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.scene import SceneConfig
 
-from .loopback import fri_arm
+from .loopback import CabinetArm
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
@@ -54,9 +54,10 @@ def test_same_episode_same_targets_same_motion_as_a_local_arm(engine):
     local.close()
 
     plant = make_plant(engine, scene, DynamicsConfig())
-    with fri_arm(plant, osc, limits, TASK, PERIOD) as arm:
-        arm.reset(start, HOLE)
-        theirs = [arm.step(target) for target in targets(1, 200)]
+    arm = CabinetArm(plant, osc, limits, TASK, PERIOD)
+    arm.reset(start, HOLE)
+    theirs = [arm.step(target) for target in targets(1, 200)]
+    arm.close()
 
     logs = [np.concatenate([s.log for s in states]) for states in (mine, theirs)]
     assert logs[0].shape == logs[1].shape == (2000, len(COLUMN))

@@ -58,12 +58,14 @@ struct ServoState {
   double time = 0.0;         ///< since the motion began [s]
   Vec7 q = Vec7::Zero();     ///< measured [rad]
   Vec7 dq = Vec7::Zero();    ///< observed [rad/s]
-  Vec7 tau_measured = Vec7::Constant(kUnset);  ///< on the joint, with gravity [Nm]
-  Vec7 tau_external = Vec7::Constant(kUnset);  ///< on the joint [Nm]
+  Vec7 tau_measured = Vec7::Constant(kUnset);   ///< on the joint, with gravity [Nm]
+  Vec7 tau_external = Vec7::Constant(kUnset);   ///< on the joint [Nm]
+  Vec7 tau_commanded = Vec7::Constant(kUnset);  ///< on the joint, as the wire has it
   fri::SessionState session = fri::SessionState::kIdle;
   fri::Quality quality = fri::Quality::kPoor;
   std::uint8_t safety = 0;          ///< fri::SafetyState
   std::uint8_t operation_mode = 2;  ///< fri::OperationMode
+  std::uint8_t control_mode = 3;    ///< fri::ControlMode
   std::uint8_t drives = 0;          ///< fri::DriveState, TRANSITIONING where mixed
   std::uint32_t send_period = 0;    ///< [ms]
   std::uint32_t multiplier = 0;
@@ -136,8 +138,6 @@ class ServoCycle {
   Vec7 q_last_ = Vec7::Zero();
   Vec7 a_last_ = Vec7::Zero();
   Vec7 q_hold_ = Vec7::Zero();
-  Vec7 tau_commanded_ = Vec7::Zero();
-  ToolMotion motion_;
   bool is_active_ = false;
   bool has_target_ = false;
   double measured_ = 0.0;     // since the observer's last position [s]

@@ -52,9 +52,10 @@ class CabinetControl:
             raise ArmError(f"the cabinet refuses to {do}: {why}", "refused")
         return answer
 
-    def place(self, q: Vec7, hole: Pose) -> dict[str, Any]:
+    def place(self, q: Vec7, hole: Pose, seed: int | None = None) -> dict[str, Any]:
         """Put arm and hole; the running motion ends and another begins."""
-        return self.request("place", q=list(map(float, q)), hole=_pose(hole))
+        more = {} if seed is None else {"seed": int(seed)}
+        return self.request("place", q=list(map(float, q)), hole=_pose(hole), **more)
 
     def move_hole(self, hole: Pose) -> dict[str, Any]:
         """Put the hole; the arm stays."""

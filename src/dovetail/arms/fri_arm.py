@@ -23,15 +23,14 @@ from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig, check_period
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ArmError, ConfigError
-from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, require_configuration
-from dovetail.poses import Pose, quat_from_matrix
+from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
+from dovetail.poses import Pose
 from dovetail.robot import Robot
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
 
-_FLAGS = COLUMN["flags"]
 _SLICE = 0.05
 """How often a waiting learner says that it is alive [s]: less than the watchdog."""
 _PRIORITY = 80
@@ -112,6 +111,7 @@ class FriArm:
             bind, osc, watchdog or WatchdogConfig(), realtime, processor, log_folder,
             servo,
         )  # fmt: skip
+        self._seed: int | None = None
         self._motion = 0
         self._goal = 0
         self._row = 0
@@ -179,7 +179,8 @@ class FriArm:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
-            self._control.place(q, hole)
+            self._control.place(q, hole, self._seed)
+            self._seed = None
             self._wait_for_motion(before.motion)
         else:
             self.connect()
@@ -232,9 +233,13 @@ class FriArm:
         """End a stop; a cause that is still there stops the arm again."""
         self._servo.clear()
 
-    def read(self) -> "_core.ServoState":
+    def monitoring(self) -> "_core.ServoState":
         """Return what the servo loop last knew, in any state of the session."""
         return self._servo.state()
+
+    def seed(self, seed: int) -> None:
+        """Start a simulated cabinet's noise again, when it next places the arm."""
+        self._seed = seed
 
     def statistics(self) -> dict[str, Any]:
         """Return counts, times with quantiles [s], notes and the session's state."""
@@ -331,21 +336,13 @@ class FriArm:
         )
 
     def _state(self) -> ArmState:
+        from dovetail import _core
+
         state = self._servo.state()
-        q, dq = state.q, state.dq
-        log = self._rows(state.rows)
-        position, rotation = self._chain.pose(q)
-        return ArmState(
-            (state.tick - self._begin) * self.period,
-            q,
-            dq,
-            position,
-            quat_from_matrix(rotation),
-            self._chain.jacobian(q) @ dq,
-            np.full(3, np.nan),
-            int(np.bitwise_or.reduce(log[:, _FLAGS].astype(np.int64), initial=0)),
-            log,
-        )
+        stamp = (state.tick - self._begin) * self.period
+        q, dq, log = state.q, state.dq, self._rows(state.rows)
+        seen = _core.summarize(self._chain, q, dq, log)  # position to flags
+        return ArmState(stamp, q, dq, *seen[:3], np.full(3, np.nan), seen[4], log)
 
     def _rows(self, end: int) -> Array:
         begin = max(self._row, self._servo.oldest_row())

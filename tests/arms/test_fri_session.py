@@ -1,0 +1,263 @@
+"""What an arm over FRI does when the cabinet, the network or the learner fails."""
+
+import socket
+import time
+
+import numpy as np
+import pytest
+
+from dovetail import _core
+from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.watchdog import WatchdogConfig
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.errors import ArmError, ConfigError
+from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.poses import Pose, quat_about_z
+from dovetail.scene import SceneConfig
+
+from .loopback import LOOPBACK, CabinetArm, free_port, make_cabinet
+
+TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+TASK = "XYZ:force A:pose BC:hold"
+PERIOD = 0.005
+SCENE = SceneConfig()
+START = SCENE.robot().inverse_kinematics(
+    Pose(np.array([0.60, 0.0, 0.20]), TOOL_DOWN), Q_SEED
+)
+
+
+def make_arm(**options):
+    period = options.pop("period", PERIOD)
+    osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
+    limits = LimitConfig.for_period(SCENE.robot(), period)
+    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    plant.reset(START, HOLE)
+    return CabinetArm(plant, osc, limits, TASK, period, **options)
+
+
+def alone(port=0, **options):
+    """An arm without a cabinet."""
+    osc, limits = OscConfig(), LimitConfig.for_period(SCENE.robot(), PERIOD)
+    return FriArm(
+        SCENE.robot(), osc, limits, TASK, PERIOD,
+        bind=(LOOPBACK, port), log_folder=None, **options,
+    )  # fmt: skip
+
+
+def push(x, y=0.0, z=0.0):
+    f_star = np.array([x, y, z, 0.0, 0.0, 0.0])
+    return _core.Target(f_star=f_star, quat_wxyz_d=TOOL_DOWN)
+
+
+@pytest.fixture
+def arm(request):
+    arm = make_arm(**getattr(request, "param", {}))
+    yield arm
+    arm.close()
+
+
+def wait_until(condition, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+# -- errors name their likely cause ---------------------------------------------------
+
+
+def test_no_cabinet_says_what_to_check_in_order():
+    arm = alone(timeout=0.2)
+    with pytest.raises(
+        ArmError, match=r"not one datagram.*1\..*2\..*3\..*4\."
+    ) as error:
+        arm.connect()
+    assert error.value.reason == "no_cabinet"
+    arm.close()
+
+
+def test_port_in_use_is_said():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind((LOOPBACK, 0))
+        port = other.getsockname()[1]
+        with pytest.raises(ArmError, match=f"UDP port {port} is in use") as error:
+            alone(port)
+    assert error.value.reason == "port_in_use"
+
+
+def test_address_of_another_machine_is_refused():
+    osc, limits = OscConfig(), LimitConfig.for_period(SCENE.robot(), PERIOD)
+    robot = SCENE.robot()
+    for host, words in (("192.0.2.1", "no address of this"), ("robot", "not of the")):
+        with pytest.raises((ArmError, ConfigError), match=words):
+            FriArm(robot, osc, limits, TASK, PERIOD, bind=(host, 0))
+
+
+def test_wrong_version_is_named():
+    arm = make_arm(version="1.15", cabinet={"version": "2.7"}, timeout=0.5)
+    with pytest.raises(ArmError, match=r"none is FRI 1\.15.*2\.7") as error:
+        arm.connect()
+    assert error.value.reason == "version"
+    arm.close()
+
+
+def test_another_period_is_named_and_never_commanded():
+    port = free_port()
+    arm = alone(port, timeout=2.0)
+    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    plant.reset(START, HOLE)
+    with make_cabinet(plant, port, 0.01) as cabinet:
+        with pytest.raises(ArmError, match=r"every 10 ms x 1.*made for 5 ms") as error:
+            arm.connect()
+        assert cabinet.request({"do": "status"})["stop_reason"] == ""
+    assert error.value.reason == "period"
+    arm.close()
+
+
+def test_a_cabinet_that_starts_no_motion_is_named(arm):
+    arm._timeout = 1.0
+    arm.ask("pause")
+    with pytest.raises(ArmError, match="MONITORING_READY") as error:
+        arm.connect()
+    assert error.value.reason == "session"
+
+
+def test_settings_are_refused_by_name():
+    for options, words in (
+        ({"version": "3.0"}, "known versions: 1.15"),
+        ({"clock": "sundial"}, "known: wall, lockstep"),
+        ({"reset": "place"}, "needs the control port"),
+        ({"observer_gain": 2.0}, "observer gain is 2"),
+        ({"position_filter": 0.0}, "position_filter is 0"),
+        ({"no_such": 1.0}, "servo setting 'no_such' is unknown"),
+    ):
+        with pytest.raises(ConfigError, match=words):
+            alone(**options)
+    with pytest.raises(ConfigError, match="external_torque is 0"):
+        WatchdogConfig(external_torque=0.0)
+
+
+def test_step_before_reset_is_refused(arm):
+    with pytest.raises(ArmError, match="call reset first"):
+        arm.step(push(0.0))
+
+
+# -- motions end and begin ------------------------------------------------------------
+
+
+def test_a_motion_that_ends_is_an_error_and_reset_goes_on(arm):
+    arm.reset(START, HOLE)
+    arm.step(push(1.0))
+    arm.ask("pause")
+    with pytest.raises(ArmError, match="the motion has ended") as error:
+        arm.step(push(1.0))
+    assert error.value.reason == "motion_ended"
+    arm.ask("resume")
+    arm.reset(START, HOLE)
+    assert arm.step(push(1.0)).log.shape[0] == 10
+
+
+def test_a_new_session_needs_no_new_arm(arm):
+    arm.reset(START, HOLE)
+    arm.step(push(1.0))
+    arm.ask("stop")
+    wait_until(lambda: arm.monitoring().session == 0)
+    arm.ask("resume")
+    arm.reset(START, HOLE)
+    state = arm.step(push(1.0))
+    assert state.stamp == pytest.approx(0.05)
+
+
+def test_a_new_motion_begins_without_the_old_target(arm):
+    arm.reset(START, HOLE)
+    for _ in range(10):
+        arm.step(push(2.0))
+    before = arm.reset(START, HOLE)
+    np.testing.assert_allclose(before.q, START, atol=1e-9)
+    assert np.abs(before.dq).max() == 0.0
+    after = arm.step(push(0.0))
+    np.testing.assert_allclose(after.q, START, atol=1e-4)
+
+
+@pytest.mark.parametrize("arm", [{"cabinet": {"version": "2.7"}}], indirect=True)
+def test_version_2_7_works_alike(arm):
+    arm._version = "2.7"
+
+
+@pytest.mark.parametrize("version", ["2.5", "2.7"])
+def test_other_versions_move_alike(version):
+    logs = []
+    for v in ("1.15", version):
+        arm = make_arm(version=v, cabinet={"version": v})
+        arm.reset(START, HOLE)
+        logs.append(np.concatenate([arm.step(push(1.0)).log for _ in range(5)]))
+        arm.close()
+    np.testing.assert_array_equal(logs[0], logs[1])
+
+
+def test_a_receive_multiplier_gives_the_period_of_two_messages():
+    arm = make_arm(period=0.004)
+    arm.close()
+    osc = OscConfig.for_period(0.004, force_damping=[16.0] * 3 + [0.0] * 3)
+    limits = LimitConfig.for_period(SCENE.robot(), 0.004)
+    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    plant.reset(START, HOLE)
+    port = free_port()
+    settings = {"receive_multiplier": 2, "clock": "lockstep"}
+    with make_cabinet(plant, port, 0.002, **settings) as cabinet:
+        arm = FriArm(
+            SCENE.robot(), osc, limits, TASK, 0.004, bind=(LOOPBACK, port),
+            clock="lockstep", control=str(cabinet.control_address), log_folder=None,
+        )  # fmt: skip
+        before = arm.reset(START, HOLE)
+        for _ in range(10):
+            state = arm.step(push(2.0), duration=0.04)
+        assert state.log.shape[0] == 10
+        np.testing.assert_allclose(np.diff(state.log[:, 0]), 0.004, atol=1e-9)
+        assert state.position[0] - before.position[0] > 0.02
+        arm.close()
+
+
+# -- the network ----------------------------------------------------------------------
+
+
+def test_foreign_datagrams_are_counted_and_change_nothing(arm):
+    arm.reset(START, HOLE)
+    arm.step(push(1.0))
+    message = _core.FriMonitoring()
+    version = _core.fri_version("1.15")
+    before = arm.monitoring()
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        for payload in (b"", b"\x00" * 3000, b"hello", message.encode(version)):
+            for _ in range(5):
+                stranger.sendto(payload, (LOOPBACK, arm.port))
+        wait_until(lambda: arm.statistics()["counts"]["foreign"] == 20)
+        stranger.settimeout(0.05)
+        with pytest.raises(TimeoutError):
+            stranger.recv(2000)
+    after = arm.monitoring()
+    assert (after.tick, after.session) == (before.tick, before.session)
+    assert arm.step(push(1.0)).log.shape[0] == 10
+    counts = arm.statistics()["counts"]
+    assert counts["undecodable"] == 0
+    assert counts["motions"] == 1
+
+
+def test_lost_doubled_and_late_messages_leave_time_right():
+    arm = make_arm(cabinet={"watchdog": 0.05, "stop_slots": 50})
+    arm.reset(START, HOLE)
+    arm.ask("fault", text="loss=0.05,duplicate=0.05,reorder=0.05")
+    rows = [arm.step(push(0.5)).log for _ in range(20)]
+    arm.ask("fault", text="")
+    log = np.concatenate(rows)
+    counts = arm.statistics()["counts"]
+    assert counts["missed"] > 0
+    assert counts["duplicates"] > 0
+    steps = np.diff(log[:, 0]) / PERIOD
+    np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
+    assert steps.max() > 1.5
+    speed = np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1])
+    assert (speed < SCENE.robot().dq_max).all()
+    arm.close()
