@@ -168,9 +168,9 @@ void bind_loop(nb::module_& m) {
           "loop"_a, "servo"_a, "chain"_a, "osc"_a, "limits"_a, "task"_a,
           "Raises ValueError naming a number that is out of range, RuntimeError where "
           "the socket cannot be had.")
-      .def("set_target", &ServoLoop::set_target, "target"_a)
+      .def("command", &ServoLoop::command, "target"_a, "motion"_a, "tick"_a,
+           "A Target for one motion. Lockstep: cycles below this tick are answered.")
       .def("hold_at", &ServoLoop::hold_at, "position_hold"_a, "quat_hold"_a)
-      .def("grant", &ServoLoop::grant, "tick"_a)
       .def("wait", &ServoLoop::wait, "tick"_a, "motion"_a, "seconds"_a,
            nb::call_guard<nb::gil_scoped_release>())
       .def("wait_for_motion", &ServoLoop::wait_for_motion, "motion"_a, "seconds"_a,

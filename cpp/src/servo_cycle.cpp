@@ -232,11 +232,10 @@ std::size_t ServoCycle::reply(std::uint8_t* out) noexcept {
 /// The order's Target, or a joint target that damps the arm and holds it where it
 /// comes to rest.
 Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
-  if (order.serial != serial_) {
-    serial_ = order.serial;
-    has_target_ = true;
-    target_age_ = 0.0;
-  }
+  const bool is_for_this = order.serial != 0 && order.motion == state_.motion;
+  if (is_for_this && order.serial != serial_) target_age_ = 0.0;
+  serial_ = order.serial;
+  has_target_ = is_for_this;
   const Vec7 gravity = controller_.chain().gravity(state_.q);
   WatchdogInput input{state_.q, state_.dq, {}, {}, {}, 0.0, elapsed_};
   if (state_.tau_measured.allFinite()) input.tau_measured = state_.tau_measured;

@@ -87,11 +87,15 @@ void ServoLoop::close() noexcept {
 
 // -- the learner's side -----------------------------------------------------------
 
-void ServoLoop::set_target(const Target& target) noexcept {
+void ServoLoop::command(const Target& target, std::uint64_t motion,
+                        std::uint64_t tick) noexcept {
   const std::lock_guard lock(order_mutex_);
   order_.target = target;
+  order_.motion = motion;
+  order_.tick = tick;
   ++order_.serial;
   orders_.write(order_);
+  if (cycle_.params().lockstep) wake_loop_.ring();
 }
 
 void ServoLoop::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
@@ -100,11 +104,6 @@ void ServoLoop::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   order_.quat_hold = quat_hold;
   ++order_.latch;
   orders_.write(order_);
-}
-
-void ServoLoop::grant(std::uint64_t tick) noexcept {
-  granted_.store(tick, std::memory_order_release);
-  wake_loop_.ring();
 }
 
 void ServoLoop::stop() noexcept {
@@ -199,6 +198,8 @@ void ServoLoop::add(Count count, std::uint64_t number) noexcept {
 void ServoLoop::run() noexcept {
   set_up_thread();
   Datagram datagram;
+  while (socket_.receive(bytes_.data(), bytes_.size(), datagram)) {
+  }  // what came before is too old to answer
   while (!closing_.load(std::memory_order_relaxed)) {
     take_requests();
     answer_if_granted();
@@ -297,13 +298,13 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
 }
 
 void ServoLoop::answer_if_granted() noexcept {
-  if (!cycle_.state().is_waiting) return;
-  if (cycle_.params().lockstep &&
-      cycle_.state().tick >= granted_.load(std::memory_order_acquire)) {
-    return;
-  }
+  const ServoState& state = cycle_.state();
+  if (!state.is_waiting) return;
   orders_.update();
-  send(cycle_.answer(orders_.value(), reply_.data()), true);
+  const Order& order = orders_.value();
+  const bool is_granted = order.motion == state.motion && state.tick < order.tick;
+  if (cycle_.params().lockstep && !is_granted) return;
+  send(cycle_.answer(order, reply_.data()), true);
   publish();
 }
 

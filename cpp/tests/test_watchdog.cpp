@@ -1,12 +1,11 @@
 #define BOOST_TEST_MODULE watchdog
-#include "dovetail/watchdog.hpp"
-
 #include <boost/test/included/unit_test.hpp>
 #include <limits>
 #include <stdexcept>
 #include <string>
 
 #include "arm.hpp"
+#include "dovetail/watchdog.hpp"
 
 using namespace dovetail;
 using namespace dovetail::testing;
@@ -19,8 +18,13 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 struct Watched {
   LimitParams limits = limits_for(kPeriod);
   Watchdog watchdog{WatchdogParams{}, limits};
-  WatchdogInput input{tool_down_posture(), Vec7::Zero(), Vec7(Vec7::Zero()),
-                      Vec7(Vec7::Zero()),  Vec7(Vec7::Zero()), 0.0, kPeriod};
+  WatchdogInput input{tool_down_posture(),
+                      Vec7::Zero(),
+                      Vec7(Vec7::Zero()),
+                      Vec7(Vec7::Zero()),
+                      Vec7(Vec7::Zero()),
+                      0.0,
+                      kPeriod};
 
   /// The cycle in which the verdict stops being kFollow; 0 for not within `cycles`.
   int acts_in(int cycles) {

@@ -45,6 +45,8 @@ enum class Refusal : std::uint8_t {
 struct Order {
   Target target;
   std::uint64_t serial = 0;  ///< grows with every Target; 0 is none
+  std::uint64_t motion = 0;  ///< the only one that the Target is for
+  std::uint64_t tick = 0;    ///< lockstep: cycles of that motion below it are answered
   std::uint64_t latch = 0;   ///< grows with every pose to hold
   Vec3 p_hold = Vec3::Zero();
   Vec4 quat_hold{1.0, 0.0, 0.0, 0.0};

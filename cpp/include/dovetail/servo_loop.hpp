@@ -66,11 +66,12 @@ class ServoLoop {
   ServoLoop(const ServoLoop&) = delete;
   ServoLoop& operator=(const ServoLoop&) = delete;
 
-  void set_target(const Target& target) noexcept;
-  void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
+  /// A Target for one motion; no other follows it. Lockstep: its cycles below this tick
+  /// are answered.
+  void command(const Target& target, std::uint64_t motion, std::uint64_t tick) noexcept;
 
-  /// Lockstep: cycles of ticks below this one may be answered.
-  void grant(std::uint64_t tick) noexcept;
+  /// Latches the pose that hold axes keep: TCP position [m] and rotation (wxyz).
+  void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
   /// Waits until the active cycle of this tick was received, at most `seconds`; the end
   /// of this motion ends the wait.
@@ -141,7 +142,6 @@ class ServoLoop {
   std::mutex order_mutex_;  // among learners only
   Order order_;
   TripleBuffer<Order> orders_;
-  std::atomic<std::uint64_t> granted_{0};
   std::atomic<bool> stop_requested_{false}, clear_requested_{false};
   std::atomic<bool> end_expected_{false}, closing_{false}, writer_closing_{false};
   std::atomic<bool> diagnosis_requested_{false};

@@ -137,7 +137,6 @@ class FriArm:
         loop.processor = -1 if processor is None else processor
         loop.log_folder = "" if log_folder is None else str(log_folder)
         loop.silence = 5.0 if self._is_lockstep else 1.0
-        servo.version = self._version
         servo.period = self.period
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
@@ -147,6 +146,7 @@ class FriArm:
                 raise ConfigError(f"servo setting {name!r} is unknown; known: {known}")
             setattr(servo, name, value)
         try:
+            servo.version = self._version
             return _core.ServoLoop(
                 loop,
                 servo,
@@ -277,14 +277,12 @@ class FriArm:
 
     def _follow(self, target: "_core.Target", cycles: int) -> None:
         servo = self._servo
-        servo.set_target(target)
-        self._goal += cycles
-        if self._is_lockstep:
-            servo.grant(self._goal)
-        else:
-            late = servo.state().tick - (self._goal - cycles)
+        if not self._is_lockstep:
+            late = servo.state().tick - self._goal
             if late > cycles // 2:  # the learner was slow: its step begins now
                 self._goal += late
+        self._goal += cycles
+        servo.command(target, self._motion, self._goal)
         end = time.monotonic() + cycles * self.period + self._timeout
         while True:
             result = servo.wait(self._goal, self._motion, _SLICE)
@@ -302,7 +300,7 @@ class FriArm:
                     "silence",
                     state,
                 )
-            servo.set_target(target)  # still there, still meant
+            servo.command(target, self._motion, self._goal)  # still there, still meant
         state = servo.state()
         if state.is_stopped:
             raise stop_error(servo, state)
