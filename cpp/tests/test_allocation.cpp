@@ -8,6 +8,8 @@
 
 #include "adversary.hpp"
 #include "dovetail/fri_session.hpp"
+#include "dovetail/servo_cycle.hpp"
+#include "fake_cabinet.hpp"
 #include "fri_fixtures.hpp"
 
 // Eigen allocates by malloc, not by operator new: count at the bottom. A sanitizer
@@ -56,6 +58,10 @@ static_assert(noexcept(std::declval<Controller&>().step(
 static_assert(noexcept(std::declval<Controller&>().reset(std::declval<SevenNumbers>(),
                                                          std::declval<const Vec3&>(),
                                                          std::declval<const Vec4&>())));
+static_assert(noexcept(std::declval<ServoCycle&>().receive(
+    std::declval<const std::uint8_t*>(), std::size_t{0})));
+static_assert(noexcept(std::declval<ServoCycle&>().answer(
+    std::declval<const Order&>(), std::declval<std::uint8_t*>())));
 static_assert(noexcept(std::declval<const Chain&>().evaluate(
     std::declval<SevenNumbers>(), std::declval<SevenNumbers>(),
     std::declval<ChainTerms&>())));
@@ -115,4 +121,30 @@ BOOST_AUTO_TEST_CASE(no_datagram_makes_the_fri_session_allocate) {
   BOOST_TEST(allocations - before == 0);
   BOOST_TEST(session.counters().sent > 100u);
   BOOST_TEST(session.counters().undecodable > 100u);
+}
+
+BOOST_AUTO_TEST_CASE(no_cycle_behind_fri_allocates_in_any_state) {
+  ServoCycle cycle(ServoParams{}, iiwa14_with_tool(), OscParams{}, limits_for(0.005),
+                   kPegTask);
+  FakeCabinet cabinet;
+  Order order;
+  std::array<std::uint8_t, fri::kMaxDatagram> out;
+  const long before = allocations;
+  for (int k = 0; k < 5000; ++k) {
+    cabinet.state = static_cast<fri::SessionState>(k < 1000 ? k / 200 : 4 - k % 5 / 4);
+    cabinet.sequence += k % 9 == 0 ? 2 : 0;  // some are lost
+    cabinet.q[3] += 1e-4;
+    const std::uint8_t* bytes = cabinet.message();
+    const std::size_t size = k % 13 == 0 ? cabinet.size() / 2 : cabinet.size();
+    const ServoCycle::Action action = cycle.receive(bytes, size);
+    order.motion = cycle.state().motion;
+    order.serial += k % 3 == 0;
+    if (action == ServoCycle::Action::kSend) static_cast<void>(cycle.reply(out.data()));
+    if (action == ServoCycle::Action::kAnswer) {
+      static_cast<void>(cycle.answer(order, out.data()));
+    }
+    if (k == 4000) cycle.watchdog().request_stop();
+  }
+  BOOST_TEST(cycle.state().rows > 100);
+  BOOST_TEST(allocations - before == 0);
 }
