@@ -271,6 +271,7 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
   waited_ = datagram.waited;
   add(Count::kReceived);
   if (!is_served(datagram)) return;
+  last_heard_ = taken_;
   const fri::SessionCounters before = cycle_.session().counters();
   const bool was_waiting = cycle_.state().is_waiting;
   const ServoCycle::Action action = cycle_.receive(bytes_.data(), datagram.size);
@@ -316,12 +317,13 @@ void ServoLoop::send(std::size_t size, bool is_active) noexcept {
     return;
   }
   add(Count::kAnswered);
-  if (!is_lockstep) reply_time_.add(waited_ + monotonic() - taken_);
+  last_heard_ = monotonic();  // in lockstep the learner may have thought for long
+  if (!is_lockstep) reply_time_.add(waited_ + last_heard_ - taken_);
 }
 
 void ServoLoop::watch_silence(double now) noexcept {
   if (!has_peer_ || cycle_.state().is_waiting) return;
-  if (now - last_arrival_ < loop_.silence) return;
+  if (now - last_heard_ < loop_.silence) return;
   has_peer_ = is_locked_ = false;
   add(Count::kSilences);
   cycle_.lose_session();

@@ -220,6 +220,17 @@ def test_a_receive_multiplier_gives_the_period_of_two_messages():
         arm.close()
 
 
+def test_a_learner_that_thinks_for_long_finds_its_motion_again():
+    arm = make_arm(silence=0.2)
+    arm.reset(START, HOLE)
+    time.sleep(0.5)
+    assert arm.step(push(1.0)).log.shape[0] == 10
+    time.sleep(0.5)
+    assert arm.step(push(1.0)).log.shape[0] == 10
+    assert arm.statistics()["counts"]["silences"] == 0
+    arm.close()
+
+
 # -- the network ----------------------------------------------------------------------
 
 

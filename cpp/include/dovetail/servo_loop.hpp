@@ -166,7 +166,8 @@ class ServoLoop {
   bool has_peer_ = false;
   bool is_locked_ = false;  // only the peer is served
   bool has_arrival_ = false;
-  double last_arrival_ = 0.0;
+  double last_arrival_ = 0.0;  // of a new message [s]
+  double last_heard_ = 0.0;    // of any datagram of the peer, or an answer to it [s]
   double waited_ = 0.0;    // of the datagram in work, before it was taken [s]
   double taken_ = 0.0;     // when it was taken [s]
   ServoState last_state_;  // of the last look at events

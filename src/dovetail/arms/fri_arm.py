@@ -62,6 +62,7 @@ class FriArm:
         realtime: bool = False,
         processor: int | None = None,
         log_folder: str | Path | None = "fri-logs",
+        silence: float | None = None,
         **servo: Any,
     ) -> None:
         """Listen for the cabinet; nothing moves before `reset`.
@@ -83,6 +84,8 @@ class FriArm:
             realtime: SCHED_FIFO and locked memory, where permitted.
             processor: The servo thread stays on this one.
             log_folder: Where the last 10 s of motions that end go; None for nowhere.
+            silence: Without a datagram for so long the session is over [s]; by default
+                1 s, 5 s in lockstep.
             **servo: Any other field of `_core.ServoParams`, as measured_sign.
 
         Raises:
@@ -109,7 +112,7 @@ class FriArm:
         self._chain = robot.chain()
         self._servo = self._make_servo(
             bind, osc, watchdog or WatchdogConfig(), realtime, processor, log_folder,
-            servo,
+            silence, servo,
         )  # fmt: skip
         self._seed: int | None = None
         self._motion = 0
@@ -126,6 +129,7 @@ class FriArm:
         realtime: bool,
         processor: int | None,
         log_folder: str | Path | None,
+        silence: float | None,
         settings: dict[str, Any],
     ) -> "_core.ServoLoop":
         from dovetail import _core
@@ -136,7 +140,7 @@ class FriArm:
         loop.lock_memory = realtime
         loop.processor = -1 if processor is None else processor
         loop.log_folder = "" if log_folder is None else str(log_folder)
-        loop.silence = 5.0 if self._is_lockstep else 1.0
+        loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         servo.period = self.period
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
@@ -183,10 +187,7 @@ class FriArm:
             self._seed = None
             self._wait_for_motion(before.motion)
         else:
-            self.connect()
-            if self._control is not None:
-                self._control.move_hole(hole)
-            self._move_to(q, hole)
+            self._move_there(q, hole)
         hold = self.robot.tool_pose(q)
         self._servo.hold_at(hold.position, hold.quat_wxyz)
         return self._begin_episode()
@@ -304,6 +305,20 @@ class FriArm:
         state = servo.state()
         if state.is_stopped:
             raise stop_error(servo, state)
+
+    def _move_there(self, q: Vec7, hole: Pose) -> None:
+        """Drive to q [rad], in the next motion where one ends on the way."""
+        end = time.monotonic() + self._timeout
+        while True:
+            self.connect()
+            if self._control is not None:
+                self._control.move_hole(hole)
+            try:
+                self._move_to(q, hole)
+                return
+            except ArmError as error:
+                if error.reason != "motion_ended" or time.monotonic() > end:
+                    raise
 
     def _move_to(self, q: Vec7, hole: Pose) -> None:
         """Drive to q [rad], below the limits.

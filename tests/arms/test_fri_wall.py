@@ -1,0 +1,156 @@
+"""An arm over FRI by the clock: the watchdog, stops, resets that move, logs."""
+
+import time
+
+import numpy as np
+import pytest
+
+from dovetail import _core
+from dovetail.arms.reset_motion import LIFT, plan_reset
+from dovetail.arms.watchdog import WatchdogConfig
+from dovetail.cabinet.quality import QualityRule
+from dovetail.errors import ArmError
+from dovetail.plants.plant import COLUMN
+
+from .test_fri_session import HOLE, START, make_arm, push, wait_until
+
+LATE, STOPPED = 1 << 43, 1 << 44
+PATIENT = {
+    "stop_slots": 400,
+    "hold_slots": 100,
+    "quality": QualityRule(fair_from=0.0, good_from=0.05, misses_max=400),
+}
+"""The machine may be busy: the cabinet forgives 2 s without an answer."""
+
+
+@pytest.fixture
+def arm(tmp_path):
+    arm = make_arm(clock="wall", cabinet=PATIENT, log_folder=tmp_path / "logs")
+    yield arm
+    arm.close()
+
+
+def flags_since(arm, row):
+    log = arm._servo.rows(row, arm.monitoring().rows, len(COLUMN))
+    return log[:, COLUMN["flags"]].astype(np.int64), log
+
+
+def test_a_step_takes_as_long_as_it_says(arm):
+    arm.reset(START, HOLE)
+    begin = time.monotonic()
+    for _ in range(10):
+        state = arm.step(push(0.5))
+    assert 0.4 < time.monotonic() - begin < 2.0
+    assert state.stamp == pytest.approx(0.5, abs=0.1)
+    assert state.position[0] > 0.6
+
+
+def test_a_long_step_is_no_missing_target(arm):
+    arm.reset(START, HOLE)
+    state = arm.step(push(0.2), duration=0.4)
+    assert not state.flags & LATE
+
+
+def test_a_learner_that_vanishes_leaves_the_arm_held(arm):
+    arm.reset(START, HOLE)
+    for _ in range(6):
+        arm.step(push(1.5))
+    row = arm.monitoring().rows
+    wait_until(lambda: arm.monitoring().is_at_rest)
+    flags, log = flags_since(arm, row)
+    late = np.flatnonzero(flags & LATE)
+    assert late.size
+    # 150 ms after the Target came, which was 50 ms before the step's end
+    assert log[late[0], 0] - log[0, 0] == pytest.approx(0.10, abs=0.06)
+    assert np.abs(arm.monitoring().dq).max() < 0.05
+    rest = arm.monitoring().q
+    time.sleep(0.5)
+    np.testing.assert_allclose(arm.monitoring().q, rest, atol=5e-3)
+    assert arm.statistics()["counts"]["holds"] == 1
+    state = arm.step(push(0.5))  # the next learner goes on
+    assert not arm.monitoring().is_held
+    assert state.log.shape[0] >= 10
+
+
+def test_stop_brakes_and_holds_until_cleared(arm, tmp_path):
+    arm.reset(START, HOLE)
+    for _ in range(6):
+        arm.step(push(1.5))
+    arm.stop()
+    with pytest.raises(ArmError, match="a stop was asked for") as error:
+        arm.step(push(1.5))
+    assert error.value.reason == "requested"
+    wait_until(lambda: arm.monitoring().is_at_rest)
+    with pytest.raises(ArmError, match="clear"):
+        arm.step(push(1.5))
+    arm.clear()
+    wait_until(lambda: not arm.monitoring().is_stopped)
+    assert arm.step(push(0.5)).flags & STOPPED == 0
+    wait_until(lambda: list((tmp_path / "logs").glob("fri-*-requested.csv")))
+    path = next((tmp_path / "logs").glob("fri-*-requested.csv"))
+    head = path.read_text().splitlines()
+    assert head[0] == "# a stop was asked for"
+    assert head[1].split(",") == _core.servo_columns()
+    assert any(str(path) in note for note in arm.statistics()["notes"])
+
+
+def test_a_push_stops_the_arm(tmp_path):
+    watchdog = WatchdogConfig(external_torque=0.1)
+    arm = make_arm(clock="wall", cabinet=PATIENT, watchdog=watchdog)
+    arm.reset(START, HOLE)
+    arm.step(push(0.0))
+    arm.ask("push", force=[60.0, 0.0, 0.0], duration=0.3)
+    with pytest.raises(ArmError, match=r"external torque of A\d is .* Nm") as error:
+        arm.step(push(0.0), duration=1.0)
+    assert error.value.reason == "external_torque"
+    wait_until(lambda: arm.monitoring().is_at_rest)
+    arm.reset(START, HOLE)
+    assert not arm.monitoring().is_stopped
+    arm.close()
+
+
+def test_a_reset_that_moves_arrives_below_the_limits():
+    arm = make_arm(clock="lockstep", reset="move")
+    arm.reset(START, HOLE)
+    for _ in range(20):
+        arm.step(push(1.0, 1.0, -0.5))
+    row = arm.monitoring().rows
+    state = arm.reset(START, HOLE)
+    np.testing.assert_allclose(state.q, START, atol=0.02)
+    assert state.stamp == 0.0
+    log = arm._servo.rows(row, arm.monitoring().rows, len(COLUMN))
+    assert (np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]) < 0.6).all()
+    assert arm.monitoring().motion == 1
+    assert arm.step(push(0.0)).log[0, 0] == pytest.approx(0.0, abs=1e-9)
+    arm.close()
+
+
+def test_the_way_back_goes_straight_up_out_of_the_hole():
+    from dovetail.poses import Pose
+    from dovetail.scene import SceneConfig
+
+    robot = SceneConfig().robot()
+    inserted = robot.inverse_kinematics(
+        Pose(HOLE.position - np.array([0.0, 0.0, 0.02]), np.array([0, 1.0, 0, 0])),
+        START,
+    )
+    start = robot.inverse_kinematics(
+        Pose(np.array([0.55, 0.08, 0.14]), np.array([0, 1.0, 0, 0])), START
+    )
+    path = plan_reset(robot, inserted, start, HOLE)
+    tips = np.array([robot.tool_pose(q).position for q in path])
+    assert np.abs(np.diff(path, axis=0)).max() < 0.05
+    below = tips[tips[:, 2] < HOLE.position[2] + 0.5 * LIFT]
+    np.testing.assert_allclose(below[:, :2], np.tile([0.6, 0.0], (len(below), 1)),
+                               atol=1e-4)  # fmt: skip
+    assert tips[:, 2].max() > HOLE.position[2] + 0.9 * LIFT
+    np.testing.assert_allclose(path[-1], start)
+
+
+def test_real_time_that_is_refused_is_a_note_and_no_error():
+    arm = make_arm(clock="lockstep", realtime=True, processor=0)
+    arm.reset(START, HOLE)
+    assert arm.step(push(0.0)).log.shape[0] == 10
+    for note in arm.statistics()["notes"]:
+        assert "going on without it" in note
+    arm.close()
