@@ -85,7 +85,9 @@ def test_stop_brakes_and_holds_until_cleared(arm, tmp_path):
         arm.step(push(1.5))
     arm.clear()
     wait_until(lambda: not arm.monitoring().is_stopped)
-    assert arm.step(push(0.5)).flags & STOPPED == 0
+    state = arm.step(push(0.5))
+    assert state.flags & STOPPED  # of the cycles since the step before
+    assert not int(state.log[-1, COLUMN["flags"]]) & STOPPED
     wait_until(lambda: list((tmp_path / "logs").glob("fri-*-requested.csv")))
     path = next((tmp_path / "logs").glob("fri-*-requested.csv"))
     head = path.read_text().splitlines()
