@@ -26,12 +26,13 @@ Q_START = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 
 
-def answer(port_pipe: Connection) -> None:
+def answer(port_pipe: Connection, link: socket.socket | None = None) -> None:
     """Answer every message: mirror, then hold with a spring in each joint."""
     version = _core.fri_version("1.15")
-    link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    link.bind(("127.0.0.1", 0))
-    port_pipe.send(link.getsockname()[1])
+    if link is None:
+        link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        link.bind(("127.0.0.1", 0))
+        port_pipe.send(link.getsockname()[1])
     command = _core.FriCommand()
     sequence = 0
     while True:
