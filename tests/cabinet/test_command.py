@@ -44,6 +44,7 @@ FREE = ["--port", "0", "--control", "127.0.0.1:0", "--plant", "mujoco"]
         (["--io", "FRI.Out"], "give NAME:TYPE:DIRECTION"),
         (["--multiplier", "0"], "receive_multiplier is 0"),
         (["--restart-delay", "soon"], "--restart-delay is 'soon'"),
+        (["--good-from", "1.1"], "must rise within 0 to 1"),
         (["--peg", "square", "--clearance", "-1"], "clearance"),
     ],
 )
@@ -77,6 +78,7 @@ def test_settings_reach_the_cabinet():
         stiffness="200",
         damping="0,0,0,0,0,0,0.7",
         restart_delay="never",
+        good_from=0.2,
         control="none",
         io=("FRI.Out:digital:output",),
     )
@@ -85,6 +87,7 @@ def test_settings_reach_the_cabinet():
     assert config.stiffness == (200.0,) * 7
     assert config.damping[6] == 0.7
     assert config.restart_delay is None
+    assert config.quality.good_from == config.quality.fair_from == 0.2
     assert config.control is None
     assert config.io[0].name == "FRI.Out"
 

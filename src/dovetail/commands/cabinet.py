@@ -16,6 +16,7 @@ from rich.text import Text
 from dovetail.cabinet.cabinet import Cabinet as Server
 from dovetail.cabinet.config import CabinetConfig, parse_duration, parse_endpoint
 from dovetail.cabinet.faults import parse_faults, read_script
+from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
 from dovetail.envs.randomisation import TOOL_DOWN
@@ -67,6 +68,8 @@ class Cabinet:
     """Joint damping ratio, 0 to 1: one number, or seven separated by commas."""
     mirror_tolerance: float = 0.15
     """Distance from the interpolator that COMMANDING_WAIT accepts [rad]."""
+    good_from: float = 0.80
+    """Share of the last 100 answers in time that commanding needs."""
     restart_delay: str = "500ms"
     """Time after a motion that ended with an error until the next, or never."""
     peg: PegShape = "square"
@@ -135,6 +138,11 @@ class Cabinet:
             watchdog=parse_duration(self.watchdog, "--watchdog"),
             stiffness=_seven(self.stiffness, "--stiffness"),
             damping=_seven(self.damping, "--damping"),
+            quality=QualityRule(
+                fair_from=min(self.good_from, QualityRule.fair_from),
+                good_from=self.good_from,
+                excellent_from=max(self.good_from, QualityRule.excellent_from),
+            ),
             mirror_tolerance=self.mirror_tolerance,
             restart_delay=(
                 None if never else parse_duration(self.restart_delay, "--restart-delay")
