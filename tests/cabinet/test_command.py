@@ -115,6 +115,17 @@ def test_the_status_line_tells_state_quality_rate_and_misses():
         assert part in line
 
 
+def test_the_status_line_says_when_no_client_has_answered():
+    status = {
+        "state": "MONITORING_WAIT",
+        "quality": "POOR",
+        "rate": 200.0,
+        "time": 0.0,
+        "counts": {"sent": 100},
+    }
+    assert "nothing heard from the client yet" in describe_status(status)
+
+
 @pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_says_idle_to_the_client(client, tmp_path, ending):
     client.start()

@@ -219,6 +219,8 @@ def describe_status(status: dict[str, Any]) -> str:
             line += f"  {name} {counts[name]}"
     reasons = ("stop_reason", "waits_for", "last_error", "log_failure")
     why = next((status[name] for name in reasons if status.get(name)), "")
+    if not why and not counts.get("received"):
+        why = "nothing heard from the client yet"
     line = f"{line}  {why}" if why else line
     return line.encode("utf-8", "backslashreplace").decode()
 
