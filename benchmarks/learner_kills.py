@@ -5,10 +5,11 @@
 The whole road: a simulated cabinet by the clock in a process of its own, the controller
 process with its gRPC service here, and learners in processes of their own that push at
 random until SIGKILL ends them. Held is from the kill until the servo loop follows no
-Target any more, by the service's stop or its own watchdog (0.15 s); at rest until no joint is faster than 0.01 rad/s. Every control cycle until then is checked
-against the limits of position, speed and workspace. Where the cabinet itself had ended
-the motion (answers late on a busy machine) the arm was held before the kill; those are
-counted apart.
+Target any more, by the service's stop or its own watchdog (0.15 s); at rest until no
+joint is faster than 0.01 rad/s. Every control cycle until then is checked against the
+limits of position, speed and workspace. Where the cabinet itself had ended the motion
+(answers late on a busy machine) the arm was held before the kill; those are counted
+apart.
 """
 
 import argparse

@@ -141,11 +141,8 @@ class ArmHost:
             self._in_motion = True
             self._blocks.clear()
             self._rows = self._steps = 0
-            # A stop that came during the reset is newer than the reset.
-            if self._watched.stop is stop:
-                self._tell(state, None)
-            else:
-                self._tell(state, self._watched.stop)
+            # Only this stop: one that came during the reset is newer than the reset.
+            self._tell(state, ended=stop)
             return state
 
     def step(self, target: "_core.Target", duration: float) -> ArmState:
@@ -165,24 +162,29 @@ class ArmHost:
                 raise ArmError("the arm has not been reset since it was configured")
             state = arm.step(target, duration)
             self._keep(state.log)
-            self._tell(state, self._watched.stop)
+            self._tell(state)
             return state
 
     def stop(self, reason: str, *, is_ordered: bool) -> None:
         """Hold the arm now, also while a step is under way in another thread."""
-        before = self._watched.stop
-        if before is None or (is_ordered and not before.is_ordered):
-            self._tell(self._watched.state, Stop(reason, is_ordered))
+        with self._news:
+            before = self._watched.stop
+            if before is None or is_ordered or not before.is_ordered:
+                stop = Stop(reason, is_ordered)
+                self._watched = Watched(
+                    self._watched.serial + 1, self._watched.state, stop
+                )
+                self._news.notify_all()
         if self._arm is not None:
             _call(self._arm, "stop")
 
     def clear(self) -> None:
         """Let the arm move again."""
         with self._turn:
-            if self._watched.stop is not None:
+            if (stop := self._watched.stop) is not None:
                 if self._arm is not None:
                     _call(self._arm, "clear")
-                self._tell(self._watched.state, None)
+                self._tell(self._watched.state, ended=stop)
 
     def wait_for_news(self, serial: int, timeout: float) -> Watched:
         """Return the newest report as soon as there is one after `serial`.
@@ -224,8 +226,11 @@ class ArmHost:
         while self._rows > ROWS_KEPT and len(self._blocks) > 1:
             self._rows -= len(self._blocks.popleft()[1])
 
-    def _tell(self, state: ArmState | None, stop: Stop | None) -> None:
+    def _tell(self, state: ArmState | None, ended: Stop | None = None) -> None:
+        """Publish a state; a stop stays unless it is the one that has ended."""
         with self._news:
+            stop = self._watched.stop
+            stop = None if stop is ended else stop
             self._watched = Watched(self._watched.serial + 1, state, stop)
             self._news.notify_all()
 

@@ -1,0 +1,95 @@
+"""The arm that a service owns: a stop is never lost, whatever happens meanwhile."""
+
+import contextlib
+import threading
+
+import pytest
+
+from dovetail.control.task_spec import TaskSpec
+from dovetail.errors import ArmError
+from dovetail.rpc.arm_host import ArmHost
+from dovetail.rpc.settings import Settings
+
+from .conftest import HOLE, push
+
+
+@pytest.fixture
+def host(builder, settings):
+    osc, limits, task, period = settings
+    host = ArmHost(builder)
+    task = TaskSpec.parse(task)
+    host.configure(Settings(osc=osc, limits=limits, task=task, period=period), b"1")
+    yield host
+    host.close()
+
+
+@pytest.mark.parametrize("is_ordered", [False, True])
+def test_a_stop_during_a_step_bars_the_next(host, builder, start, is_ordered):
+    host.reset(start, HOLE, None)
+    step = builder.arm.step
+
+    def stopped_meanwhile(target, duration):
+        host.stop("for this test", is_ordered=is_ordered)
+        return step(target, duration)
+
+    builder.arm.step = stopped_meanwhile
+    host.step(push(0.0), 0.05)
+    with pytest.raises(ArmError, match="for this test"):
+        host.step(push(0.0), 0.05)
+
+
+@pytest.mark.parametrize("is_ordered", [False, True])
+def test_a_stop_during_a_reset_outlives_it(host, builder, start, is_ordered):
+    host.stop("before", is_ordered=False)
+    reset = builder.arm.reset
+
+    def stopped_meanwhile(q, hole):
+        host.stop("during", is_ordered=is_ordered)
+        return reset(q, hole)
+
+    builder.arm.reset = stopped_meanwhile
+    host.reset(start, HOLE, None)
+    assert host.stop_reason == "during"
+    with pytest.raises(ArmError, match="during"):
+        host.step(push(0.0), 0.05)
+
+
+def test_stops_from_many_threads_are_not_lost(host, start):
+    host.reset(start, HOLE, None)
+    for _ in range(50):
+        threads = [
+            threading.Thread(
+                target=host.stop, args=("now",), kwargs={"is_ordered": True}
+            )
+            for _ in range(2)
+        ]
+        for thread in threads:
+            thread.start()
+        with contextlib.suppress(ArmError):
+            host.step(push(0.0), 0.005)
+        for thread in threads:
+            thread.join()
+        assert host.stop_reason == "now"
+        host.clear()
+        assert host.stop_reason == ""
+
+
+def test_an_order_to_stop_is_stronger_than_a_learner_that_left(host):
+    host.stop("left", is_ordered=False)
+    host.stop("hand in the cell", is_ordered=True)
+    host.stop("left again", is_ordered=False)
+    assert host.stop_reason == "hand in the cell"
+
+
+def test_settings_do_not_change_during_a_step(host, builder, start):
+    host.reset(start, HOLE, None)
+    step = builder.arm.step
+
+    def configured_meanwhile(target, duration):
+        with pytest.raises(ArmError, match="a step or reset is under way"):
+            host.configure(host.settings, b"2")
+        return step(target, duration)
+
+    builder.arm.step = configured_meanwhile
+    host.step(push(0.0), 0.05)
+    assert len(builder.built) == 1
