@@ -87,15 +87,15 @@ def kill_one(server: ArmServer, builder: RebuiltArm, number: int) -> list[float]
     assert learner.stdout.readline() == "moving\n"
     arm = builder._arm
     assert isinstance(arm, FriArm)
-    first = arm.read().rows
+    first = arm.monitoring().rows
     time.sleep(0.3 + 0.7 * np.random.default_rng(number).random())
-    before = arm.read()
+    before = arm.monitoring()
     speed = float(np.abs(before.dq).max())
     killed = time.monotonic()
     learner.send_signal(signal.SIGKILL)
     held = rest = 0.0
     while not rest:
-        state, now = arm.read(), time.monotonic() - killed
+        state, now = arm.monitoring(), time.monotonic() - killed
         if (state.is_held or state.is_stopped) and not held:
             held = now
         if held and np.abs(state.dq).max() < AT_REST:
@@ -103,9 +103,9 @@ def kill_one(server: ArmServer, builder: RebuiltArm, number: int) -> list[float]
         if now > 10.0:
             raise TimeoutError(f"kill {number}: held {held:g} s, at rest {rest:g} s")
         time.sleep(0.0005)
-    if before.session != _ACTIVE or arm.read().motion != before.motion:
+    if before.session != _ACTIVE or arm.monitoring().motion != before.motion:
         held = rest = np.nan
-    rows = arm._servo.rows(first, arm.read().rows, len(CYCLE_COLUMNS))
+    rows = arm._servo.rows(first, arm.monitoring().rows, len(CYCLE_COLUMNS))
     learner.wait()
     while server.service.leases.holder is not None:
         time.sleep(0.001)

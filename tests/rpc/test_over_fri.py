@@ -99,7 +99,7 @@ def test_the_next_learner_takes_over_from_one_that_was_killed(
                 time.sleep(0.01)
             time.sleep(0.5)
             if over_fri.is_real_time:
-                assert np.abs(over_fri._arm.read().dq).max() < 0.02
+                assert np.abs(over_fri._arm.monitoring().dq).max() < 0.02
         successor = connect(server)
         successor.reset(start, HOLE)
         states = [successor.step(push(0.0, 0.0, -1.0)) for _ in range(5)]
