@@ -118,7 +118,9 @@ class Wire:
         for name, signal in table.signals.items():
             value = table.values[name]
             is_analog = signal.type is IoType.ANALOG
-            field = {"analog": float(value)} if is_analog else {"digital": int(value)}
+            field: dict[str, Any] = (
+                {"analog": float(value)} if is_analog else {"digital": int(value)}
+            )
             entries.append(
                 _core.FriIo(name, int(signal.type), int(signal.direction), **field)
             )
