@@ -1,0 +1,80 @@
+"""The same policy and evaluation over FRI, on a cabinet in lockstep."""
+
+import socket
+from contextlib import contextmanager
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from dovetail.cabinet.cabinet import Cabinet
+from dovetail.cabinet.config import CabinetConfig, Endpoint
+from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.learn.config import TrainConfig
+from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.poses import Pose, quat_about_z
+from dovetail.scene import SceneConfig
+
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+Q_START = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
+
+
+@contextmanager
+def cabinet(clearance=0.002):
+    """Yields the address of an arm behind a lockstep cabinet."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    plant = make_plant("mujoco", SceneConfig(clearance=clearance), DynamicsConfig())
+    plant.reset(Q_START, HOLE)
+    config = CabinetConfig(
+        period=0.005,
+        clock="lockstep",
+        client=Endpoint("127.0.0.1", port),
+        bind=Endpoint("127.0.0.1", 0),
+        control=Endpoint("127.0.0.1", 0),
+    )
+    with Cabinet(plant, config) as running:
+        yield (
+            f"fri://127.0.0.1:{port}?period=5ms&clock=lockstep"
+            f"&control={running.control_address}"
+        )
+    plant.close()
+
+
+def run(policy_file, out, **settings):
+    config = EvaluationConfig(policy=str(policy_file), tries=1, out=out, **settings)
+    return evaluate(config, Console(file=StringIO()))
+
+
+def test_the_policy_inserts_over_fri_as_in_this_process(policy_file, tmp_path):
+    with cabinet() as address:
+        over_fri = run(policy_file, tmp_path / "fri", arm=address)
+    here = run(policy_file, tmp_path / "here", arm="mujoco")
+    assert over_fri.rows[-1].successes == here.rows[-1].successes == 3
+    assert over_fri.rows[-1].violations == 0
+    assert np.isnan(over_fri.rows[-1].force_peak)
+    for mine, theirs in zip(over_fri.outcomes, here.outcomes, strict=True):
+        assert abs(mine.steps - theirs.steps) <= 3  # FRI sends no velocity
+        np.testing.assert_allclose(mine.path[0], theirs.path[0], atol=1e-4)
+
+
+@pytest.mark.parametrize("reset", ["place", "move"])
+def test_an_arm_over_fri_can_be_trained_on_directly(reset, tmp_path):
+    train = pytest.importorskip("dovetail.learn.train").train
+    pytest.importorskip("sbx")
+    with cabinet(0.0005) as address:
+        config = TrainConfig(
+            out=tmp_path / "run",
+            arm=f"{address}&reset={reset}",
+            fixed_goal=True,
+            from_policy="peg_square",
+            steps=60,
+            learning_starts=100,
+            max_steps=20,
+            eval_episodes=1,
+        )
+        (result,) = train(config)
+    assert result.steps == 60
+    assert result.evaluation["limit_violations"] == 0
