@@ -244,11 +244,6 @@ def _fri(text: str) -> FriAddress:
             "cabinet; a real arm starts its episodes with reset=move"
         )
     order = ("hardware", "model") if control is None else ("model", "hardware")
-    times = {
-        name: parse_time(keys[name], f"arm {name}")
-        for name in ("timeout", "watchdog")
-        if name in keys
-    }
     return FriAddress(
         host=host,
         port=port,
@@ -257,12 +252,17 @@ def _fri(text: str) -> FriAddress:
         clock=clock,  # type: ignore[arg-type]
         control=control,
         reset=reset,  # type: ignore[arg-type]
+        timeout=_time(keys, "timeout", FriAddress.timeout),
+        watchdog=_time(keys, "watchdog", FriAddress.watchdog),
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
         margins=_choice(keys, "margins", order),  # type: ignore[arg-type]
         commanded_is_total=_choice(keys, "commanded_is_total", ("no", "yes")) == "yes",
         **_signs(keys),
-        **times,
     )
+
+
+def _time(keys: Mapping[str, str], name: str, usual: float) -> float:
+    return parse_time(keys[name], f"arm {name}") if name in keys else usual
 
 
 def _signs(keys: Mapping[str, str]) -> dict[str, int]:
