@@ -102,7 +102,7 @@ def run_arm_checks(address: FriAddress, ask: Ask | None) -> Iterator[Check]:
             return
         arm.connect()
         yield check_connection(arm, address)
-        rest = hold(arm, arm.read().q, HOLD_TIME)
+        rest = hold(arm, arm.monitoring().q, HOLD_TIME)
         yield check_gravity(arm, rest, address)
         yield check_drift(arm, rest)
         if not _may(ask, f"Every joint will be turned by {TURN:g} rad and back"):
@@ -116,7 +116,7 @@ def run_arm_checks(address: FriAddress, ask: Ask | None) -> Iterator[Check]:
 
 def check_connection(arm: Any, address: FriAddress) -> Check:
     """Say what is connected, and how."""
-    state, statistics = arm.read(), arm.statistics()
+    state, statistics = arm.monitoring(), arm.statistics()
     return Check(
         "connection",
         "ok",
@@ -134,7 +134,7 @@ def hold(arm: Any, q: Vec7, seconds: float) -> Rest:
         position = arm.step(target, _STEP).position
         if i * _STEP >= min(0.5, seconds / 2.0):
             positions.append(position)
-            states.append(arm.read())
+            states.append(arm.monitoring())
     drift = np.linalg.norm(np.array(positions) - positions[0], axis=1).max()
     q_mean, measured, external = (
         np.mean([getattr(state, name) for state in states], axis=0)
@@ -252,7 +252,7 @@ def check_push(arm: Any, q: Vec7, address: FriAddress, ask: Ask | None) -> Check
     force, largest = np.zeros(3), 0.0
     for _ in range(round(PUSH_TIME / _STEP)):
         state = arm.step(target, _STEP)
-        felt = estimate_force(arm, state.q, arm.read().tau_external - before)
+        felt = estimate_force(arm, state.q, arm.monitoring().tau_external - before)
         if (size := float(np.linalg.norm(felt))) > largest:
             force, largest = felt, size
     detail = f"felt {_list(force)} N"

@@ -119,7 +119,7 @@ class StubArm:
         self.state = SimpleNamespace(**state)
         self.is_stopped = False
 
-    def read(self):
+    def monitoring(self):
         return self.state
 
     def step(self, target, duration):
