@@ -181,11 +181,6 @@ def test_a_new_motion_begins_without_the_old_target(arm):
     np.testing.assert_allclose(after.q, START, atol=1e-4)
 
 
-@pytest.mark.parametrize("arm", [{"cabinet": {"version": "2.7"}}], indirect=True)
-def test_version_2_7_works_alike(arm):
-    arm._version = "2.7"
-
-
 @pytest.mark.parametrize("version", ["2.5", "2.7"])
 def test_other_versions_move_alike(version):
     logs = []

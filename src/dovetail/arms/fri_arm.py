@@ -334,6 +334,7 @@ class FriArm:
         for q_d in path:
             self._follow(_core.Target(joint_mode=True, q_d=q_d), cycles)
         at_goal = _core.Target(joint_mode=True, q_d=q)
+        error = np.zeros(7)
         for _ in range(round(_ARRIVAL_TIME / TICK)):
             state = self._servo.state()
             error = np.abs(state.q - q)
