@@ -110,6 +110,17 @@ def test_figures_are_png_for_every_peg(report, scene):
     assert draw_forces(report.outcomes).startswith(PNG)
 
 
+def test_tries_that_the_arm_ended_before_their_first_step_are_drawn(report):
+    ended = [
+        replace(o, path=np.empty((0, 3)), force_peak=np.nan, force_mean=np.nan)
+        for o in report.outcomes
+    ]
+    for outcomes in ([report.outcomes[0], ended[1]], ended):
+        figure = draw_paths(outcomes, ["A", "B"], scene=SceneConfig(), title="ended")
+        assert figure.startswith(PNG)
+        assert draw_forces(outcomes).startswith(PNG)
+
+
 def test_forces_without_any_contact_are_drawn(report):
     silent = [replace(o, force_peak=0.0, force_mean=0.0) for o in report.outcomes]
     assert draw_forces(silent).startswith(PNG)

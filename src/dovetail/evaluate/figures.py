@@ -60,6 +60,8 @@ def draw_paths(
         top.set_title(f"pose {label}: {inserted}/{len(tries)}", fontsize=10)
         _draw_block(top, side, scene)
         for outcome in tries:
+            if not len(outcome.path):
+                continue  # the arm ended it before the first step
             path = 1e3 * outcome.path
             style = {
                 "color": INSERTED if outcome.success else MISSED,
@@ -103,7 +105,8 @@ def _cut(
 
 def _fit(grid: Any, outcomes: Sequence[Outcome]) -> None:
     """Give all top views, and all side views, the same range."""
-    paths = [1e3 * outcome.path for outcome in outcomes]
+    some = [outcome.path for outcome in outcomes if len(outcome.path)]
+    paths = [1e3 * path for path in some or [np.zeros((1, 3))]]
     low = np.min([path.min(axis=0) for path in paths], axis=0) - 5.0
     high = np.max([path.max(axis=0) for path in paths], axis=0) + 5.0
     low, high = np.minimum(low, -_VIEW), np.maximum(high, _VIEW)
