@@ -61,3 +61,12 @@ def test_every_environment_setting_is_a_keyword_of_the_environment():
     for name in ENV_FIELDS:
         mine, theirs = getattr(config, name), known[name].default
         assert mine == theirs or mine == (theirs,), name  # one number for X Y Z
+
+
+def test_the_learning_rate_falls_in_the_second_half_only():
+    from dovetail.learn.algorithms import falling_rate
+
+    assert falling_rate(3e-4, 0.1, 1.0) == 3e-4
+    assert falling_rate(3e-4, 0.1, 0.5) == 3e-4
+    assert falling_rate(3e-4, 0.1, 0.25) == pytest.approx(0.55 * 3e-4)
+    assert falling_rate(3e-4, 0.1, 0.0) == pytest.approx(3e-5)

@@ -1,6 +1,7 @@
 """The learning algorithms, built by SBX (JAX) on Stable-Baselines3 from one config."""
 
 import os
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,17 @@ def make_vec_env(config: TrainConfig) -> Any:
     return DummyVecEnv([make] * config.num_envs)
 
 
+def falling_rate(rate: float, final: float, remaining: float) -> float:
+    """Return Adam's step size with this share of the training remaining.
+
+    Args:
+        rate: Step size during the first half [1].
+        final: Share of it at the end [1].
+        remaining: From 1 to 0.
+    """
+    return rate * (final + (1.0 - final) * min(1.0, 2.0 * remaining))
+
+
 def make_model(config: TrainConfig, env: Any) -> Any:
     """Build the SBX algorithm, its networks drawn from the config's seed.
 
@@ -98,7 +110,7 @@ def make_model(config: TrainConfig, env: Any) -> Any:
         "crossq": sbx.CrossQ,
     }[config.algorithm]
     settings: dict[str, Any] = {
-        "learning_rate": config.learning_rate,
+        "learning_rate": partial(falling_rate, config.learning_rate, config.final_rate),
         "gamma": config.gamma,
         "batch_size": config.batch_size,
         "seed": derive_seed(config.seed),

@@ -97,6 +97,9 @@ class TrainConfig:
     """Discount per 50 ms step [1]."""
     learning_rate: float = 3e-4
     """Step size of Adam, actor and critic [1]."""
+    final_rate: float = 0.1
+    """Share of it at the end, reached in a straight line from the middle on [1]: the
+    last policy is the one that is kept, so it must not be a lucky or unlucky one."""
     batch_size: int = 256
     """Transitions per gradient step."""
     net: tuple[int, ...] = (128, 128)
@@ -240,6 +243,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "updates_per_step": (1, 64),
     "gamma": (0.0, 0.99999),
     "learning_rate": (1e-7, 1.0),
+    "final_rate": (1e-3, 1.0),
     "batch_size": (2, 65536),
     "reward_scale": (1e-6, 1e6),
     "force_weight": (0.0, 1e3),
