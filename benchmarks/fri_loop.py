@@ -17,6 +17,7 @@ from dovetail import _core
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
+from dovetail.cabinet.realtime import request_realtime
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
@@ -31,6 +32,8 @@ LOOPBACK = "127.0.0.1"
 
 def run_cabinet(options: argparse.Namespace, pipe: Connection) -> None:
     """Be the cabinet until the other end of the pipe closes."""
+    if options.realtime:
+        print(f"cabinet: {request_realtime()}", flush=True)
     scene = SceneConfig()
     if options.plant in ("mujoco", "bullet"):
         plant = make_plant(options.plant, scene, DynamicsConfig())
@@ -98,7 +101,8 @@ def main() -> None:
         f"{options.plant}, {options.clock}, {1e3 * options.period:g} ms: "
         f"{steps * 0.05:.0f} s in {wall:.2f} s, {steps * 0.05 / wall:.1f} x real time, "
         f"{1e6 * wall / cycles:.0f} us per cycle; quality {status['quality']}, "
-        f"due {status['counts']['due']}, missed {status['counts'].get('missed', 0)}, "
+        f"while active due {status['counts']['active_due']}, missed "
+        f"{status['counts']['active_missed']}, "
         f"motions {status['motion']}"
     )
     for name, times in statistics["times"].items():
