@@ -270,7 +270,11 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
   taken_ = monotonic();
   waited_ = datagram.waited;
   add(Count::kReceived);
-  if (!is_served(datagram)) return;
+  if (!is_served(datagram)) {
+    watch_silence(taken_);  // a flood must not keep these from their turn
+    notice_events(taken_);
+    return;
+  }
   last_heard_ = taken_;
   const fri::SessionCounters before = cycle_.session().counters();
   const bool was_waiting = cycle_.state().is_waiting;

@@ -61,6 +61,11 @@ struct Network {
     BOOST_REQUIRE(from.send(message, cabinet.size(), there()));
   }
 
+  void send_garbage(UdpSocket& from) {
+    const std::array<std::uint8_t, 8> garbage{1, 2, 3, 4, 5, 6, 7, 8};
+    from.send(garbage.data(), garbage.size(), there());
+  }
+
   /// The answer that comes within a time.
   std::optional<fri::CommandMessage> answer(UdpSocket& at, int milliseconds = 1000) {
     Datagram datagram;
@@ -120,6 +125,19 @@ BOOST_AUTO_TEST_CASE(a_stranger_is_counted_and_not_answered) {
   BOOST_TEST(loop->state().tick == before.tick);
   BOOST_CHECK(loop->state().session == SessionState::kCommandingActive);
   BOOST_TEST(exchange().has_value());
+}
+
+BOOST_AUTO_TEST_CASE(a_flood_of_strangers_does_not_hide_a_silent_cabinet) {
+  loop_params.silence = 0.1;
+  start();
+  activate();
+  UdpSocket stranger("127.0.0.1", 0);
+  for (int i = 0; i < 2000 && loop->count(Count::kSilences) == 0; ++i) {
+    for (int k = 0; k < 20; ++k) send_garbage(stranger);
+    sleep_ms(1);
+  }
+  BOOST_TEST(loop->count(Count::kSilences) == 1);
+  BOOST_TEST(loop->count(Count::kForeign) > 100);
 }
 
 BOOST_AUTO_TEST_CASE(after_idle_another_cabinet_may_come) {

@@ -7,7 +7,8 @@ from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.plants.encoder_plant import EncoderPlant
-from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.plants.plant import COLUMN, PLANTS, DynamicsConfig, make_plant
+from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.scene import SceneConfig
 
@@ -36,25 +37,39 @@ def targets(seed, count):
         yield _core.Target(f_star=f_star, quat_wxyz_d=quat)
 
 
+def make(name, scene):
+    if name in PLANTS:
+        return make_plant(name, scene, DynamicsConfig())
+    plant = TwinPlant(load_twin(name), scene)
+    plant.seed(7)
+    return plant
+
+
 @pytest.mark.parametrize(
-    "engine", ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet)]
+    "engine",
+    [
+        "mujoco",
+        pytest.param("bullet", marks=pytest.mark.bullet),
+        pytest.param("medium", marks=pytest.mark.bullet),  # a twin: delay and noise
+    ],
 )
 def test_same_episode_same_targets_same_motion_as_a_local_arm(engine):
-    if engine == "bullet":
+    if engine != "mujoco":
         pytest.importorskip("pybullet")
     scene = SceneConfig()
     osc, limits = settings(scene)
     start = scene.robot().inverse_kinematics(
         Pose(np.array([0.60, 0.0, 0.16]), TOOL_DOWN), Q_SEED
     )
-    plant = EncoderPlant(make_plant(engine, scene, DynamicsConfig()), PERIOD)
+    plant = EncoderPlant(make(engine, scene), PERIOD)
     local = LocalArm(plant, scene.robot(), osc, limits, TASK, PERIOD)
     local.reset(start, HOLE)
     mine = [local.step(target) for target in targets(1, 200)]
     local.close()
 
-    plant = make_plant(engine, scene, DynamicsConfig())
+    plant = make(engine, scene)
     arm = CabinetArm(plant, osc, limits, TASK, PERIOD)
+    arm.seed(7)
     arm.reset(start, HOLE)
     theirs = [arm.step(target) for target in targets(1, 200)]
     arm.close()
