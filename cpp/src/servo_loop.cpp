@@ -209,8 +209,9 @@ void ServoLoop::run() noexcept {
     }
     watch_silence(monotonic());
     notice_events(monotonic());
-    wait_for(socket_.descriptor(), wake_loop_.descriptor(), kIdleWait);
-    wake_loop_.silence();
+    if (wait_for(socket_.descriptor(), wake_loop_.descriptor(), kIdleWait)) {
+      wake_loop_.silence();
+    }
   }
   if (save_at_ > 0.0) {
     jobs_.write(job_);

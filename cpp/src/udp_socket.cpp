@@ -154,9 +154,9 @@ bool Bell::wait(int milliseconds) const noexcept {
   return poll(&one, 1, milliseconds) > 0;
 }
 
-void wait_for(int first, int second, int milliseconds) noexcept {
+bool wait_for(int first, int second, int milliseconds) noexcept {
   pollfd two[2] = {{first, POLLIN, 0}, {second, POLLIN, 0}};
-  poll(two, 2, milliseconds);
+  return poll(two, 2, milliseconds) > 0 && two[1].revents != 0;
 }
 
 }  // namespace dovetail

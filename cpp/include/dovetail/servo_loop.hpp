@@ -168,10 +168,10 @@ class ServoLoop {
   bool has_arrival_ = false;
   double last_arrival_ = 0.0;  // of a new message [s]
   double last_heard_ = 0.0;    // of any datagram of the peer, or an answer to it [s]
-  double waited_ = 0.0;    // of the datagram in work, before it was taken [s]
-  double taken_ = 0.0;     // when it was taken [s]
-  ServoState last_state_;  // of the last look at events
-  double save_at_ = 0.0;   // when the log is due, 0 for never [s]
+  double waited_ = 0.0;        // of the datagram in work, before it was taken [s]
+  double taken_ = 0.0;         // when it was taken [s]
+  ServoState last_state_;      // of the last look at events
+  double save_at_ = 0.0;       // when the log is due, 0 for never [s]
   SaveJob job_;
 
   // loop -> writer

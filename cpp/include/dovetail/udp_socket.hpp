@@ -61,7 +61,8 @@ class Bell {
   int ends_[2];
 };
 
-/// Waits until one of two descriptors can be read, or the time is over.
-void wait_for(int first, int second, int milliseconds) noexcept;
+/// Waits until one of two descriptors can be read, or the time is over. \returns
+/// whether the second can.
+bool wait_for(int first, int second, int milliseconds) noexcept;
 
 }  // namespace dovetail

@@ -33,8 +33,9 @@ if TYPE_CHECKING:
 
 _SLICE = 0.05
 """How often a waiting learner says that it is alive [s]: less than the watchdog."""
-_PRIORITY = 80
-"""SCHED_FIFO priority in real time: above drivers' threads, below the kernel's own."""
+_PRIORITY = 90
+"""SCHED_FIFO priority in real time: above drivers and a cabinet on the same machine,
+below the kernel's own threads."""
 _ARRIVED = 0.02
 """Distance of every joint from the start that ends a reset [rad]."""
 _ARRIVAL_TIME = 5.0
