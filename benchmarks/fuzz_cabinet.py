@@ -51,10 +51,11 @@ def mutated(rng: random.Random, seeds: list[bytes]) -> bytes:
     return bytes(data)
 
 
-def flood(link: socket.socket, target: tuple[str, int], count: int, seed: int) -> None:
+def flood(
+    link: socket.socket, target: tuple[str, int], count: int, seeds: list[bytes]
+) -> None:
     """Send so many datagrams; a fresh batch is mutated each time it is used up."""
-    rng = random.Random(seed)
-    seeds = corpus("1.15")
+    rng = random.Random(1)
     sent = 0
     while sent < count:
         batch = [mutated(rng, seeds) for _ in range(_BATCH)]
@@ -94,7 +95,8 @@ def main() -> None:
         before = cabinet.status()
         start = time.perf_counter()
         sender = multiprocessing.Process(
-            target=flood, args=(link, tuple(cabinet.address), options.count, 1)
+            target=flood,
+            args=(link, tuple(cabinet.address), options.count, corpus("1.15")),
         )
         sender.start()
         link.close()
