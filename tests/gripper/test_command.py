@@ -58,14 +58,19 @@ def test_a_port_in_use_is_said(server, capsys):
     assert "choose another port" in capsys.readouterr().err
 
 
-def test_the_simulated_gripper_runs_as_a_program_until_interrupted():
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_simulated_gripper_runs_as_a_program_until_interrupted(number):
     with socket.create_server(("127.0.0.1", 0)) as free:
         place = f"127.0.0.1:{free.getsockname()[1]}"
     words = ["-m", "dovetail.cli", "gripper", "--simulate", "--at", place]
     process = subprocess.Popen(
-        [sys.executable, *words], stdout=subprocess.PIPE, text=True, env=os.environ
+        [sys.executable, *words],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
     )
     assert place in process.stdout.readline()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     assert "ends" in process.communicate(timeout=20)[0]
     assert process.returncode == 0

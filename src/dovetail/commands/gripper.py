@@ -1,5 +1,6 @@
 """`dovetail gripper`: one command to a WSG 50, or a simulated one to try it on."""
 
+import signal
 import time
 from dataclasses import dataclass
 from typing import Literal
@@ -69,6 +70,9 @@ class Gripper:
     def _simulate(self, host: str, port: int, console: Console) -> int:
         with SimulatedWsg50(host, port, part_width=self.part) as server:
             try:
+                # A shell's background job starts with SIGINT ignored.
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+                signal.signal(signal.SIGTERM, signal.default_int_handler)
                 console.print(
                     f"gripper: simulated WSG 50 at {server.host}:{server.port}; "
                     "Ctrl-C ends it",

@@ -1,5 +1,6 @@
 """The figures of an evaluation as PNG: the tool's paths and the contact force."""
 
+import math
 from collections.abc import Sequence
 from io import BytesIO
 from typing import Any
@@ -146,16 +147,18 @@ def draw_forces(outcomes: Sequence[Outcome]) -> bytes:
         (peak_axes, "peak contact force of a try [N]", "force_peak"),
         (mean_axes, "mean contact force of a try, in contact [N]", "force_mean"),
     ):
+        measured = [o for o in outcomes if not math.isnan(getattr(o, key))]
         split = [
-            [getattr(o, key) for o in outcomes if o.success],
-            [getattr(o, key) for o in outcomes if not o.success],
+            [getattr(o, key) for o in measured if o.success],
+            [getattr(o, key) for o in measured if not o.success],
         ]
-        everything = np.array(split[0] + split[1])
+        everything = np.array(split[0] + split[1] or [0.0])
         bins = np.linspace(0.0, max(1.0, 1.05 * everything.max()), 25)
         axes.hist(split, bins, stacked=True, color=[INSERTED, MISSED])
         p95 = np.percentile(everything, 95)
         axes.axvline(p95, color=_INK, linewidth=1, linestyle="--")
-        axes.set_title(f"95 % of the tries below {p95:.1f} N", fontsize=9, color=_INK)
+        title = f"95 % of the tries below {p95:.1f} N" if measured else "not measured"
+        axes.set_title(title, fontsize=9, color=_INK)
         axes.set_xlabel(name, fontsize=8)
         axes.set_ylabel("tries", fontsize=8)
         axes.tick_params(labelsize=7)
