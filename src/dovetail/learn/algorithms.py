@@ -128,6 +128,7 @@ def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any
     settings: dict[str, Any] = {
         "buffer_size": min(config.steps + config.num_envs, _LARGEST_BUFFER),
         "learning_starts": config.learning_starts,
+        "n_steps": config.n_steps,
         "train_freq": 1,
         "gradient_steps": config.num_envs * config.updates_per_step,
     }

@@ -93,6 +93,9 @@ class TrainConfig:
     """Environments stepped in turn by one process; on an arm always 1."""
     updates_per_step: int = 2
     """Gradient steps per environment step (not ppo)."""
+    n_steps: int = 3
+    """Rewards that are summed up before the critic's own estimate takes over (not ppo):
+    more than 1 carries the bonus faster from the hole to the way there."""
     gamma: float = 0.99
     """Discount per 50 ms step [1]."""
     learning_rate: float = 3e-4
@@ -241,6 +244,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "seeds": (1, 1000),
     "num_envs": (1, 256),
     "updates_per_step": (1, 64),
+    "n_steps": (1, 100),
     "gamma": (0.0, 0.99999),
     "learning_rate": (1e-7, 1.0),
     "final_rate": (1e-3, 1.0),
