@@ -106,7 +106,7 @@ def test_the_action_is_an_acceleration_and_a_rotation_relative_to_the_hole(fake)
     env, arm = fake
     act(env, 0.5, -1.0, 0.25, -0.5)
     f_star, _, quat = arm.targets[-1]
-    np.testing.assert_allclose(f_star, [2.0, -4.0, 0.25 * 1.5, 0, 0, 0])
+    np.testing.assert_allclose(f_star, [2.0, -4.0, 1.0, 0, 0, 0])
     np.testing.assert_allclose(quat, tool_down(-0.1), atol=1e-9)
 
 

@@ -34,10 +34,8 @@ WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
 """Speed limit of the TCP per axis [m/s]."""
-FORCE_DAMPING = (40.0, 40.0, 15.0)
-"""Damping of force axes X Y Z [1/s]: with f* of `commands.F_SCALE` 0.1 m/s at most."""
 NEAR_SPEED = 0.02
-"""Speed limit of the TCP per axis where contact is near [m/s]."""
+"""The same where contact is near [m/s]."""
 
 
 def build_arm(
@@ -48,7 +46,7 @@ def build_arm(
     plant: str = "mujoco",
     twin: str | Path | None = None,
     period: float = 0.005,
-    force_damping: float | Sequence[float] = FORCE_DAMPING,
+    force_damping: float | Sequence[float] = 40.0,
     near_speed: float = NEAR_SPEED,
     walls: Walls = (WALLS_MIN, WALLS_MAX),
     scheme: str = "qp",

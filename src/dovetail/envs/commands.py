@@ -18,12 +18,6 @@ ACTION_AXES = ("X", "Y", "Z", "A", "B", "C")
 """Order of the action's numbers; axes that the policy does not command are skipped."""
 
 
-F_SCALE = (4.0, 4.0, 1.5)
-"""f* at action 1 on X Y Z [m/s2]. A tool that is stopped pushes with f* times some
-10 kg: were z as strong as the others, friction would hold a peg that presses beside its
-hole, and the policy would find the hole late or never."""
-
-
 def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, float]:
     """Return a setting of X Y Z as three numbers; one number holds for all.
 

@@ -12,14 +12,8 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import (
-    FORCE_DAMPING,
-    NEAR_SPEED,
-    WALLS_MAX,
-    WALLS_MIN,
-    build_arm,
-)
-from dovetail.envs.commands import F_SCALE, CommandMap
+from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
+from dovetail.envs.commands import CommandMap
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
 from dovetail.envs.observation import (
     NUM_OBSERVATIONS,
@@ -158,9 +152,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         twin: str | Path | None = None,
         period: float = 0.005,
         max_steps: int = 200,
-        f_scale: float | Sequence[float] = F_SCALE,
+        f_scale: float | Sequence[float] = 4.0,
         f_scale_angular: float = 20.0,
-        force_damping: float | Sequence[float] = FORCE_DAMPING,
+        force_damping: float | Sequence[float] = 40.0,
         near_speed: float = NEAR_SPEED,
         near_distance: float = 0.01,
         theta_range: float = 0.2,

@@ -13,8 +13,6 @@ from dovetail.arms.address import (
     parse_address,
     places_hole,
 )
-from dovetail.envs.arm_setup import FORCE_DAMPING
-from dovetail.envs.commands import F_SCALE
 from dovetail.errors import ConfigError
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
@@ -64,11 +62,11 @@ class TrainConfig:
     """Number of past (observation, action) pairs in the observation."""
     period: float = 0.005
     """Control period [s]; an action acts for 50 ms."""
-    f_scale: tuple[float, ...] = F_SCALE
+    f_scale: tuple[float, ...] = (4.0,)
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
     f_scale_angular: float = 20.0
     """f* at action 1 on A B C [rad/s2]."""
-    force_damping: tuple[float, ...] = FORCE_DAMPING
+    force_damping: tuple[float, ...] = (40.0,)
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
     speed; 0 is the paper."""
     near_speed: float = 0.02
