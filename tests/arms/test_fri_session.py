@@ -126,7 +126,7 @@ def test_a_cabinet_that_starts_no_motion_is_named(arm):
 
 def test_settings_are_refused_by_name():
     for options, words in (
-        ({"version": "3.0"}, "known versions: 1.15"),
+        ({"version": "3.0"}, "'3.0' is unknown: 1.11, 1.14, 1.15"),
         ({"clock": "sundial"}, "known: wall, lockstep"),
         ({"reset": "place"}, "needs the control port"),
         ({"observer_gain": 2.0}, "observer gain is 2"),
