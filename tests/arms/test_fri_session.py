@@ -87,6 +87,12 @@ def test_port_in_use_is_said():
     assert error.value.reason == "port_in_use"
 
 
+def test_a_port_that_is_not_permitted_is_said(forbidden_port):
+    with pytest.raises(ArmError, match="no permission to listen") as error:
+        alone(forbidden_port)
+    assert error.value.reason == "no_permission"
+
+
 def test_address_of_another_machine_is_refused():
     osc, limits = OscConfig(), LimitConfig.for_period(SCENE.robot(), PERIOD)
     robot = SCENE.robot()
