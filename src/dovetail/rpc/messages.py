@@ -88,6 +88,11 @@ def _read_plane(values: list[float], fields: FieldReader) -> Array:
 
 def read_duration(message: pb.StepRequest, period: float, fields: FieldReader) -> float:
     """Return a step's duration [s], a whole number of control periods."""
+    duration = message.duration
+    if period <= duration <= DURATION_MAX:
+        cycles = round(duration / period)
+        if abs(cycles * period - duration) <= 1e-9:
+            return duration
     duration = fields.number("duration", message, "duration", "s")
     cycles = round(duration / period) if abs(duration) <= DURATION_MAX else 0
     if math.isfinite(duration) and (
