@@ -43,24 +43,22 @@ class TimedArm:
 
     def __init__(self, robot: Robot, period: float) -> None:
         self.robot, self.period = robot, period
-        self.log = np.random.default_rng(0).normal(size=(10, len(CYCLE_COLUMNS)))
+        log = np.random.default_rng(0).normal(size=(10, len(CYCLE_COLUMNS)))
+        seven, three = np.full(7, 0.1), np.full(3, 0.1)
+        self.state = ArmState(
+            *(0.0, seven, seven, three, QUAT, np.full(6, 0.1), three, 0, log)
+        )
 
     def reset(self, q: Vec7, hole: Pose) -> ArmState:
         """Answer at once."""
-        return self._state(0.0)
+        return self.state
 
     def step(self, target: _core.Target, duration: float = STEP) -> ArmState:
         """Wait, or not, and say how long it took."""
-        return self._state(wait(duration > self.period))
+        return self.state._replace(stamp=wait(duration > self.period))
 
     def close(self) -> None:
         """Nothing is held."""
-
-    def _state(self, seconds: float) -> ArmState:
-        seven, three = np.full(7, 0.1), np.full(3, 0.1)
-        return ArmState(
-            *(seconds, seven, seven, three, QUAT, np.full(6, 0.1), three, 0, self.log)
-        )
 
 
 class Builder:

@@ -1,5 +1,10 @@
 """Fixtures shared by every test: a seeded generator and the arm with its gripper."""
 
+import ctypes
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -31,3 +36,29 @@ def robot(gripper: Payload) -> Robot:
 def q_home() -> np.ndarray:
     """Tool down above the middle of the walls [rad]."""
     return np.array([0.0, 0.6, 0.0, -1.55, 0.0, 0.99, 0.0])
+
+
+@pytest.fixture
+def no_privileges() -> Iterator[None]:
+    """Runs the test's thread, and those it starts, without root's capabilities."""
+    if os.geteuid() != 0:
+        yield
+        return
+    libc = ctypes.CDLL(None, use_errno=True)
+    header = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3, this thread
+    before = (ctypes.c_uint32 * 6)()  # twice effective, permitted, inheritable
+    assert libc.capget(header, before) == 0
+    without = (ctypes.c_uint32 * 6)(*before)
+    without[0] = without[3] = 0
+    assert libc.capset(header, without) == 0
+    yield
+    assert libc.capset(header, before) == 0
+
+
+@pytest.fixture
+def forbidden_port(no_privileges: None) -> int:
+    """A TCP and UDP port that this process must not open."""
+    first = Path("/proc/sys/net/ipv4/ip_unprivileged_port_start")
+    if first.exists() and int(first.read_text()) <= 81:
+        pytest.skip(f"needs ports that only root may open: echo 1024 > {first}")
+    return 81

@@ -21,7 +21,7 @@ def test_examples_are_numbered_without_gaps():
 def test_example_runs_with_quick(path, tmp_path):
     needed = NEEDS.get(path.stem)
     if needed and importlib.util.find_spec(needed) is None:
-        pytest.skip(f"{needed} is not installed")
+        pytest.skip(f"needs {needed}: pip install '.[learn]' -c constraints.txt")
     done = subprocess.run(
         [sys.executable, str(path), "--quick"],
         cwd=tmp_path,

@@ -58,18 +58,8 @@ void bind_enums(nb::module_& m) {
   nb::enum_<fri::IoDirection>(m, "FriIoDirection", nb::is_arithmetic())
       .value("INPUT", fri::IoDirection::kInput)
       .value("OUTPUT", fri::IoDirection::kOutput);
-  m.def(
-      "fri_version",
-      [](const std::string& text) {
-        const auto version = fri::parse_version(text);
-        if (!version)
-          throw std::invalid_argument("FRI version '" + text +
-                                      "' is unknown: 1.11, 1.14, 1.15, 1.16, 2.5 and "
-                                      "2.7 are known; the cabinet's Sunrise project "
-                                      "names its version");
-        return *version;
-      },
-      "text"_a, "The wire format of a version such as '1.15'.");
+  m.def("fri_version", &require_version, "text"_a,
+        "The wire format of a version such as '1.15'.");
 }
 
 void bind_parts(nb::module_& m) {

@@ -30,6 +30,17 @@ inline std::optional<fri::TimeStamp> to_stamp(const Stamp& stamp) {
   return fri::TimeStamp{stamp->first, stamp->second};
 }
 
+/// \throws std::invalid_argument that lists the known versions
+inline fri::Version require_version(const std::string& text) {
+  const auto version = fri::parse_version(text);
+  if (!version)
+    throw std::invalid_argument("FRI version '" + text +
+                                "' is unknown: 1.11, 1.14, 1.15, 1.16, 2.5 and 2.7 "
+                                "are known; the cabinet's Sunrise project names its "
+                                "version");
+  return *version;
+}
+
 inline fri::Name to_name(const std::string& text) {
   fri::Name name;
   if (!name.assign(text))

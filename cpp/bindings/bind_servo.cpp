@@ -7,33 +7,18 @@
 
 #include <stdexcept>
 
+#include "bind_fri_parts.hpp"
 #include "dovetail/servo_loop.hpp"
+#include "task_from.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
 using namespace dovetail;
+using namespace dovetail::binding;
 
 namespace {
 
 using Rows = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
-
-fri::Version version_from(const std::string& text) {
-  if (text == "1.14" || text == "1.15" || text == "1.16") return fri::Version::k1_15;
-  if (text == "2.5") return fri::Version::k2_5;
-  if (text == "2.7") return fri::Version::k2_7;
-  throw std::invalid_argument("FRI version '" + text +
-                              "' is unknown; known versions: 1.15 (1.14 and 1.16 "
-                              "speak it), 2.5, 2.7");
-}
-
-TaskSpec task_from(const std::array<int, 6>& modes) {
-  TaskSpec task;
-  for (int i = 0; i < 6; ++i) {
-    const bool is_byte = modes[i] >= 0 && modes[i] <= 255;
-    task[i] = static_cast<AxisMode>(is_byte ? modes[i] : 255);
-  }
-  return task;
-}
 
 nb::dict times_of(const Histogram& histogram) {
   nb::dict times;
@@ -89,7 +74,7 @@ void bind_parameters(nb::module_& m) {
       .def_prop_rw(
           "version", [](const ServoParams& p) { return fri::name(p.version); },
           [](ServoParams& p, const std::string& text) {
-            p.version = version_from(text);
+            p.version = require_version(text);
           })
       .def_rw("period", &ServoParams::period)
       .def_rw("lockstep", &ServoParams::lockstep)

@@ -14,10 +14,12 @@
 #include "dovetail/controller.hpp"
 #include "dovetail/parameters.hpp"
 #include "dovetail/rigid_plant.hpp"
+#include "task_from.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
 using namespace dovetail;
+using dovetail::binding::task_from;
 
 namespace {
 
@@ -213,15 +215,6 @@ void bind_data(nb::module_& m) {
       .def_ro("a", &StepResult::a, "Commanded joint acceleration [rad/s2].")
       .def_ro("a0", &StepResult::a0, "What the task asked for [rad/s2].")
       .def_ro("flags", &StepResult::flags, "What limited the cycle.");
-}
-
-TaskSpec task_from(const std::array<int, 6>& modes) {
-  TaskSpec task;
-  for (int i = 0; i < 6; ++i) {
-    const bool is_byte = modes[i] >= 0 && modes[i] <= 255;
-    task[i] = static_cast<AxisMode>(is_byte ? modes[i] : 255);
-  }
-  return task;
 }
 
 nb::dict model_of(const Controller& controller) {

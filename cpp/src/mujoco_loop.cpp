@@ -37,17 +37,6 @@ void* open_library(const std::string& path) {
   return library;
 }
 
-/// Appends numbers to one row of the log.
-struct RowWriter {
-  double* next;
-
-  template <typename Vector>
-  void put(const Vector& v) noexcept {
-    for (Eigen::Index i = 0; i < v.size(); ++i) *next++ = v[i];
-  }
-  void put_number(double x) noexcept { *next++ = x; }
-};
-
 }  // namespace
 
 MujocoLoop::MujocoLoop(const std::string& library, std::uintptr_t model,

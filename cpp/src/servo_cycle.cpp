@@ -45,17 +45,6 @@ std::vector<std::string> make_columns() {
   return names;
 }
 
-/// Appends numbers to one row of the log.
-struct RowWriter {
-  double* next;
-
-  template <typename Vector>
-  void put(const Vector& v) noexcept {
-    for (Eigen::Index i = 0; i < v.size(); ++i) *next++ = v[i];
-  }
-  void put_number(double x) noexcept { *next++ = x; }
-};
-
 std::size_t rows_of(const ServoParams& params) {
   const double rows = params.log_seconds / params.period;
   if (!(rows >= 1.0 && rows <= 1e7)) {

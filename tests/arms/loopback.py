@@ -1,6 +1,7 @@
 """Arms behind a simulated cabinet on this machine's loopback."""
 
 import socket
+from contextlib import contextmanager
 
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
@@ -26,6 +27,18 @@ def make_cabinet(plant, port, period, **settings):
         **settings,
     )
     return Cabinet(plant, config)
+
+
+@contextmanager
+def lockstep_address(plant, **settings):
+    """Run a lockstep cabinet at 5 ms over the plant; yields its arm's address."""
+    port = free_port()
+    with make_cabinet(plant, port, 0.005, clock="lockstep", **settings) as running:
+        yield (
+            f"fri://{LOOPBACK}:{port}?period=5ms&clock=lockstep"
+            f"&control={running.control_address}"
+        )
+    plant.close()
 
 
 class CabinetArm(FriArm):

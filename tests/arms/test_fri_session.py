@@ -87,6 +87,12 @@ def test_port_in_use_is_said():
     assert error.value.reason == "port_in_use"
 
 
+def test_a_port_that_is_not_permitted_is_said(forbidden_port):
+    with pytest.raises(ArmError, match="no permission to listen") as error:
+        alone(forbidden_port)
+    assert error.value.reason == "no_permission"
+
+
 def test_address_of_another_machine_is_refused():
     osc, limits = OscConfig(), LimitConfig.for_period(SCENE.robot(), PERIOD)
     robot = SCENE.robot()
@@ -126,7 +132,7 @@ def test_a_cabinet_that_starts_no_motion_is_named(arm):
 
 def test_settings_are_refused_by_name():
     for options, words in (
-        ({"version": "3.0"}, "known versions: 1.15"),
+        ({"version": "3.0"}, "'3.0' is unknown: 1.11, 1.14, 1.15"),
         ({"clock": "sundial"}, "known: wall, lockstep"),
         ({"reset": "place"}, "needs the control port"),
         ({"observer_gain": 2.0}, "observer gain is 2"),

@@ -28,7 +28,7 @@ def test_model_and_mujoco_agree(checks):
 @pytest.mark.bullet
 def test_model_and_bullet_agree(checks):
     if importlib.util.find_spec("pybullet") is None:
-        pytest.skip("pybullet is not installed")
+        pytest.skip("needs PyBullet: pip install '.[bullet]' on CPython 3.11")
     check = checks["model and bullet agree"]
     assert check.status == "ok", check.detail
 

@@ -1,17 +1,15 @@
 """The doctor at an arm's first power-on, played by a simulated cabinet."""
 
-import socket
 from contextlib import contextmanager
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from arms.loopback import LOOPBACK, free_port, lockstep_address
 from dovetail import arm_checks
 from dovetail.arm_checks import run_arm_checks
 from dovetail.arms.address import parse_address
-from dovetail.cabinet.cabinet import Cabinet
-from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cli import run
 from dovetail.envs.randomisation import tool_down
 from dovetail.plants.plant import DynamicsConfig, make_plant
@@ -31,32 +29,13 @@ NAMES = [
 ]
 
 
-def free_port():
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 @contextmanager
 def cabinet(dynamics=None, **settings):
-    """Yields the address of an arm behind a lockstep cabinet."""
+    """Yields the address of an arm behind a lockstep cabinet; resets move there."""
     plant = make_plant("mujoco", SceneConfig(), dynamics or DynamicsConfig())
     plant.reset(plant.robot.inverse_kinematics(START, Q_SEED), HOLE)
-    port = free_port()
-    config = CabinetConfig(
-        period=0.005,
-        clock="lockstep",
-        client=Endpoint("127.0.0.1", port),
-        bind=Endpoint("127.0.0.1", 0),
-        control=Endpoint("127.0.0.1", 0),
-        **settings,
-    )
-    with Cabinet(plant, config) as running:
-        yield (
-            f"fri://127.0.0.1:{port}?period=5ms&clock=lockstep"
-            f"&control={running.control_address}&reset=move"
-        )
-    plant.close()
+    with lockstep_address(plant, **settings) as address:
+        yield f"{address}&reset=move"
 
 
 def checks(text, ask=None):
@@ -219,7 +198,7 @@ def test_only_an_arm_behind_fri_is_checked(arm, message, capsys):
 
 
 def test_no_cabinet_is_an_error_that_says_what_to_check(capsys):
-    address = f"fri://127.0.0.1:{free_port()}?timeout=300ms"
+    address = f"fri://{LOOPBACK}:{free_port()}?timeout=300ms"
     assert run(["doctor", "--arm", address, "--yes"]) == 2
     error = capsys.readouterr().err
     assert error.startswith("dovetail: ")
@@ -231,5 +210,5 @@ def test_nobody_at_the_terminal_is_an_error(monkeypatch, capsys):
         raise EOFError
 
     monkeypatch.setattr("builtins.input", end)
-    assert run(["doctor", "--arm", f"fri://127.0.0.1:{free_port()}"]) == 2
+    assert run(["doctor", "--arm", f"fri://{LOOPBACK}:{free_port()}"]) == 2
     assert "or with --yes" in capsys.readouterr().err

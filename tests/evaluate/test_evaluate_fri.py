@@ -1,6 +1,5 @@
 """The same policy and evaluation over FRI, on a cabinet in lockstep."""
 
-import socket
 from contextlib import contextmanager
 from io import StringIO
 
@@ -8,8 +7,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from dovetail.cabinet.cabinet import Cabinet
-from dovetail.cabinet.config import CabinetConfig, Endpoint
+from arms.loopback import lockstep_address
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.plant import DynamicsConfig, make_plant
@@ -23,24 +21,10 @@ Q_START = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
 @contextmanager
 def cabinet(clearance=0.002):
     """Yields the address of an arm behind a lockstep cabinet."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
     plant = make_plant("mujoco", SceneConfig(clearance=clearance), DynamicsConfig())
     plant.reset(Q_START, HOLE)
-    config = CabinetConfig(
-        period=0.005,
-        clock="lockstep",
-        client=Endpoint("127.0.0.1", port),
-        bind=Endpoint("127.0.0.1", 0),
-        control=Endpoint("127.0.0.1", 0),
-    )
-    with Cabinet(plant, config) as running:
-        yield (
-            f"fri://127.0.0.1:{port}?period=5ms&clock=lockstep"
-            f"&control={running.control_address}"
-        )
-    plant.close()
+    with lockstep_address(plant) as address:
+        yield address
 
 
 def run(policy_file, out, **settings):

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from dovetail.errors import ConfigError, PolicyError
-from dovetail.learn.algorithms import make_model, make_vec_env
+from dovetail.learn.algorithms import ACTOR_SHARE, make_model, make_vec_env
+from dovetail.learn.best_actor import GROUP, BestActor
+from dovetail.learn.checkpoint import load_checkpoint, save_checkpoint
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.export import export_policy
 from dovetail.learn.fine_tune import START_STD, load_start, start_from
@@ -118,3 +120,46 @@ def test_while_the_critics_learn_the_policy_stays_and_then_it_moves(make, small)
     np.testing.assert_array_equal(Policy.load(result.policy).layers[0][0], weights)
     (result,) = train(moved)
     assert np.abs(Policy.load(result.policy).layers[0][0] - weights).max() > 1e-5
+
+
+def test_a_checkpoint_knows_the_actor_that_is_kept(make, tmp_path):
+    import jax
+
+    _, _, path = make(seed=1)
+    first, config, _ = make(seed=2)
+    start(first, config, path)
+    best = BestActor(first, 0)
+    kept = first.policy.actor_state
+    for reward in range(GROUP):
+        best.judge(1)
+        best.add(float(reward))
+    best.judge(1)
+    first.policy.actor_state = make(seed=3)[0].policy.actor_state
+    place = save_checkpoint(tmp_path / "checkpoints", first, 0.0)
+    second, config, _ = make(seed=2)
+    start(second, config, path)
+    again = BestActor(second, 0)
+    load_checkpoint(place, second, seed=2)
+    assert again.kept.reward == 2.0
+    assert again.kept.spread == pytest.approx(np.std(range(GROUP)))
+    for state, wanted in (
+        (again.kept.actor, kept),
+        (second.policy.actor_state, first.policy.actor_state),
+    ):
+        for mine, theirs in zip(
+            jax.tree.leaves(state), jax.tree.leaves(wanted), strict=True
+        ):
+            np.testing.assert_array_equal(mine, theirs)
+
+
+@pytest.mark.parametrize("algorithm", ["sac", "tqc", "td3", "ddpg"])
+def test_an_actor_that_knows_something_learns_slower_than_its_critics(
+    algorithm, make, small
+):
+    config = replace(small, algorithm=algorithm, from_policy="peg_square")
+    model, _, _ = make(algorithm=algorithm)
+    slow = make_model(config, model.get_env())
+    rate = slow.policy.actor_state.opt_state.hyperparams["learning_rate"]
+    critic = slow.policy.qf_state.opt_state.hyperparams["learning_rate"]
+    assert rate == pytest.approx(ACTOR_SHARE * config.learning_rate)
+    assert critic == pytest.approx(config.learning_rate)

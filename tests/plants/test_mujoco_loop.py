@@ -92,7 +92,9 @@ def loop_over(plant, library):
 def test_another_mujoco_version_is_an_error_not_a_crash(tmp_path):
     compiler = shutil.which("cc")
     if compiler is None:
-        pytest.skip("no C compiler to make a library of another version")
+        pytest.skip(
+            "needs a C compiler named cc for a library of another version: install gcc"
+        )
     source = tmp_path / "other.c"
     source.write_text("int mj_version(void) { return 4000001; }\n")
     library = tmp_path / "libmujoco.so.4.0.1"

@@ -1,15 +1,13 @@
 """The whole road: learner, gRPC, controller process, FRI, simulated cabinet, plant."""
 
 import signal
-import socket
 import time
 
 import numpy as np
 import pytest
 
+from arms.loopback import LOOPBACK, free_port, make_cabinet
 from dovetail.arms.fri_arm import FriArm
-from dovetail.cabinet.cabinet import Cabinet
-from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.control.task_spec import TaskSpec
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.rpc.builders import RebuiltArm
@@ -17,15 +15,6 @@ from dovetail.rpc.server import ArmServer
 from dovetail.rpc.settings import Settings
 
 from .conftest import HOLE, PERIOD, push
-
-HOST = "127.0.0.1"
-
-
-def free_port():
-    """A UDP port that nobody uses now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((HOST, 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture(params=["lockstep", "wall"])
@@ -38,20 +27,13 @@ def over_fri(scene, clock, news):
     """Builder of an arm over FRI; the cabinet runs beside it."""
     port = free_port()
     plant = make_plant("mujoco", scene, DynamicsConfig())
-    config = CabinetConfig(
-        period=PERIOD,
-        clock=clock,
-        client=Endpoint(HOST, port),
-        bind=Endpoint(HOST, 0),
-        control=Endpoint(HOST, 0),
-    )
-    with Cabinet(plant, config) as cabinet:
+    with make_cabinet(plant, port, PERIOD, clock=clock) as cabinet:
 
         def make(settings):
             return FriArm(
                 scene.robot(),
                 *(settings.osc, settings.limits, settings.task, settings.period),
-                bind=(HOST, port),
+                bind=(LOOPBACK, port),
                 clock=clock,
                 control=str(cabinet.control_address),
                 log_folder=None,
@@ -72,7 +54,7 @@ def run(arm, start):
 def test_over_grpc_and_fri_the_arm_moves_as_over_fri(
     over_fri, settings, start, connect
 ):
-    with ArmServer(over_fri, f"{HOST}:0") as server:
+    with ArmServer(over_fri, f"{LOOPBACK}:0") as server:
         remote = run(connect(server), start)
     osc, limits, task, period = settings
     arm = over_fri.build(
@@ -88,7 +70,7 @@ def test_over_grpc_and_fri_the_arm_moves_as_over_fri(
 def test_the_next_learner_takes_over_from_one_that_was_killed(
     over_fri, start, connect, spawn_learner
 ):
-    with ArmServer(over_fri, f"{HOST}:0") as server:
+    with ArmServer(over_fri, f"{LOOPBACK}:0") as server:
         for _ in range(2):
             learner = spawn_learner(server, "0.05")
             time.sleep(0.3)

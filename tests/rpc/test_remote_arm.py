@@ -219,7 +219,7 @@ def test_the_answer_to_an_interrupted_step_is_not_taken_for_the_next_ones(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(arm, "_next", interrupt)
+        patch.setattr(arm._steps, "_next", interrupt)
         with pytest.raises(KeyboardInterrupt):
             arm.step(push(0.0))
     assert arm.step(push(0.0)).stamp == pytest.approx(0.10)

@@ -1,6 +1,5 @@
 """Who may connect: loopback without certificates, everyone else with the right ones."""
 
-import os
 import socket
 
 import pytest
@@ -141,10 +140,9 @@ def test_an_address_of_another_machine(builder, authority):
         ArmServer(builder, "192.0.2.1:5000", files_of(authority, "service"))
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may use every port")
-def test_a_port_that_needs_privileges(builder):
+def test_a_port_that_needs_privileges(builder, forbidden_port):
     with pytest.raises(ConfigError, match="need privileges"):
-        ArmServer(builder, "127.0.0.1:81")
+        ArmServer(builder, f"127.0.0.1:{forbidden_port}")
 
 
 def test_clients_that_only_connect_are_no_harm(server, start, connect):

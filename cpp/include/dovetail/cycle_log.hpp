@@ -16,6 +16,17 @@ constexpr int kCycleColumns = 42;
 constexpr int kForceColumn = 35;
 constexpr int kFlagsColumn = 41;
 
+/// Appends numbers to one row; the caller knows that they fit.
+struct RowWriter {
+  double* next;
+
+  template <typename Vector>
+  void put(const Vector& v) noexcept {
+    for (Eigen::Index i = 0; i < v.size(); ++i) *next++ = v[i];
+  }
+  void put_number(double x) noexcept { *next++ = x; }
+};
+
 /// Tool after the last cycle, by the controller's model, and what the cycles reported.
 struct StepSummary {
   Vec3 p;              ///< TCP position [m]

@@ -1,9 +1,7 @@
 """An arm behind `dovetail serve`, here or on another machine, over gRPC."""
 
-import queue
 import threading
-import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -71,6 +69,7 @@ class RemoteArm:
         """
         _require_grpc()
         from dovetail.rpc.client import client_name
+        from dovetail.rpc.step_stream import StepStream
 
         if isinstance(address, str):
             parsed = parse_address(address)
@@ -84,20 +83,16 @@ class RemoteArm:
         self.task = TaskSpec.parse(task) if isinstance(task, str) else task
         self._timeout, self._reset_timeout = timeout, reset_timeout
         self._seed: int | None = None
-        self._counter = 0
-        self._due = float("inf")
         self._closed = threading.Event()
-        self._outbox: queue.SimpleQueue[pb.StepRequest | None] = queue.SimpleQueue()
         self._connection = _connect(address, timeout)
         self._stub = self._connection.stub
         try:
             self.robot = _agreed_robot(self._connection.info, robot)
             self._lease = self._acquire(name or client_name(), lease_timeout)
-            self._answers = self._stub.control(iter(self._outbox.get, None))
+            self._steps = StepStream(self._connection, self._lease, timeout)
             self._keeper = threading.Thread(
                 target=self._keep_alive, name="dovetail-lease", daemon=True
             )
-            self._open_stream()
             self._keeper.start()
             self._configure(osc, scene)
         except BaseException:
@@ -140,28 +135,9 @@ class RemoteArm:
             PlantError: The simulation behind the service diverged.
             ArmError: The service is gone, the lease is lost or the arm is stopped.
         """
-        from dovetail.rpc import dovetail_pb2 as pb
-        from dovetail.rpc.messages import read_state, write_target
-        from dovetail.rpc.problems import error_of
-
         if self._closed.is_set():
             raise ArmError("this arm is closed: make a new one")
-        self._counter += 1
-        request = pb.StepRequest(
-            lease=self._lease, counter=self._counter, duration=duration
-        )
-        write_target(target, request.target)
-        self._due = time.monotonic() + max(0.0, duration) + self._timeout
-        self._outbox.put(request)
-        try:
-            report = self._next("the arm was lost in a step")
-            while report.counter < self._counter:  # of a step that was interrupted
-                report = self._next("the arm was lost in a step")
-        finally:
-            self._due = float("inf")
-        if report.HasField("problem"):
-            raise error_of(report.problem)
-        return read_state(report.state)
+        return self._steps.step(target, duration)
 
     def stop(self) -> None:
         """Hold the arm now; only `clear` lets it move again."""
@@ -209,7 +185,8 @@ class RemoteArm:
             except Exception as error:
                 if not is_failed_call(error):  # else the service is gone: nothing held
                     raise
-        self._outbox.put(None)
+        if (steps := getattr(self, "_steps", None)) is not None:
+            steps.close()
         self._connection.close()
 
     def _acquire(self, name: str, lease_timeout: float) -> str:
@@ -223,13 +200,6 @@ class RemoteArm:
             lease = self._stub.acquire_lease(request, timeout=self._timeout)
         self._rest = lease.timeout / 3.0
         return lease.lease
-
-    def _open_stream(self) -> None:
-        """Tie the lease to the stream; its first answer is empty."""
-        from dovetail.rpc import dovetail_pb2 as pb
-
-        self._outbox.put(pb.StepRequest(lease=self._lease))
-        self._next("the arm's stream cannot be opened")
 
     def _configure(self, osc: OscConfig, scene: "SceneConfig | None") -> None:
         from dovetail.rpc import dovetail_pb2 as pb
@@ -246,13 +216,6 @@ class RemoteArm:
         with self._connection.words("the arm refuses its settings"):
             self._stub.configure(request, timeout=self._reset_timeout)
 
-    def _next(self, doing: str) -> Any:
-        try:
-            with self._connection.words(doing):
-                return next(self._answers)
-        except StopIteration:
-            raise ArmError(f"{doing}: the service has closed the stream") from None
-
     def _keep_alive(self) -> None:
         """Keep the lease while this process lives; end a step that never answers."""
         from dovetail.rpc import dovetail_pb2 as pb
@@ -260,8 +223,7 @@ class RemoteArm:
 
         holder = pb.Holder(lease=self._lease)
         while not self._closed.wait(min(self._rest, 1.0)):
-            if time.monotonic() > self._due:
-                self._answers.cancel()
+            self._steps.end_overdue()
             try:
                 self._stub.keep_alive(holder, timeout=self._rest)
             except Exception as error:

@@ -4,6 +4,7 @@ Where the protocol's behaviour is not public, this gripper chooses: a motion bef
 homing answers "not initialised", one after a fast stop "access denied".
 """
 
+import os
 import selectors
 import socket
 import threading
@@ -52,7 +53,8 @@ class SimulatedWsg50:
             self._listener = socket.create_server((host, port))
         except OSError as error:
             raise GripperError(
-                f"cannot listen at {host}:{port}: {error.strerror}; choose another "
+                f"cannot listen at {host}:{port}: "
+                f"{os.strerror(error.errno or 0)}; choose another "
                 "port, or end the program that has it (ports below 1024 need rights)"
             ) from error
         self.host, self.port = self._listener.getsockname()[:2]

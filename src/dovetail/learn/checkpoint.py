@@ -22,7 +22,10 @@ from dovetail.learn.algorithms import derive_seed
 VERSION = 1
 KEPT = 2
 
-_STATES = ("actor_state", "qf_state", "qf1_state", "qf2_state", "vf_state")
+_STATES = (
+    *("actor_state", "kept_state"),
+    *("qf_state", "qf1_state", "qf2_state", "vf_state"),
+)
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 _BUFFER = (
     *("observations", "next_observations", "actions"),

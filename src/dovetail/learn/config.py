@@ -51,7 +51,9 @@ class TrainConfig:
     """With `fixed_goal`: x y z [m] of the hole's mouth and yaw [rad], world axes."""
     from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
     """Start from this policy's weights: a file, or the name of a shipped one. For the
-    first `learning_starts` steps only the critics learn."""
+    first `learning_starts` steps only the critics learn; then the actor does at a tenth
+    of their rate, and goes back to the one whose episodes went best if its own go
+    badly. The best one is what the run ends with."""
     peg: str = "square"
     """Shape of peg and hole: square, triangle (MuJoCo only) or round."""
     clearance: float = 0.0005

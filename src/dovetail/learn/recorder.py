@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: TID253
 
+from dovetail.learn.best_actor import BestActor
 from dovetail.learn.progress import EpisodeLog, EpisodeRow, Report, Stopwatch
 
 _REPORT_INTERVAL = 100
@@ -21,7 +22,7 @@ class Recorder(BaseCallback):
         report: Report,
         checkpoint: Callable[[], object],
         interval: int,
-        frozen_until: int = 0,
+        best: BestActor | None = None,
     ) -> None:
         """Take what to write to.
 
@@ -31,8 +32,7 @@ class Recorder(BaseCallback):
             report: Told now and then where the run stands.
             checkpoint: Writes a checkpoint of the model as it is.
             interval: Environment steps between two checkpoints.
-            frozen_until: Before this step the actor stays as it is: the critics of a
-                policy that came from elsewhere know nothing yet.
+            best: Judges the actor of a run that started from a policy.
         """
         super().__init__()
         self._log = log
@@ -40,14 +40,13 @@ class Recorder(BaseCallback):
         self._report = report
         self._checkpoint = checkpoint
         self._interval = interval
-        self._frozen_until = frozen_until
+        self._best = best
         self._force: list[float] = []
         self._saved = self._reported = 0
 
     def _on_training_start(self) -> None:
         self._force = [0.0] * self.training_env.num_envs
         self._saved = self._reported = self.num_timesteps
-        self._actor = self.model.policy.actor_state
 
     def _on_step(self) -> bool:
         infos, dones = self.locals["infos"], self.locals["dones"]
@@ -73,20 +72,21 @@ class Recorder(BaseCallback):
             wall_time=self._watch.elapsed(),
         )
         self._log.add(row)
+        if self._best is not None:
+            self._best.add(row.reward)
         status = self._log.status(self.num_timesteps, 0.0)
         self.logger.record("rollout/success_rate", status.success)
         self.logger.record_mean("rollout/contact_force_max", force)
 
     def _on_rollout_start(self) -> None:
         """Save here: every transition so far is stored and has been learned from."""
-        self._keep_actor()
+        if self._best is not None:
+            self._best.judge(self.num_timesteps)
         if self.num_timesteps - self._saved >= self._interval:
             self._saved = self.num_timesteps
             self._checkpoint()
 
     def _on_training_end(self) -> None:
-        self._keep_actor()
-
-    def _keep_actor(self) -> None:
-        if self.num_timesteps <= self._frozen_until:
-            self.model.policy.actor_state = self._actor
+        if self._best is not None:
+            self._best.judge(self.num_timesteps)
+            self._best.finish()

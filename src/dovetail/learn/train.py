@@ -10,6 +10,7 @@ from dovetail.errors import ArmError, PlantError
 from dovetail.evaluate.files import write_atomic
 from dovetail.learn.algorithms import make_model, make_vec_env
 from dovetail.learn.assess import assess
+from dovetail.learn.best_actor import BestActor
 from dovetail.learn.checkpoint import (
     list_checkpoints,
     load_checkpoint,
@@ -116,12 +117,14 @@ def _learn(model: Any, config: TrainConfig, folder: Path, report: Report) -> flo
     start = load_start(config, model.get_env().envs[0])
     if start is not None:
         model.learning_starts = 0  # its own actions are better than random ones
+    best = None
+    if start is not None:
+        start_from(model, start)
+        best = BestActor(model, config.learning_starts)
     if found := list_checkpoints(checkpoints):
         step, wall_time = load_checkpoint(found[-1], model, config.seed)
     else:
         seed_run(model, config.seed, 0)
-        if start is not None:
-            start_from(model, start)
     if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
@@ -133,7 +136,7 @@ def _learn(model: Any, config: TrainConfig, folder: Path, report: Report) -> flo
         report,
         lambda: save_checkpoint(checkpoints, model, watch.elapsed()),
         config.checkpoint_interval,
-        config.learning_starts if start is not None else 0,
+        best,
     )
     try:
         model.learn(config.steps - step, callback=recorder, reset_num_timesteps=False)

@@ -15,6 +15,8 @@ XYZ = ("X", "Y", "Z")
 PLANE = ("nx", "ny", "nz", "offset")
 WXYZ = ("w", "x", "y", "z")
 FINITE = (-math.inf, math.inf)
+LENGTH_TOLERANCE = 2e-3
+"""How far a unit quaternion's squared length may be from 1."""
 
 
 class FieldReader:
@@ -90,7 +92,7 @@ class FieldReader:
         """Read a unit quaternion."""
         quat = self.vector(path, values, WXYZ, "1")
         length = sum(x * x for x in values[:]) if len(values) == 4 else math.nan
-        if math.isfinite(length) and abs(length - 1.0) > 2e-3:
+        if math.isfinite(length) and abs(length - 1.0) > LENGTH_TOLERANCE:
             self.refuse(path, f"of length {math.sqrt(length):.6g}", "length 1")
         return quat
 

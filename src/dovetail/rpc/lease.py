@@ -3,8 +3,7 @@
 import secrets
 import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from dovetail.errors import ArmError
@@ -109,18 +108,13 @@ class LeaseBook:
         held.heard = self._clock()
         return held
 
-    @contextmanager
-    def use(self, lease: str) -> Iterator[Holder]:
-        """Serve a call of the holder, which cannot time out meanwhile."""
-        held = self.require(lease)
-        with self._changed:
-            held.busy += 1
-        try:
-            yield held
-        finally:
-            with self._changed:
-                held.busy -= 1
-                held.heard = self._clock()
+    def use(self, lease: str) -> "_Use":
+        """Serve a call of the holder, which cannot time out meanwhile.
+
+        Raises:
+            ArmError: As `require`, when the context is entered.
+        """
+        return _Use(self, lease)
 
     def bind(self, lease: str) -> Holder:
         """Tie the lease to a control stream.
@@ -175,3 +169,21 @@ class LeaseBook:
                 if held is None or held.busy or left is None or left > 0.0:
                     continue
             self.end(held, f"nothing was heard of it for {held.timeout:g} s")
+
+
+class _Use:
+    """A holder's call under way; no generator, because each step is one."""
+
+    def __init__(self, book: LeaseBook, lease: str) -> None:
+        self._book, self._lease = book, lease
+
+    def __enter__(self) -> Holder:
+        self._held = self._book.require(self._lease)
+        with self._book._changed:
+            self._held.busy += 1
+        return self._held
+
+    def __exit__(self, *error: object) -> None:
+        with self._book._changed:
+            self._held.busy -= 1
+            self._held.heard = self._book._clock()

@@ -5,15 +5,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dovetail import _core
 from dovetail.arms.arm import ArmState
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.rpc import dovetail_pb2 as pb
-from dovetail.rpc.fields import PLANE, TASK_AXES, XYZ, FieldReader
+from dovetail.rpc.fields import LENGTH_TOLERANCE, PLANE, TASK_AXES, XYZ, FieldReader
 from dovetail.types import JOINTS, Array, Vec7
 
 if TYPE_CHECKING:
-    from dovetail import _core
     from dovetail.robot import Robot
 
 DURATION_MAX = 10.0
@@ -21,9 +21,10 @@ DURATION_MAX = 10.0
 
 _ROW = np.dtype("<f8")
 _COLUMNS = len(CYCLE_COLUMNS)
+_SIZES = [6, 3, 4, 4]
 
 
-def write_target(target: "_core.Target", message: pb.Target) -> None:
+def write_target(target: _core.Target, message: pb.Target) -> None:
     """Put a Target into an empty message."""
     message.f_star.extend(target.f_star.tolist())
     message.position_d.extend(target.position_d.tolist())
@@ -33,10 +34,10 @@ def write_target(target: "_core.Target", message: pb.Target) -> None:
         message.q_d.extend(target.q_d.tolist())
 
 
-def read_target(message: pb.Target, fields: FieldReader) -> "_core.Target":
+def read_target(message: pb.Target, fields: FieldReader) -> _core.Target:
     """Return a message's Target; wrong fields go to the reader."""
-    from dovetail import _core
-
+    if (right := _read_right_target(message)) is not None:
+        return right
     target = _core.Target(
         f_star=fields.vector(
             "target.f_star", message.f_star, TASK_AXES, "m/s2 or rad/s2"
@@ -52,6 +53,29 @@ def read_target(message: pb.Target, fields: FieldReader) -> "_core.Target":
     return target
 
 
+def _read_right_target(message: pb.Target) -> _core.Target | None:
+    """Return a message's Target, None where something is wrong or a joint's.
+
+    Every step comes through here, mostly in a thread that has just been woken: what
+    touches little code is quick then, whatever it computes.
+    """
+    f_star, position = message.f_star[:], message.position_d[:]
+    quat, plane = message.quat_wxyz_d[:], message.near_plane[:]
+    if [len(f_star), len(position), len(quat), len(plane)] != _SIZES or message.q_d:
+        return None
+    numbers = f_star + position + quat + plane
+    finite = numbers[:-1] if plane[3] == -math.inf else numbers
+    length = sum([x * x for x in quat])
+    if not (math.isfinite(sum(finite)) and abs(length - 1.0) <= LENGTH_TOLERANCE):
+        return None
+    array = np.array(numbers)
+    target = _core.Target(
+        f_star=array[:6], position_d=array[6:9], quat_wxyz_d=array[9:13]
+    )
+    target.near_plane = array[13:]
+    return target
+
+
 def _read_plane(values: list[float], fields: FieldReader) -> Array:
     """Return normal and offset; only the offset may be infinite, and only below."""
     is_nowhere = len(values) == 4 and values[3] == -math.inf
@@ -64,6 +88,11 @@ def _read_plane(values: list[float], fields: FieldReader) -> Array:
 
 def read_duration(message: pb.StepRequest, period: float, fields: FieldReader) -> float:
     """Return a step's duration [s], a whole number of control periods."""
+    duration = message.duration
+    if period <= duration <= DURATION_MAX:
+        cycles = round(duration / period)
+        if abs(cycles * period - duration) <= 1e-9:
+            return duration
     duration = fields.number("duration", message, "duration", "s")
     cycles = round(duration / period) if abs(duration) <= DURATION_MAX else 0
     if math.isfinite(duration) and (
@@ -141,4 +170,4 @@ def rows_to_bytes(rows: Array) -> bytes:
 
 def rows_from_bytes(data: bytes) -> Array:
     """Return a cycle log from its bytes, shape (cycles, columns)."""
-    return np.frombuffer(data, dtype=_ROW).astype(float).reshape(-1, _COLUMNS)
+    return np.frombuffer(bytearray(data), dtype=_ROW).reshape(-1, _COLUMNS)

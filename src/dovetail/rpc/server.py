@@ -108,6 +108,8 @@ def _why_not(host: str, port: int) -> str:
     except OSError as error:
         number = error.errno or 0
     reason = os.strerror(number) if number > 0 else "the address is not known"
+    if number == errno.EPERM:  # a container's policy says it so
+        number = errno.EACCES
     advice = {
         errno.EADDRINUSE: "another program listens there: end it or choose another "
         f"port (who it is: ss -ltnp 'sport = :{port}')",

@@ -1,0 +1,21 @@
+/// How Python's numbers become a task, for every class that is built with one.
+#pragma once
+
+#include <array>
+
+#include "dovetail/types.hpp"
+
+namespace dovetail::binding {
+
+/// \param modes  one AxisMode per axis X Y Z A B C; what is none of them becomes 255,
+///               which the controller refuses by the axis' name
+inline TaskSpec task_from(const std::array<int, 6>& modes) {
+  TaskSpec task;
+  for (int i = 0; i < 6; ++i) {
+    const bool is_byte = modes[i] >= 0 && modes[i] <= 255;
+    task[i] = static_cast<AxisMode>(is_byte ? modes[i] : 255);
+  }
+  return task;
+}
+
+}  // namespace dovetail::binding
