@@ -7,15 +7,11 @@ where it stood, its random numbers included.
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dovetail.errors import MissingDependencyError
 from dovetail.types import Array
-
-if TYPE_CHECKING:
-    from cmaes import CMA
 
 PRIOR_WIDTH = 0.2
 """Standard deviation of the first generation, as a share of each parameter's range."""
@@ -28,13 +24,13 @@ EXACT = 1e-9
 
 
 def initial_covariance(sensitivity: Array, error: float) -> Array:
-    """Return the covariance of the first generation, in shares of each range.
+    r"""Return the covariance of the first generation, in shares of each range.
 
     Directions that move the TCP much get small steps, those that hardly do get the
     whole `PRIOR_WIDTH`: with it a generation changes the trajectories by about the
     error that is there, in every direction.
 
-    .. math:: C = (J^T J / (N e^2) + I / \\sigma^2)^{-1}
+    .. math:: C = (J^T J / (N e^2) + I / \sigma^2)^{-1}
 
     Args:
         sensitivity: J, change of the TCP at each cycle over the change of each
@@ -94,7 +90,7 @@ class Search:
             ) from error
         size = len(space.low)
         self.space = space
-        self._optimiser: CMA = CMA(
+        self._optimiser = CMA(
             mean=np.clip(space.to_shares(space.start), EDGE, 1.0 - EDGE),
             sigma=1.0,
             cov=covariance,
