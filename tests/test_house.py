@@ -13,7 +13,17 @@ MAX_LINES = 400
 EMPTY_NAMES = {"utils", "util", "common", "helper", "helpers", "manager", "misc"}
 
 LAYERS = (
-    {"types", "poses", "errors", "kinematics", "iiwa14", "robot", "robot_file"},
+    {
+        "types",
+        "poses",
+        "errors",
+        "files",
+        "page",
+        "kinematics",
+        "iiwa14",
+        "robot",
+        "robot_file",
+    },
     {"scene"},
     {"control", "plants"},
     {"arms", "cabinet", "episode", "gripper", "rpc"},

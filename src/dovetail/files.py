@@ -1,0 +1,74 @@
+"""Output folders and files that are either whole or absent."""
+
+import os
+import tempfile
+from pathlib import Path
+
+from dovetail.errors import ConfigError, LogError
+
+
+def claim_output_folder(path: str | Path) -> Path:
+    """Create the folder for a run's results, refusing one that holds something.
+
+    Args:
+        path: Folder to write into; parents are created.
+
+    Returns:
+        The folder, absolute, existing and empty.
+
+    Raises:
+        ConfigError: the path is a file, or a folder that is not empty.
+    """
+    folder = Path(path).expanduser().absolute()
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"the output folder {folder} is a file; choose another --out")
+    if folder.is_dir() and (first := next(folder.iterdir(), None)) is not None:
+        raise ConfigError(
+            f"the output folder {folder} is not empty (it holds {first.name}); "
+            "choose another --out or remove it"
+        )
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"cannot create the output folder {folder}: {error.strerror}"
+        ) from error
+    return folder
+
+
+def write_atomic(path: Path, data: bytes | str) -> Path:
+    """Write a file beside its place and rename it there.
+
+    A reader, or a crash at any moment, sees the old file or the new one, never
+    a part of one.
+
+    Args:
+        path: File to write; its folder exists.
+        data: Content; text is written as UTF-8.
+
+    Returns:
+        `path`.
+
+    Raises:
+        LogError: The disk is full or the folder is not writable.
+    """
+    content = data.encode() if isinstance(data, str) else data
+    beside = None
+    try:
+        with tempfile.NamedTemporaryFile(
+            dir=path.parent, prefix=f".{path.name}.", delete=False
+        ) as file:
+            beside = Path(file.name)
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        beside.chmod(0o644)
+        beside.replace(path)
+    except OSError as error:
+        if beside is not None:
+            beside.unlink(missing_ok=True)
+        raise LogError(
+            f"cannot write {path} ({len(content)} bytes): {error.strerror}; "
+            "free some space or choose another --out"
+        ) from error
+    return path

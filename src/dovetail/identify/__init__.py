@@ -1,0 +1,1 @@
+"""Identification: make the simulation move as the arm does (Kaspar et al. 2020)."""

@@ -1,0 +1,261 @@
+"""What an identification may change in the simulation, and how far."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import DYNAMICS_RANGES, DynamicsConfig
+from dovetail.plants.twin import TwinConfig
+from dovetail.types import Array
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number that the fit may change."""
+
+    name: str
+    """Name, as a fit's report and `--parameters` call it."""
+    unit: str
+    low: float
+    high: float
+    """Bounds of the search."""
+    start: float
+    """Where the search begins: the nominal model."""
+
+
+DELAY_RANGE = (0.0, 0.1)
+"""Allowed command delay of a model [s]."""
+_NOMINAL = DynamicsConfig()
+_JOINTS = range(1, 8)
+
+
+def _scalar_and_joints(
+    name: str, unit: str, low: float, high: float, start: float
+) -> list[Parameter]:
+    """Return one parameter for all joints, and one for each."""
+    names = [name, *(f"{name}_{i}" for i in _JOINTS)]
+    return [Parameter(n, unit, low, high, start) for n in names]
+
+
+KNOWN: dict[str, Parameter] = {
+    p.name: p
+    for p in (
+        *(Parameter(f"gravity_{axis}", "m/s2", -2.0, 2.0, 0.0) for axis in "xyz"),
+        *_scalar_and_joints("mass_scale", "1", 0.6, 1.6, 1.0),
+        *_scalar_and_joints("damping", "Nms/rad", 0.0, 4.0, 0.5),
+        *_scalar_and_joints("coulomb", "Nm", 0.0, 4.0, 0.0),
+        *_scalar_and_joints("armature", "kg m2", 0.005, 0.6, 0.1),
+        Parameter("command_delay", "s", 0.0, 0.03, 0.0),
+    )
+}
+"""Every parameter by name. `gravity_*` is the true gravity minus the compensated one,
+world axes; a name without a number is one value for all seven joints or links."""
+
+
+def _joints(name: str) -> tuple[str, ...]:
+    return tuple(f"{name}_{i}" for i in _JOINTS)
+
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "gravity": ("gravity_x", "gravity_y", "gravity_z"),
+    "mass_scale_per_link": _joints("mass_scale"),
+    "damping_per_joint": _joints("damping"),
+    "coulomb_per_joint": _joints("coulomb"),
+    "armature_per_joint": _joints("armature"),
+}
+"""Names that stand for several parameters."""
+
+SETS: dict[str, tuple[str, ...]] = {
+    "paper": ("gravity", "mass_scale", "damping"),
+    "extended": (
+        *("gravity", "mass_scale_per_link", "damping_per_joint"),
+        *("coulomb_per_joint", "armature_per_joint", "command_delay"),
+    ),
+}
+"""The paper's set, and the one with what its authors left out."""
+
+
+@dataclass(frozen=True)
+class ParameterSet:
+    """The parameters of one identification, in order."""
+
+    parameters: tuple[Parameter, ...]
+
+    def __post_init__(self) -> None:
+        """Refuse an empty set, a parameter that is there twice, or bad bounds."""
+        if not self.parameters:
+            raise ConfigError(
+                f"no parameters to identify; give one of {', '.join(SETS)}, or a list "
+                f"of {_known()}"
+            )
+        names = self.names
+        for name in names:
+            stem = name.rstrip("0123456789").rstrip("_")
+            if names.count(name) > 1 or (stem != name and stem in names):
+                raise ConfigError(
+                    f"parameter {name} is there twice, alone or as part of a group; "
+                    "name it once"
+                )
+        for p in self.parameters:
+            if not p.low <= p.start <= p.high or p.low >= p.high:
+                raise ConfigError(
+                    f"parameter {p.name} starts at {p.start:g} {p.unit}, which its "
+                    f"bounds {p.low:g} to {p.high:g} {p.unit} exclude; widen them"
+                )
+            low, high = _allowed(p.name)
+            for value in (p.low, p.high):
+                if not low <= value <= high:
+                    raise ConfigError(
+                        f"parameter {p.name} ends at {value:g} {p.unit}, allowed is "
+                        f"{low:g} to {high:g} {p.unit}"
+                    )
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read a set: `paper`, `extended`, or names divided by commas.
+
+        Bounds and start of a name may follow it: `gravity_z=-1:1` (bounds) or
+        `mass_scale=0.8:1.2:1.05` (bounds and start).
+
+        Raises:
+            ConfigError: An unknown name (lists the known ones), bounds that are no
+                numbers or exclude the start, or a parameter twice.
+        """
+        parameters: list[Parameter] = []
+        for word in filter(None, (w.strip() for w in text.split(","))):
+            name, _, bounds = word.partition("=")
+            names = _expand(name)
+            parameters += [_bounded(KNOWN[n], bounds) for n in names]
+        return cls(tuple(parameters))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names in the order of the vector."""
+        return tuple(p.name for p in self.parameters)
+
+    @property
+    def low(self) -> Array:
+        """Lower bounds, shape (number of parameters,)."""
+        return np.array([p.low for p in self.parameters])
+
+    @property
+    def high(self) -> Array:
+        """Upper bounds, shape (number of parameters,)."""
+        return np.array([p.high for p in self.parameters])
+
+    @property
+    def start(self) -> Array:
+        """Where the search begins, shape (number of parameters,)."""
+        return np.array([p.start for p in self.parameters])
+
+    def to_model(self, vector: Array, engine: str = "mujoco") -> TwinConfig:
+        """Return the simulation with these values and without noise.
+
+        Args:
+            vector: One value for each parameter, in its unit.
+            engine: Physics engine that the model names.
+
+        Raises:
+            ConfigError: Not one finite value for each parameter.
+        """
+        values = np.asarray(vector, dtype=float)
+        if values.shape != (len(self.parameters),) or not np.isfinite(values).all():
+            raise ConfigError(
+                f"the vector is {values.tolist()}; it needs {len(self.parameters)} "
+                f"finite numbers: {', '.join(self.names)}"
+            )
+        model = nominal_model(engine)
+        changed: dict[str, list[float]] = {}
+        for p, value in zip(self.parameters, values.tolist(), strict=True):
+            _put(changed, model, p.name, value)
+        delay = changed.pop("command_delay", [model.command_delay])[0]
+        return replace(
+            model,
+            command_delay=delay,
+            **{name: tuple(v) for name, v in changed.items()},  # type: ignore[arg-type]
+        )
+
+
+def nominal_model(engine: str = "mujoco") -> TwinConfig:
+    """Return the controller's own model as a twin without noise."""
+    d = _NOMINAL
+    return TwinConfig(
+        description="the controller's model",
+        engine=engine,  # type: ignore[arg-type]
+        seed=0,
+        inertia=d.inertia,
+        mass_scale=d.mass_scale,
+        gravity_residual=d.gravity_residual,
+        damping=d.damping,
+        coulomb=d.coulomb,
+        armature=d.armature,
+        command_delay=0.0,
+        torque_noise=0.0,
+        position_noise=0.0,
+        velocity_noise=0.0,
+        contact_friction=d.contact_friction,
+        contact_time=d.contact_time,
+        clearance_offset=0.0,
+    )
+
+
+def _allowed(name: str) -> tuple[float, float]:
+    """Return the range that a model may have a parameter in."""
+    if name == "command_delay":
+        return DELAY_RANGE
+    stem = "gravity_residual" if name.startswith("gravity") else name.rstrip("_1234567")
+    return DYNAMICS_RANGES[stem][:2]
+
+
+def _put(
+    changed: dict[str, list[float]], model: TwinConfig, name: str, value: float
+) -> None:
+    """Write one parameter into the fields of the model that change."""
+    if name == "command_delay":
+        changed[name] = [value]
+        return
+    stem, _, part = name.rpartition("_")
+    if stem == "gravity":
+        residual = changed.setdefault("gravity_residual", list(model.gravity_residual))
+        residual["xyz".index(part)] = value
+    elif part.isdigit():
+        changed.setdefault(stem, list(getattr(model, stem)))[int(part) - 1] = value
+    else:
+        changed[name] = [value] * 7
+
+
+def _expand(name: str) -> list[str]:
+    """Return the parameters that a name stands for."""
+    if name in SETS:
+        return [n for part in SETS[name] for n in _expand(part)]
+    if name in GROUPS:
+        return list(GROUPS[name])
+    if name in KNOWN:
+        return [name]
+    raise ConfigError(f"parameter {name!r} is unknown; known: {_known()}")
+
+
+def _bounded(parameter: Parameter, text: str) -> Parameter:
+    """Return a parameter with the bounds, and perhaps the start, of LOW:HIGH:START."""
+    if not text:
+        return parameter
+    try:
+        numbers = [float(word) for word in text.split(":")]
+        low, high, start = (*numbers, parameter.start)[:3]
+    except ValueError:
+        numbers = []
+        low = high = start = np.nan
+    if len(numbers) not in (2, 3) or not np.isfinite([low, high, start]).all():
+        raise ConfigError(
+            f"parameter {parameter.name} has the bounds {text!r}; give LOW:HIGH or "
+            f"LOW:HIGH:START in {parameter.unit}, such as {parameter.low:g}:"
+            f"{parameter.high:g}"
+        )
+    return replace(parameter, low=low, high=high, start=start)
+
+
+def _known() -> str:
+    scalars = [n for n in KNOWN if not n[-1].isdigit()]
+    return ", ".join([*SETS, *GROUPS, *scalars, "and a joint's own, such as damping_3"])

@@ -1,0 +1,232 @@
+"""Play the scripted sequences on an arm and log them."""
+
+import json
+import math
+from contextlib import closing
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+
+from dovetail.arms.address import (
+    FriAddress,
+    GrpcAddress,
+    parse_address,
+    places_hole,
+)
+from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN
+from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.envs.randomisation import tool_down
+from dovetail.episode import Episode
+from dovetail.errors import ArmError, ConfigError
+from dovetail.files import write_atomic
+from dovetail.identify.excitation import EXCITATION, excitation
+from dovetail.identify.recording import (
+    DESCRIPTION,
+    FORMAT,
+    Recording,
+    read_description,
+    sequence_path,
+)
+from dovetail.poses import Pose, quat_about_z
+from dovetail.robot import Robot
+from dovetail.scene import PegShape
+from dovetail.types import Array, Vec7
+
+NEAR_DISTANCE = 0.01
+"""How far above the hole's mouth the tool's speed is limited [m], as for a policy."""
+CONTACT_FORCE = 0.1
+"""Contact force from which the peg counts as in contact [N]."""
+DEFAULT_HOLE = (0.60, 0.0, 0.09, 0.0)
+"""Where the hole is put: x y z [m] of its mouth, yaw [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordConfig:
+    """What to play, on which arm, and where to log it."""
+
+    arm: str = "twin:medium"
+    """Arm: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    out: Path
+    """Folder for the recording; one that was cut short is continued."""
+    seed: int = 0
+    """Seed of the excitation and the starts; another one makes a held-out log."""
+    sequences: int = 10
+    """Number of sequences."""
+    steps: int = 50
+    """Policy steps of 50 ms of each."""
+    hole: tuple[float, float, float, float] | None = None
+    """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes."""
+    f_scale: float = 8.0
+    """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
+    0.2 m/s of the 0.25 m/s allowed."""
+    force_damping: float = 40.0
+    """Damping of X Y Z [1/s]."""
+    period: float = 0.005
+    """Control period [s]; an address may give its own."""
+    peg: PegShape = "square"
+    """Shape of the peg in the gripper: square, triangle or round."""
+    clearance: float = 0.0005
+    """Gap between peg and hole on each side [m]."""
+    allow_contact: bool = False
+    """Keep a sequence in which the peg touched something."""
+
+
+def record(config: RecordConfig, console: Console) -> Recording:
+    """Play what is missing of the sequences and return the whole recording.
+
+    Raises:
+        ConfigError: A setting, or a folder that holds another recording.
+        ArmError: The arm, or the peg in contact.
+    """
+    actions = excitation(config.seed, config.sequences, config.steps)
+    if actions.shape[2] != 4:
+        raise ConfigError("the excitation has another number of axes than the task")
+    address = parse_address(config.arm)
+    if config.hole is None and not places_hole(address):
+        raise ConfigError(
+            f"the arm at {config.arm} cannot move the hole: say where it is with "
+            "--hole X Y Z YAW [m, rad]; the motions stay above it"
+        )
+    hole = config.hole or DEFAULT_HOLE
+    env = PegInHoleEnv(
+        config.arm,
+        peg=config.peg,
+        clearance=config.clearance,
+        period=config.period,
+        max_steps=config.steps + 1,
+        f_scale=config.f_scale,
+        force_damping=config.force_damping,
+        near_distance=NEAR_DISTANCE,
+    )
+    with closing(env):
+        starts = plan_starts(env.arm.robot, config.seed, config.sequences)
+        metadata = _describe(config, env, hole, starts)
+        _claim(config.out, metadata)
+        left = [
+            n
+            for n in range(config.sequences)
+            if not sequence_path(config.out, n).is_file()
+        ]
+        for number in track(left, f"recording {config.arm}", console=console):
+            _play(env, config, metadata, number, starts[number], actions[number])
+    return Recording.load(config.out)
+
+
+def plan_starts(robot: Robot, seed: int, count: int) -> list[Vec7]:
+    """Return a start for each sequence: tool down, high in the workspace [rad].
+
+    Tool position, rotation about the vertical and elbow differ from one to the next,
+    so that gravity acts on the joints from different sides.
+    """
+    rng = np.random.default_rng([seed, 1])
+    starts = []
+    for _ in range(count):
+        x, y, z = rng.uniform((0.50, -0.11, 0.17), (0.70, 0.11, 0.21))
+        pose = Pose(np.array([x, y, z]), tool_down(rng.uniform(-0.15, 0.15)))
+        swivel = rng.uniform(-0.6, 0.6)
+        q_seed = PegInHoleEnv.q_seed + np.array([-swivel, 0, swivel, 0, 0, 0, 0])
+        starts.append(robot.inverse_kinematics(pose, q_seed))
+    return starts
+
+
+def _describe(
+    config: RecordConfig,
+    env: PegInHoleEnv,
+    hole: tuple[float, float, float, float],
+    starts: list[Vec7],
+) -> dict[str, Any]:
+    """Return what `recording.json` holds."""
+    address = parse_address(config.arm)
+    is_hardware = (
+        isinstance(address, (FriAddress, GrpcAddress)) and address.margins == "hardware"
+    )
+    return {
+        "format": FORMAT,
+        "robot": env.arm.robot.name,
+        "task": str(env.task),
+        "period": env.arm.period,
+        "peg": config.peg,
+        "clearance": config.clearance,
+        "hole": list(hole),
+        "near_height": hole[2] + NEAR_DISTANCE,
+        "arm": config.arm,
+        "commands": {
+            "f_scale": config.f_scale,
+            "f_scale_angular": 20.0,
+            "theta_range": 0.2,
+            "position_range": 0.05,
+        },
+        "controller": {
+            "force_damping": config.force_damping,
+            "near_speed": NEAR_SPEED,
+            "walls": [list(WALLS_MIN), list(WALLS_MAX)],
+            "scheme": "qp",
+            "is_hardware": is_hardware,
+        },
+        "excitation": {
+            "description": EXCITATION,
+            "seed": config.seed,
+            "sequences": config.sequences,
+            "steps": config.steps,
+        },
+        "q_start": [q.tolist() for q in starts],
+    }
+
+
+def _claim(folder: Path, metadata: dict[str, Any]) -> None:
+    """Begin a recording in a folder, or go on with the same one."""
+    if (folder / DESCRIPTION).is_file():
+        before = read_description(folder)
+        before.pop("created", None), before.pop("version", None)
+        differ = [k for k in metadata if before.get(k) != metadata[k]]
+        if differ:
+            raise ConfigError(
+                f"{folder} holds a recording with other settings: "
+                f"{', '.join(differ)} differ; nothing was overwritten: choose another "
+                "--out"
+            )
+        return
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise ConfigError(f"{folder} exists and is no recording; choose another --out")
+    folder.mkdir(parents=True, exist_ok=True)
+    facts = {
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "version": version("dovetail"),
+    }
+    write_atomic(folder / DESCRIPTION, json.dumps(metadata | facts, indent=1) + "\n")
+
+
+def _play(
+    env: PegInHoleEnv,
+    config: RecordConfig,
+    metadata: dict[str, Any],
+    number: int,
+    q_start: Vec7,
+    actions: Array,
+) -> None:
+    """Play one sequence and write its log."""
+    x, y, z, yaw = metadata["hole"]
+    hole = Pose(np.array([x, y, z]), quat_about_z(yaw))
+    seed = config.seed * 1000 + number
+    env.reset(seed=seed, options={"hole": hole, "start": q_start})
+    facts = {name: metadata[name] for name in ("robot", "task", "period")}
+    facts |= {"q_start": env.state.q, "sequence": number}
+    episode = Episode(metadata=facts)
+    for step, action in enumerate(actions.astype(np.float32)):
+        _, reward, _, _, info = env.step(action)
+        force = info["contact_force_max"]
+        if not config.allow_contact and math.isfinite(force) and force > CONTACT_FORCE:
+            raise ArmError(
+                f"the peg is in contact: {force:.1f} N in sequence {number}, step "
+                f"{step}; a fit needs free motion: move the hole away with --hole, or "
+                "give --allow-contact",
+                "contact",
+            )
+        episode.append(env.state.log, step, action, float(reward))
+    episode.save(sequence_path(config.out, number))

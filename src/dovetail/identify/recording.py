@@ -1,0 +1,216 @@
+"""The log of scripted motions, and what has to be true of it before it is fitted.
+
+A recording is a folder: `recording.json` says how it was made, and one Episode file
+for each sequence, `sequence-00.npz` on, holds every control cycle.
+"""
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import make_settings
+from dovetail.envs.commands import CommandMap
+from dovetail.episode import Episode
+from dovetail.errors import LogError
+from dovetail.identify.log_checks import (
+    assign_steps,
+    require_gapless,
+    require_robot,
+    require_same_facts,
+)
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.poses import Pose, quat_about_z
+from dovetail.robot import Robot
+from dovetail.scene import SceneConfig
+from dovetail.types import Array, Vec7
+
+FORMAT = 1
+DESCRIPTION = "recording.json"
+_KEYS = (
+    *("format", "robot", "task", "period", "peg", "clearance", "hole", "near_height"),
+    *("arm", "commands", "controller", "excitation", "q_start"),
+)
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """One scripted motion as it was played and logged."""
+
+    q_start: Vec7
+    """Configuration at the reset, as measured [rad], shape (7,)."""
+    actions: Array
+    """Actions in [-1, 1], shape (steps, 4)."""
+    log: Array
+    """One row for each control cycle, columns CYCLE_COLUMNS."""
+    cycles: tuple[int, ...]
+    """Control cycles of each step; over a network not always the same number."""
+    q_commanded: Vec7
+    """Configuration that the reset was to reach [rad]; its TCP rotation is held."""
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Scripted motions of one arm, and how they were made."""
+
+    metadata: dict[str, Any]
+    """What `recording.json` holds."""
+    sequences: tuple[Sequence, ...]
+
+    @property
+    def period(self) -> float:
+        """Control period [s]."""
+        return float(self.metadata["period"])
+
+    @property
+    def task(self) -> TaskSpec:
+        """Mode of each axis."""
+        return TaskSpec.parse(self.metadata["task"])
+
+    @property
+    def scene(self) -> SceneConfig:
+        """Geometry of the task."""
+        return _scene(self.metadata)
+
+    @property
+    def hole(self) -> Pose:
+        """Where the hole was."""
+        x, y, z, yaw = self.metadata["hole"]
+        return Pose(np.array([x, y, z]), quat_about_z(yaw))
+
+    def commands(self) -> CommandMap:
+        """Return what turned actions into Targets."""
+        return CommandMap(self.task, **self.metadata["commands"])
+
+    def settings(self) -> tuple[OscConfig, LimitConfig]:
+        """Return law and limits of the controller that played the motions."""
+        return make_settings(self.scene, self.period, **self.metadata["controller"])
+
+    def positions(self) -> list[Array]:
+        """Return the TCP by the controller's model at each cycle [m].
+
+        Returns:
+            One array of shape (cycles, 3) for each sequence, world axes, from the
+            measured configuration.
+        """
+        columns = [COLUMN[name] for name in "xyz"]
+        return [sequence.log[:, columns] for sequence in self.sequences]
+
+    def fingerprint(self) -> str:
+        """Return a hash of everything that a fit depends on."""
+        known = {k: v for k, v in self.metadata.items() if k in _KEYS}
+        digest = hashlib.sha256(json.dumps(known, sort_keys=True).encode())
+        for sequence in self.sequences:
+            digest.update(np.ascontiguousarray(sequence.log[:, :-1]).tobytes())
+        return digest.hexdigest()[:16]
+
+    def require_like(self, other: Self) -> None:
+        """Refuse to compare with a recording of another robot, period or task.
+
+        Raises:
+            LogError: What differs, and both values.
+        """
+        for name in ("robot", "period", "task", "peg", "commands", "controller"):
+            mine, theirs = self.metadata[name], other.metadata[name]
+            if mine != theirs:
+                raise LogError(
+                    f"the two recordings differ in {name}: {mine!r} (arm "
+                    f"{self.metadata['arm']}) and {theirs!r} (arm "
+                    f"{other.metadata['arm']}); record both with the same settings"
+                )
+
+    @classmethod
+    def load(cls, folder: str | Path) -> Self:
+        """Read a recording and check it.
+
+        Raises:
+            LogError: Missing or damaged, incomplete, of another robot, period or task
+                than it says, or with gaps or numbers that are not finite.
+        """
+        folder = Path(folder)
+        metadata = read_description(folder)
+        robot = _scene(metadata).robot()
+        require_robot(folder / DESCRIPTION, metadata["robot"], robot)
+        count = metadata["excitation"]["sequences"]
+        sequences = []
+        for number in range(count):
+            path = sequence_path(folder, number)
+            if not path.is_file():
+                raise LogError(
+                    f"the recording {folder} is not complete: {path.name} of {count} "
+                    "sequences is missing; finish it with the same `dovetail identify "
+                    "record`"
+                )
+            sequences.append(_read_sequence(path, number, metadata, robot))
+        return cls(metadata, tuple(sequences))
+
+
+def sequence_path(folder: Path, number: int) -> Path:
+    """Return where a sequence's log is."""
+    return folder / f"sequence-{number:02d}.npz"
+
+
+def read_description(folder: Path) -> dict[str, Any]:
+    """Read `recording.json`.
+
+    Raises:
+        LogError: Missing, damaged, or of another format.
+    """
+    path = folder / DESCRIPTION
+    try:
+        metadata = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise LogError(
+            f"{folder} is no recording: {path.name} cannot be read ({error}); make one "
+            "with `dovetail identify record`"
+        ) from error
+    if not isinstance(metadata, dict):
+        raise LogError(
+            f"{path} holds no table; make it with `dovetail identify record`"
+        )
+    missing = [key for key in _KEYS if key not in metadata]
+    if missing or metadata["format"] != FORMAT:
+        raise LogError(
+            f"{path} lacks {', '.join(missing) or 'no key'} and has format "
+            f"{metadata.get('format')}; this version reads {FORMAT}"
+        )
+    return metadata
+
+
+def _scene(metadata: dict[str, Any]) -> SceneConfig:
+    return SceneConfig(peg=metadata["peg"], clearance=metadata["clearance"])
+
+
+def _read_sequence(
+    path: Path, number: int, metadata: dict[str, Any], robot: Robot
+) -> Sequence:
+    """Read one sequence and check it against the recording's description."""
+    episode = Episode.load(path)
+    facts = {name: metadata[name] for name in ("robot", "task", "period")}
+    require_same_facts(path, episode.metadata, facts | {"sequence": number})
+    log = episode.data[:, [episode.columns.index(name) for name in CYCLE_COLUMNS]]
+    require_gapless(path, log, float(metadata["period"]))
+    require_robot(path, metadata["robot"], robot, log)
+    steps = episode["step"].astype(int)
+    firsts = np.flatnonzero(np.diff(steps, prepend=-1))
+    if not np.array_equal(steps[firsts], np.arange(metadata["excitation"]["steps"])):
+        raise LogError(
+            f"{path}: it has {len(firsts)} policy steps, the recording's sequences "
+            f"have {metadata['excitation']['steps']}: delete the file and record it "
+            "again"
+        )
+    names = [name for name in episode.columns if name.startswith("action")]
+    actions = np.column_stack([episode[name] for name in names])[firsts]
+    scale = float(metadata["commands"]["f_scale"])
+    first, cycles = assign_steps(path, log, steps, scale * actions[:, :3])
+    q_start = np.asarray(episode.metadata["q_start"], dtype=float)
+    if first > 0:  # a network's latency: the arm was still held at its start
+        q_start = log[first, COLUMN["q1"] : COLUMN["q7"] + 1]
+    return Sequence(
+        q_start, actions, log[first:], cycles, np.array(metadata["q_start"][number])
+    )
