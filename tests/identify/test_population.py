@@ -2,6 +2,10 @@
 
 import os
 import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,21 +53,56 @@ def test_the_evaluation_of_a_worker_that_died_is_done_again(
     processes, models, expected
 ):
     processes.errors(models[:1])
-    os.kill(next(iter(processes._pool._processes)), signal.SIGKILL)
+    os.kill(processes._workers[0].process.pid, signal.SIGKILL)
     assert evaluate_population(models, processes) == expected
     assert processes.deaths == 1
 
 
 def test_workers_that_die_each_time_end_the_fit(recording, models, monkeypatch):
-    monkeypatch.setattr("dovetail.identify.population._start_worker", _die)
+    monkeypatch.setattr("dovetail.identify.population._work", _die)
     population = Processes(recording, "mujoco", 1)
-    with pytest.raises(PlantError, match="died 4 times while 1 models were simulated"):
+    with pytest.raises(PlantError, match="4 worker processes died at the same eval"):
         population.errors(models[:1])
     population.close()
 
 
 def _die(*_):
     os._exit(1)
+
+
+def test_what_is_wrong_in_a_worker_is_said_here(recording, models):
+    population = Processes(recording, "gazebo", 1)
+    with pytest.raises(ConfigError, match="known plants: mujoco, bullet"):
+        population.errors(models[:1])
+    population.close()
+
+
+def test_workers_end_with_a_parent_that_was_killed(folder):
+    """They would hold memory, and on a laptop the fan, for ever."""
+    program = (
+        "import sys, time; from dovetail.identify.recording import Recording\n"
+        "from dovetail.identify.population import Processes\n"
+        "if __name__ == '__main__':\n"
+        "    p = Processes(Recording.load(sys.argv[1]), 'mujoco', 1)\n"
+        "    print(p._workers[0].process.pid, flush=True)\n"
+        "    time.sleep(60)\n"
+    )
+    words = [sys.executable, "-c", program, str(folder)]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        worker = int(parent.stdout.readline())
+        parent.kill()
+    end = time.monotonic() + 30.0
+    while Path(f"/proc/{worker}").exists() and not _is_zombie(worker):
+        assert time.monotonic() < end, "the worker outlives its parent"
+        time.sleep(0.05)
+
+
+def _is_zombie(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().split(") ")[1][0] == "Z"
+    except FileNotFoundError:
+        return True
 
 
 def test_one_worker_stays_in_this_process(recording):
