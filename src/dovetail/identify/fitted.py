@@ -1,5 +1,6 @@
 """A finished fit as its folder has it, with the recording that was fitted."""
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -7,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from dovetail.errors import LogError
-from dovetail.identify.fit_folder import SUMMARY, read_summary
+from dovetail.identify.fit_folder import GENERATIONS, SUMMARY, read_summary
 from dovetail.identify.parameters import Parameter, ParameterSet
 from dovetail.identify.recording import Recording
 from dovetail.types import Array
@@ -51,7 +52,7 @@ class Fitted:
             )
         try:
             return cls._from(folder, summary)
-        except (KeyError, TypeError) as error:
+        except (KeyError, TypeError, ValueError) as error:
             raise LogError(
                 f"{folder / SUMMARY} is damaged: {type(error).__name__} {error}; fit "
                 "the log again"
@@ -63,7 +64,8 @@ class Fitted:
         rows, result = summary["parameters"], summary["result"]
         names = ("name", "unit", "low", "high", "start")
         best = np.asarray(summary["history_mm"], dtype=float) / 1e3
-        count = int(result["evaluations"]) // max(1, len(best))  # all of one size
+        sizes = _generation_sizes(folder)
+        done = int(result["evaluations"]) - sum(sizes) + np.cumsum(sizes)
         return cls(
             recording=recording,
             plant=summary["settings"]["plant"],
@@ -71,12 +73,24 @@ class Fitted:
                 tuple(Parameter(*(row[n] for n in names)) for row in rows)
             ),
             vector=np.array([row["value"] for row in rows], dtype=float),
-            history=tuple((count * i, float(e)) for i, e in enumerate(best, start=1)),
+            history=tuple((int(n), float(e)) for n, e in zip(done, best, strict=True)),
             evaluations=int(result["evaluations"]),
             wall_time=float(result["wall_time"]),
             warnings=tuple(result["warnings"]),
             summary=summary,
         )
+
+
+def _generation_sizes(folder: Path) -> list[int]:
+    """Return how many logs each generation of the search simulated."""
+    try:
+        lines = (folder / GENERATIONS).read_text(encoding="utf-8").splitlines()
+    except OSError as error:
+        raise LogError(
+            f"{folder} is not whole: {GENERATIONS} cannot be read ({error.strerror}); "
+            "fit the log again"
+        ) from error
+    return [len(json.loads(line)["values"]) for line in lines]
 
 
 def _load_recording(folder: Path, summary: dict[str, Any]) -> Recording:

@@ -14,8 +14,9 @@ def hidden_delay(replay: Replay, model: TwinConfig) -> float:
     """Return by how much later than the model the arm obeys [s].
 
     It is the delay, of all whole physics steps up to `LONGEST`, with which the model
-    meets the log best, minus the model's own; everything else stays as it is. In the
-    arm's motion a delay is like no other parameter, so this needs no new fit.
+    meets the log best, minus the model's own; everything else stays as it is. Delays
+    that matter (20 ms) stand out where little else is left; a short one can hide behind
+    friction that was not fitted. A whole grid, because the effect is not monotone.
 
     Args:
         replay: The log.

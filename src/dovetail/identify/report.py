@@ -121,6 +121,7 @@ def write_identification_report(
         errors[0],
         delay_left,
         standard=_is_standard(held_out or fit.recording),
+        fits_delay="command_delay" in fit.parameters.names,
     )
     figures = _draw(fit, comparisons, result)
     files = [write_atomic(folder / name, png) for name, (_, png) in figures.items()]

@@ -33,7 +33,12 @@ class Verdict:
 
 
 def judge_transfer(
-    held_out: float | None, fitting: float, delay_left: float, *, standard: bool
+    held_out: float | None,
+    fitting: float,
+    delay_left: float,
+    *,
+    standard: bool,
+    fits_delay: bool,
 ) -> Verdict:
     """Hold the error of a model on a held-out log, and its delay, against the limits.
 
@@ -43,6 +48,7 @@ def judge_transfer(
         delay_left: Delay of the arm beyond the model's [s], see `hidden_delay`.
         standard: The log is of the standard excitation, of which the limit was
             measured.
+        fits_delay: The command delay is among the fitted parameters.
     """
     if held_out is None:
         answer: Answer = "unknown"
@@ -55,7 +61,17 @@ def judge_transfer(
         is_close = held_out <= TRANSFER_LIMIT
         is_prompt = abs(delay_left) <= DELAY_LIMIT + 1e-9
         answer = "go" if is_close and is_prompt else "no go"
-        sentence = _sentence(held_out, fitting, delay_left, standard=standard)
+        sentence = _sentence(held_out, fitting, delay_left)
+        if not fits_delay and is_prompt:
+            sentence += (
+                ". The delay was not fitted: a short one may hide in other parameters; "
+                "--parameters extended fits it"
+            )
+        if not standard:
+            sentence += (
+                ". This log is of another excitation or controller than theirs, so the "
+                "limit of the error is only a rough guide here"
+            )
     return Verdict(
         answer=answer,
         sentence=sentence,
@@ -65,9 +81,7 @@ def judge_transfer(
     )
 
 
-def _sentence(
-    held_out: float, fitting: float, delay_left: float, *, standard: bool
-) -> str:
+def _sentence(held_out: float, fitting: float, delay_left: float) -> str:
     """Say how error and delay compare with the limits, and what they stand on."""
     is_close = held_out <= TRANSFER_LIMIT
     is_prompt = abs(delay_left) <= DELAY_LIMIT + 1e-9
@@ -87,11 +101,6 @@ def _sentence(
         ". Up to these limits the shipped policy inserted in every try on twins at "
         "graded distances from its model (docs/identification.md)"
     )
-    if not standard:
-        text += (
-            "; this log is of another excitation or controller than theirs, so the "
-            "limit of the error is only a rough guide here"
-        )
     if held_out > 2.0 * fitting:
         text += (
             f". The fitting log is met {held_out / fitting:.1f} times better than the "

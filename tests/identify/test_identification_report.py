@@ -185,15 +185,24 @@ def test_a_damaged_summary_is_refused(copied):
         Fitted.load(rewrite(copied, parameters=[{"name": "damping", "unit": "1"}]))
 
 
+def test_a_fit_without_its_generations_is_refused(copied):
+    (copied[0] / "generations.jsonl").unlink()
+    with pytest.raises(LogError, match=r"is not whole: generations\.jsonl cannot be"):
+        Fitted.load(copied[0])
+
+
 def test_the_history_counts_simulated_logs(made):
     fitted = Fitted.load(made[0] / "fit")
     counts, errors = zip(*fitted.history, strict=True)
     assert counts[-1] == fitted.evaluations
+    assert list(counts) == sorted(counts)
     assert list(errors) == sorted(errors, reverse=True)
 
 
-def judged(held_out, fitting=0.05, delay=0.0, *, standard=True):
-    return judge_transfer(held_out, fitting, delay, standard=standard)
+def judged(held_out, fitting=0.05, delay=0.0, *, standard=True, fits_delay=True):
+    return judge_transfer(
+        held_out, fitting, delay, standard=standard, fits_delay=fits_delay
+    )
 
 
 def test_go_at_the_limit_and_no_go_above():
@@ -211,6 +220,11 @@ def test_a_delay_is_no_go_however_small_the_error():
     assert (at.answer, beyond.answer) == ("go", "no go")
     assert "a delay of 12.5 ms that the model lacks is beyond 10 ms" in beyond.sentence
     assert "fit command_delay too (--parameters extended)" in beyond.sentence
+
+
+def test_a_delay_that_was_not_fitted_is_pointed_out():
+    assert "The delay was not fitted" in judged(1e-3, fits_delay=False).sentence
+    assert "The delay was not fitted" not in judged(1e-3).sentence
 
 
 def test_another_excitation_makes_the_limit_a_rough_guide():
