@@ -118,3 +118,7 @@ class Replay:
         error = np.concatenate([a - b for a, b in pairs])
         value = float(np.sqrt((error**2).sum(axis=1).mean()))
         return min(value, DIVERGED) if np.isfinite(value) else DIVERGED
+
+    def close(self) -> None:
+        """Release the engine; harmless when repeated."""
+        self._plant.close()
