@@ -2,26 +2,39 @@
 
 import dataclasses
 import json
-import math
+import shlex
 from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from dovetail.evaluate.evaluation import provenance
 from dovetail.files import write_atomic
-from dovetail.reproduce import page, tables
+from dovetail.page import facts, figure, finite, page, table, text
+from dovetail.reproduce import tables
 from dovetail.reproduce.figures import (
     WINDOW,
     draw_grounds,
     draw_robustness,
     draw_training,
 )
+from dovetail.reproduce.folder import SETTINGS
 from dovetail.reproduce.plan import PlanConfig, fit_name
 from dovetail.reproduce.results import Gathered, gather, seeds_of
 from dovetail.reproduce.schedule import Tally
 from dovetail.reproduce.stage import Stage, stage_folder
 
 RESULTS, REPORT = "results.json", "report.html"
+_TRAINING, _ROBUSTNESS, _GROUNDS = (
+    "Training",
+    "Robustness",
+    "With and without identification",
+)
+_FILES = {
+    _TRAINING: "training.png",
+    _ROBUSTNESS: "robustness.png",
+    _GROUNDS: "identified-or-not.png",
+}
 
 
 def write_reproduction(
@@ -43,56 +56,42 @@ def write_reproduction(
     """
     gathered = gather(root, config)
     figures = {
-        "training.png": draw_training(gathered.curves),
-        "robustness.png": draw_robustness(gathered.robustness),
-        "identified-or-not.png": draw_grounds(gathered.grounds),
+        _TRAINING: draw_training(gathered.curves),
+        _ROBUSTNESS: draw_robustness(gathered.robustness),
+        _GROUNDS: draw_grounds(gathered.grounds),
     }
-    files = [write_atomic(root / name, png) for name, png in figures.items()]
-    facts = provenance_of(root, config)
+    files = [write_atomic(root / _FILES[n], png) for n, png in figures.items()]
+    where = _where(config)
     content = {
-        "settings": {**dataclasses.asdict(config), "twins": list(config.twins)},
+        "settings": dataclasses.asdict(config),
         "missing": {**tally.failed, **tally.left_out},
         **to_json(gathered),
-        "provenance": facts,
+        "provenance": where,
     }
-    text = json.dumps(_finite(content), indent=2, allow_nan=False) + "\n"
-    files.append(write_atomic(root / RESULTS, text))
-    parts = [
-        *_lead(config, tally, len(stages)),
-        *_transfer(gathered, config, figures),
-        *_identification(root, gathered, config, figures),
-        *_robustness(gathered, figures),
-        page.heading("Make it again"),
-        page.Html(f"<pre>{page.text(command_line(config))}</pre>"),
-        tables.facts_table(facts),
-    ]
+    lines = json.dumps(finite(content), indent=2, allow_nan=False) + "\n"
+    files.append(write_atomic(root / RESULTS, lines))
     title = f"The paper's experiments on twin {config.twins[0]}: {config.budget.name}"
-    files.append(write_atomic(root / REPORT, page.page(title, parts)))
-    return files
+    parts = [
+        f"<h1>{text(title)}</h1>",
+        *_lead(config, tally, len(stages)),
+        *_transfer(gathered, config),
+        *_training(gathered, figures),
+        *_grounds(gathered, figures),
+        *_identification(root, gathered, config),
+        *_robustness(gathered, figures),
+        _heading("Make it again"),
+        f"<pre>{text(command_line(config))}</pre>",
+        *facts("Where this was measured", where),
+    ]
+    return [*files, write_atomic(root / REPORT, page(title, parts))]
 
 
 def command_line(config: PlanConfig) -> str:
     """Return the command that does it again."""
-    words = ["dovetail reproduce", "--budget", config.budget.name]
+    words = ["dovetail", "reproduce", "--budget", config.budget.name]
     words += ["--twins", *config.twins, "--plant", config.plant]
     words += ["--parameters", config.parameters, "--seed", str(config.seed)]
-    return " ".join([*words, "--out", "reproduction-again"])
-
-
-def provenance_of(root: Path, config: PlanConfig) -> dict[str, Any]:
-    """Return versions, commit and machine, and the settings in words."""
-    from datetime import UTC, datetime
-
-    facts = provenance(datetime.now(UTC))
-    facts.pop("duration [s]")
-    facts["reported (UTC)"] = facts.pop("started (UTC)")
-    return {
-        "budget": config.budget.name,
-        "trained in": config.plant,
-        "identified in": config.identify_plant,
-        "settings": str(root / "reproduce.json"),
-        **facts,
-    }
+    return shlex.join([*words, "--out", "reproduction-again"])
 
 
 def to_json(gathered: Gathered) -> dict[str, Any]:
@@ -120,113 +119,119 @@ def to_json(gathered: Gathered) -> dict[str, Any]:
     }
 
 
+def _where(config: PlanConfig) -> dict[str, Any]:
+    """Return what the numbers depend on besides the settings, and where those are."""
+    found = provenance(datetime.now(UTC))
+    del found["duration [s]"]
+    found["reported (UTC)"] = found.pop("started (UTC)")
+    return {
+        "budget": config.budget.name,
+        "trained in": config.plant,
+        "identified in": config.identify_plant,
+        "all settings": f"{SETTINGS}, and stage.json of each stage",
+        **found,
+    }
+
+
 def _lead(config: PlanConfig, tally: Tally, total: int) -> list[str]:
-    twin = config.twins[0]
     engine = "PyBullet" if config.plant == "bullet" else "MuJoCo"
-    words = (
-        f"Budget {config.budget.name}; policies trained in {engine}, tried on twin "
-        f"{twin}. "
-        "A twin is a simulation that stands in for the robot; nothing here has run on "
-        "a robot. The paper's figures are its own, on a real LBR iiwa."
-    )
-    parts = [page.paragraph(words)]
+    twin = config.twins[0]
+    parts = [
+        _lead_line(
+            f"Budget {config.budget.name}; policies trained in {engine}, tried on twin "
+            f"{twin}. A twin is a simulation that stands in for the robot: nothing "
+            "here has run on a robot. The paper's figures are its own, on an LBR iiwa."
+        )
+    ]
     if config.budget.name == "smoke":
         parts.append(
-            page.paragraph(
+            _warning(
                 "Budget smoke runs every part once and learns nothing: its success "
-                "rates mean nothing.",
-                "missing",
+                "rates mean nothing."
             )
         )
     if config.plant == "mujoco":
         parts.append(
-            page.paragraph(
+            _warning(
                 "Trained in MuJoCo: a twin that runs in MuJoCo shares the engine with "
-                "the training, so that contact is no test of transfer here. The "
-                "paper's direction, PyBullet to another engine, needs the extra 'bullet' "
-                "(CPython 3.11).",
-                "missing",
+                "the training, so that its contacts are no test of transfer. The "
+                "paper's direction, from PyBullet to another engine, needs the extra "
+                "'bullet' (CPython 3.11 and older)."
             )
         )
-    lost = {**tally.failed}
+    lost = dict(tally.failed)
     lost |= {n: f"left out, it needs {c}" for n, c in tally.left_out.items()}
     if lost:
-        parts += [
-            page.paragraph(f"{len(lost)} of {total} stages are missing:", "missing"),
-            page.bullet_list([f"{n}: {why}" for n, why in lost.items()], "missing"),
-        ]
+        parts.append(_warning(f"{len(lost)} of {total} stages are missing:"))
+        parts.append(table(("stage", "why"), list(lost.items())))
     return parts
 
 
-def _transfer(
-    gathered: Gathered, config: PlanConfig, figures: Mapping[str, bytes]
-) -> list[str]:
-    seeds = seeds_of(config)
-    rows = [(paper.label, ours) for paper, ours in gathered.transfer]
+def _transfer(gathered: Gathered, config: PlanConfig) -> list[str]:
     parts = [
-        page.heading("Transfer"),
+        _heading("Transfer"),
         tables.transfer_table(gathered.transfer, tables.poses_of(gathered)),
-        page.paragraph(
+        _note(
             "Successes of tries with the Wilson 95 % interval, pooled over the "
-            "training seeds (tries of one policy are not independent of each other: "
-            "where seeds differ, the interval is too narrow). All were trained with "
-            "the square peg. "
-            "Stack 0 and 4 were trained in the identified simulation; randomised "
-            "policies in the nominal one. Steps are policy steps of 50 ms; force "
-            "mean: over the control cycles in contact; peak: the largest of a try, its 95th "
-            "percentile and maximum over the tries. Limits broken: control cycles in "
-            "which a measured value lay outside its limit.",
-            "note",
+            "training seeds; tries of one policy are not independent of each other, so "
+            "that the interval is too narrow where seeds differ. All were trained with the "
+            "square peg: stack 0 and 4 in the identified simulation, randomised "
+            "policies about the nominal one. Steps are policy steps of 50 ms. Force "
+            "mean: over the control cycles in contact; peak: the largest of a try, its "
+            "95th percentile and maximum over the tries. Limits broken: control cycles "
+            "in which a measured value lay outside its limit."
         ),
     ]
-    if gathered.other_direction is not None:
-        other = gathered.other_direction
-        inserted = page.Html(tables.rate(other.rows[-1]))
-        line = [f"{other.label}: {other.ground}", inserted]
-        line += tables.details(other.rows[-1])
-        parts.append(page.table([], [line]))
-    if len(seeds) > 1:
-        parts += [page.heading("Seed by seed"), tables.seed_table(rows, seeds)]
+    if (other := gathered.other_direction) is not None:
+        total = other.rows[-1]
+        line = [f"{other.label} ({other.ground})", tables.rate(total)]
+        heads = ("the other direction", "twin, all", *tables.DETAILS)
+        parts.append(table(heads, [[*line, *tables.details(total)]]))
+    if len(seeds_of(config)) > 1:
+        rows = [(paper.label, ours) for paper, ours in gathered.transfer]
+        parts.append(_heading("Seed by seed"))
+        parts.append(tables.seed_table(rows, seeds_of(config)))
+    return parts
+
+
+def _training(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:
     return [
-        *parts,
-        page.heading("Training"),
-        page.figure(figures["training.png"], "success and reward over training steps"),
-        page.paragraph(
-            f"Moving average over {WINDOW} episodes with exploration noise; shaded: "
-            "standard deviation over the seeds, where there are several.",
-            "note",
+        figure(_TRAINING, figures[_TRAINING]),
+        _note(
+            f"Moving average over {WINDOW} episodes, with exploration noise; shaded: "
+            "standard deviation over the seeds, where there are several."
         ),
         tables.training_table(gathered.trainings),
     ]
 
 
-def _identification(
-    root: Path, gathered: Gathered, config: PlanConfig, figures: Mapping[str, bytes]
-) -> list[str]:
-    parts = [
-        page.heading("With and without identification"),
-        page.figure(figures["identified-or-not.png"], "success of stack 0"),
+def _grounds(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:
+    return [
+        figure(_GROUNDS, figures[_GROUNDS]),
         tables.grounds_table(gathered.grounds),
-        page.heading("Identification"),
+    ]
+
+
+def _identification(root: Path, gathered: Gathered, config: PlanConfig) -> list[str]:
+    parts = [
+        _heading("Identification"),
         tables.fit_table(gathered.fits),
-        page.paragraph(
+        _note(
             "Root mean square of the distance between the tool's recorded and "
-            f"simulated positions. The trainings use the models of set '{config.parameters}'.",
-            "note",
+            "simulated positions. The trainings use the models of set "
+            f"'{config.parameters}'; each fit has a report of its own in its stage."
         ),
     ]
     for twin in config.twins:
-        folder = stage_folder(root, f"report-{fit_name(twin, config.parameters)}")
-        for file in sorted((folder / "report").glob("*.png")):
-            label = f"twin {twin}: {file.stem.replace('-', ' ').replace('_', ' ')}"
-            parts += [page.paragraph(label), page.figure(file.read_bytes(), label)]
+        stage = f"report-{fit_name(twin, config.parameters)}"
+        files = sorted((stage_folder(root, stage) / "report").glob("*.png"))
+        parts += [figure(f"Twin {twin}: {f.stem}", f.read_bytes()) for f in files]
     return parts
 
 
 def _robustness(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:
     return [
-        page.heading("Robustness"),
-        page.figure(figures["robustness.png"], "success over the size of disturbances"),
+        figure(_ROBUSTNESS, figures[_ROBUSTNESS]),
         tables.robustness_table(gathered.robustness),
     ]
 
@@ -235,14 +240,17 @@ def _plain(value: Any) -> Any:
     return None if value is None else dataclasses.asdict(value)
 
 
-def _finite(value: Any) -> Any:
-    """Replace numbers that JSON cannot write by null, at any depth."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(entry) for key, entry in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    return str(value)
+def _heading(words: str) -> str:
+    return f"<h2>{text(words)}</h2>"
+
+
+def _lead_line(words: str) -> str:
+    return f'<p class="lead">{text(words)}</p>'
+
+
+def _warning(words: str) -> str:
+    return f'<p class="lead"><b>{text(words)}</b></p>'
+
+
+def _note(words: str) -> str:
+    return f'<p class="note">{text(words)}</p>'

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from dovetail.evaluate.transfer import Row
-from dovetail.reproduce.page import Html, table, text
+from dovetail.page import table
 from dovetail.reproduce.paper import ROBUSTNESS, PaperRow
 from dovetail.reproduce.plan import ON_TWIN, OTHER, UNIDENTIFIED, VARIANTS
 from dovetail.reproduce.results import Gathered, Level, Table, Training
@@ -13,7 +13,8 @@ from dovetail.reproduce.show import format_time
 
 MISSING = "not run"
 _FORCES = ("steps median / max", "force mean [N]", "peak p95 [N]", "peak max [N]")
-_DETAILS = (*_FORCES, "limits broken")
+DETAILS = (*_FORCES, "limits broken")
+"""Headings of `details`."""
 _DISTURBANCES = {
     "shift": ("hole moved while the camera is covered", "mm", 1e3),
     "push": ("random pushes up to", "N", 1.0),
@@ -22,12 +23,10 @@ _DISTURBANCES = {
 }
 
 
-def rate(row: Row) -> Html:
+def rate(row: Row) -> str:
     """Return successes of tries with the Wilson interval."""
     low, high = row.interval
-    return Html(
-        f"{row.successes}/{row.tries} <small>{100 * low:.0f}-{100 * high:.0f} %</small>"
-    )
+    return f"{row.successes}/{row.tries} ({100 * low:.0f}-{100 * high:.0f} %)"
 
 
 def details(row: Row) -> list[str]:
@@ -42,23 +41,23 @@ def details(row: Row) -> list[str]:
 
 def transfer_table(
     rows: Sequence[tuple[PaperRow, Table | None]], poses: Sequence[str]
-) -> Html:
+) -> str:
     """Return the transfer table, seven rows; the paper's cells are on a robot."""
     heads = ["policy", "paper, robot", *(f"twin, pose {p}" for p in poses), "twin, all"]
     lines = []
     for paper, ours in rows:
         line: list[object] = [paper.label, " ".join(paper.cells)]
         if ours is None:
-            lines.append([*line, *[MISSING] * (len(poses) + 1 + len(_DETAILS))])
+            lines.append([*line, *[MISSING] * (len(poses) + 1 + len(DETAILS))])
             continue
         cells: list[object] = [rate(row) for row in ours.rows[:-1]]
         cells += [""] * (len(poses) - len(cells))
         total = ours.rows[-1]
         lines.append([*line, *cells, rate(total), *details(total)])
-    return table([*heads, *_DETAILS], lines)
+    return table([*heads, *DETAILS], lines)
 
 
-def seed_table(rows: Iterable[tuple[str, Table | None]], seeds: Sequence[int]) -> Html:
+def seed_table(rows: Iterable[tuple[str, Table | None]], seeds: Sequence[int]) -> str:
     """Return each training seed's successes, which the other tables pool."""
     lines = [
         [label, *(ours.by_seed.get(seed, "") for seed in seeds)]
@@ -68,20 +67,20 @@ def seed_table(rows: Iterable[tuple[str, Table | None]], seeds: Sequence[int]) -
     return table(["policy", *(f"seed {seed}" for seed in seeds)], lines)
 
 
-def grounds_table(grounds: Sequence[tuple[str, str, Table | None]]) -> Html:
+def grounds_table(grounds: Sequence[tuple[str, str, Table | None]]) -> str:
     """Return the tries of stack 0 with and without identification."""
     lines = []
     for twin, word, ours in grounds:
         line: list[object] = [f"twin {twin}, trained {word} identification"]
         if ours is None:
-            lines.append([*line, *[MISSING] * (1 + len(_DETAILS))])
+            lines.append([*line, *[MISSING] * (1 + len(DETAILS))])
         else:
             total = ours.rows[-1]
             lines.append([*line, rate(total), *details(total)])
-    return table(["stack 0", "inserted", *_DETAILS], lines)
+    return table(["stack 0", "inserted", *DETAILS], lines)
 
 
-def robustness_table(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> Html:
+def robustness_table(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> str:
     """Return the tries at every level of every disturbance."""
     lines = []
     for (variant, what), levels in robustness.items():
@@ -91,11 +90,11 @@ def robustness_table(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> H
             line: list[object] = [f"{VARIANTS[variant]}, {words}{size}"]
             line.append(ROBUSTNESS[what])
             if ours is None:
-                lines.append([*line, *[MISSING] * (1 + len(_DETAILS))])
+                lines.append([*line, *[MISSING] * (1 + len(DETAILS))])
             else:
                 total = ours.rows[-1]
                 lines.append([*line, rate(total), *details(total)])
-    return table(["disturbance", "paper, robot", "twin", *_DETAILS], lines)
+    return table(["disturbance", "paper, robot", "twin", *DETAILS], lines)
 
 
 def name_variant(variant: str) -> str:
@@ -111,7 +110,7 @@ def name_variant(variant: str) -> str:
     return f"stack 0, for twin {variant.removeprefix('identified-')}"
 
 
-def training_table(trainings: Iterable[Training]) -> Html:
+def training_table(trainings: Iterable[Training]) -> str:
     """Return steps, time and final success of each training."""
     lines = []
     for training in trainings:
@@ -130,7 +129,7 @@ def training_table(trainings: Iterable[Training]) -> Html:
     return table(heads, lines)
 
 
-def fit_table(fits: Mapping[tuple[str, str], dict[str, Any]]) -> Html:
+def fit_table(fits: Mapping[tuple[str, str], dict[str, Any]]) -> str:
     """Return error before and after, and cost, of each identification."""
     lines = []
     for (twin, parameters), fit in fits.items():
@@ -151,11 +150,6 @@ def fit_table(fits: Mapping[tuple[str, str], dict[str, Any]]) -> Html:
         *("simulations", "time", "verdict"),
     )
     return table(heads, lines)
-
-
-def facts_table(facts: Mapping[str, Any]) -> Html:
-    """Return names and values."""
-    return table([], [[text(k), text(v)] for k, v in facts.items()], "facts")
 
 
 def poses_of(gathered: Gathered) -> list[str]:
