@@ -20,7 +20,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import TwinConfig, TwinPlant, load_twin
 from dovetail.scene import SceneConfig
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def build_arm(
     task: TaskSpec,
     *,
     plant: str = "mujoco",
-    twin: str | Path | None = None,
+    twin: TwinConfig | str | Path | None = None,
     period: float = 0.005,
     force_damping: float | Sequence[float] = 40.0,
     near_speed: float = NEAR_SPEED,
@@ -61,7 +61,7 @@ def build_arm(
         scene: Geometry of the task.
         task: Mode of each axis.
         plant: Engine's name; an address, or a twin, names its own.
-        twin: Name or file of a twin; an address names its own.
+        twin: A twin, its name or its file; an address names its own.
         period: Control period [s]; an address may give its own.
         force_damping: Damping D of force axes [1/s], one number or one for each of
             X Y Z; 0 is the paper.
@@ -160,7 +160,7 @@ def build_local_arm(
     task: TaskSpec,
     *,
     plant: str,
-    twin: str | Path | None,
+    twin: TwinConfig | str | Path | None,
     period: float,
     force_damping: float | Sequence[float],
     near_speed: float,
@@ -175,7 +175,7 @@ def build_local_arm(
         scene: Geometry of the task.
         task: Mode of each axis.
         plant: Engine's name; not used with a twin, which names its own.
-        twin: Name of a shipped twin or path of a twin file; None for the plain plant.
+        twin: A twin, its name or its file; None for the plain plant.
         period: Control period [s].
         force_damping: Damping D of force axes [1/s], one number or one for each of
             X Y Z; 0 is the paper.

@@ -32,6 +32,7 @@ from dovetail.envs.stacking import History
 from dovetail.envs.violations import ViolationCounter
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
+from dovetail.plants.twin import TwinConfig
 from dovetail.poses import Pose, matrix_from_quat, quat_multiply
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec3, Vec4, Vec7
@@ -107,7 +108,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         clearance: Gap between peg and hole on each side [m], >= 0.
         task: Mode of each axis.
         stack: Number of past (observation, action) pairs to append.
-        twin: Name or file of a twin to use in place of the plain plant.
+        twin: A twin, its name or its file, to use in place of the plain plant.
         period: Control period [s].
         max_steps: Episode length [policy steps of 50 ms].
         f_scale: f* at action 1 on X Y Z [m/s2], one number or three.
@@ -149,7 +150,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         clearance: float = 0.0005,
         task: str = "XYZ:force A:pose BC:hold",
         stack: int = 0,
-        twin: str | Path | None = None,
+        twin: TwinConfig | str | Path | None = None,
         period: float = 0.005,
         max_steps: int = 200,
         f_scale: float | Sequence[float] = 4.0,

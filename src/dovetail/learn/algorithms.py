@@ -62,6 +62,7 @@ def make_vec_env(config: TrainConfig) -> Any:
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
+    from dovetail.envs.dynamics_randomisation import RandomDynamics
     from dovetail.envs.fixed_goal import FixedGoal
     from dovetail.envs.rewards import RewardConfig
 
@@ -69,9 +70,13 @@ def make_vec_env(config: TrainConfig) -> Any:
     options["reward"] = RewardConfig(force_weight=config.force_weight)
     if config.arm is not None:
         options["arm"] = config.arm
+    if config.model_file is not None:
+        options |= {"twin": config.model_file.twin, "engine": config.plant}
 
     def make() -> Any:
         env = gym.make(config.env, disable_env_checker=True, **options)
+        if config.randomise_dynamics:
+            env = RandomDynamics(env, config.dynamics_randomisation)
         if config.fixed_goal:
             env = FixedGoal(env, HolePose.given(config.hole).pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))

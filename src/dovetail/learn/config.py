@@ -2,6 +2,7 @@
 
 import shlex
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -13,7 +14,9 @@ from dovetail.arms.address import (
     parse_address,
     places_hole,
 )
+from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
 from dovetail.errors import ConfigError
+from dovetail.learn.model_file import ModelFile
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
@@ -28,6 +31,7 @@ ENV_FIELDS = (
 _NOT_COMPARED = ("out", "resume")
 _OPTIONS = {"from_policy": "from"}
 _CENTRE = (0.60, 0.0, 0.10, 0.0)
+_USUAL = DynamicsRandomisation()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,20 @@ class TrainConfig:
     """Gymnasium id of the environment."""
     plant: str = "mujoco"
     """Physics engine to train in: mujoco or bullet."""
+    model: Path | None = None
+    """Model file whose dynamics and command delay that engine simulates, as `dovetail
+    identify fit` writes it (any twin file); without it the nominal model."""
+    randomise_dynamics: bool = False
+    """Draw gravity, link masses, joint damping and surface friction anew in every
+    episode, about the model, as the next four say."""
+    random_gravity: float = _USUAL.gravity
+    """Half range of gravity's residual on each of x y z [m/s2], uniform."""
+    random_mass: tuple[float, float] = _USUAL.mass
+    """Range of the factor on each link's mass and inertia [1], uniform."""
+    random_damping: tuple[float, float] = _USUAL.damping
+    """Range of the factor on each joint's damping [1], log-uniform."""
+    random_friction: tuple[float, float] = _USUAL.friction
+    """Range of the contacts' friction coefficient [1], uniform."""
     arm: str | None = None
     """Train on this one arm in place of a plant: mujoco, bullet, twin:NAME,
     fri://HOST:PORT or grpc://HOST:PORT."""
@@ -150,6 +168,39 @@ class TrainConfig:
         if self.arm is not None:
             object.__setattr__(self, "num_envs", 1)
             self._require_arm(self.arm)
+        self._require_dynamics()
+
+    def _require_dynamics(self) -> None:
+        """Read the model, and refuse dynamics that nothing would simulate."""
+        if self.model is not None:
+            object.__setattr__(self, "model", Path(self.model))
+        for name in ("model", "randomise_dynamics"):
+            if self.arm is not None and getattr(self, name):
+                raise ConfigError(
+                    f"arm and {name} exclude each other: the arm at {self.arm} has its "
+                    "own dynamics; give --plant in place of --arm"
+                )
+        ranges = self.dynamics_randomisation
+        if ranges != _USUAL and not self.randomise_dynamics:
+            raise ConfigError(
+                "a range of random dynamics is given, which needs --randomise-dynamics"
+            )
+        _ = self.model_file
+
+    @cached_property
+    def model_file(self) -> ModelFile | None:
+        """The model's content when these settings were made."""
+        return None if self.model is None else ModelFile.load(self.model.expanduser())
+
+    @property
+    def dynamics_randomisation(self) -> DynamicsRandomisation:
+        """The ranges as the environment takes them."""
+        return DynamicsRandomisation(
+            gravity=self.random_gravity,
+            mass=self.random_mass,
+            damping=self.random_damping,
+            friction=self.random_friction,
+        )
 
     def _require_arm(self, text: str) -> None:
         """Refuse what the one arm cannot do."""
@@ -193,8 +244,13 @@ class TrainConfig:
         return replace(self, seed=seed, seeds=1, out=self.out / f"seed-{seed}")
 
     def to_json(self) -> dict[str, Any]:
-        """Return every setting that decides the result, as JSON knows it."""
+        """Return every setting that decides the result, as JSON knows it.
+
+        A model is given by its table: the same content in another file is the same.
+        """
         values = {f.name: getattr(self, f.name) for f in fields(self)}
+        if self.model_file is not None:
+            values["model"] = self.model_file.table()
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in values.items()
@@ -210,8 +266,9 @@ class TrainConfig:
         Raises:
             ConfigError: Names the field and both values.
         """
-        mine = self.to_json()
-        for name in [*mine, *(other.keys() - mine.keys())]:
+        mine = _flat(self.to_json())
+        other = _flat(TrainConfig().to_json()) | _flat(other)  # from before an option
+        for name in {**mine, **other}:
             if mine.get(name) != other.get(name):
                 raise ConfigError(
                     f"cannot resume {self.out}: {name} is {mine.get(name)!r}, the run "
@@ -227,12 +284,25 @@ class TrainConfig:
             if value == default[name]:
                 continue
             option = _OPTIONS.get(name, name).replace("_", "-")
-            if isinstance(value, bool):
+            if name == "model":
+                words += ["--model", str(self.model)]
+            elif isinstance(value, bool):
                 words.append(f"--{option}" if value else f"--no-{option}")
             else:
                 values = value if isinstance(value, list) else [value]
                 words += [f"--{option}", *map(str, values)]
         return shlex.join(words)
+
+
+def _flat(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings with a table's entries beside the others, as model.KEY."""
+    flat: dict[str, Any] = {}
+    for name, value in settings.items():
+        if isinstance(value, dict):
+            flat |= {f"{name}.{key}": entry for key, entry in value.items()}
+        elif name != "model":
+            flat[name] = value
+    return flat
 
 
 _RANGES: dict[str, tuple[float, float]] = {

@@ -52,6 +52,7 @@ def export_policy(
             "versions": versions(),
             "commit": commit(),
             "config": config.to_json(),
+            "model": config.model_file and config.model_file.describe(),
         },
     }
     return Policy(layers, metadata)

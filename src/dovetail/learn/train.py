@@ -161,7 +161,7 @@ def _evaluate(
 ) -> dict[str, Any] | None:
     if config.eval_episodes == 0:
         return None
-    is_special = config.arm is not None or config.fixed_goal
-    evaluation = assess(policy, config.eval_episodes, env if is_special else None)
+    # The run's own environment: what a policy's file says leaves arm and model out.
+    evaluation = assess(policy, config.eval_episodes, env)
     write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
     return evaluation

@@ -68,6 +68,7 @@ class MujocoPlant:
         self._library = _library_path(engine)
         self._channel = _core.Channel()
         self._is_ready = False
+        self._is_compensated: bool | None = None  # None: there is no loop yet
         self.configure(DynamicsConfig() if dynamics is None else dynamics)
 
     def configure(self, dynamics: DynamicsConfig) -> None:
@@ -94,14 +95,20 @@ class MujocoPlant:
         self._mujoco.mj_setConst(model, self.data)
         self.dynamics = dynamics
         self._is_ready = False
+        if self._is_compensated != dynamics.gravity_compensation:
+            self._is_compensated = dynamics.gravity_compensation
+            self._loop = self._make_loop()
+
+    def _make_loop(self) -> "_core.MujocoLoop":
+        """Build the control loop over the model; its channel starts anew."""
         try:
-            self._loop = self._core.MujocoLoop(
+            return self._core.MujocoLoop(
                 self._library,
-                model._address,
+                self.model._address,
                 self.data._address,
                 self.robot.chain(),
                 self._channel,
-                dynamics.gravity_compensation,
+                self._is_compensated,
             )
         except RuntimeError as error:
             raise PlantError(str(error)) from error

@@ -141,13 +141,17 @@ def list_twins() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in TWIN_FOLDER.glob("*.toml")))
 
 
-def load_twin(name_or_path: str | Path) -> TwinConfig:
+def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
     """Read a shipped twin by name, or any twin by the path of its file.
+
+    A twin that was read already is returned.
 
     Raises:
         ConfigError: No such twin, damaged file, unknown or missing key, or a value out
             of range; the message lists the known names.
     """
+    if isinstance(name_or_path, TwinConfig):
+        return name_or_path
     path = Path(name_or_path)
     if path.suffix != ".toml":
         path = TWIN_FOLDER / f"{name_or_path}.toml"

@@ -1,0 +1,49 @@
+"""The identified model that a training simulates, as it was when the run began."""
+
+import hashlib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from dovetail.errors import ConfigError
+from dovetail.plants.twin import TwinConfig, load_twin
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelFile:
+    """A model file's content: a twin file, which is what identification writes."""
+
+    name: str
+    """File name without its folder."""
+    sha256: str
+    """Checksum of the file's bytes, hexadecimal."""
+    twin: TwinConfig
+    """Dynamics, command delay and noise; its engine gives way to the training's."""
+
+    @classmethod
+    def load(cls, path: Path) -> "ModelFile":
+        """Read a model file once; later changes of the file do not matter.
+
+        Raises:
+            ConfigError: No such file, not .toml, or damaged: which key, its value and
+                what is allowed.
+        """
+        if path.suffix != ".toml" or not path.is_file():
+            raise ConfigError(
+                f"no model file {path}; give the .toml file that `dovetail identify "
+                "fit` wrote, or any twin file"
+            )
+        content = path.read_bytes()
+        digest = hashlib.sha256(content).hexdigest()
+        return cls(name=path.name, sha256=digest, twin=load_twin(path))
+
+    def table(self) -> dict[str, Any]:
+        """Return the file's table, as JSON knows it."""
+        return {
+            name: list(value) if isinstance(value, tuple) else value
+            for name, value in asdict(self.twin).items()
+        }
+
+    def describe(self) -> dict[str, Any]:
+        """Return name, checksum and table, for a policy's provenance."""
+        return {"file": self.name, "sha256": self.sha256, "table": self.table()}
