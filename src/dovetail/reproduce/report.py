@@ -174,8 +174,8 @@ def _transfer(gathered: Gathered, config: PlanConfig) -> list[str]:
         _note(
             "Successes of tries with the Wilson 95 % interval, pooled over the "
             "training seeds; tries of one policy are not independent of each other, so "
-            "that the interval is too narrow where seeds differ. All were trained with the "
-            "square peg: stack 0 and 4 in the identified simulation, randomised "
+            "that the interval is too narrow where seeds differ. All were trained with "
+            "the square peg: stack 0 and 4 in the identified simulation, randomised "
             "policies about the nominal one. Steps are policy steps of 50 ms. Force "
             "mean: over the control cycles in contact; peak: the largest of a try, its "
             "95th percentile and maximum over the tries. Limits broken: control cycles "
