@@ -34,6 +34,10 @@ class LightPlant:
         self.scene.require_reachable(self.robot, hole)
         self.q, self.dq, self.hole = np.array(q, dtype=float), np.zeros(7), hole
 
+    def move_hole(self, hole):
+        self.scene.require_reachable(self.robot, hole)
+        self.hole = hole
+
     def read(self):
         return self.q.copy(), self.dq.copy()
 

@@ -195,15 +195,38 @@ def test_the_hole_moves_during_a_motion(plant):
         body.move_hole(Pose(np.array([3.0, 0.0, 0.1]), HOLE.quat_wxyz))
 
 
-def test_a_plant_that_cannot_move_its_hole_does_so_behind_brakes():
+def test_a_hole_with_a_velocity_moves_on_while_the_arm_does():
     plant = LightPlant()
     body = Body(plant, CabinetConfig())
     there = Pose(np.array([0.62, 0.0, 0.1]), HOLE.quat_wxyz)
-    body.move_hole(there)
-    assert plant.hole is there
+    velocity = np.array([0.0, 0.02, 0.0])
+    body.move_hole(there, velocity)
+    body.hold()
+    assert plant.hole is there  # behind brakes no time passes
     body.release()
-    with pytest.raises(ConfigError, match="pause first"):
-        body.move_hole(there)
+    for _ in range(10):
+        body.drive(Q_START.tolist(), [0.0] * 7)
+    moved = 10 * body.period * velocity
+    np.testing.assert_allclose(plant.hole.position, there.position + moved)
+    body.move_hole(there)
+    body.drive(Q_START.tolist(), [0.0] * 7)
+    assert plant.hole is there
+    body.move_hole(there, velocity)
+    body.place(Q_START, HOLE)
+    body.release()
+    body.drive(Q_START.tolist(), [0.0] * 7)
+    assert plant.hole is HOLE
+
+
+def test_a_moving_hole_stops_at_the_end_of_the_reach_and_the_cabinet_goes_on():
+    plant = LightPlant()
+    body = Body(plant, CabinetConfig())
+    body.release()
+    body.move_hole(HOLE, np.array([100.0, 0.0, 0.0]))
+    body.drive(Q_START.tolist(), [0.0] * 7)
+    body.drive(Q_START.tolist(), [0.0] * 7)
+    assert not body.failure
+    assert plant.hole.position[0] < 1.2
 
 
 def test_position_mode_follows_the_commanded_position(plant):

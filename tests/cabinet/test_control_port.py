@@ -92,20 +92,18 @@ def test_place_works_while_the_client_is_thinking(cabinet, line, client):
 
 def test_hole_moves_the_hole_alone(cabinet, line, client):
     client.wait_for(ACTIVE)
-    cabinet.controller.body.plant.move_hole = lambda hole: setattr(
-        cabinet.controller.body.plant, "hole", hole
-    )
     moved = {**WHERE, "position": [0.61, 0.01, 0.1]}
     assert line.ask(do="hole", hole=moved)["ok"]
     assert cabinet.controller.body.plant.hole.position.tolist() == moved["position"]
     assert client.state is ACTIVE
 
 
-def test_a_plant_that_cannot_move_its_hole_says_so(line, client):
+def test_a_hole_cannot_move_faster_than_is_said(line, client):
     client.wait_for(ACTIVE)
-    answer = line.ask(do="hole", hole=WHERE)
+    answer = line.ask(do="hole", hole=WHERE, velocity=[0.0, 2.0, 0.0])
     assert not answer["ok"]
-    assert "pause first" in answer["error"]
+    assert "velocity is 2 m/s; allowed is 0 to 1 m/s" in answer["error"]
+    assert line.ask(do="hole", hole=WHERE, velocity=[0.0, 0.02, 0.0])["ok"]
 
 
 def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):

@@ -7,7 +7,7 @@ from typing import Any
 from dovetail.arms.address import parse_endpoint
 from dovetail.errors import ArmError
 from dovetail.poses import Pose
-from dovetail.types import Vec7
+from dovetail.types import Vec3, Vec7
 
 _LONGEST = 1 << 20
 
@@ -57,9 +57,14 @@ class CabinetControl:
         more = {} if seed is None else {"seed": int(seed)}
         return self.request("place", q=list(map(float, q)), hole=_pose(hole), **more)
 
-    def move_hole(self, hole: Pose) -> dict[str, Any]:
-        """Put the hole; the arm stays."""
-        return self.request("hole", hole=_pose(hole))
+    def move_hole(self, hole: Pose, velocity: Vec3 | None = None) -> dict[str, Any]:
+        """Put the hole; the arm stays. It then moves at a velocity [m/s]."""
+        more = {} if velocity is None else {"velocity": list(map(float, velocity))}
+        return self.request("hole", hole=_pose(hole), **more)
+
+    def push(self, force: Vec3, duration: float) -> dict[str, Any]:
+        """Push the TCP with a force [N], world axes, for a duration [s]."""
+        return self.request("push", force=list(map(float, force)), duration=duration)
 
     def _exchange(self, line: bytes) -> bytes:
         if self._socket is None:

@@ -26,7 +26,7 @@ from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
 from dovetail.poses import Pose
 from dovetail.robot import Robot
-from dovetail.types import Array, Vec7
+from dovetail.types import Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -218,6 +218,23 @@ class FriArm:
             self._control.close()
 
     # -- beyond Arm --------------------------------------------------------------
+
+    def push(self, force: Vec3, duration: float) -> None:
+        """Have a simulated cabinet push the TCP with a force [N] for a duration [s]."""
+        self._require_control().push(force, duration)
+
+    def move_hole(self, hole: Pose, velocity: Vec3) -> None:
+        """Have it put the hole at a pose and move it on at a velocity [m/s]."""
+        self._require_control().move_hole(hole, velocity)
+
+    def _require_control(self) -> CabinetControl:
+        if self._control is None:
+            raise ArmError(
+                "only the control port of a simulated cabinet can push the arm or move "
+                "the hole: give control=HOST:PORT",
+                "no_control",
+            )
+        return self._control
 
     def connect(self) -> None:
         """Wait until the cabinet commands torques.

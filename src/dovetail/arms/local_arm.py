@@ -4,6 +4,7 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import ArmState
+from dovetail.arms.disturbance import Disturbance
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
@@ -11,7 +12,7 @@ from dovetail.errors import ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, Plant
 from dovetail.poses import Pose
 from dovetail.robot import Robot
-from dovetail.types import Array, Vec7
+from dovetail.types import Array, Vec3, Vec7
 
 
 class LocalArm:
@@ -44,10 +45,12 @@ class LocalArm:
         self.controller = make_controller(robot, osc, limits, self.task, period)
         self._chain = robot.chain()
         self._stamp = 0.0
+        self._disturbance = Disturbance()
 
     def reset(self, q: Vec7, hole: Pose) -> ArmState:
         """Put the arm at rest at q [rad], the hole at its pose; latch what is held."""
         self.plant.reset(q, hole)
+        self._disturbance.clear()
         q_m, dq_m = self.plant.read()
         hold = self.robot.tool_pose(np.asarray(q, dtype=float))
         self.controller.reset(q_m, hold.position, hold.quat_wxyz)
@@ -67,9 +70,43 @@ class LocalArm:
                 f"duration is {duration} s, which is not a whole number of control "
                 f"periods of {self.period} s"
             )
-        log, q, dq = self.plant.run_cycles(self.controller, target, cycles, self.period)
+        run = self._run_disturbed if self._disturbance.is_active else self._run
+        log, q, dq = run(target, cycles)
         self._stamp += duration
         return self._state(q, dq, log)
+
+    def _run(self, target: _core.Target, cycles: int) -> tuple[Array, Vec7, Vec7]:
+        return self.plant.run_cycles(self.controller, target, cycles, self.period)
+
+    def _run_disturbed(
+        self, target: _core.Target, cycles: int
+    ) -> tuple[Array, Vec7, Vec7]:
+        """Run the cycles one by one, with what disturbs them in between."""
+        rows = []
+        for _ in range(cycles):
+            self._disturbance.before_cycle(self.plant, self.period)
+            row, q, dq = self._run(target, 1)
+            self._disturbance.after_cycle(self.plant)
+            rows.append(row)
+        return np.vstack(rows), q, dq
+
+    def push(self, force: Vec3, duration: float) -> None:
+        """Push the TCP from now on with a force [N], world axes, for a duration [s].
+
+        The duration is rounded up to control periods; a later push replaces this one.
+        """
+        self._disturbance.push(force, duration, self.period)
+
+    def move_hole(self, hole: Pose, velocity: Vec3) -> None:
+        """Put the hole at a pose; it then moves at a velocity [m/s], world axes.
+
+        It moves in every control period, until the next call or `reset`.
+
+        Raises:
+            ConfigError: The hole is out of reach.
+        """
+        self.plant.move_hole(hole)
+        self._disturbance.slide(hole, velocity)
 
     def _state(self, q: Vec7, dq: Vec7, log: Array) -> ArmState:
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags

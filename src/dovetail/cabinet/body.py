@@ -51,6 +51,8 @@ class Body:
         """Why the plant cannot go on; empty while it can. `place` mends it."""
         self._push_force = np.zeros(3)
         self._push_left = 0.0
+        self._hole: Pose | None = None
+        self._hole_velocity = np.zeros(3)
         self._settle()
 
     def _settle(self) -> None:
@@ -78,27 +80,22 @@ class Body:
         self.plant.reset(q, hole)
         self.failure = ""
         self._push_left = 0.0
+        self._hole_velocity = np.zeros(3)
         self._settle()
 
-    def move_hole(self, hole: Pose) -> None:
+    def move_hole(self, hole: Pose, velocity: Vec3 | None = None) -> None:
         """Move the hole to a pose; the arm and its motion stay.
 
+        Args:
+            hole: Where it is now.
+            velocity: How it moves on while the arm is not held [m/s], world axes.
+
         Raises:
-            ConfigError: The hole is out of reach, or the arm moves and this plant can
-                move its hole only at rest.
+            ConfigError: The hole is out of reach.
         """
-        # A twin has its engine's plant inside.
-        engine = getattr(self.plant, "plant", self.plant)
-        mover = getattr(engine, "move_hole", None)
-        if mover is not None:
-            mover(hole)
-        elif self.is_braked:
-            self.plant.reset(self.q, hole)
-            self.q, self.dq = self.plant.read()
-        else:
-            raise ConfigError(
-                "this plant moves its hole only while the arm is held: pause first"
-            )
+        self.plant.move_hole(hole)
+        self._hole = hole
+        self._hole_velocity = np.zeros(3) if velocity is None else velocity
 
     def push(self, force: Vec3, duration: float) -> None:
         """Push the TCP with a force [N], world axes, for a duration [s]."""
@@ -165,6 +162,7 @@ class Body:
 
     def _apply(self, tau: Vec7, duration: float) -> None:
         push = self._push_torque(duration)
+        self._slide_hole(duration)
         try:
             self.plant.apply(tau if push is None else tau + push, duration)
         except PlantError as error:
@@ -174,6 +172,17 @@ class Body:
         square = x * x + y * y + z * z
         if square > self._peak_square:
             self._peak, self._peak_square = (x, y, z), square
+
+    def _slide_hole(self, duration: float) -> None:
+        if self._hole is None or not self._hole_velocity.any():
+            return
+        position = self._hole.position + duration * self._hole_velocity
+        try:
+            self.plant.move_hole(self._hole._replace(position=position))
+        except ConfigError:  # the end of the table, or of the reach
+            self._hole_velocity = np.zeros(3)
+            return
+        self._hole = self._hole._replace(position=position)
 
     def _observe(self, tau: Vec7, q: Vec7, dq: Vec7) -> None:
         self.time += self.period

@@ -11,6 +11,9 @@ from dovetail.errors import ConfigError, DovetailError
 from dovetail.poses import Pose
 from dovetail.types import Array
 
+MAX_HOLE_SPEED = 1.0
+"""Fastest that a hole may move [m/s]."""
+
 
 def numbers(request: dict[str, Any], name: str, count: int) -> Array:
     """Read a list of finite numbers.
@@ -117,7 +120,14 @@ class RequestDesk:
         return self._where()
 
     def _hole(self, request: dict[str, Any]) -> dict[str, Any]:
-        self._controller.body.move_hole(pose(request, "hole"))
+        hole, velocity = pose(request, "hole"), np.zeros(3)
+        if request.get("velocity") is not None:
+            velocity = numbers(request, "velocity", 3)
+            if not (speed := float(np.linalg.norm(velocity))) <= MAX_HOLE_SPEED:
+                raise ConfigError(
+                    f"velocity is {speed:g} m/s; allowed is 0 to {MAX_HOLE_SPEED:g} m/s"
+                )
+        self._controller.body.move_hole(hole, velocity)
         return {}
 
     def _push(self, request: dict[str, Any]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
+from dovetail.envs.workspace import Walls
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.plants.twin import TwinConfig, TwinPlant, load_twin
@@ -25,9 +26,6 @@ from dovetail.scene import SceneConfig
 
 if TYPE_CHECKING:
     from dovetail.arms.watchdog import WatchdogConfig
-
-Walls = tuple[tuple[float, ...], tuple[float, ...]]
-"""Lower and upper walls of the TCP [m], world axes."""
 
 WALLS_MIN = (0.38, -0.22, 0.03)
 WALLS_MAX = (0.82, 0.22, 0.30)

@@ -30,6 +30,7 @@ from dovetail.envs.randomisation import (
 from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
 from dovetail.envs.violations import ViolationCounter
+from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
@@ -95,8 +96,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Info
 
-    `success`, `depth` [m], `position_error` [m] and `theta_error` [rad] (tool minus
-    target), `contact_force_max` [N] of the step, `limit_violations` (control cycles of
+    `success` and `depth` [m] in the true hole, `position_error` [m] and `theta_error`
+    [rad] (tool minus target, by the hole tracker), `contact_force_max` [N] of the step, `limit_violations` (control cycles of
     the step outside a joint or wall limit, by the measured state) and `observation_raw`
     (14 numbers, unscaled).
 
@@ -273,12 +274,13 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         hole = self.draw_hole()
         if options.get("hole") is not None:
             hole = Pose(*(np.asarray(part, dtype=float) for part in options["hole"]))
-        self._require_inside(hole)
+        require_inside(self.scene, self.arm, self.walls(), hole)
         if options.get("start") is not None:
             q = np.asarray(options["start"], dtype=float)
         else:
             q = self.arm.robot.inverse_kinematics(self.draw_start(hole), self.q_seed)
         self.hole = hole
+        self.slide_hole(np.zeros(3))
         if seed is not None and hasattr(self.arm, "seed"):
             self.arm.seed(seed)  # type: ignore[attr-defined]
         self.tracker.reset(hole)
@@ -303,6 +305,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if max(values) > 1.0 or min(values) < -1.0:
             action = action.clip(-1.0, 1.0)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
+        if self._hole_velocity.any():
+            self._slide()
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -322,31 +326,25 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             info,
         )
 
+    def slide_hole(self, velocity: Vec3) -> None:
+        """Let the hole move at a velocity [m/s], world axes, in the steps to come.
+
+        The arm must be able to: a simulation here, or a simulated cabinet.
+        """
+        self._hole_velocity = np.array(velocity, dtype=float)
+
+    def _slide(self) -> None:
+        self.arm.move_hole(self.hole, self._hole_velocity)  # type: ignore[attr-defined]
+        position = self.hole.position + POLICY_PERIOD * self._hole_velocity
+        self.hole = self.hole._replace(position=position)
+
     def close(self) -> None:
         """Close the arm."""
         self.arm.close()
 
-    def _require_inside(self, hole: Pose) -> None:
-        self.scene.require_reachable(self.arm.robot, hole)
-        axis = matrix_from_quat(hole.quat_wxyz)[:, 2]
-        bottom = hole.position - self.scene.hole_depth * axis
-        low, high = self.walls()
-        limits = getattr(self.arm, "limits", None)
-        room = self.scene.hole_depth - self.scene.success_depth
-        margin = max(0.005, getattr(limits, "delta_x", 0.0) - room)
-        for point, place in ((hole.position, "mouth"), (bottom, "floor")):
-            for i, name in enumerate("xyz"):
-                excess = max(low[i] - point[i], point[i] - high[i]) + margin
-                if excess > 0.0:
-                    raise ConfigError(
-                        f"the hole's {place} has {name} = {point[i]:.4f} m, which is "
-                        f"{excess:.4f} m outside the workspace; allowed: "
-                        f"{low[i] + margin:g} to {high[i] - margin:g} m; move the hole"
-                        f"{_margin_advice(margin)}"
-                    )
-
     def _locate(self) -> Array:
         """Ask the tracker for the hole; return the unscaled observation."""
+        self.tracker.update(self.hole, self.state)
         hole = self.tracker.estimate().pose
         if hole is not getattr(self, "_tracked", None):
             self._tracked = hole
@@ -359,11 +357,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     def _info(self, raw: Array) -> dict[str, Any]:
         error = raw[7:10]
-        x, y, z = error.tolist()
-        nx, ny, nz = self._axis.tolist()
-        height = x * nx + y * ny + z * nz
-        depth = self.scene.hole_depth - height
-        lateral = math.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
+        depth, lateral = self._insertion(error)
         fx, fy, fz = self.state.contact_force.tolist()
         return {
             "success": depth >= self.scene.success_depth
@@ -376,12 +370,19 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "observation_raw": raw,
         }
 
+    def _insertion(self, error: Vec3) -> tuple[float, float]:
+        """Return depth and distance from the axis in the true hole [m].
 
-def _margin_advice(margin: float) -> str:
-    """Say what narrows the margin [m] that hardware needs at long periods."""
-    if margin < 0.01:
-        return ""
-    return (
-        f", or narrow the limits' margin of {1e3 * margin:g} mm: a control period of 1 "
-        "or 2 ms, or margins=model in the address of an arm that is simulated"
-    )
+        Args:
+            error: Tool minus target [m] by the tracker: the truth where that tells it.
+        """
+        axis = self._axis
+        if self._tracked is not self.hole:
+            axis = matrix_from_quat(self.hole.quat_wxyz)[:, 2]
+            goal = self.hole.position - self.scene.hole_depth * axis
+            error = self.state.position - goal
+        x, y, z = error.tolist()
+        nx, ny, nz = axis.tolist()
+        height = x * nx + y * ny + z * nz
+        lateral = math.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
+        return self.scene.hole_depth - height, lateral

@@ -83,6 +83,8 @@ class BulletPlant:
         self._client = self._bullet.connect(self._bullet.DIRECT)
         self._nominal = self.robot.chain()
         self._body = -1
+        self._block: list[int] = []
+        self._push = np.zeros(3)
         self._time = 0.0
         self._q = self._dq = np.zeros(7)
         self._force = self._peak = np.zeros(3)
@@ -156,7 +158,7 @@ class BulletPlant:
         p.setGravity(*self._gravity, physicsClientId=client)
         world = BulletWorld(p, client)
         world.add_fixed([self.scene.table_primitive()], WORLD)
-        world.add_fixed(self.scene.block_primitives(), hole)
+        self._block = world.add_fixed(self.scene.block_primitives(), hole)
         self._body = world.add_arm(
             self.robot,
             self.scene.tool_primitives(),
@@ -171,7 +173,22 @@ class BulletPlant:
         self._time = 0.0
         self._force = self._peak = np.zeros(3)
         self._contact_torque = np.zeros(7)
+        self._push = np.zeros(3)
         self._measure()
+
+    def move_hole(self, hole: Pose) -> None:
+        """Put the hole at a pose at once, the arm's motion untouched.
+
+        Raises:
+            ConfigError: The hole is out of reach.
+        """
+        self.scene.require_reachable(self.robot, hole)
+        world = BulletWorld(self._bullet, self._client)
+        world.move_fixed(self._block, self.scene.block_primitives(), hole)
+
+    def push(self, force: Vec3) -> None:
+        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
+        self._push = np.array(force, dtype=float)
 
     def _state(self) -> tuple[Vec7, Vec7]:
         states = self._bullet.getJointStates(
@@ -225,6 +242,8 @@ class BulletPlant:
             )
         if self.dynamics.gravity_compensation:
             tau = tau + self._nominal.gravity(q)
+        if self._push.any():
+            tau = tau + self._true.jacobian(q)[:3].T @ self._push
         true, simulated = self._true, self._simulated
         M = true.inertia_matrix(q)
         M[_JOINTS, _JOINTS] += self._armature + h * self._damping

@@ -46,17 +46,13 @@ class BulletWorld:
             physicsClientId=self._client,
         )
 
-    def add_fixed(self, parts: list[Primitive], frame: Pose) -> None:
-        """Add fixed shapes given in a frame."""
+    def add_fixed(self, parts: list[Primitive], frame: Pose) -> list[int]:
+        """Add fixed shapes given in a frame; return their body ids."""
         p, client = self._bullet, self._client
+        bodies = []
         # One body per part: Bullet's box-box contacts are best without compounds.
         for part in parts:
-            place, turn = p.multiplyTransforms(
-                list(frame.position),
-                xyzw(frame.quat_wxyz),
-                part.position.tolist(),
-                xyzw(part.quat_wxyz),
-            )
+            place, turn = self._place(part, frame)
             still = part._replace(
                 position=np.zeros(3), quat_wxyz=np.array([1.0, 0.0, 0.0, 0.0])
             )
@@ -69,6 +65,27 @@ class BulletWorld:
             )
             # Bullet multiplies the two coefficients: the tool carries the number.
             p.changeDynamics(body, -1, lateralFriction=1.0, physicsClientId=client)
+            bodies.append(body)
+        return bodies
+
+    def move_fixed(
+        self, bodies: list[int], parts: list[Primitive], frame: Pose
+    ) -> None:
+        """Put bodies of `add_fixed` where their frame now is."""
+        for body, part in zip(bodies, parts, strict=True):
+            place, turn = self._place(part, frame)
+            self._bullet.resetBasePositionAndOrientation(
+                body, place, turn, physicsClientId=self._client
+            )
+
+    def _place(self, part: Primitive, frame: Pose) -> tuple[list[float], list[float]]:
+        """Return position and rotation (xyzw) in the world of a part in a frame."""
+        return self._bullet.multiplyTransforms(
+            list(frame.position),
+            xyzw(frame.quat_wxyz),
+            part.position.tolist(),
+            xyzw(part.quat_wxyz),
+        )
 
     def add_arm(
         self,

@@ -76,6 +76,14 @@ class EncoderPlant:
         self._a = np.zeros(7)
         self._time = 0.0
 
+    def move_hole(self, hole: Pose) -> None:
+        """Put the hole at a pose at once, the arm's motion untouched."""
+        self.plant.move_hole(hole)
+
+    def push(self, force: Vec3) -> None:
+        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
+        self.plant.push(force)
+
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and the observed velocity [rad/s]."""
         return self._q, self._observer.dq

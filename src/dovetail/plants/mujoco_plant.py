@@ -65,11 +65,23 @@ class MujocoPlant:
         text = build_mjcf(self.robot, scene, visual_meshes=visual_meshes)
         self.model = engine.MjModel.from_xml_string(text)
         self.data = engine.MjData(self.model)
+        self._pushed = self._pushed_body()
         self._library = _library_path(engine)
         self._channel = _core.Channel()
         self._is_ready = False
         self._is_compensated: bool | None = None  # None: there is no loop yet
         self.configure(DynamicsConfig() if dynamics is None else dynamics)
+
+    def _pushed_body(self) -> int:
+        """Return the body on which a force acts at the TCP.
+
+        MuJoCo's forces act at a body's centre of mass: that of the massless flange is
+        put at the TCP.
+        """
+        body = self.model.body("flange").id
+        self.model.body_ipos[body] = self.robot.tool_position
+        self.model.body_sameframe[body] = 0  # the centre is not the body's origin
+        return body
 
     def configure(self, dynamics: DynamicsConfig) -> None:
         """Change the dynamics; call `reset` before the next torque."""
@@ -140,7 +152,7 @@ class MujocoPlant:
         self._is_ready = True
 
     def move_hole(self, hole: Pose) -> None:
-        """Move the hole to a pose at once, the arm's motion untouched.
+        """Put the hole at a pose at once, the arm's motion untouched.
 
         Raises:
             ConfigError: The hole is out of reach.
@@ -148,6 +160,10 @@ class MujocoPlant:
         self.scene.require_reachable(self.robot, hole)
         self.data.mocap_pos[0] = hole.position
         self.data.mocap_quat[0] = hole.quat_wxyz
+
+    def push(self, force: Vec3) -> None:
+        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
+        self.data.xfrc_applied[self._pushed, :3] = force  # `reset` clears it
 
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and velocity [rad/s]."""

@@ -128,6 +128,21 @@ class Plant(Protocol):
         """
         ...
 
+    def move_hole(self, hole: Pose) -> None:
+        """Put the hole at a pose at once, the arm's motion untouched.
+
+        The engines take it for standing where it is: what lies on it is pushed aside,
+        not dragged along. Small moves in every control period are smooth.
+
+        Raises:
+            ConfigError: The hole is out of reach.
+        """
+        ...
+
+    def push(self, force: Vec3) -> None:
+        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
+        ...
+
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and velocity [rad/s]."""
         ...

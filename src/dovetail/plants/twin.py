@@ -245,6 +245,14 @@ class TwinPlant:
         """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0."""
         self.plant.reset(q, hole)
 
+    def move_hole(self, hole: Pose) -> None:
+        """Put the hole at a pose at once, the arm's motion untouched."""
+        self.plant.move_hole(hole)
+
+    def push(self, force: Vec3) -> None:
+        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
+        self.plant.push(force)
+
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and velocity [rad/s], with noise."""
         return self.plant.read()

@@ -1,0 +1,57 @@
+"""What disturbs a simulated arm during a step: pushes at the TCP, a hole that moves."""
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dovetail.poses import Pose
+from dovetail.types import Vec3
+
+if TYPE_CHECKING:
+    from dovetail.plants.plant import Plant
+
+
+class Disturbance:
+    """Acts on a plant between control cycles, so that none of it comes in jumps."""
+
+    def __init__(self) -> None:
+        """Begin with nothing that disturbs."""
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget everything; the plant's own reset takes the force away."""
+        self._force = np.zeros(3)
+        self._cycles_left = 0
+        self._hole: Pose | None = None
+        self._velocity = np.zeros(3)
+
+    @property
+    def is_active(self) -> bool:
+        """Whether anything is to be done between cycles."""
+        return self._cycles_left > 0 or bool(self._velocity.any())
+
+    def push(self, force: Vec3, duration: float, period: float) -> None:
+        """Push with a force [N], world axes, for a duration [s], in whole periods."""
+        self._force = np.array(force, dtype=float)
+        self._cycles_left = math.ceil(duration / period - 1e-9)
+
+    def slide(self, hole: Pose, velocity: Vec3) -> None:
+        """Move the hole on from a pose with a velocity [m/s], world axes."""
+        self._hole, self._velocity = hole, np.array(velocity, dtype=float)
+
+    def before_cycle(self, plant: "Plant", period: float) -> None:
+        """Let one control cycle's share act on the plant."""
+        if self._cycles_left > 0:
+            plant.push(self._force)
+        if self._hole is not None and self._velocity.any():
+            position = self._hole.position + period * self._velocity
+            self._hole = self._hole._replace(position=position)
+            plant.move_hole(self._hole)
+
+    def after_cycle(self, plant: "Plant") -> None:
+        """Take a push away whose time is over."""
+        if self._cycles_left > 0:
+            self._cycles_left -= 1
+            if self._cycles_left == 0:
+                plant.push(np.zeros(3))
