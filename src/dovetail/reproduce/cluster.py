@@ -7,6 +7,7 @@ task whose machine dies is started again by Ray, and goes on from its checkpoint
 import contextlib
 import logging
 import os
+import socket
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ from dovetail.reproduce.stage import STAGE, stage_folder
 
 LOCAL = "local"
 """The address that starts Ray on this machine."""
+_ANSWERS = 5.0
+"""How long a cluster may take to answer [s]."""
 RETRIES = 3
 """How often a task is started again when its machine or worker dies."""
 NOT_SHARED = 111
@@ -42,6 +45,29 @@ def _import_ray() -> Any:
             "pip install 'dovetail[cluster]'"
         ) from error
     return ray
+
+
+def _require_answer(address: str) -> None:
+    """Find out in seconds that nobody is there; Ray itself takes minutes.
+
+    Raises:
+        ConfigError: Nobody answers at HOST:PORT.
+    """
+    host, _, port = address.removeprefix("ray://").rpartition(":")
+    if not host or not port.isdecimal():
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=_ANSWERS).close()
+    except (OSError, OverflowError) as error:
+        raise _no_cluster(address, error) from error
+
+
+def _no_cluster(address: str, error: Exception) -> ConfigError:
+    first = str(error).strip().splitlines()[0]
+    return ConfigError(
+        f"no Ray cluster at {address!r} ({first}); start one with 'ray start --head', "
+        f"or give --cluster {LOCAL}"
+    )
 
 
 class _Task:
@@ -80,6 +106,7 @@ class RayExecutor:
             ConfigError: Nobody answers at the address.
         """
         self._ray = ray = _import_ray()
+        _require_answer(address)
         options: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
         if address == LOCAL:
             cores = len(os.sched_getaffinity(0))
@@ -87,11 +114,7 @@ class RayExecutor:
         try:
             ray.init(address, **options)
         except (ConnectionError, ValueError, RuntimeError) as error:
-            first = str(error).strip().splitlines()[0]
-            raise ConfigError(
-                f"no Ray cluster at {address!r} ({first}); start one with 'ray start "
-                f"--head', or give --cluster {LOCAL}"
-            ) from error
+            raise _no_cluster(address, error) from error
         logging.getLogger("ray").setLevel(logging.ERROR)
         cores = int(ray.cluster_resources().get("CPU", 1))
         self.slots = max(1, min(workers or cores, cores))
