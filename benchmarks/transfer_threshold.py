@@ -39,10 +39,10 @@ KINDS = {
 """What a grade changes; the masses go with "all" and "weight"."""
 GRADES = [
     *((twin, "all", f) for twin in ("medium", "hard") for f in (0.0, 0.25, 0.5, 0.75)),
-    *(("medium", "all", f) for f in (1.0, 1.5, 2.0, 2.5)),
+    *(("medium", "all", f) for f in (1.0, 1.5, 2.0)),
     ("hard", "all", 1.0),
     *(("hard", "friction", f) for f in (0.25, 0.5, 0.75, 1.0)),
-    *(("hard", "weight", f) for f in (0.5, 1.0, 1.5, 2.0)),
+    *(("hard", "weight", f) for f in (0.5, 1.0, 1.5)),
     *(("hard", "delay", f) for f in (0.5, 1.0, 1.5, 2.0)),
 ]
 

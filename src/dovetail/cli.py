@@ -13,6 +13,7 @@ COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
     "train": ("Train", "train a policy in a simulation or on an arm"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
+    "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
     "reproduce": ("Reproduce", "run the paper's experiments, resumable"),
     "serve": ("Serve", "offer an arm to learners over gRPC"),
     "twin": ("Twin", "list the twins, or show one"),

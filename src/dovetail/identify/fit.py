@@ -1,28 +1,49 @@
-"""Fit a model's parameters to a recording with CMA-ES (Hansen 2016)."""
+"""Fit a model to a recording: the parameters that move the simulation as the arm."""
 
-import json
-import math
 import os
 import time
-from dataclasses import asdict, dataclass, replace
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
-from rich.progress import TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TextColumn,
+    TimeElapsedColumn,
+)
 
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
-from dovetail.identify.parameters import ParameterSet, nominal_model
-from dovetail.identify.population import Population, make_population
+from dovetail.identify.fit_folder import MODEL, FitFolder
+from dovetail.identify.parameters import Parameter, ParameterSet, nominal_model
+from dovetail.identify.population import (
+    Population,
+    evaluate_population,
+    make_population,
+)
 from dovetail.identify.recording import Recording
+from dovetail.identify.replay import rms_of
+from dovetail.identify.search import Search, Space, initial_covariance
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
-if TYPE_CHECKING:
-    from cmaes import CMA
+EVALUATIONS_PER_PARAMETER = 200
+"""Default budget of simulated logs; a search that has converged ends before."""
+STEP = 0.1
+"""Change of a parameter that its sensitivity is measured with, as a share of its
+range."""
+NO_EFFECT = 1e-5
+"""RMS movement of the TCP for `STEP` below which a parameter has no effect on the log
+[m]: what the finest encoders' noise of 1e-5 rad moves it at 1 m."""
+AT_BOUND = 0.01
+"""Distance from a bound that counts as there, as a share of the range."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,19 +55,20 @@ class FitConfig:
     plant: str = "mujoco"
     """Physics engine of the simulation: mujoco or bullet."""
     parameters: str = "paper"
-    """paper, extended, or a list such as gravity,mass_scale,damping=0:2:0.5."""
-    out: Path
-    """Folder for model.toml and fit.json; new, empty, or one to resume."""
-    evaluations: int = 600
-    """Largest number of simulated logs."""
+    """Parameters: paper, extended, or a list such as gravity,mass_scale,damping;
+    NAME=LOW:HIGH or NAME=LOW:HIGH:START sets bounds and start."""
+    out: Path = Path("identified")
+    """Folder for model.toml and fit.json; new or empty, or with --resume a fit's."""
+    evaluations: int | None = None
+    """Most logs to simulate; default 200 per parameter."""
     seed: int = 0
-    """Seed of the search."""
+    """Seed of the search, 0 or more."""
     workers: int | None = None
     """Processes; default one for each core."""
     resume: bool = False
-    """Go on with the fit in the folder."""
+    """Go on with the fit that is in the folder."""
     cluster: str | None = None
-    """Evaluate on Ray: its address, or local."""
+    """Simulate on a Ray cluster: its address, auto, or local."""
 
 
 @dataclass(frozen=True)
@@ -55,76 +77,347 @@ class FitResult:
 
     model: TwinConfig
     vector: Array
+    """Value of each parameter, in its unit."""
     rms_before: float
     """Error of the nominal model [m]."""
     rms_after: float
     """Error of the fitted model [m]."""
     evaluations: int
     wall_time: float
-    """[s]"""
+    """Time of the search [s], all its runs together."""
+    warnings: tuple[str, ...] = field(default=())
+    """What a reader of the result has to know."""
+
+
+@dataclass(frozen=True)
+class _Outset:
+    """What is known before the search: errors and sensitivities at its start."""
+
+    before: float
+    """Error of the nominal model [m]."""
+    sensitivity: tuple[float, ...]
+    """RMS movement of the TCP for `STEP` of each parameter's range [m]."""
+    covariance: Array
+    """Of the first generation, over the active parameters."""
+    active: tuple[int, ...]
+    """Indices of the parameters that have an effect."""
 
 
 def fit(config: FitConfig, console: Console) -> FitResult:
-    """Search the parameters that bring the simulation closest to the recording."""
+    """Search the parameters that bring the simulation closest to the recording.
+
+    Args:
+        config: What to do.
+        console: Where progress and warnings go.
+
+    Raises:
+        DovetailError: A setting, the recording, the folder, or workers that die; see
+            its message.
+    """
     parameters = ParameterSet.parse(config.parameters)
+    budget = config.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
+    if budget < 1 or config.seed < 0:
+        raise ConfigError(
+            f"evaluations is {budget} and seed {config.seed}; needs at least 1 and 0"
+        )
+    recording = Recording.load(config.log)
+    settings = _settings(config, parameters, recording)
+    folder = FitFolder.claim(config.out, settings, resume=config.resume)
+    workers = os.cpu_count() or 1 if config.workers is None else config.workers
+    population = make_population(recording, config.plant, workers, config.cluster)
     begin = time.monotonic()
-    config.out.mkdir(parents=True, exist_ok=True)
-    workers = config.workers or os.cpu_count() or 1
-    population = make_population(config.log, config.plant, workers, config.cluster)
-    try:
-        before = population.evaluate([nominal_model(config.plant)])[0]
-        vector, after, count = _search(config, parameters, population, before, console)
-    finally:
-        population.close()
+    with closing(population):
+        outset = _begin(folder, settings, parameters, population, config.plant)
+        search = _Fit(config, parameters, outset, folder, population)
+        search.repeat()
+        earlier = folder.generations[-1]["time"] if folder.generations else 0.0
+        search.run(budget, begin - earlier, console)
+        vector, after = search.conclude()
+    wall_time = time.monotonic() - begin + earlier
+    warnings = _warnings(parameters, outset, vector, population.deaths)
     result = FitResult(
-        parameters.to_model(vector, config.plant),
+        _describe(parameters.to_model(vector, config.plant), recording, after),
         vector,
-        before,
+        outset.before,
         after,
-        count,
-        time.monotonic() - begin,
+        search.search.evaluations,
+        wall_time,
+        warnings,
     )
-    write_atomic(config.out / "model.toml", result.model.to_toml())
+    _write(folder, parameters, outset, result, search.search.history, config)
+    for warning in warnings:
+        console.print(f"warning: {warning}", soft_wrap=True, highlight=False)
     return result
 
 
-def _search(
-    config: FitConfig,
+def _settings(
+    config: FitConfig, parameters: ParameterSet, recording: Recording
+) -> dict[str, Any]:
+    """Return what determines the search, as JSON can hold it."""
+    return {
+        "log": recording.fingerprint(),
+        "robot": recording.metadata["robot"],
+        "task": recording.metadata["task"],
+        "period": recording.period,
+        "plant": config.plant,
+        "parameters": [
+            [p.name, p.unit, p.low, p.high, p.start] for p in parameters.parameters
+        ],
+        "seed": config.seed,
+    }
+
+
+def _begin(
+    folder: FitFolder,
+    settings: dict[str, Any],
     parameters: ParameterSet,
     population: Population,
-    before: float,
-    console: Console,
-) -> tuple[Array, float, int]:
-    from cmaes import CMA
+    engine: str,
+) -> _Outset:
+    """Measure errors and sensitivities at the start, or read them where they are."""
+    if folder.summary is not None:
+        known = folder.summary["outset"]
+        return _Outset(
+            known["rms_before"],
+            tuple(known["sensitivity"]),
+            np.array(known["covariance"]),
+            tuple(known["active"]),
+        )
+    outset = _measure(parameters, population, engine)
+    folder.write_summary(
+        {
+            "state": "running",
+            "settings": settings,
+            "outset": {
+                "rms_before": outset.before,
+                "sensitivity": list(outset.sensitivity),
+                "covariance": outset.covariance.tolist(),
+                "active": list(outset.active),
+            },
+        }
+    )
+    return outset
 
-    low, high = parameters.low, parameters.high
-    width = high - low
-    optimiser = CMA(
-        mean=(parameters.start - low) / width,
-        sigma=0.15,
-        bounds=np.column_stack([np.zeros(len(low)), np.ones(len(low))]),
-        seed=config.seed,
+
+def _measure(parameters: ParameterSet, population: Population, engine: str) -> _Outset:
+    space = _space(parameters)
+    begin = space.to_shares(space.start)
+    points = [begin]
+    for i in range(len(begin)):
+        point = begin.copy()
+        point[i] += STEP if begin[i] + STEP <= 1.0 else -STEP
+        points.append(point)
+    models = [parameters.to_model(space.to_values(p), engine) for p in points]
+    nominal, start, *moved = population.errors([nominal_model(engine), *models])
+    if start is None:
+        raise ConfigError(
+            "the simulation diverges where the search would start; give other starts "
+            "(NAME=LOW:HIGH:START)"
+        )
+    zero = np.zeros_like(start)
+    columns = [zero if m is None else (m - start).ravel() / STEP for m in moved]
+    jacobian = np.column_stack([c.ravel() for c in columns])
+    signs = [np.sign((p - begin)[i]) for i, p in enumerate(points[1:])]
+    jacobian = jacobian * np.array(signs)
+    sizes = tuple(
+        STEP * float(np.sqrt((c.reshape(-1, 3) ** 2).sum(axis=1).mean()))
+        for c in columns
     )
-    best, best_vector, count = before, parameters.start, 0
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("best {task.fields[best]:.3f} mm"),
-        TimeElapsedColumn(),
+    active = tuple(i for i, size in enumerate(sizes) if size >= NO_EFFECT)
+    if not active:
+        raise ConfigError(
+            "no parameter has an effect on this log: "
+            + "; ".join(_sensitivity(p, s) for p, s in _zip(parameters, sizes))
+        )
+    covariance = initial_covariance(jacobian[:, active], rms_of(start))
+    return _Outset(rms_of(nominal), sizes, covariance, active)
+
+
+def _zip(
+    parameters: ParameterSet, sizes: tuple[float, ...]
+) -> list[tuple[Parameter, float]]:
+    return list(zip(parameters.parameters, sizes, strict=True))
+
+
+def _space(parameters: ParameterSet, active: tuple[int, ...] | None = None) -> Space:
+    rows = slice(None) if active is None else list(active)
+    return Space(parameters.low[rows], parameters.high[rows], parameters.start[rows])
+
+
+class _Fit:
+    """A search over the active parameters, and where its values come from."""
+
+    def __init__(
+        self,
+        config: FitConfig,
+        parameters: ParameterSet,
+        outset: _Outset,
+        folder: FitFolder,
+        population: Population,
+    ) -> None:
+        self._config = config
+        self._parameters = parameters
+        self._active = list(outset.active)
+        self._folder = folder
+        self._population = population
+        self._before = outset.before
+        space = _space(parameters, outset.active)
+        self.search = Search(space, outset.covariance, config.seed)
+
+    def _whole(self, vector: Array) -> Array:
+        """Return the vector of all parameters; those without effect stay at start."""
+        whole = self._parameters.start.copy()
+        whole[self._active] = vector
+        return whole
+
+    def _values(self, vectors: list[Array]) -> list[float]:
+        engine = self._config.plant
+        models = [self._parameters.to_model(self._whole(v), engine) for v in vectors]
+        return evaluate_population(models, self._population)
+
+    def repeat(self) -> None:
+        """Tell the search what the folder says it was told before."""
+        for number, generation in enumerate(self._folder.generations):
+            count = len(self.search.ask())
+            if len(generation["values"]) != count:
+                raise LogError(
+                    f"{self._folder.path}: generation {number} has "
+                    f"{len(generation['values'])} values, the search asks for {count}; "
+                    "it was made by another version: choose another --out"
+                )
+            self.search.tell(generation["values"])
+
+    def run(self, budget: int, begin: float, console: Console) -> None:
+        """Search until the budget is used or nothing improves.
+
+        Args:
+            budget: Most evaluations.
+            begin: When the search began, by the monotonic clock [s].
+            console: Where the progress bar goes.
+        """
+        search = self.search
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("simulated logs, best {task.fields[best]:.3f} mm"),
+            TimeElapsedColumn(),
+        )
+        with Progress(*columns, console=console) as progress:
+            bar = progress.add_task("fit", total=budget, best=1e3 * self._before)
+            while search.evaluations < budget and not search.has_converged():
+                values = self._values(search.ask())
+                search.tell(values)
+                self._folder.append(values, time.monotonic() - begin)
+                best = 1e3 * min(search.best, self._before)
+                progress.update(bar, completed=search.evaluations, best=best)
+            progress.update(bar, total=search.evaluations)
+
+    def conclude(self) -> tuple[Array, float]:
+        """Return the best vector of all parameters, and its error [m].
+
+        The middle of the last generation, and the start, are candidates too.
+        """
+        search = self.search
+        middle, start = self._values([search.mean, search.space.start])
+        candidates = [
+            (search.best, search.best_vector),
+            (middle, search.mean),
+            (start, search.space.start),
+        ]
+        error, vector = min(candidates, key=lambda pair: pair[0])
+        return self._whole(vector), error
+
+
+def _warnings(
+    parameters: ParameterSet, outset: _Outset, vector: Array, deaths: int
+) -> tuple[str, ...]:
+    """Return what a reader of the result has to know."""
+    lines = [
+        f"{_sensitivity(p, size)}: it has no effect on this log and stays at "
+        f"{p.start:g} {p.unit}"
+        for p, size in _zip(parameters, outset.sensitivity)
+        if size < NO_EFFECT
+    ]
+    shares = _space(parameters).to_shares(vector)
+    for i, p in enumerate(parameters.parameters):
+        if i not in outset.active or AT_BOUND < shares[i] < 1.0 - AT_BOUND:
+            continue
+        name, bound = ("lower", p.low) if shares[i] <= AT_BOUND else ("upper", p.high)
+        lines.append(
+            f"{p.name} ends at its {name} bound of {bound:g} {p.unit} ({vector[i]:.4g} "
+            f"{p.unit}): the log asks for more than the bound allows, or for something "
+            "that is not among the parameters; widen it with "
+            f"{p.name}=LOW:HIGH, or fit more parameters"
+        )
+    if deaths:
+        lines.append(f"workers died {deaths} times; their evaluations were done again")
+    return tuple(lines)
+
+
+def _sensitivity(p: Parameter, size: float) -> str:
+    step = STEP * (p.high - p.low)
+    return f"{p.name} moves the TCP by {1e3 * size:.2g} mm RMS per {step:.3g} {p.unit}"
+
+
+def _describe(model: TwinConfig, recording: Recording, after: float) -> TwinConfig:
+    arm = recording.metadata["arm"].partition("?")[0]
+    text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
+    return replace(model, description=text)
+
+
+def _write(
+    folder: FitFolder,
+    parameters: ParameterSet,
+    outset: _Outset,
+    result: FitResult,
+    history: list[float],
+    config: FitConfig,
+) -> None:
+    """Write the model, then the summary that says it is there."""
+    made = datetime.now(UTC).isoformat(timespec="seconds")
+    comments = (
+        f"# Made by dovetail {version('dovetail')}, {made}: dovetail identify fit",
+        f"# Log: {config.log} (hash {folder.summary['settings']['log']})"
+        if folder.summary
+        else "",
+        f"# Parameters: {', '.join(parameters.names)}",
+        f"# RMS error of the TCP on the log: {1e3 * result.rms_before:.3f} mm before, "
+        f"{1e3 * result.rms_after:.3f} mm after; {result.evaluations} simulated logs",
+        "# No noise: it is a model to train in, not a twin to try on.",
     )
-    with Progress(*columns, console=console) as progress:
-        bar = progress.add_task("fit", total=config.evaluations, best=1e3 * best)
-        while count < config.evaluations and not optimiser.should_stop():
-            asked = [optimiser.ask() for _ in range(optimiser.population_size)]
-            vectors = [low + width * u for u in asked]
-            values = population.evaluate(
-                [parameters.to_model(v, config.plant) for v in vectors]
-            )
-            optimiser.tell(list(zip(asked, values, strict=True)))
-            count += len(values)
-            i = int(np.argmin(values))
-            if values[i] < best:
-                best, best_vector = values[i], vectors[i]
-            progress.update(bar, completed=count, best=1e3 * best)
-    return best_vector, best, count
+    text = "\n".join(comments) + "\n" + result.model.to_toml()
+    write_atomic(folder.path / MODEL, text)
+    values = [
+        {
+            "name": p.name,
+            "unit": p.unit,
+            "low": p.low,
+            "high": p.high,
+            "start": p.start,
+            "value": float(value),
+            "sensitivity_mm": 1e3 * size,
+            "has_effect": i in outset.active,
+        }
+        for i, (p, value, size) in enumerate(
+            zip(parameters.parameters, result.vector, outset.sensitivity, strict=True)
+        )
+    ]
+    folder.write_summary(
+        (folder.summary or {})
+        | {
+            "state": "done",
+            "made": made,
+            "versions": {n: version(n) for n in ("dovetail", "cmaes", "mujoco")},
+            "log": str(config.log),
+            "parameters": values,
+            "history_mm": [1e3 * e for e in history],
+            "result": {
+                "rms_before": result.rms_before,
+                "rms_after": result.rms_after,
+                "evaluations": result.evaluations,
+                "wall_time": result.wall_time,
+                "warnings": list(result.warnings),
+            },
+        }
+    )

@@ -2,31 +2,33 @@
 
 import multiprocessing
 from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Protocol
 
-from dovetail.errors import ConfigError, MissingDependencyError, PlantError
+import numpy as np
+
+from dovetail.errors import ConfigError, PlantError
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import Replay, rms_of
 from dovetail.plants.twin import TwinConfig
+from dovetail.types import Array
 
-_MAX_DEATHS = 3
-"""How often an evaluation may lose its worker before the fit is ended."""
+MAX_DEATHS = 3
+"""How often in one population a worker may die before the fit is ended."""
 
 
 class Population(Protocol):
-    """Something that says how far each of many models is from the recording."""
+    """Something that replays many models."""
 
     deaths: int
-    """Workers that died; their evaluations were done again."""
+    """Times that workers died; their evaluations were done again."""
 
-    def evaluate(self, models: Sequence[TwinConfig]) -> list[float]:
-        """Return the RMS error of each model [m], in order.
+    def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
+        """Return `Replay.error` of each model, in order.
 
         Raises:
-            PlantError: An evaluation lost its worker again and again.
+            PlantError: Workers die again and again.
         """
         ...
 
@@ -35,18 +37,29 @@ class Population(Protocol):
         ...
 
 
+def evaluate_population(
+    models: Sequence[TwinConfig], population: Population
+) -> list[float]:
+    """Return the RMS error of each model [m], in order.
+
+    Raises:
+        PlantError: Workers die again and again.
+    """
+    return [rms_of(error) for error in population.errors(models)]
+
+
 class Here:
-    """One replay in this process."""
+    """One replay, in this process."""
 
     deaths = 0
 
-    def __init__(self, folder: Path, engine: str) -> None:
-        """Load the recording."""
-        self._replay = Replay(Recording.load(folder), engine)
+    def __init__(self, recording: Recording, engine: str) -> None:
+        """Build the replay."""
+        self._replay = Replay(recording, engine)
 
-    def evaluate(self, models: Sequence[TwinConfig]) -> list[float]:
-        """Return the RMS error of each model [m], one after the other."""
-        return [self._replay.rms(model) for model in models]
+    def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
+        """Return the error of each model, one after the other."""
+        return [self._replay.error(model) for model in models]
 
     def close(self) -> None:
         """Release the engine."""
@@ -56,10 +69,10 @@ class Here:
 class Processes:
     """A replay in each of several processes, which live as long as this object."""
 
-    def __init__(self, folder: Path, engine: str, workers: int) -> None:
+    def __init__(self, recording: Recording, engine: str, workers: int) -> None:
         """Start the processes."""
         self.deaths = 0
-        self._arguments = (folder, engine)
+        self._arguments = (recording, engine)
         self._workers = workers
         self._pool = self._start()
 
@@ -71,64 +84,72 @@ class Processes:
             initargs=self._arguments,
         )
 
-    def evaluate(self, models: Sequence[TwinConfig]) -> list[float]:
-        """Return the RMS error of each model [m].
+    def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
+        """Return the error of each model.
 
         Where a worker dies, the pool is built again and what is missing is evaluated
         again.
         """
-        values: dict[int, float] = {}
-        for _ in range(_MAX_DEATHS + 1):
-            left = [i for i in range(len(models)) if i not in values]
+        done: dict[int, Array | None] = {}
+        for _ in range(MAX_DEATHS + 1):
+            left = [i for i in range(len(models)) if i not in done]
             if not left:
-                break
+                return [done[i] for i in range(len(models))]
             try:
-                futures: dict[int, Future[float]] = {
-                    i: self._pool.submit(_rms_in_worker, models[i]) for i in left
+                futures = {
+                    i: self._pool.submit(_replay_in_worker, models[i]) for i in left
                 }
                 for i, future in futures.items():
-                    values[i] = future.result()
+                    error = future.result()
+                    done[i] = None if error is None else error.astype(np.float64)
             except BrokenProcessPool:
                 self.deaths += 1
                 self._pool.shutdown(wait=False, cancel_futures=True)
                 self._pool = self._start()
-        if len(values) < len(models):
-            raise PlantError(
-                f"{len(models) - len(values)} evaluations lost their worker process "
-                f"{_MAX_DEATHS + 1} times; is the memory full? Use fewer --workers, and "
-                "--resume to go on"
-            )
-        return [values[i] for i in range(len(models))]
+        raise PlantError(
+            f"a worker process died {MAX_DEATHS + 1} times while "
+            f"{len(models)} models were simulated; is the memory full? Go on with "
+            "--resume and fewer --workers"
+        )
 
     def close(self) -> None:
         """End the processes."""
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._pool.shutdown(wait=True, cancel_futures=True)
 
 
 _of_this_process: list[Replay] = []
 
 
-def _start_worker(folder: Path, engine: str) -> None:
-    _of_this_process.append(Replay(Recording.load(folder), engine))
+def _start_worker(recording: Recording, engine: str) -> None:
+    _of_this_process.append(Replay(recording, engine))
 
 
-def _rms_in_worker(model: TwinConfig) -> float:
-    return _of_this_process[0].rms(model)
+def _replay_in_worker(model: TwinConfig) -> Array | None:
+    return _of_this_process[0].error(model)
 
 
 def make_population(
-    folder: Path, engine: str, workers: int, cluster: str | None
+    recording: Recording, engine: str, workers: int, cluster: str | None = None
 ) -> Population:
-    """Choose how a population is evaluated.
+    """Choose where a population is evaluated.
 
     Args:
-        folder: The recording.
+        recording: What is replayed.
         engine: Physics engine.
-        workers: Processes on this machine, at least 1.
-        cluster: Ray's address, or "local" for one on this machine; None is none.
+        workers: Processes on this machine, at least 1; 1 stays in this one.
+        cluster: Address of a Ray cluster, or "local" to start one on this machine;
+            None is no cluster.
+
+    Raises:
+        ConfigError: Workers below 1, or no cluster at that address.
+        MissingDependencyError: The engine, or Ray, is not installed.
     """
     if workers < 1:
         raise ConfigError(f"workers is {workers}; needs at least 1")
     if cluster is not None:
-        raise MissingDependencyError("no ray yet")
-    return Here(folder, engine) if workers == 1 else Processes(folder, engine, workers)
+        from dovetail.identify.cluster import RayTasks
+
+        return RayTasks(recording, engine, cluster)
+    if workers == 1:
+        return Here(recording, engine)
+    return Processes(recording, engine, workers)

@@ -4,6 +4,7 @@ A recording is a folder: `recording.json` says how it was made, and one Episode 
 for each sequence, `sequence-00.npz` on, holds every control cycle.
 """
 
+import hashlib
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,23 +15,27 @@ import numpy as np
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
+from dovetail.envs.commands import CommandMap
 from dovetail.episode import Episode
 from dovetail.errors import LogError
+from dovetail.identify.log_checks import (
+    assign_steps,
+    require_gapless,
+    require_robot,
+    require_same_facts,
+)
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
+from dovetail.robot import Robot
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec7
 
 FORMAT = 1
 DESCRIPTION = "recording.json"
 _KEYS = (
-    *("format", "robot", "task", "period", "peg", "clearance", "hole", "arm"),
-    *("commands", "controller", "excitation", "q_start"),
+    *("format", "robot", "task", "period", "peg", "clearance", "hole", "near_height"),
+    *("arm", "commands", "controller", "excitation", "q_start"),
 )
-_GAP = 0.25
-"""Deviation of the time between two cycles that is a gap, as a share of the period."""
-_POSITION_TOLERANCE = 1e-3
-"""Largest distance between the logged TCP and the model's at the logged q [m]."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,8 @@ class Sequence:
     """One row for each control cycle, columns CYCLE_COLUMNS."""
     cycles: tuple[int, ...]
     """Control cycles of each step; over a network not always the same number."""
+    q_commanded: Vec7
+    """Configuration that the reset was to reach [rad]; its TCP rotation is held."""
 
 
 @dataclass(frozen=True)
@@ -68,15 +75,17 @@ class Recording:
     @property
     def scene(self) -> SceneConfig:
         """Geometry of the task."""
-        return SceneConfig(
-            peg=self.metadata["peg"], clearance=self.metadata["clearance"]
-        )
+        return _scene(self.metadata)
 
     @property
     def hole(self) -> Pose:
         """Where the hole was."""
         x, y, z, yaw = self.metadata["hole"]
         return Pose(np.array([x, y, z]), quat_about_z(yaw))
+
+    def commands(self) -> CommandMap:
+        """Return what turned actions into Targets."""
+        return CommandMap(self.task, **self.metadata["commands"])
 
     def settings(self) -> tuple[OscConfig, LimitConfig]:
         """Return law and limits of the controller that played the motions."""
@@ -92,6 +101,29 @@ class Recording:
         columns = [COLUMN[name] for name in "xyz"]
         return [sequence.log[:, columns] for sequence in self.sequences]
 
+    def fingerprint(self) -> str:
+        """Return a hash of everything that a fit depends on."""
+        known = {k: v for k, v in self.metadata.items() if k in _KEYS}
+        digest = hashlib.sha256(json.dumps(known, sort_keys=True).encode())
+        for sequence in self.sequences:
+            digest.update(np.ascontiguousarray(sequence.log[:, :-1]).tobytes())
+        return digest.hexdigest()[:16]
+
+    def require_like(self, other: Self) -> None:
+        """Refuse to compare with a recording of another robot, period or task.
+
+        Raises:
+            LogError: What differs, and both values.
+        """
+        for name in ("robot", "period", "task", "peg", "commands", "controller"):
+            mine, theirs = self.metadata[name], other.metadata[name]
+            if mine != theirs:
+                raise LogError(
+                    f"the two recordings differ in {name}: {mine!r} (arm "
+                    f"{self.metadata['arm']}) and {theirs!r} (arm "
+                    f"{other.metadata['arm']}); record both with the same settings"
+                )
+
     @classmethod
     def load(cls, folder: str | Path) -> Self:
         """Read a recording and check it.
@@ -102,17 +134,19 @@ class Recording:
         """
         folder = Path(folder)
         metadata = read_description(folder)
+        robot = _scene(metadata).robot()
+        require_robot(folder / DESCRIPTION, metadata["robot"], robot)
         count = metadata["excitation"]["sequences"]
         sequences = []
         for number in range(count):
             path = sequence_path(folder, number)
             if not path.is_file():
                 raise LogError(
-                    f"the recording {folder} has {number} of {count} sequences: "
-                    f"{path.name} is missing; finish it with the same `dovetail "
-                    "identify record`"
+                    f"the recording {folder} is not complete: {path.name} of {count} "
+                    "sequences is missing; finish it with the same `dovetail identify "
+                    "record`"
                 )
-            sequences.append(_read_sequence(path, metadata))
+            sequences.append(_read_sequence(path, number, metadata, robot))
         return cls(metadata, tuple(sequences))
 
 
@@ -135,77 +169,48 @@ def read_description(folder: Path) -> dict[str, Any]:
             f"{folder} is no recording: {path.name} cannot be read ({error}); make one "
             "with `dovetail identify record`"
         ) from error
-    missing = [k for k in _KEYS if k not in metadata] if metadata else list(_KEYS)
+    if not isinstance(metadata, dict):
+        raise LogError(
+            f"{path} holds no table; make it with `dovetail identify record`"
+        )
+    missing = [key for key in _KEYS if key not in metadata]
     if missing or metadata["format"] != FORMAT:
         raise LogError(
-            f"{path} lacks {', '.join(missing) or 'nothing'} and has format "
+            f"{path} lacks {', '.join(missing) or 'no key'} and has format "
             f"{metadata.get('format')}; this version reads {FORMAT}"
         )
     return metadata
 
 
-def _read_sequence(path: Path, metadata: dict[str, Any]) -> Sequence:
+def _scene(metadata: dict[str, Any]) -> SceneConfig:
+    return SceneConfig(peg=metadata["peg"], clearance=metadata["clearance"])
+
+
+def _read_sequence(
+    path: Path, number: int, metadata: dict[str, Any], robot: Robot
+) -> Sequence:
     """Read one sequence and check it against the recording's description."""
     episode = Episode.load(path)
-    for name in ("robot", "task", "period"):
-        if episode.metadata.get(name) != metadata[name]:
-            raise LogError(
-                f"{path}: the {name} is {episode.metadata.get(name)!r}, the "
-                f"recording's is {metadata[name]!r}; the file is of another recording"
-            )
-    columns = [episode.columns.index(name) for name in CYCLE_COLUMNS]
-    log = episode.data[:, columns]
-    names = [name for name in episode.columns if name.startswith("action")]
+    facts = {name: metadata[name] for name in ("robot", "task", "period")}
+    require_same_facts(path, episode.metadata, facts | {"sequence": number})
+    log = episode.data[:, [episode.columns.index(name) for name in CYCLE_COLUMNS]]
+    require_gapless(path, log, float(metadata["period"]))
+    require_robot(path, metadata["robot"], robot, log)
     steps = episode["step"].astype(int)
-    _require_gapless(path, log, float(metadata["period"]))
-    _require_robot(path, log, metadata)
     firsts = np.flatnonzero(np.diff(steps, prepend=-1))
+    if not np.array_equal(steps[firsts], np.arange(metadata["excitation"]["steps"])):
+        raise LogError(
+            f"{path}: it has {len(firsts)} policy steps, the recording's sequences "
+            f"have {metadata['excitation']['steps']}: delete the file and record it "
+            "again"
+        )
+    names = [name for name in episode.columns if name.startswith("action")]
     actions = np.column_stack([episode[name] for name in names])[firsts]
-    cycles = np.diff([*firsts, len(steps)])
-    _require_steps(path, steps[firsts], metadata)
+    scale = float(metadata["commands"]["f_scale"])
+    first, cycles = assign_steps(path, log, steps, scale * actions[:, :3])
     q_start = np.asarray(episode.metadata["q_start"], dtype=float)
-    return Sequence(q_start, actions, log, tuple(int(n) for n in cycles))
-
-
-def _require_steps(path: Path, steps: Array, metadata: dict[str, Any]) -> None:
-    expected = metadata["excitation"]["steps"]
-    if not np.array_equal(steps, np.arange(expected)):
-        raise LogError(
-            f"{path}: it has {len(steps)} policy steps, numbered {steps.min()} to "
-            f"{steps.max()}; the recording has {expected}: play it again"
-        )
-
-
-def _require_gapless(path: Path, log: Array, period: float) -> None:
-    """Refuse a log in which cycles are missing."""
-    time = log[:, COLUMN["time"]]
-    intervals = np.diff(time)
-    bad = np.abs(intervals - period) > _GAP * period
-    if bad.any():
-        row = int(np.argmax(bad))
-        raise LogError(
-            f"{path}: {1e3 * intervals[row]:g} ms pass between the cycles {row} and "
-            f"{row + 1}, at {time[row]:.3f} s; the period is {1e3 * period:g} ms "
-            f"({int(bad.sum())} such gaps): delete the file and record it again"
-        )
-
-
-def _require_robot(path: Path, log: Array, metadata: dict[str, Any]) -> None:
-    """Refuse a log whose TCP is not where this robot's is at the logged q."""
-    scene = SceneConfig(peg=metadata["peg"], clearance=metadata["clearance"])
-    robot = scene.robot()
-    if metadata["robot"] != robot.name:
-        raise LogError(
-            f"{path}: the log is of the robot {metadata['robot']!r}; it can be "
-            f"replayed on {robot.name!r} only"
-        )
-    for row in (0, len(log) // 2, len(log) - 1):
-        q = log[row, COLUMN["q1"] : COLUMN["q7"] + 1]
-        logged = log[row, COLUMN["x"] : COLUMN["z"] + 1]
-        distance = float(np.linalg.norm(robot.tool_pose(q).position - logged))
-        if not distance < _POSITION_TOLERANCE:
-            raise LogError(
-                f"{path}: in row {row} the TCP is {1e3 * distance:.1f} mm from where "
-                f"{robot.name} has it at the logged configuration; allowed is "
-                f"{1e3 * _POSITION_TOLERANCE:g} mm: the log is of another robot or tool"
-            )
+    if first > 0:  # a network's latency: the arm was still held at its start
+        q_start = log[first, COLUMN["q1"] : COLUMN["q7"] + 1]
+    return Sequence(
+        q_start, actions, log[first:], cycles, np.array(metadata["q_start"][number])
+    )

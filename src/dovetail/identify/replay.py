@@ -1,17 +1,20 @@
-"""Play a recording's actions in a simulation, closed loop, and compare."""
+"""Play a recording's actions in a simulation, closed loop, and compare.
 
-from typing import cast
+A replay runs the C++ controller against the engine, whose loop is in C++ too. MuJoCo's
+`mujoco.batch` steps many simulations at once but with controls given beforehand; here
+each torque depends on the cycle before, so a replay is one simulation, and populations
+are spread over processes.
+"""
 
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.local_arm import LocalArm
-from dovetail.envs.commands import CommandMap
+from dovetail.control.build import make_controller
 from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.errors import PlantError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording, Sequence
-from dovetail.plants.plant import COLUMN, Plant
+from dovetail.plants.plant import COLUMN
 from dovetail.plants.twin import TwinConfig, TwinPlant
 from dovetail.poses import quat_multiply
 from dovetail.types import Array
@@ -37,27 +40,18 @@ class Replay:
         self.recording = recording
         self.engine = engine
         scene = recording.scene
-        robot = scene.robot()
-        osc, limits = recording.settings()
+        self._robot = scene.robot()
         self._plant = TwinPlant(nominal_model(), scene, engine=engine)
-        self._arm = LocalArm(
-            cast("Plant", self._plant),
-            robot,
-            osc,
-            limits,
-            recording.task,
-            recording.period,
+        self._controller = make_controller(
+            self._robot, *recording.settings(), recording.task, recording.period
         )
         self._targets = [self._make_targets(s) for s in recording.sequences]
-        self._measured = recording.positions()
+        self._measured = np.concatenate(recording.positions())
 
     def _make_targets(self, sequence: Sequence) -> list["_core.Target"]:
         """Return the Target of each step, as the environment made it."""
-        hole = self.recording.hole
-        scene = self.recording.scene
-        commands = CommandMap(
-            self.recording.task, **self.recording.metadata["commands"]
-        )
+        hole, scene = self.recording.hole, self.recording.scene
+        commands = self.recording.commands()
         up = np.array([0.0, 0.0, 1.0])  # a recording's hole is never tilted
         goal = hole.position - scene.hole_depth * up
         quat = quat_multiply(hole.quat_wxyz, TOOL_DOWN)
@@ -74,7 +68,7 @@ class Replay:
         """Play every sequence on a model.
 
         Args:
-            model: Dynamics and command delay; noise is used as it says.
+            model: Dynamics, command delay and noise.
 
         Returns:
             The TCP at each cycle [m], one array of shape (cycles, 3) per sequence.
@@ -97,28 +91,46 @@ class Replay:
 
     def _play(self, sequence: Sequence, targets: list["_core.Target"]) -> Array:
         period, plant = self.recording.period, self._plant
-        self._arm.reset(sequence.q_start, self.recording.hole)
+        plant.reset(sequence.q_start, self.recording.hole)
+        hold = self._robot.tool_pose(sequence.q_commanded)
+        self._controller.reset(plant.read()[0], hold.position, hold.quat_wxyz)
         logs = [
-            plant.run_cycles(self._arm.controller, target, cycles, period)[0]
+            plant.run_cycles(self._controller, target, cycles, period)[0]
             for target, cycles in zip(targets, sequence.cycles, strict=True)
         ]
         return np.vstack(logs)[:, COLUMN["x"] : COLUMN["z"] + 1]
 
+    def error(self, model: TwinConfig) -> Array | None:
+        """Return the simulated minus the recorded TCP [m].
+
+        Returns:
+            Shape (cycles of all sequences, 3); None where the simulation diverges.
+        """
+        try:
+            error = np.concatenate(self.run(model)) - self._measured
+        except PlantError:
+            return None
+        return error if np.isfinite(error).all() else None
+
     def rms(self, model: TwinConfig) -> float:
         """Return the root mean square distance of the TCP from the recording [m].
 
-        It is taken over all cycles of all sequences; `DIVERGED` where the simulation
-        does.
+        It is taken over all cycles of all sequences, and at most `DIVERGED`, which it
+        is where the simulation diverges.
         """
-        try:
-            simulated = self.run(model)
-        except PlantError:
-            return DIVERGED
-        pairs = zip(simulated, self._measured, strict=True)
-        error = np.concatenate([a - b for a, b in pairs])
-        value = float(np.sqrt((error**2).sum(axis=1).mean()))
-        return min(value, DIVERGED) if np.isfinite(value) else DIVERGED
+        return rms_of(self.error(model))
 
     def close(self) -> None:
         """Release the engine; harmless when repeated."""
         self._plant.close()
+
+
+def rms_of(error: Array | None) -> float:
+    """Return the root mean square length of the rows of an error, see `Replay.error`.
+
+    Args:
+        error: Shape (cycles, 3) [m]; None is a simulation that diverged.
+    """
+    if error is None:
+        return DIVERGED
+    return min(float(np.sqrt((error**2).sum(axis=1).mean())), DIVERGED)
