@@ -7,11 +7,11 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
 from rich.box import SIMPLE_HEAD
@@ -41,6 +41,7 @@ from dovetail.errors import ConfigError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.files import claim_output_folder, write_atomic
 from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
 from dovetail.evaluate.trials import HOLE_POSES, HolePose, plan_trials, run_trials
@@ -70,6 +71,17 @@ class EvaluationConfig:
     """Shape of peg and hole: square, triangle or round; default the policy's."""
     clearance: float | None = None
     """Gap between peg and hole on each side [m]; default the policy's."""
+    hole_shift: float = 0.0
+    """Cover the camera: the hole is this far [m], in a random horizontal direction,
+    from where it was seen last; 0 to 0.05."""
+    push: float = 0.0
+    """Push the tool at random times in random directions with up to this force [N];
+    0 to 100."""
+    hole_speed: float = 0.0
+    """Move the hole during the tries at this speed [m/s], out and back, the camera
+    following; 0 to 0.1."""
+    start: Literal["random", "below"] = "random"
+    """Where the tool starts: random, or below the block's surface, beside it."""
     tries: int = 20
     """Tries at each hole pose."""
     seed: int = 0
@@ -78,6 +90,19 @@ class EvaluationConfig:
     """Processes that share the tries; the outcome does not depend on it."""
     out: Path = Path("results")
     """Folder for table, figures, report and logs; new or empty."""
+
+    def perturbation(self) -> Perturbation:
+        """Return what is done to arm and hole.
+
+        Raises:
+            ConfigError: A number out of range.
+        """
+        return Perturbation(
+            hole_shift=self.hole_shift,
+            push=self.push,
+            hole_speed=self.hole_speed,
+            start=self.start,
+        )
 
 
 class Evaluation(NamedTuple):
@@ -121,11 +146,13 @@ def environment_options(
         load_twin(options["twin"])
     if config.arm is not None:
         _require_usable(config, parse_address(config.arm))
+    config.perturbation()
     return options
 
 
 def _require_usable(config: EvaluationConfig, arm: ArmAddress) -> None:
     """Refuse what an arm outside this process cannot do."""
+    config.perturbation().require_possible(arm)
     if not is_simulated_here(arm) and config.workers > 1:
         raise ConfigError(
             f"workers is {config.workers}, but there is one arm at {config.arm}; "
@@ -179,9 +206,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     file = find_policy(config.policy)
     policy = Policy.load(file)
     options = environment_options(config, policy.metadata)
-    make_env = partial(
-        gym.make, policy.metadata["env_id"], disable_env_checker=True, **options
-    )
+    perturbation = config.perturbation()
+    make_env = partial(make_perturbed, policy.metadata["env_id"], perturbation, options)
     with closing(_inspect(make_env, policy, poses[0], jobs[0].seed)) as env:
         scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
         folder = claim_output_folder(config.out)
@@ -203,8 +229,15 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     rows = summarise(outcomes, [pose.name for pose in poses])
     ground = name_ground(config)
     report = Report(
-        title=f"{file.stem}, {scene.peg} peg, "
-        f"{1e3 * scene.clearance:g} mm clearance per side, on {ground}",
+        title=", ".join(
+            [
+                file.stem,
+                f"{scene.peg} peg",
+                f"{1e3 * scene.clearance:g} mm clearance per side",
+                *perturbation.describe(),
+                f"on {ground}",
+            ]
+        ),
         ground=ground,
         rows=rows,
         outcomes=outcomes,
@@ -320,6 +353,9 @@ def command_line(config: EvaluationConfig) -> str:
         if (value := getattr(config, name)) is not None:
             values = value if isinstance(value, tuple) else [value]
             words += [f"--{name}", *map(str, values)]
+    for f in fields(Perturbation):
+        if (value := getattr(config, f.name)) != f.default:
+            words += [f"--{f.name.replace('_', '-')}", str(value)]
     return shlex.join([*words, "--out", "results-again"])
 
 

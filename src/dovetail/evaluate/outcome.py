@@ -1,6 +1,8 @@
 """What is kept of one try: numbers for the table and the tool's path."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 from dovetail.types import Array
 
@@ -38,7 +40,9 @@ class Outcome:
     """Why the arm ended the try before its time; empty when it did not."""
     log: str
     """File name of the Episode log, or empty when none was kept."""
+    perturbation: Mapping[str, Any] = field(default_factory=dict)
+    """What was drawn for this try, by name and unit; empty where nothing was."""
 
-    def numbers(self) -> dict[str, int | float | bool | str]:
+    def numbers(self) -> dict[str, Any]:
         """Return everything but the path, for JSON."""
         return {name: value for name, value in vars(self).items() if name != "path"}

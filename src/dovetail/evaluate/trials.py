@@ -119,6 +119,7 @@ class Trialist:
         hole = self._poses[job.pose].pose()
         file = self._log_file(job)
         observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
+        perturbation = info.get("perturbation", {})
         blocks: list[Array] = []
         steps, violations, done, stopped = 0, 0, False, ""
         with Episode(metadata=self._describe(job), path=file) as episode:
@@ -137,6 +138,7 @@ class Trialist:
                 done = ended or cut
         log = "" if file is None else file.name
         outcome = _outcome(job, blocks, hole, steps, violations, info, log)
+        outcome = replace(outcome, perturbation=perturbation)
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
 
     def close(self) -> None:

@@ -1,0 +1,246 @@
+"""Perturbed trials: a covered camera, pushes, a hole that moves, low starts."""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal, NamedTuple
+
+import gymnasium as gym
+import numpy as np
+
+from dovetail.arms.address import (
+    ArmAddress,
+    FriAddress,
+    GrpcAddress,
+    places_hole,
+)
+from dovetail.envs.hole_tracker import CoveredHole
+from dovetail.envs.peg_in_hole import POLICY_PERIOD
+from dovetail.envs.randomisation import RandomisationConfig
+from dovetail.envs.workspace import require_inside
+from dovetail.errors import ConfigError
+from dovetail.poses import Pose
+from dovetail.types import Vec3
+
+HOLE_TRAVEL = 0.05
+"""How far a moving hole goes out before it comes back [m]."""
+PUSH_TIME = (0.2, 0.5)
+"""Range of a push's duration [s], uniform."""
+PUSH_GAP = (0.3, 1.0)
+"""Range of the time between two pushes, and before the first [s], uniform."""
+
+_STREAM = 0x5E7BAC
+"""Keeps these draws apart from those of start and noise, which have the same seed."""
+_RANGES = {
+    "hole_shift": (0.0, 0.05, "m"),
+    "push": (0.0, 100.0, "N"),
+    "hole_speed": (0.0, 0.1, "m/s"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perturbation:
+    """What is done to the arm and the hole during the tries."""
+
+    hole_shift: float = 0.0
+    """Horizontal distance from where the hole was seen last to where it is [m]; above 0
+    the camera is covered."""
+    push: float = 0.0
+    """Largest force of the pushes on the TCP [N]; 0 is none."""
+    hole_speed: float = 0.0
+    """Speed at which the hole moves horizontally, out and back [m/s]."""
+    start: Literal["random", "below"] = "random"
+    """Where the tool starts: anywhere, or below the block's surface, beside it."""
+
+    def __post_init__(self) -> None:
+        """Refuse a number out of range, by name."""
+        for name, (low, high, unit) in _RANGES.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ConfigError(
+                    f"{name} is {value:g} {unit}; allowed: {low:g} to {high:g} {unit}"
+                )
+        if self.start not in ("random", "below"):
+            raise ConfigError(f"start is {self.start!r}; known: random, below")
+
+    def __bool__(self) -> bool:
+        """Whether anything is perturbed."""
+        return self != Perturbation()
+
+    def describe(self) -> list[str]:
+        """Return what is done in words, for a title; empty for nothing."""
+        words = []
+        if self.hole_shift:
+            shift = f"{1e3 * self.hole_shift:g} mm"
+            words.append(f"camera covered and hole moved by {shift}")
+        if self.push:
+            words.append(f"pushes of up to {self.push:g} N")
+        if self.hole_speed:
+            words.append(f"hole moving at {1e3 * self.hole_speed:g} mm/s")
+        if self.start == "below":
+            words.append("starts below the surface")
+        return words
+
+    def require_possible(self, arm: ArmAddress) -> None:
+        """Refuse what cannot be done to an arm.
+
+        Raises:
+            ConfigError: Names the option and what would make it possible.
+        """
+        for name in ("push", "hole_speed"):
+            if not getattr(self, name):
+                continue
+            option = name.replace("_", "-")
+            if isinstance(arm, GrpcAddress):
+                raise ConfigError(
+                    f"an arm over gRPC cannot be perturbed by --{option}; try it where "
+                    "the arm is: --plant, --twin, or fri:// with control=HOST:PORT"
+                )
+            if isinstance(arm, FriAddress) and not places_hole(arm):
+                raise ConfigError(
+                    f"--{option} needs a simulation, or the control port of a "
+                    "simulated cabinet (control=HOST:PORT); a real arm is pushed by "
+                    "hand"
+                )
+
+
+class Push(NamedTuple):
+    """One push on the TCP."""
+
+    step: int
+    """Policy step at whose beginning it starts."""
+    force: Vec3
+    """Force [N], world axes."""
+    duration: float
+    """[s]"""
+
+    def describe(self) -> dict[str, Any]:
+        """Return the push for a report."""
+        return {
+            "start [s]": round(self.step * POLICY_PERIOD, 3),
+            "duration [s]": round(self.duration, 3),
+            "force [N]": self.force.round(2).tolist(),
+        }
+
+
+def draw_pushes(rng: np.random.Generator, largest: float, episode: float) -> list[Push]:
+    """Draw the pushes of an episode: direction on the sphere, size up to `largest`.
+
+    Args:
+        rng: Random numbers.
+        largest: Largest force [N]; sizes are uniform from 0 to it.
+        episode: Length of the episode [s].
+    """
+    pushes = []
+    time = rng.uniform(*PUSH_GAP)
+    while time < episode:
+        direction = rng.normal(size=3)
+        force = rng.uniform(0.0, largest) * direction / np.linalg.norm(direction)
+        duration = float(rng.uniform(*PUSH_TIME))
+        pushes.append(Push(round(time / POLICY_PERIOD), force, duration))
+        time += duration + rng.uniform(*PUSH_GAP)
+    return pushes
+
+
+def distance_out(time: float, speed: float) -> float:
+    """Return how far a hole that goes out and back by HOLE_TRAVEL is at a time [m]."""
+    way = math.fmod(speed * time, 2.0 * HOLE_TRAVEL)
+    return min(way, 2.0 * HOLE_TRAVEL - way)
+
+
+class Perturbed(gym.Wrapper):
+    """Perturbs the episodes of a peg-in-hole environment, each by its reset's seed."""
+
+    def __init__(self, env: gym.Env, perturbation: Perturbation) -> None:
+        """Take the environment; with a `hole_shift` its tracker is a CoveredHole."""
+        super().__init__(env)
+        self.perturbation = perturbation
+        self.core: Any = env.unwrapped
+        self._rng = np.random.default_rng()
+        self._pushes: list[Push] = []
+        self._direction: Vec3 = np.zeros(3)
+        self._step = 0
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Any, dict[str, Any]]:
+        """Draw what will be done, then start an episode; `info` tells it."""
+        if seed is not None:
+            self._rng = np.random.default_rng([_STREAM, seed])
+        asked, rng = self.perturbation, self._rng
+        told: dict[str, Any] = {}
+        if asked.hole_shift:
+            shift = asked.hole_shift * _horizontal(rng)
+            self.core.tracker.shift = shift
+            told["hole_shift [m]"] = shift.tolist()
+        observation, info = self.env.reset(seed=seed, options=options)
+        if asked.hole_speed:
+            self._direction = self._free_direction()
+            told["hole_velocity [m/s]"] = (asked.hole_speed * self._direction).tolist()
+        self._pushes = []
+        if asked.push:
+            episode = self.core.max_steps * POLICY_PERIOD
+            self._pushes = draw_pushes(rng, asked.push, episode)
+            told["pushes"] = [push.describe() for push in self._pushes]
+        self._step = 0
+        return observation, {**info, "perturbation": told}
+
+    def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
+        """Perturb, and follow the action for 50 ms."""
+        if self.perturbation.hole_speed:
+            begin, end = (
+                distance_out(step * POLICY_PERIOD, self.perturbation.hole_speed)
+                for step in (self._step, self._step + 1)
+            )
+            self.core.slide_hole((end - begin) / POLICY_PERIOD * self._direction)
+        while self._pushes and self._pushes[0].step <= self._step:
+            push = self._pushes.pop(0)
+            self.core.arm.push(push.force, push.duration)
+        self._step += 1
+        return self.env.step(action)
+
+    def _free_direction(self) -> Vec3:
+        """Draw a horizontal direction whose whole way lies in the workspace.
+
+        Raises:
+            ConfigError: There is none among 32.
+        """
+        core, hole = self.core, self.core.hole
+        for last in [False] * 31 + [True]:
+            direction = _horizontal(self._rng)
+            end = Pose(hole.position + HOLE_TRAVEL * direction, hole.quat_wxyz)
+            try:
+                require_inside(core.scene, core.arm, core.walls(), end)
+            except ConfigError:
+                if last:
+                    raise
+            else:
+                return direction
+        raise AssertionError("unreachable")
+
+
+def _horizontal(rng: np.random.Generator) -> Vec3:
+    angle = rng.uniform(-math.pi, math.pi)
+    return np.array([math.cos(angle), math.sin(angle), 0.0])
+
+
+def make_perturbed(
+    env_id: str, perturbation: Perturbation, options: dict[str, Any]
+) -> gym.Env:
+    """Build an environment and what perturbs it.
+
+    Args:
+        env_id: Gymnasium id.
+        perturbation: What is done; nothing gives the plain environment.
+        options: Keyword arguments of the environment.
+    """
+    make = partial(gym.make, env_id, disable_env_checker=True)
+    if not perturbation:
+        return make(**options)
+    more: dict[str, Any] = {}
+    if perturbation.hole_shift:
+        more["tracker"] = CoveredHole()
+    if perturbation.start == "below":
+        low, _ = RandomisationConfig().start_z
+        more["randomisation"] = RandomisationConfig(start_z=(low, 0.0))
+    return Perturbed(make(**options, **more), perturbation)
