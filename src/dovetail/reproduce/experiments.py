@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dovetail.page import finite
 from dovetail.reproduce.stage import Sitting
 
 TWINS = "twins"
@@ -62,12 +63,13 @@ def fit_model(sitting: Sitting) -> dict[str, Any]:
         "rms_after_mm": 1e3 * result.rms_after,
         "evaluations": result.evaluations,
         "wall_time_s": result.wall_time,
+        "warnings": list(result.warnings),
         "model": asdict(result.model),
     }
 
 
 def report_fit(sitting: Sitting) -> dict[str, Any]:
-    """Judge a fit on a log that it has not seen; figures, intervals, go or no-go."""
+    """Judge a fit by a log that it has not seen: figures, intervals, go or no-go."""
     from dovetail.identify.recording import Recording
     from dovetail.identify.report import write_identification_report
 
@@ -75,8 +77,13 @@ def report_fit(sitting: Sitting) -> dict[str, Any]:
     out = sitting.folder / "report"
     shutil.rmtree(out, ignore_errors=True)  # of a sitting that was cut short
     fit = sitting.of(sitting.settings["fit_of"]) / FIT
-    write_identification_report(fit, held_out, out, sitting.console)
-    return {}
+    report = write_identification_report(fit, held_out, out, sitting.console)
+    result = {
+        "errors_m": {c.log: c.numbers() for c in report.comparisons},
+        "condition_number": report.identifiability.condition_number,
+        "verdict": asdict(report.verdict),
+    }
+    return finite(result)
 
 
 def train_policy(sitting: Sitting) -> dict[str, Any]:

@@ -20,6 +20,8 @@ _START = 8.0
 """About how long a process takes to start to train [s]."""
 _TRY = 0.3
 """About how long a try takes [s]."""
+_REPLAY = 0.06
+"""About how long the simulation of a log takes [s]."""
 HELD_OUT_SEED = 1000
 """Added to the seed of a log that no fit sees."""
 SLOWER_ON_TWIN = 1.5
@@ -132,7 +134,7 @@ def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
                 "seed": config.seed,
             },
             needs=(f"record-{twin}-fitted",),
-            expected=90.0 if budget.evaluations is None else 0.05 * budget.evaluations,
+            expected=_fit_time(budget.evaluations, parameters),
         )
         needs = (fit_name(twin, parameters), f"record-{twin}-held-out")
         yield Stage(
@@ -142,6 +144,13 @@ def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
             needs=needs,
             expected=20.0,
         )
+
+
+def _fit_time(evaluations: int | None, parameters: str) -> float:
+    """Return about how long a fit takes [s]."""
+    if evaluations is None:
+        evaluations = 1000 if parameters == "paper" else 5000
+    return 2.0 + _REPLAY * evaluations
 
 
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
@@ -231,7 +240,10 @@ def _identified_or_not(config: PlanConfig) -> Iterator[Stage]:
 
 
 def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any]]]:
-    """Yield what is done to the arm or the hole, how much, and evaluate's settings."""
+    """Yield what is done to the arm or the hole, how much, and evaluate's settings.
+
+    Level 0 is nothing: the transfer table has it.
+    """
     for shift in budget.shifts:
         yield "shift", shift, {"hole_shift": shift}
     for push in budget.pushes:
@@ -245,6 +257,8 @@ def _robustness(config: PlanConfig) -> Iterator[Stage]:
     for seed in _seeds(config):
         for variant in config.budget.robust:
             for what, level, settings in robustness_cases(config.budget):
+                if level == 0.0:
+                    continue
                 name = robustness_name(variant, what, level, seed)
                 policy = train_name(variant, seed)
                 yield _evaluation(config, name, policy, config.twins[0], **settings)

@@ -175,6 +175,8 @@ def _robustness(root: Path, config: PlanConfig) -> dict[tuple[str, str], list[Le
             def name(
                 seed: int, variant: str = variant, what: str = what, at: float = level
             ) -> str:
+                if at == 0.0:
+                    return transfer_name(variant, "square", seed)
                 return robustness_name(variant, what, at, seed)
 
             table = _pool(root, config, VARIANTS[variant], name)
@@ -207,11 +209,6 @@ def _fits(root: Path, config: PlanConfig) -> dict[tuple[str, str], dict[str, Any
         for parameters in dict.fromkeys(("paper", config.parameters)):
             name = fit_name(twin, parameters)
             if (result := _result(root, name)) is not None:
-                found[twin, parameters] = result | _judgement(root, name)
+                judged = _result(root, f"report-{name}")
+                found[twin, parameters] = result | {"judged": judged}
     return found
-
-
-def _judgement(root: Path, name: str) -> dict[str, Any]:
-    """Return what the report of an identification says; nothing where there is none."""
-    path = stage_folder(root, f"report-{name}") / "report" / "report.json"
-    return {"judgement": read_json(path) if path.exists() else None}

@@ -133,15 +133,19 @@ def fit_table(fits: Mapping[tuple[str, str], dict[str, Any]]) -> str:
     """Return error before and after, and cost, of each identification."""
     lines = []
     for (twin, parameters), fit in fits.items():
-        held = fit.get("held_out_mm") or (None, None)
-        errors = (fit["rms_before_mm"], fit["rms_after_mm"], *held)
+        judged = fit["judged"]
+        held = ["-", "-"]
+        if judged is not None:
+            numbers = judged["errors_m"]["held-out log"]
+            held = [f"{1e3 * numbers[k]:.2f}" for k in ("rms_before", "rms_after")]
         lines.append(
             [
                 f"twin {twin}, {parameters}",
-                *("-" if error is None else f"{error:.2f}" for error in errors),
+                *(f"{fit[k]:.2f}" for k in ("rms_before_mm", "rms_after_mm")),
+                *held,
                 fit["evaluations"],
                 format_time(fit["wall_time_s"]),
-                fit.get("verdict") or "-",
+                "-" if judged is None else judged["verdict"]["answer"],
             ]
         )
     heads = (
