@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.console import Console
@@ -26,11 +27,23 @@ from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
 from dovetail.identify.uncertainty import analyse
+from dovetail.types import Array
 
 QUIET = Console(quiet=True)
 
 
-def import_sysid():
+class Fit(NamedTuple):
+    """What one method found, and what it took."""
+
+    vector: Array
+    count: int
+    """Simulated logs."""
+    seconds: float
+    half: Array
+    """Half width of each 95 % interval."""
+
+
+def import_sysid() -> Any:
     """Return mujoco.sysid, or say how to install it."""
     from mujoco import sysid
 
@@ -50,12 +63,12 @@ class Residual:
         self.replay, self.parameters, self.count = replay, parameters, 0
         self.measured = np.concatenate(replay.recording.positions())
 
-    def __call__(self, x, params):
+    def __call__(self, x: Array, params: Any) -> tuple[list[Array], None, None]:
         """Return the residual of one vector, or of each column of an array."""
         columns = [self.one(column) for column in np.atleast_2d(x.T)]
         return [columns[0] if x.ndim == 1 else np.column_stack(columns)], None, None
 
-    def one(self, vector):
+    def one(self, vector: Array) -> Array:
         """Return the position error [m], flat."""
         self.count += 1
         inside = np.clip(vector, self.parameters.low, self.parameters.high)
@@ -63,8 +76,10 @@ class Residual:
         return (np.concatenate(self.replay.run(model)) - self.measured).ravel()
 
 
-def with_sysid(sysid, optimizer: str, log: Recording, parameters: ParameterSet, plant):
-    """Fit with mujoco.sysid: vector, simulated logs, time [s], half intervals."""
+def with_sysid(
+    sysid: Any, optimizer: str, log: Recording, parameters: ParameterSet, plant: str
+) -> Fit:
+    """Fit with one of mujoco.sysid's optimisers."""
     residual = Residual(Replay(log, plant), parameters)
     table = sysid.ParameterDict(
         {
@@ -82,11 +97,11 @@ def with_sysid(sysid, optimizer: str, log: Recording, parameters: ParameterSet, 
     vector = np.clip(fitted.as_vector(), parameters.low, parameters.high)
     count, error = residual.count, residual.one(vector)
     _, half = sysid.calculate_intervals([error], np.asarray(result.jac))
-    return vector, count, seconds, half
+    return Fit(vector, count, seconds, half)
 
 
-def with_dovetail(log: Path, parameters: str, plant: str, out: Path, seed: int):
-    """Fit with CMA-ES: vector, simulated logs, time [s], half intervals."""
+def with_dovetail(log: Path, parameters: str, plant: str, out: Path, seed: int) -> Fit:
+    """Fit with CMA-ES."""
     begin = time.perf_counter()
     config = FitConfig(log=log, plant=plant, parameters=parameters, out=out, seed=seed)
     result = fit(config, QUIET)
@@ -94,7 +109,7 @@ def with_dovetail(log: Path, parameters: str, plant: str, out: Path, seed: int):
     chosen = ParameterSet.parse(parameters)
     judged = analyse(Replay(Recording.load(log), plant), chosen, result.vector)
     half = np.array([e.interval[1] - e.value for e in judged.estimates])
-    return result.vector, result.evaluations, seconds, half
+    return Fit(result.vector, result.evaluations, seconds, half)
 
 
 def main() -> None:
@@ -133,7 +148,13 @@ def main() -> None:
         show(fits, fitted, Recording.load(held_out), parameters, arguments.plant)
 
 
-def show(fits, log: Recording, held_out: Recording, parameters: ParameterSet, plant):
+def show(
+    fits: dict[str, Fit],
+    log: Recording,
+    held_out: Recording,
+    parameters: ParameterSet,
+    plant: str,
+) -> None:
     """Print errors and times, then values and intervals."""
     replays = Replay(log, plant), Replay(held_out, plant)
     before = [1e3 * r.rms(nominal_model()) for r in replays]
@@ -146,7 +167,9 @@ def show(fits, log: Recording, held_out: Recording, parameters: ParameterSet, pl
         held[name] = other
         print(f"| {name} | {ours:.3f} | {other:.3f} | {count} | {seconds:.1f} |")
     first, *rest = held.values()
-    print(f"\nheld-out error over the better of the two peers: {first / min(rest):.3f}\n")
+    print(
+        f"\nheld-out error over the better of the two peers: {first / min(rest):.3f}\n"
+    )
     print("| parameter |", " | ".join(fits), "|")
     print("|---" * (1 + len(fits)) + "|")
     for i, p in enumerate(parameters.parameters):

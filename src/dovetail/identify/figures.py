@@ -89,6 +89,8 @@ def draw_convergence(history: Sequence[tuple[int, float]], before: float) -> byt
     axes.axhline(1e3 * before, color=SIMULATED, linewidth=1, linestyle="--")
     axes.step(count, 1e3 * error, where="post", color=_FITTED, linewidth=1.5)
     axes.set_yscale("log")
+    for which in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        which("{x:.3g}")
     axes.set_xlabel("simulated logs", fontsize=9)
     axes.set_ylabel("best error [mm RMS]", fontsize=9)
     axes.set_title("dashed: before identification", fontsize=9, color=REAL)
@@ -96,7 +98,9 @@ def draw_convergence(history: Sequence[tuple[int, float]], before: float) -> byt
     return _png(figure)
 
 
-def draw_intervals(result: Identifiability, bounds: Sequence[tuple[float, float]]) -> bytes:
+def draw_intervals(
+    result: Identifiability, bounds: Sequence[tuple[float, float]]
+) -> bytes:
     """Draw each value and its 95 % interval inside the range of the search.
 
     Args:
@@ -113,8 +117,12 @@ def draw_intervals(result: Identifiability, bounds: Sequence[tuple[float, float]
         zip(result.estimates, bounds, strict=True)
     ):
         value, *ends = (
-            float(np.clip((v - low) / (high - low), 0.0, 1.0)) if math.isfinite(v) else e
-            for v, e in zip((estimate.value, *estimate.interval), (0, 0, 1), strict=True)
+            float(np.clip((v - low) / (high - low), 0.0, 1.0))
+            if math.isfinite(v)
+            else e
+            for v, e in zip(
+                (estimate.value, *estimate.interval), (0, 0, 1), strict=True
+            )
         )
         colour = _FITTED if estimate.verdict == "known" else SIMULATED
         axes.plot((0, 1), (row, row), color=_PALE, linewidth=1, zorder=0)
@@ -133,7 +141,7 @@ def draw_intervals(result: Identifiability, bounds: Sequence[tuple[float, float]
 
 
 def _tidy(axes: Any) -> None:
-    axes.tick_params(labelsize=8)
+    axes.tick_params(which="both", labelsize=8)
     axes.spines[["top", "right"]].set_visible(False)
 
 

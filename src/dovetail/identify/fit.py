@@ -9,7 +9,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -22,26 +21,25 @@ from rich.progress import (
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
 from dovetail.identify.fit_folder import MODEL, FitFolder
-from dovetail.identify.parameters import Parameter, ParameterSet, nominal_model
+from dovetail.identify.outset import (
+    NO_EFFECT,
+    Outset,
+    describe_sensitivity,
+    measure_outset,
+)
+from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.population import (
     Population,
     evaluate_population,
     make_population,
 )
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import rms_of
-from dovetail.identify.search import Search, Space, initial_covariance
+from dovetail.identify.search import Search, space_of
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
 EVALUATIONS_PER_PARAMETER = 200
 """Default budget of simulated logs; a search that has converged ends before."""
-STEP = 0.1
-"""Change of a parameter that its sensitivity is measured with, as a share of its
-range."""
-NO_EFFECT = 1e-5
-"""RMS movement of the TCP for `STEP` below which a parameter has no effect on the log
-[m]: what the finest encoders' noise of 1e-5 rad moves it at 1 m."""
 AT_BOUND = 0.01
 """Distance from a bound that counts as there, as a share of the range."""
 
@@ -65,6 +63,8 @@ class FitConfig:
     """Seed of the search, 0 or more."""
     workers: int | None = None
     """Processes; default one for each core."""
+    warm_start: bool = True
+    """Begin CMA-ES at a least-squares answer; without, at the nominal model."""
     resume: bool = False
     """Go on with the fit that is in the folder."""
     cluster: str | None = None
@@ -87,20 +87,6 @@ class FitResult:
     """Time of the search [s], all its runs together."""
     warnings: tuple[str, ...] = field(default=())
     """What a reader of the result has to know."""
-
-
-@dataclass(frozen=True)
-class _Outset:
-    """What is known before the search: errors and sensitivities at its start."""
-
-    before: float
-    """Error of the nominal model [m]."""
-    sensitivity: tuple[float, ...]
-    """RMS movement of the TCP for `STEP` of each parameter's range [m]."""
-    covariance: Array
-    """Of the first generation, over the active parameters."""
-    active: tuple[int, ...]
-    """Indices of the parameters that have an effect."""
 
 
 def fit(config: FitConfig, console: Console) -> FitResult:
@@ -127,7 +113,7 @@ def fit(config: FitConfig, console: Console) -> FitResult:
     population = make_population(recording, config.plant, workers, config.cluster)
     begin = time.monotonic()
     with closing(population):
-        outset = _begin(folder, settings, parameters, population, config.plant)
+        outset = _begin(folder, settings, parameters, population, config)
         search = _Fit(config, parameters, outset, folder, population)
         search.repeat()
         earlier = folder.generations[-1]["time"] if folder.generations else 0.0
@@ -140,7 +126,7 @@ def fit(config: FitConfig, console: Console) -> FitResult:
         vector,
         outset.before,
         after,
-        search.search.evaluations,
+        search.search.evaluations + outset.evaluations,
         wall_time,
         warnings,
     )
@@ -164,6 +150,7 @@ def _settings(
             [p.name, p.unit, p.low, p.high, p.start] for p in parameters.parameters
         ],
         "seed": config.seed,
+        "warm_start": config.warm_start,
     }
 
 
@@ -172,76 +159,18 @@ def _begin(
     settings: dict[str, Any],
     parameters: ParameterSet,
     population: Population,
-    engine: str,
-) -> _Outset:
-    """Measure errors and sensitivities at the start, or read them where they are."""
+    config: FitConfig,
+) -> Outset:
+    """Measure where the search begins, or read it where it is known."""
     if folder.summary is not None:
-        known = folder.summary["outset"]
-        return _Outset(
-            known["rms_before"],
-            tuple(known["sensitivity"]),
-            np.array(known["covariance"]),
-            tuple(known["active"]),
-        )
-    outset = _measure(parameters, population, engine)
+        return Outset.from_dict(folder.summary["outset"])
+    outset = measure_outset(
+        parameters, population, config.plant, warm=config.warm_start
+    )
     folder.write_summary(
-        {
-            "state": "running",
-            "settings": settings,
-            "outset": {
-                "rms_before": outset.before,
-                "sensitivity": list(outset.sensitivity),
-                "covariance": outset.covariance.tolist(),
-                "active": list(outset.active),
-            },
-        }
+        {"state": "running", "settings": settings, "outset": outset.to_dict()}
     )
     return outset
-
-
-def _measure(parameters: ParameterSet, population: Population, engine: str) -> _Outset:
-    space = _space(parameters)
-    begin = space.to_shares(space.start)
-    points = [begin]
-    for i in range(len(begin)):
-        point = begin.copy()
-        point[i] += STEP if begin[i] + STEP <= 1.0 else -STEP
-        points.append(point)
-    models = [parameters.to_model(space.to_values(p), engine) for p in points]
-    nominal, start, *moved = population.errors([nominal_model(engine), *models])
-    if start is None:
-        raise ConfigError(
-            "the simulation diverges where the search would start; give other starts "
-            "(NAME=LOW:HIGH:START)"
-        )
-    zero = np.zeros_like(start)
-    columns = [zero if m is None else (m - start).ravel() / STEP for m in moved]
-    jacobian = np.column_stack([c.ravel() for c in columns])
-    signs = [np.sign((p - begin)[i]) for i, p in enumerate(points[1:])]
-    jacobian = jacobian * np.array(signs)
-    sizes = tuple(
-        STEP * float(np.sqrt((c.reshape(-1, 3) ** 2).sum(axis=1).mean()))
-        for c in columns
-    )
-    active = tuple(i for i, size in enumerate(sizes) if size >= NO_EFFECT)
-    if not active:
-        raise ConfigError(
-            "no parameter has an effect on this log: "
-            + "; ".join(_sensitivity(p, s) for p, s in _zip(parameters, sizes))
-        )
-    covariance = initial_covariance(jacobian[:, active], rms_of(start))
-    return _Outset(rms_of(nominal), sizes, covariance, active)
-
-
-def _zip(
-    parameters: ParameterSet, sizes: tuple[float, ...]
-) -> list[tuple[Parameter, float]]:
-    return list(zip(parameters.parameters, sizes, strict=True))
-
-
-def _space(parameters: ParameterSet, active: tuple[int, ...] | None = None) -> Space:
-    rows = slice(None) if active is None else list(active)
-    return Space(parameters.low[rows], parameters.high[rows], parameters.start[rows])
 
 
 class _Fit:
@@ -251,7 +180,7 @@ class _Fit:
         self,
         config: FitConfig,
         parameters: ParameterSet,
-        outset: _Outset,
+        outset: Outset,
         folder: FitFolder,
         population: Population,
     ) -> None:
@@ -260,9 +189,10 @@ class _Fit:
         self._active = list(outset.active)
         self._folder = folder
         self._population = population
-        self._before = outset.before
-        space = _space(parameters, outset.active)
-        self.search = Search(space, outset.covariance, config.seed)
+        space = space_of(parameters, outset.active)
+        self.search = Search(
+            space, outset.mean, outset.covariance, outset.start, config.seed
+        )
 
     def _whole(self, vector: Array) -> Array:
         """Return the vector of all parameters; those without effect stay at start."""
@@ -304,42 +234,41 @@ class _Fit:
             TimeElapsedColumn(),
         )
         with Progress(*columns, console=console) as progress:
-            bar = progress.add_task("fit", total=budget, best=1e3 * self._before)
+            bar = progress.add_task("fit", total=budget, best=1e3 * search.best)
             while search.evaluations < budget and not search.has_converged():
                 values = self._values(search.ask())
                 search.tell(values)
                 self._folder.append(values, time.monotonic() - begin)
-                best = 1e3 * min(search.best, self._before)
-                progress.update(bar, completed=search.evaluations, best=best)
+                progress.update(
+                    bar, completed=search.evaluations, best=1e3 * search.best
+                )
             progress.update(bar, total=search.evaluations)
 
     def conclude(self) -> tuple[Array, float]:
         """Return the best vector of all parameters, and its error [m].
 
-        The middle of the last generation, and the start, are candidates too.
+        The middle of the last generation is a candidate too.
         """
         search = self.search
-        middle, start = self._values([search.mean, search.space.start])
         candidates = [
             (search.best, search.best_vector),
-            (middle, search.mean),
-            (start, search.space.start),
+            (self._values([search.mean])[0], search.mean),
         ]
         error, vector = min(candidates, key=lambda pair: pair[0])
         return self._whole(vector), error
 
 
 def _warnings(
-    parameters: ParameterSet, outset: _Outset, vector: Array, deaths: int
+    parameters: ParameterSet, outset: Outset, vector: Array, deaths: int
 ) -> tuple[str, ...]:
     """Return what a reader of the result has to know."""
     lines = [
-        f"{_sensitivity(p, size)}: it has no effect on this log and stays at "
+        f"{describe_sensitivity(p, size)}: it has no effect on this log and stays at "
         f"{p.start:g} {p.unit}"
-        for p, size in _zip(parameters, outset.sensitivity)
+        for p, size in zip(parameters.parameters, outset.sensitivity, strict=True)
         if size < NO_EFFECT
     ]
-    shares = _space(parameters).to_shares(vector)
+    shares = space_of(parameters).to_shares(vector)
     for i, p in enumerate(parameters.parameters):
         if i not in outset.active or AT_BOUND < shares[i] < 1.0 - AT_BOUND:
             continue
@@ -355,11 +284,6 @@ def _warnings(
     return tuple(lines)
 
 
-def _sensitivity(p: Parameter, size: float) -> str:
-    step = STEP * (p.high - p.low)
-    return f"{p.name} moves the TCP by {1e3 * size:.2g} mm RMS per {step:.3g} {p.unit}"
-
-
 def _describe(model: TwinConfig, recording: Recording, after: float) -> TwinConfig:
     arm = recording.metadata["arm"].partition("?")[0]
     text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
@@ -369,7 +293,7 @@ def _describe(model: TwinConfig, recording: Recording, after: float) -> TwinConf
 def _write(
     folder: FitFolder,
     parameters: ParameterSet,
-    outset: _Outset,
+    outset: Outset,
     result: FitResult,
     history: list[float],
     config: FitConfig,
@@ -409,7 +333,7 @@ def _write(
             "state": "done",
             "made": made,
             "versions": {n: version(n) for n in ("dovetail", "cmaes", "mujoco")},
-            "log": str(config.log),
+            "log": str(config.log.absolute()),
             "parameters": values,
             "history_mm": [1e3 * e for e in history],
             "result": {

@@ -68,8 +68,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
 SETS: dict[str, tuple[str, ...]] = {
     "paper": ("gravity", "mass_scale", "damping"),
     "extended": (
-        *("gravity", "mass_scale", "damping_per_joint", "coulomb_per_joint"),
-        *("armature_per_joint", "command_delay"),
+        *("gravity", "mass_scale_per_link", "damping_per_joint"),
+        *("coulomb_per_joint", "armature_per_joint", "command_delay"),
     ),
 }
 """The paper's set, and the one with what its authors left out."""

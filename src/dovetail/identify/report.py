@@ -22,7 +22,7 @@ from dovetail.identify.figures import (
     draw_intervals,
     draw_trajectories,
 )
-from dovetail.identify.fit_file import FitFile, load_fit
+from dovetail.identify.fitted import Fitted
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig
 from dovetail.identify.recording import Recording
@@ -32,7 +32,6 @@ from dovetail.identify.uncertainty import Estimate, Identifiability, analyse
 from dovetail.page import facts, figure, finite, page, table, text
 from dovetail.types import Array
 
-_SAME = ("robot", "task", "period", "peg", "controller")
 _STEPS = {"1": (0.01, "1 %"), "s": (1e-3, "ms")}
 """Step of a parameter for which the sensitivity is told, by unit; else one unit."""
 
@@ -93,11 +92,12 @@ def write_identification_report(
         console: Where the table is printed.
 
     Raises:
-        ConfigError: The held-out log is the fitting log, or of another task, period or
-            controller; the output folder is not empty.
-        LogError: The fit or its recording is missing or damaged.
+        ConfigError: The held-out log plays what was fitted, or the output folder is
+            not empty.
+        LogError: The fit is missing, damaged or not finished, its recording is missing
+            or has changed, or the held-out log is of another robot, task or controller.
     """
-    fit = load_fit(fit_folder)
+    fit = Fitted.load(fit_folder)
     if held_out is not None:
         _require_comparable(fit.recording, held_out)
     folder = claim_output_folder(out)
@@ -132,13 +132,7 @@ def write_identification_report(
 
 def _require_comparable(fitted: Recording, held_out: Recording) -> None:
     """Refuse a held-out log that proves nothing about the fit."""
-    for name in _SAME:
-        a, b = fitted.metadata[name], held_out.metadata[name]
-        if a != b:
-            raise ConfigError(
-                f"the held-out log's {name} is {b!r}, the fitting log's is {a!r}; "
-                "record it with the same settings and another --seed"
-            )
+    fitted.require_like(held_out)
     for number, ours in enumerate(fitted.sequences):
         for other, theirs in enumerate(held_out.sequences):
             if np.array_equal(ours.actions, theirs.actions):
@@ -160,7 +154,7 @@ def _is_standard(recording: Recording) -> bool:
     )
 
 
-def _compare(log: str, replay: Replay, fit: FitFile) -> Comparison:
+def _compare(log: str, replay: Replay, fit: Fitted) -> Comparison:
     return Comparison(
         log,
         replay.recording.positions(),
@@ -170,7 +164,7 @@ def _compare(log: str, replay: Replay, fit: FitFile) -> Comparison:
 
 
 def _draw(
-    fit: FitFile, comparisons: Sequence[Comparison], result: Identifiability
+    fit: Fitted, comparisons: Sequence[Comparison], result: Identifiability
 ) -> dict[str, tuple[str, bytes]]:
     """Return caption and PNG of each figure by file name."""
     period, arm = fit.recording.period, fit.recording.metadata["arm"]
@@ -202,7 +196,7 @@ def _draw(
 
 
 def _content(
-    fit: FitFile,
+    fit: Fitted,
     held_out: Recording | None,
     comparisons: Sequence[Comparison],
     result: Identifiability,
@@ -222,7 +216,13 @@ def _content(
             "evaluations": fit.evaluations,
             "wall_time": fit.wall_time,
             "history": fit.history,
-            "settings": dict(fit.settings),
+            "warnings": list(fit.warnings),
+            "settings": {
+                "seed": fit.summary["settings"]["seed"],
+                "log": fit.summary["log"],
+                "made": fit.summary["made"],
+                "versions": fit.summary["versions"],
+            },
         },
         "fitting_log": _about(fit.recording),
         "held_out_log": None if held_out is None else _about(held_out),
@@ -254,18 +254,20 @@ def _to_html(
     sentences = "\n".join(f"<li>{text(e.sentence)}.</li>" for e in result.estimates)
     parts = [
         f"<h1>{text(content['title'])}</h1>",
-        f'<p class="lead"><span class="rate">{text(answer)}</span>{text(sentence)}.</p>',
+        f'<p class="lead"><span class="rate">{text(answer)}</span>'
+        f"{text(sentence)}.</p>",
         table(["distance from the arm", *_ERRORS], logs),
         f'<p class="note">Simulated in {text(fit["plant"])}; {fit["evaluations"]} '
         f"simulated logs in {fit['wall_time']:.1f} s.</p>",
         "<h2>Parameters</h2>",
+        *(f'<p class="note">Warning: {text(w)}.</p>' for w in fit["warnings"]),
         table(_HEADS, [_cells(e) for e in result.estimates]),
         f'<p class="note">Condition number {_short(result.condition_number)} (Jacobian '
         f"with columns of unit length). Intervals: jackknife over {result.sequences} "
-        "sequences, Student's t. They cover the value that makes this model fit best on "
-        "motions of this kind; where the model lacks an effect of the arm, that is not "
-        "the arm's own value. Inflation: how much wider the variance is because the "
-        "other parameters are not known either.</p>",
+        "sequences, Student's t. They cover the value that makes this model fit best "
+        "on motions of this kind; where the model lacks an effect of the arm, that is "
+        "not the arm's own value. Inflation: how much wider the variance is because "
+        "the other parameters are not known either.</p>",
         f"<ul>\n{sentences}\n</ul>",
         *(figure(caption, png) for caption, png in figures.values()),
         *facts("Fit", fit["settings"]),
@@ -315,16 +317,22 @@ def _print(
     console: Console,
 ) -> None:
     """Print errors, parameters and the go / no-go line."""
-    errors = Table("distance from the arm", *_ERRORS, box=SIMPLE_HEAD)
+    errors = Table("distance [mm]", box=SIMPLE_HEAD)
+    for name in ("before, RMS", "largest", "after, RMS", "largest"):
+        errors.add_column(name, justify="right")
     for comparison in comparisons:
         numbers = comparison.numbers()
         errors.add_row(
             comparison.log, *(f"{1e3 * numbers[key]:.2f}" for key in _ERRORS.values())
         )
     console.print(errors)
-    parameters = Table(*_HEADS, box=SIMPLE_HEAD)
+    parameters = Table(box=SIMPLE_HEAD)
+    for name in ("parameter", "value", "95 % interval", "unit", "verdict"):
+        is_text = name in ("parameter", "unit", "verdict")
+        parameters.add_column(name, justify="left" if is_text else "right")
     for estimate in result.estimates:
-        parameters.add_row(*_cells(estimate))
+        name, value, interval, unit, *_, verdict_word = _cells(estimate)
+        parameters.add_row(name, value, interval, unit, verdict_word)
     console.print(parameters)
     console.print(f"condition number {_short(result.condition_number)}")
     for estimate in result.estimates:

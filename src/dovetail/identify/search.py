@@ -6,45 +6,23 @@ where it stood, its random numbers included.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from dovetail.errors import MissingDependencyError
+from dovetail.identify.parameters import ParameterSet
 from dovetail.types import Array
 
 PRIOR_WIDTH = 0.2
 """Standard deviation of the first generation, as a share of each parameter's range."""
 EDGE = 0.02
 """The search begins no nearer to a bound than this, as a share of the range."""
-PATIENCE = 0.001
+PATIENCE = 0.005
 """Improvement of the best error over a window below which it has converged [1]."""
 EXACT = 1e-9
 """Error below which there is nothing left to improve [m]."""
-
-
-def initial_covariance(sensitivity: Array, error: float) -> Array:
-    r"""Return the covariance of the first generation, in shares of each range.
-
-    Directions that move the TCP much get small steps, those that hardly do get the
-    whole `PRIOR_WIDTH`: with it a generation changes the trajectories by about the
-    error that is there, in every direction.
-
-    .. math:: C = (J^T J / (N e^2) + I / \sigma^2)^{-1}
-
-    Args:
-        sensitivity: J, change of the TCP at each cycle over the change of each
-            parameter as a share of its range [m], shape (3 N, parameters).
-        error: e, RMS error where the search begins [m].
-
-    Returns:
-        Shape (parameters, parameters).
-    """
-    cycles = len(sensitivity) / 3
-    information = sensitivity.T @ sensitivity / (cycles * max(error, EXACT) ** 2)
-    prior = np.eye(sensitivity.shape[1]) / PRIOR_WIDTH**2
-    covariance = np.linalg.inv(information + prior)
-    return 0.5 * (covariance + covariance.T)
 
 
 @dataclass(frozen=True)
@@ -65,19 +43,26 @@ class Space:
         return (np.asarray(values) - self.low) / (self.high - self.low)
 
 
+def space_of(parameters: ParameterSet, active: Sequence[int] | None = None) -> Space:
+    """Return the box of a parameter set, or of some of its parameters."""
+    rows = slice(None) if active is None else list(active)
+    return Space(parameters.low[rows], parameters.high[rows], parameters.start[rows])
+
+
 class Search:
     """Asks for vectors, is told their errors, and knows the best."""
 
     def __init__(
-        self, space: Space, covariance: Array, seed: int, population: int | None = None
+        self, space: Space, mean: Array, covariance: Array, error: float, seed: int
     ) -> None:
-        """Begin at the start of the space.
+        """Begin with a first generation; its size is 4 + 3 ln n, made even.
 
         Args:
             space: What is searched.
+            mean: Middle of the first generation, in shares.
             covariance: Of the first generation, in shares.
+            error: Of the middle of the first generation [m]: the best so far.
             seed: Seed of the search.
-            population: Size of a generation; None is 4 + 3 ln n, made even.
 
         Raises:
             MissingDependencyError: cmaes is not installed.
@@ -91,17 +76,17 @@ class Search:
         size = len(space.low)
         self.space = space
         self._optimiser = CMA(
-            mean=np.clip(space.to_shares(space.start), EDGE, 1.0 - EDGE),
+            mean=np.clip(mean, EDGE, 1.0 - EDGE),
             sigma=1.0,
             cov=covariance,
             bounds=np.tile([0.0, 1.0], (size, 1)),
             seed=seed,
-            population_size=population or 2 * math.ceil(2 + 1.5 * math.log(size)),
+            population_size=2 * math.ceil(2 + 1.5 * math.log(size)),
         )
         self._asked: list[Array] = []
-        self.best = math.inf
+        self.best = error
         """Smallest error so far [m]."""
-        self.best_vector = space.start
+        self.best_vector = space.to_values(mean)
         """Where it was, in units."""
         self.history: list[float] = []
         """Best error after each generation [m]."""
@@ -131,7 +116,7 @@ class Search:
     def has_converged(self) -> bool:
         """Say whether more generations will change nothing that matters."""
         size, count = len(self.space.low), self._optimiser.population_size
-        window = 10 + math.ceil(20 * size / count)
+        window = 10 + math.ceil(5 * size / count)
         if self.best < EXACT:
             return True
         if len(self.history) > window:

@@ -4,23 +4,28 @@ from dataclasses import dataclass
 from typing import Literal
 
 TRANSFER_LIMIT = 0.060
-"""Error of the model on a log of the standard excitation [m RMS] up to which transfer is
-expected. Measured, not derived: `benchmarks/transfer_threshold.py` tries the shipped
-policy on twins at graded distances from the model it was trained in, and this is below
-every grade on which it failed. docs/identification.md has the table."""
+"""Error of the model on a log of the standard excitation [m RMS] up to which transfer
+is expected. Measured, not derived: `benchmarks/transfer_threshold.py` tries the shipped
+policy on twins at graded distances from the model, and this is below every grade on
+which it failed. docs/identification.md has the table."""
+
+
+Answer = Literal["go", "no go", "unknown"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
     """The go / no-go line."""
 
-    answer: Literal["go", "no go", "unknown"]
+    answer: Answer
     sentence: str
     limit: float
     """The limit it was held against [m RMS]."""
 
 
-def judge_transfer(held_out: float | None, fitting: float, *, standard: bool) -> Verdict:
+def judge_transfer(
+    held_out: float | None, fitting: float, *, standard: bool
+) -> Verdict:
     """Hold the error of a model on a held-out log against the limit.
 
     Args:
@@ -49,16 +54,15 @@ def judge_transfer(held_out: float | None, fitting: float, *, standard: bool) ->
             "; this log is of another excitation or controller than those twins' logs, "
             "so the limit is only a rough guide here"
         )
-    if held_out > TRANSFER_LIMIT:
-        answer, text = "no go", (
-            f"no go: {1e3 * held_out:.2f} mm RMS on the held-out log is above {limit}, "
-            f"so transfer is not expected; {origin}"
+    found = f"{1e3 * held_out:.2f} mm RMS on the held-out log is"
+    answer: Answer = "go" if held_out <= TRANSFER_LIMIT else "no go"
+    if answer == "go":
+        text = (
+            f"go: {found} within {limit}, so transfer is expected as far as free "
+            f"motion decides it; {origin}"
         )
     else:
-        answer, text = "go", (
-            f"go: {1e3 * held_out:.2f} mm RMS on the held-out log is within {limit}, so "
-            f"transfer is expected as far as free motion decides it; {origin}"
-        )
+        text = f"no go: {found} above {limit}, so transfer is not expected; {origin}"
     if held_out > 2.0 * fitting:
         text += (
             f". The fitting log is met {held_out / fitting:.1f} times better than the "

@@ -136,7 +136,7 @@ def judge(lines: Linearisation, parameters: Sequence[Parameter]) -> Identifiabil
             estimates.append(_no_effect(parameter, value, size))
             continue
         at = int(np.flatnonzero(live == index)[0])
-        names = [parameters[i].name for i in live]
+        names = [parameters[int(i)].name for i in live]
         estimates.append(
             _estimate(parameter, value, size, motion, at, names, unit[at], quantile)
         )
@@ -233,6 +233,7 @@ def _estimate(
     closest = int(np.argmax(np.abs(row)))
     alone = len(names) == 1
     verdict, sentence = _verdict(parameter, error * quantile, motion, at, names)
+    sentence += _at_bound(parameter, value)
     return Estimate(
         name=parameter.name,
         unit=parameter.unit,
@@ -247,6 +248,15 @@ def _estimate(
         verdict=verdict,
         sentence=sentence,
     )
+
+
+def _at_bound(parameter: Parameter, value: float) -> str:
+    """Say where a value lies at the search's bound: the interval knows of none."""
+    near = 0.01 * (parameter.high - parameter.low)
+    for name, bound in (("lower", parameter.low), ("upper", parameter.high)):
+        if abs(value - bound) < near:
+            return f"; the value lies at its {name} bound, {_value(bound, parameter)}"
+    return ""
 
 
 def _verdict(
@@ -287,7 +297,7 @@ def _alike(motion: _Motion, at: int, names: Sequence[str]) -> str:
         )
     weights = motion.others(at)
     strong = np.flatnonzero(np.abs(weights) >= 0.1 * np.abs(weights).max())
-    mixture = " and ".join(names[i] for i in strong)
+    mixture = " and ".join(names[int(i)] for i in strong)
     explained = math.sqrt(max(0.0, 1.0 - 1.0 / motion.inflation[at]))
     return (
         f"{names[at]} and a mixture of {mixture} move the tool alike "
