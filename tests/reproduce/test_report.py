@@ -26,19 +26,30 @@ STAGES = plan(TWO_SEEDS)
 NAMES = {stage.name for stage in STAGES}
 
 
-@pytest.fixture
-def root(tmp_path):
+@pytest.fixture(scope="module")
+def root(tmp_path_factory):
     """All stages done: seed 0 inserted 6 of 6, seed 1 5 of 6 (one pose: all)."""
+    folder = tmp_path_factory.mktemp("results")
     for stage in STAGES:
         seed_1 = stage.name.endswith("seed-1")
-        finish(tmp_path, stage, successes=5 if seed_1 else 6)
-    return tmp_path
+        finish(folder, stage, successes=5 if seed_1 else 6)
+    return folder
 
 
 def write(root, config=TWO_SEEDS, tally=None):
     files = write_reproduction(root, config, STAGES, tally or Tally(done=NAMES))
     results = json.loads((root / "results.json").read_text())
     return files, results, (root / "report.html").read_text()
+
+
+@pytest.fixture(scope="module")
+def written(root):
+    return write(root)
+
+
+@pytest.fixture(scope="module")
+def page(written):
+    return written[2]
 
 
 class Cells(HTMLParser):
@@ -71,8 +82,7 @@ def row(page, name, number=0):
     return [cells[1:] for cells in parser.rows if cells[:1] == [name]][number]
 
 
-def test_the_papers_cells_stand_beside_ours(root):
-    _, _, page = write(root)
+def test_the_papers_cells_stand_beside_ours(page):
     assert row(page, "dynamics randomisation, triangle")[:5] == [
         "20/20 20/20 10/20",
         "4/4 (51-100 %)",
@@ -82,13 +92,12 @@ def test_the_papers_cells_stand_beside_ours(root):
     ]
 
 
-def test_several_seeds_are_told_apart(root):
-    _, _, page = write(root)
+def test_several_seeds_are_told_apart(page):
     assert row(page, "stack 4", number=1) == ["6/6", "5/6"]
 
 
-def test_every_cell_has_its_wilson_interval_in_the_numbers_too(root):
-    _, results, _ = write(root)
+def test_every_cell_has_its_wilson_interval_in_the_numbers_too(written):
+    _, results, _ = written
     (stack_0, *_) = results["transfer"]
     assert stack_0["paper_on_a_robot"]["cells"] == ["20/20"] * 3
     total = stack_0["ours_on_a_twin"]["rows"][-1]
@@ -97,41 +106,35 @@ def test_every_cell_has_its_wilson_interval_in_the_numbers_too(root):
     assert stack_0["ours_on_a_twin"]["by_seed"] == {"0": "6/6", "1": "5/6"}
 
 
-def test_steps_forces_and_limits_are_told(root):
-    _, _, page = write(root)
+def test_steps_forces_and_limits_are_told(page):
     # median and largest steps; mean, p95 and largest force; limits broken
     numbers = ["40 / 40", "3.0", "20.0", "20.0", "0"]
     one_pose = row(page, "trained on the twin itself, one pose")
     assert one_pose == ["20/20", "2/2 (34-100 %)", "", "", "2/2 (34-100 %)", *numbers]
 
 
-def test_steps_and_time_of_the_trainings_are_told(root):
-    _, _, page = write(root)
+def test_steps_and_time_of_the_trainings_are_told(page):
     trained = row(page, "stack 4", number=2)
     assert trained == ["0", "60,000", "12:05 min", "199/200"]
 
 
-def test_error_before_and_after_cost_and_verdict_of_a_fit_are_told(root):
-    _, _, page = write(root)
+def test_error_before_and_after_cost_and_verdict_of_a_fit_are_told(page):
     errors = ["12.50", "1.25", "14.00", "2.00"]
     assert row(page, "twin hard, extended") == [*errors, "60", "30 s", "go"]
 
 
-def test_stack_0_is_told_with_and_without_identification(root):
-    _, _, page = write(root)
+def test_stack_0_is_told_with_and_without_identification(page):
     for word in ("with", "without"):
         found = row(page, f"twin hard, trained {word} identification")
         assert found[0] == "11/12 (65-99 %)"
 
 
-def test_the_other_direction_is_a_row(root):
-    _, _, page = write(root)
+def test_the_other_direction_is_a_row(page):
     name = "train MuJoCo, twin PyBullet (twin medium-in-bullet (mujoco))"
     assert row(page, name)[0] == "11/12 (65-99 %)"
 
 
-def test_a_result_says_twin_and_the_paper_says_robot(root):
-    _, _, page = write(root)
+def test_a_result_says_twin_and_the_paper_says_robot(page):
     assert "nothing here has run on a robot" in page
     assert "paper, robot" in page
     assert "twin, pose A" in page
@@ -144,8 +147,7 @@ def test_level_0_of_a_disturbance_is_the_transfer_table(root):
     assert level.table.by_seed == found.transfer[0][1].by_seed
 
 
-def test_the_page_needs_nothing_else(root):
-    _, _, page = write(root)
+def test_the_page_needs_nothing_else(page):
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
     assert page.count("data:image/png;base64,") == 5  # 3 figures, one of each fit
 
