@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple
 from rich.console import Console
 
 from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.identify.parameters import ParameterSet
 from dovetail.plants.twin import TwinConfig, load_twin
 from dovetail.reproduce.budget import Budget, find_budget
 from dovetail.reproduce.executor import Executor, LocalExecutor
@@ -73,6 +74,9 @@ def reproduce(
         MissingDependencyError: Something that a stage needs is not installed.
     """
     twins = _load_twins(config.twins)
+    ParameterSet.parse(config.parameters)
+    if config.workers is not None:
+        LocalExecutor(config.workers)  # refuses what makes no sense
     settings = PlanConfig(
         budget=budget or find_budget(config.budget),
         twins=tuple(twins),
