@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.page import finite
-from dovetail.reproduce.stage import Sitting
+from dovetail.reproduce.stage import Sitting, with_tuples
 
 TWINS = "twins"
 """Folder of the twins in the results folder: copies, so that a change of the original
@@ -114,7 +114,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
 
     out = sitting.folder / RUN
     resume = _is_begun(out, "config.json")
-    settings = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+    settings = with_tuples(settings)
     config = TrainConfig(out=out, resume=resume, **settings)
     (result,) = train(config, sitting.console)
     return {
@@ -132,7 +132,7 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     settings = dict(sitting.settings)
     policy = sitting.of(settings.pop("policy_of")) / RUN / POLICY
     twin = twin_file(sitting.root, settings.pop("twin"))
-    settings = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+    settings = with_tuples(settings)
     out = sitting.folder / EVALUATION
     shutil.rmtree(out, ignore_errors=True)  # of a sitting that was cut short
     evaluation = evaluate(

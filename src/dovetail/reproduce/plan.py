@@ -5,13 +5,13 @@ fit -> train (stack 0, stack 4; per twin: stack 0) -> evaluate
 train (without identification; randomised; on the twin itself)   -> evaluate
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 from dovetail.learn.config import TrainConfig
 from dovetail.reproduce.budget import Budget
-from dovetail.reproduce.stage import Stage
+from dovetail.reproduce.stage import Stage, with_tuples
 
 _STAGES = "dovetail.reproduce.experiments"
 _STEP = 1.0 / 75.0
@@ -156,12 +156,8 @@ def _fit_time(evaluations: int | None, parameters: str) -> float:
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as JSON knows them."""
     chosen = {"plant": config.plant, **config.budget.train, **changes}
-    settings = TrainConfig(**_tuples(chosen)).to_json()
+    settings = TrainConfig(**with_tuples(chosen)).to_json()
     return {name: value for name, value in settings.items() if value is not None}
-
-
-def _tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
 
 
 def _training(config: PlanConfig, variant: str, seed: int) -> Stage:

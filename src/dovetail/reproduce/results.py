@@ -137,7 +137,9 @@ def _pool(root: Path, config: PlanConfig, label: str, name: Any) -> Table | None
 
 def _outcome(numbers: dict[str, Any]) -> Outcome:
     """Return a try from its line in report.json, where null stands for nan."""
-    known = {k: math.nan if v is None else v for k, v in numbers.items()}
+    known: dict[str, Any] = {
+        k: math.nan if v is None else v for k, v in numbers.items()
+    }
     return Outcome(path=np.empty((0, 3)), **known)
 
 

@@ -10,10 +10,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.files import write_atomic
+
+if TYPE_CHECKING:
+    from dovetail.plants.plant import Plant
 
 PORTS = "cabinet.json"
 _HOST = "127.0.0.1"
@@ -119,7 +122,8 @@ def _serve(
     from dovetail.scene import SceneConfig
 
     x, y, z, yaw = settings["hole"]
-    plant = TwinPlant(load_twin(file), SceneConfig(**settings["scene"]))
+    scene = SceneConfig(**settings["scene"])
+    plant = cast("Plant", TwinPlant(load_twin(file), scene))
     above = Pose(np.array([x, y, z + _ABOVE]), tool_down(yaw))
     start = plant.robot.inverse_kinematics(above, PegInHoleEnv.q_seed)
     plant.reset(start, Pose(np.array([x, y, z]), quat_about_z(yaw)))

@@ -77,6 +77,11 @@ def stage_folder(root: Path, name: str) -> Path:
     return root / STAGES / name
 
 
+def with_tuples(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings as a config takes them: JSON has no tuples."""
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in settings.items()}
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Read a JSON file that this package wrote.
 
