@@ -35,6 +35,13 @@ _FILES = {
     _ROBUSTNESS: "robustness.png",
     _GROUNDS: "identified-or-not.png",
 }
+_FIT_FIGURES = {
+    "before.png": "before identification, the log that was fitted",
+    "after.png": "after identification, the log that was fitted",
+    "held-out-before.png": "before identification, the held-out log",
+    "held-out-after.png": "after identification, the held-out log",
+}
+"""The paper's two figures, on two logs; the others are in the fit's own report."""
 
 
 def write_reproduction(
@@ -224,8 +231,10 @@ def _identification(root: Path, gathered: Gathered, config: PlanConfig) -> list[
     ]
     for twin in config.twins:
         stage = f"report-{fit_name(twin, config.parameters)}"
-        files = sorted((stage_folder(root, stage) / "report").glob("*.png"))
-        parts += [figure(f"Twin {twin}: {f.stem}", f.read_bytes()) for f in files]
+        for name, words in _FIT_FIGURES.items():
+            file = stage_folder(root, stage) / "report" / name
+            if file.is_file():
+                parts.append(figure(f"Twin {twin}, {words}", file.read_bytes()))
     return parts
 
 
