@@ -14,6 +14,7 @@ that are done are not done again.
 
 import argparse
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -69,6 +70,7 @@ def measure(twin: str, kind: str, fraction: float, folder: Path, policy: str) ->
     if done.is_file():
         return json.loads(done.read_text())
     folder.mkdir(parents=True, exist_ok=True)
+    shutil.rmtree(folder / "evaluation", ignore_errors=True)  # of a run cut short
     quiet, path = Console(quiet=True), folder / "twin.toml"
     path.write_text(graded(load_twin(twin), kind, fraction).to_toml())
     recording = record(

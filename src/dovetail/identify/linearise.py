@@ -1,6 +1,8 @@
 """The motion of a replay as a linear function of its parameters, near a fit."""
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -15,6 +17,12 @@ _STEP = 5e-3
 the curvature, large beside the corners that limits and dry friction make."""
 
 
+Progress: TypeAlias = Callable[
+    [Sequence[tuple[int, Parameter]]], Iterable[tuple[int, Parameter]]
+]
+"""Passes on numbered parameters one by one, and may show how far it is."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """Position error and its derivative, one array per sequence."""
@@ -27,7 +35,12 @@ class Linearisation:
     """Its derivative [m per unit], shape (3 * cycles, k)."""
 
 
-def linearise(replay: Replay, parameters: ParameterSet, vector: Array) -> Linearisation:
+def linearise(
+    replay: Replay,
+    parameters: ParameterSet,
+    vector: Array,
+    progress: Progress = tuple,
+) -> Linearisation:
     """Take the residual and its Jacobian by central differences.
 
     The half width is half a percent of the range, and one physics step for the command
@@ -37,6 +50,7 @@ def linearise(replay: Replay, parameters: ParameterSet, vector: Array) -> Linear
         replay: The log, and the engine that plays it.
         parameters: What was fitted.
         vector: The fitted values, in the order of `parameters`.
+        progress: Wraps the parameters on their way through the loop, for a bar.
 
     Raises:
         ConfigError: The vector is not one finite value per parameter, or out of bounds.
@@ -52,7 +66,7 @@ def linearise(replay: Replay, parameters: ParameterSet, vector: Array) -> Linear
             f"bounds are {p.low:g} to {p.high:g} {p.unit}; fit it again with wider ones"
         )
     columns = []
-    for index, parameter in enumerate(parameters.parameters):
+    for index, parameter in progress(list(enumerate(parameters.parameters))):
         half = half_width(parameter, replay.recording.period)
         ends = []
         for sign in (-1.0, 1.0):

@@ -5,6 +5,7 @@ import platform
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
 from dovetail.errors import ConfigError
@@ -103,8 +105,8 @@ def write_identification_report(
     folder = claim_output_folder(out)
     replay = Replay(fit.recording, fit.plant)
     comparisons = [_compare("fitting log", replay, fit)]
-    with console.status("two replays of the log for each parameter"):
-        result = analyse(replay, fit.parameters, fit.vector)
+    bar = partial(track, description="sensitivities", console=console)
+    result = analyse(replay, fit.parameters, fit.vector, bar)
     replay.close()
     if held_out is not None:
         other = Replay(held_out, fit.plant)

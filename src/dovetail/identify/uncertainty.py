@@ -24,7 +24,7 @@ from typing import Literal
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.identify.linearise import Linearisation, linearise
+from dovetail.identify.linearise import Linearisation, Progress, linearise
 from dovetail.identify.parameters import Parameter, ParameterSet
 from dovetail.identify.replay import Replay
 from dovetail.identify.student import student_t
@@ -85,7 +85,12 @@ class Identifiability:
     """Of the position error, length of the vector [m]."""
 
 
-def analyse(replay: Replay, parameters: ParameterSet, vector: Array) -> Identifiability:
+def analyse(
+    replay: Replay,
+    parameters: ParameterSet,
+    vector: Array,
+    progress: Progress = tuple,
+) -> Identifiability:
     """Say how well the replay's log determines each parameter of a fit.
 
     Costs two replays per parameter and one more.
@@ -94,11 +99,12 @@ def analyse(replay: Replay, parameters: ParameterSet, vector: Array) -> Identifi
         replay: The log, and the engine that plays it.
         parameters: What was fitted.
         vector: The fitted values, in the order of `parameters`.
+        progress: Wraps the parameters on their way through the loop, for a bar.
 
     Raises:
         ConfigError: Fewer than two sequences, or a vector of another length.
     """
-    return judge(linearise(replay, parameters, vector), parameters.parameters)
+    return judge(linearise(replay, parameters, vector, progress), parameters.parameters)
 
 
 def judge(lines: Linearisation, parameters: Sequence[Parameter]) -> Identifiability:
