@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DynamicsConfig
+from dovetail.plants.plant import DYNAMICS_RANGES, DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
@@ -25,6 +25,8 @@ class Parameter:
     """Where the search begins: the nominal model."""
 
 
+DELAY_RANGE = (0.0, 0.1)
+"""Allowed command delay of a model [s]."""
 _NOMINAL = DynamicsConfig()
 _JOINTS = range(1, 8)
 
@@ -102,6 +104,13 @@ class ParameterSet:
                     f"parameter {p.name} starts at {p.start:g} {p.unit}, which its "
                     f"bounds {p.low:g} to {p.high:g} {p.unit} exclude; widen them"
                 )
+            low, high = _allowed(p.name)
+            for value in (p.low, p.high):
+                if not low <= value <= high:
+                    raise ConfigError(
+                        f"parameter {p.name} ends at {value:g} {p.unit}, allowed is "
+                        f"{low:g} to {high:g} {p.unit}"
+                    )
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -190,6 +199,14 @@ def nominal_model(engine: str = "mujoco") -> TwinConfig:
         contact_time=d.contact_time,
         clearance_offset=0.0,
     )
+
+
+def _allowed(name: str) -> tuple[float, float]:
+    """Return the range that a model may have a parameter in."""
+    if name == "command_delay":
+        return DELAY_RANGE
+    stem = "gravity_residual" if name.startswith("gravity") else name.rstrip("_1234567")
+    return DYNAMICS_RANGES[stem][:2]
 
 
 def _put(

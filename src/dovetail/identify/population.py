@@ -1,9 +1,12 @@
 """Evaluate a population of models: in this process, in several, or on Ray."""
 
 import multiprocessing
+import os
+import threading
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait
 from typing import Protocol
 
 import numpy as np
@@ -120,7 +123,16 @@ class Processes:
 _of_this_process: list[Replay] = []
 
 
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    wait([parent.sentinel])
+    os._exit(1)
+
+
 def _start_worker(recording: Recording, engine: str) -> None:
+    # A parent that was killed cannot end its workers, and they would wait for ever.
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     _of_this_process.append(Replay(recording, engine))
 
 
