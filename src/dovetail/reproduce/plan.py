@@ -122,7 +122,10 @@ def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
             },
             expected=10.0,
         )
-    for parameters in dict.fromkeys((config.parameters, "paper")):
+    sets = [config.parameters]
+    if twin == config.twins[0] and "paper" not in sets:
+        sets.append("paper")  # to compare
+    for parameters in sets:
         yield Stage(
             name=fit_name(twin, parameters),
             run=f"{_STAGES}:fit_model",
