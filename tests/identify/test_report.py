@@ -15,13 +15,19 @@ from dovetail.errors import ConfigError, LogError
 from dovetail.identify.figures import draw_convergence, draw_intervals
 from dovetail.identify.fit import FitConfig, fit
 from dovetail.identify.fitted import Fitted
+from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
 from dovetail.identify.report import Comparison, write_identification_report
-from dovetail.identify.transfer_limit import TRANSFER_LIMIT, judge_transfer
+from dovetail.identify.transfer_limit import (
+    DELAY_LIMIT,
+    TRANSFER_LIMIT,
+    judge_transfer,
+)
 from dovetail.identify.uncertainty import Estimate, Identifiability
+from dovetail.plants.twin import load_twin
 
 QUIET = Console(quiet=True)
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -186,27 +192,46 @@ def test_the_history_counts_simulated_logs(made):
     assert list(errors) == sorted(errors, reverse=True)
 
 
+def judged(held_out, fitting=0.05, delay=0.0, *, standard=True):
+    return judge_transfer(held_out, fitting, delay, standard=standard)
+
+
 def test_go_at_the_limit_and_no_go_above():
-    at = judge_transfer(TRANSFER_LIMIT, TRANSFER_LIMIT, standard=True)
-    above = judge_transfer(1.01 * TRANSFER_LIMIT, TRANSFER_LIMIT, standard=True)
+    at, above = judged(TRANSFER_LIMIT), judged(1.01 * TRANSFER_LIMIT)
     assert (at.answer, above.answer) == ("go", "no go")
-    assert "transfer is expected" in at.sentence
-    assert "transfer is not expected" in above.sentence
+    assert "so transfer is expected" in at.sentence
+    assert "so transfer is not expected" in above.sentence
     for verdict in (at, above):
         assert f"{1e3 * TRANSFER_LIMIT:g} mm" in verdict.sentence
         assert "docs/identification.md" in verdict.sentence
 
 
+def test_a_delay_is_no_go_however_small_the_error():
+    at, beyond = judged(1e-3, delay=DELAY_LIMIT), judged(1e-3, delay=0.0125)
+    assert (at.answer, beyond.answer) == ("go", "no go")
+    assert "a delay of 12.5 ms that the model lacks is beyond 10 ms" in beyond.sentence
+    assert "fit command_delay too (--parameters extended)" in beyond.sentence
+
+
 def test_another_excitation_makes_the_limit_a_rough_guide():
-    standard = judge_transfer(0.001, 0.001, standard=True).sentence
-    other = judge_transfer(0.001, 0.001, standard=False).sentence
-    assert "only a rough guide" in other
-    assert "only a rough guide" not in standard
+    assert "only a rough guide" in judged(0.001, standard=False).sentence
+    assert "only a rough guide" not in judged(0.001).sentence
 
 
 def test_a_fit_that_follows_its_log_more_than_the_arm_is_called_so():
-    sentence = judge_transfer(0.003, 0.001, standard=True).sentence
+    sentence = judged(0.003, fitting=0.001).sentence
     assert "The fitting log is met 3.0 times better than the held-out one" in sentence
+
+
+@pytest.mark.parametrize("of_model", [0.0, 0.005])
+def test_a_delay_that_the_model_lacks_is_found(tmp_path, of_model):
+    twin = replace(load_twin("easy"), command_delay=0.02)
+    (tmp_path / "late.toml").write_text(twin.to_toml())
+    arm = f"twin:{tmp_path / 'late.toml'}"
+    config = RecordConfig(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
+    replay = Replay(record(config, QUIET))
+    model = replace(nominal_model(), command_delay=of_model)
+    assert hidden_delay(replay, model) == pytest.approx(0.02 - of_model, abs=0.003)
 
 
 def test_a_parameter_without_an_interval_can_be_drawn():

@@ -25,6 +25,7 @@ from dovetail.identify.figures import (
     draw_trajectories,
 )
 from dovetail.identify.fitted import Fitted
+from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig
 from dovetail.identify.recording import Recording
@@ -107,6 +108,8 @@ def write_identification_report(
     comparisons = [_compare("fitting log", replay, fit)]
     bar = partial(track, description="sensitivities", console=console)
     result = analyse(replay, fit.parameters, fit.vector, bar)
+    model = fit.parameters.to_model(fit.vector, fit.plant)
+    delay_left = hidden_delay(replay, model)
     replay.close()
     if held_out is not None:
         other = Replay(held_out, fit.plant)
@@ -116,6 +119,7 @@ def write_identification_report(
     verdict = judge_transfer(
         errors[1] if held_out else None,
         errors[0],
+        delay_left,
         standard=_is_standard(held_out or fit.recording),
     )
     figures = _draw(fit, comparisons, result)
