@@ -41,7 +41,7 @@ from dovetail.errors import ConfigError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.files import claim_output_folder, write_atomic
 from dovetail.evaluate.outcome import Outcome
-from dovetail.evaluate.perturbation import Perturbation, make_perturbed
+from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation, make_perturbed
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
 from dovetail.evaluate.trials import HOLE_POSES, HolePose, plan_trials, run_trials
@@ -82,6 +82,10 @@ class EvaluationConfig:
     following; 0 to 0.1."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: random, or below the block's surface, beside it."""
+    search: Literal["none", "spiral"] = "none"
+    """With `hole_shift`: lead the policy over the surface until the peg drops in."""
+    max_steps: int | None = None
+    """Policy steps of 50 ms in a try; default the policy's, 12000 with a search."""
     tries: int = 20
     """Tries at each hole pose."""
     seed: int = 0
@@ -102,6 +106,7 @@ class EvaluationConfig:
             push=self.push,
             hole_speed=self.hole_speed,
             start=self.start,
+            search=self.search,
         )
 
 
@@ -146,7 +151,11 @@ def environment_options(
         load_twin(options["twin"])
     if config.arm is not None:
         _require_usable(config, parse_address(config.arm))
-    config.perturbation()
+    is_searching = config.perturbation().search != "none"
+    if config.max_steps is not None:
+        options["max_steps"] = config.max_steps
+    elif is_searching:
+        options["max_steps"] = SEARCH_STEPS
     return options
 
 
@@ -356,6 +365,8 @@ def command_line(config: EvaluationConfig) -> str:
     for f in fields(Perturbation):
         if (value := getattr(config, f.name)) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]
+    if config.max_steps is not None:
+        words += ["--max-steps", str(config.max_steps)]
     return shlex.join([*words, "--out", "results-again"])
 
 

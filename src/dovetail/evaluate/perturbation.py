@@ -17,6 +17,7 @@ from dovetail.arms.address import (
 from dovetail.envs.hole_tracker import CoveredHole
 from dovetail.envs.peg_in_hole import POLICY_PERIOD
 from dovetail.envs.randomisation import RandomisationConfig
+from dovetail.envs.search import SearchConfig, SpiralSearch
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose
@@ -28,6 +29,9 @@ PUSH_TIME = (0.2, 0.5)
 """Range of a push's duration [s], uniform."""
 PUSH_GAP = (0.3, 1.0)
 """Range of the time between two pushes, and before the first [s], uniform."""
+SEARCH_STEPS = 12_000
+"""Policy steps of a try with a search, where nothing else is asked for: 10 minutes, in
+which the spiral gets 28 mm away from the middle at 0.5 mm clearance."""
 
 _STREAM = 0x5E7BAC
 """Keeps these draws apart from those of start and noise, which have the same seed."""
@@ -51,6 +55,8 @@ class Perturbation:
     """Speed at which the hole moves horizontally, out and back [m/s]."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: anywhere, or below the block's surface, beside it."""
+    search: Literal["none", "spiral"] = "none"
+    """What is done about a covered camera: nothing, or the believed hole wanders."""
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
@@ -62,6 +68,12 @@ class Perturbation:
                 )
         if self.start not in ("random", "below"):
             raise ConfigError(f"start is {self.start!r}; known: random, below")
+        if self.search not in ("none", "spiral"):
+            raise ConfigError(f"search is {self.search!r}; known: none, spiral")
+        if self.search != "none" and not self.hole_shift:
+            raise ConfigError(
+                "search is for a covered camera: add --hole-shift with a distance [m]"
+            )
 
     def __bool__(self) -> bool:
         """Whether anything is perturbed."""
@@ -73,6 +85,8 @@ class Perturbation:
         if self.hole_shift:
             shift = f"{1e3 * self.hole_shift:g} mm"
             words.append(f"camera covered and hole moved by {shift}")
+        if self.search != "none":
+            words.append("searched for on a spiral")
         if self.push:
             words.append(f"pushes of up to {self.push:g} N")
         if self.hole_speed:
@@ -156,6 +170,10 @@ class Perturbed(gym.Wrapper):
         super().__init__(env)
         self.perturbation = perturbation
         self.core: Any = env.unwrapped
+        self._covered = self.core.tracker
+        if perturbation.search != "none":
+            search = SearchConfig.for_clearance(self.core.scene.clearance)
+            self.core.tracker = SpiralSearch(self._covered, search)
         self._rng = np.random.default_rng()
         self._pushes: list[Push] = []
         self._direction: Vec3 = np.zeros(3)
@@ -171,7 +189,7 @@ class Perturbed(gym.Wrapper):
         told: dict[str, Any] = {}
         if asked.hole_shift:
             shift = asked.hole_shift * _horizontal(rng)
-            self.core.tracker.shift = shift
+            self._covered.shift = shift
             told["hole_shift [m]"] = shift.tolist()
         observation, info = self.env.reset(seed=seed, options=options)
         if asked.hole_speed:

@@ -1,0 +1,168 @@
+"""The spiral search: where it leads, when it waits, and that a policy finds by it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dovetail.arms.arm import ArmState
+from dovetail.envs.hole_tracker import CoveredHole, TrueHole
+from dovetail.envs.search import SearchConfig, SpiralSearch
+from dovetail.errors import ConfigError
+from dovetail.evaluate.perturbation import Perturbation, make_perturbed
+from dovetail.learn.policy import Policy, find_policy
+from dovetail.poses import Pose, quat_about_z
+
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.4))
+
+
+def state(stamp, position):
+    nothing = np.zeros(7)
+    return ArmState(
+        stamp, nothing, nothing, np.asarray(position), np.array([0, 1.0, 0, 0]),
+        np.zeros(6), np.zeros(3), 0, np.empty((0, 0)),
+    )  # fmt: skip
+
+
+def follow(search, steps, height=0.0, start=0.0):
+    """A peg that is always at the spiral's point, at a height; return the points."""
+    points = []
+    for i in range(1, steps + 1):
+        local = search.point() * [1, 1, 0] + [0, 0, height]
+        c, s = math.cos(0.4), math.sin(0.4)
+        turned = [c * local[0] - s * local[1], s * local[0] + c * local[1], local[2]]
+        world = HOLE.position + np.array(turned)
+        search.update(HOLE, state(start + 0.05 * i, world))
+        points.append(search.point())
+    return np.array(points)
+
+
+@pytest.fixture
+def search():
+    search = SpiralSearch(CoveredHole(), SearchConfig(reach=0.01))
+    search.reset(HOLE)
+    return search
+
+
+def test_the_spiral_comes_closer_to_every_place_than_the_clearance(search):
+    points = follow(search, 1480)[:, :2]  # 0.3 mm each: as far as 10 mm away
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        angle, r = rng.uniform(-np.pi, np.pi), 0.0093 * math.sqrt(rng.uniform())
+        place = r * np.array([math.cos(angle), math.sin(angle)])
+        nearest = np.linalg.norm(points - place, axis=1).min()
+        assert nearest <= 0.00045
+
+
+def test_the_spiral_keeps_its_speed(search):
+    points = follow(search, 1000)[100:, :2]
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    np.testing.assert_allclose(steps, 0.05 * 0.006, rtol=0.05)
+
+
+def test_beyond_its_reach_it_begins_again_between_the_turns(search):
+    points = follow(search, 1600)[:, :2]
+    radius = np.linalg.norm(points, axis=1)
+    assert radius.max() <= 0.01 + 1e-9
+    again = int(np.argmax(np.diff(radius) < -0.005)) + 1
+    first, second = points[0], points[again + 1]
+    np.testing.assert_allclose(second, -first, atol=2e-4)
+
+
+def test_nothing_moves_before_the_peg_stands_on_the_surface(search):
+    follow(search, 50, height=0.02)
+    np.testing.assert_array_equal(search.point()[:2], np.zeros(2))
+    believed = search.estimate().pose.position - HOLE.position
+    np.testing.assert_allclose(believed, [0.0, 0.0, -search.config.press])
+    follow(search, 5, start=2.5)
+    assert np.linalg.norm(search.point()[:2]) > 1e-4
+
+
+def test_a_start_beside_the_block_is_not_the_hole(search):
+    beside = HOLE.position + np.array([0.09, 0.0, -0.02])
+    search.update(HOLE, state(0.05, beside))
+    believed = search.estimate().pose.position - HOLE.position
+    np.testing.assert_allclose(believed, [0.0, 0.0, -search.config.press])
+
+
+def test_where_the_peg_drops_the_hole_is_believed_and_stays(search):
+    points = follow(search, 200)
+    tip = HOLE.position + np.array([0.002, 0.001, -0.001])
+    search.update(HOLE, state(10.05, tip))
+    np.testing.assert_allclose(search.estimate().pose.position[:2], tip[:2])
+    deep = tip - [0.0, 0.0, 0.005]
+    for i in range(100):
+        search.update(HOLE, state(10.1 + 0.05 * i, deep))
+    np.testing.assert_allclose(search.estimate().pose.position[:2], deep[:2])
+    np.testing.assert_array_equal(search.point(), points[-1])
+
+
+def test_a_dent_that_is_no_hole_is_left_after_a_second(search):
+    follow(search, 200)
+    before = search.point()
+    tip = HOLE.position + np.array([0.0, 0.0, -0.0005])
+    for i in range(20):
+        search.update(HOLE, state(10.05 + 0.05 * i, tip))
+    np.testing.assert_array_equal(search.point(), before)
+    for i in range(20):
+        search.update(HOLE, state(11.05 + 0.05 * i, tip))
+    assert np.linalg.norm(search.point() - before) > 1e-4
+
+
+def test_a_peg_that_does_not_follow_is_waited_for_and_then_not(search):
+    follow(search, 400)
+    before = search.point()
+    stuck = HOLE.position + np.array([0.009, 0.009, 0.0])
+    for i in range(10):
+        search.update(HOLE, state(20.05 + 0.05 * i, stuck))
+    np.testing.assert_array_equal(search.point(), before)
+    for i in range(10):
+        search.update(HOLE, state(20.55 + 0.05 * i, stuck))
+    assert np.linalg.norm(search.point() - before) > 1e-4
+
+
+def test_a_tracker_that_sees_is_left_alone():
+    search = SpiralSearch(TrueHole())
+    search.reset(HOLE)
+    follow(search, 50)
+    np.testing.assert_array_equal(search.estimate().pose.position, HOLE.position)
+    assert search.estimate().age == 0.0
+
+
+def test_reset_begins_in_the_middle(search):
+    follow(search, 100)
+    search.reset(HOLE)
+    np.testing.assert_array_equal(search.point()[:2], np.zeros(2))
+    np.testing.assert_array_equal(search.estimate().pose.position, HOLE.position)
+
+
+def test_less_clearance_is_searched_more_finely():
+    fine, usual = SearchConfig.for_clearance(0.00025), SearchConfig.for_clearance(5e-4)
+    assert usual == SearchConfig()
+    assert (fine.speed, fine.pitch) == (usual.speed / 2, usual.pitch / 2)
+
+
+def test_the_shipped_policy_finds_a_hole_that_was_moved_by_4_mm():
+    policy = Policy.load(find_policy("peg_square"))
+    depths = {}
+    for search in ("none", "spiral"):
+        asked = Perturbation(hole_shift=0.004, search=search)
+        options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 900}
+        env = make_perturbed(policy.metadata["env_id"], asked, options)
+        observation, info = env.reset(seed=4, options={"hole": HOLE})
+        done = False
+        while not done:
+            observation, _, ended, cut, info = env.step(policy(observation))
+            done = ended or cut
+        depths[search] = info["depth"]
+        assert info["limit_violations"] == 0
+        env.close()
+    assert depths["none"] < 0.003
+    assert depths["spiral"] >= 0.028
+
+
+def test_a_search_without_a_covered_camera_is_refused():
+    with pytest.raises(ConfigError, match="add --hole-shift"):
+        Perturbation(search="spiral")
+    with pytest.raises(ConfigError, match="search is 'grid'; known: none, spiral"):
+        Perturbation(search="grid", hole_shift=0.01)
