@@ -1,6 +1,7 @@
 """Replays on a Ray cluster: a laboratory's computers instead of one."""
 
 import os
+import socket
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +11,8 @@ from dovetail.identify.replay import Replay
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
+_TIMEOUT = 5.0
+"""How long the head of a cluster may take to answer [s]."""
 _RETRIES = 3
 """How often Ray may do an evaluation again whose worker or machine has died."""
 
@@ -55,6 +58,7 @@ class RayTasks:
         self._task: Any = ray.remote(max_retries=_RETRIES)(_replay_in_task)
 
     def _connect(self, address: str) -> None:
+        _require_listener(address)
         options: dict[str, Any] = {"include_dashboard": False}
         try:
             self._ray.init(
@@ -90,6 +94,20 @@ class RayTasks:
         """Leave the cluster; one that was started here ends."""
         if self._is_own:
             self._ray.shutdown()
+
+
+def _require_listener(address: str) -> None:
+    """Refuse an address at which nothing listens: Ray itself would try for minutes."""
+    host, colon, port = address.removeprefix("ray://").rpartition(":")
+    if not colon:
+        return  # local, auto
+    try:
+        socket.create_connection((host, int(port)), timeout=_TIMEOUT).close()
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"no Ray cluster answers at {address!r}: {error}; start one with `ray "
+            "start --head`, or give --cluster local"
+        ) from error
 
 
 _replays: dict[str, Replay] = {}

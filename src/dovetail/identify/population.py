@@ -1,24 +1,19 @@
 """Evaluate a population of models: in this process, in several, or on Ray."""
 
+import contextlib
 import multiprocessing
-import os
-import threading
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.connection import wait
-from typing import Protocol
+from typing import Any, NamedTuple, Protocol
 
-import numpy as np
-
-from dovetail.errors import ConfigError, PlantError
+from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay, rms_of
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
 MAX_DEATHS = 3
-"""How often in one population a worker may die before the fit is ended."""
+"""How many workers one evaluation may lose before the fit is ended."""
 
 
 class Population(Protocol):
@@ -70,74 +65,104 @@ class Here:
 
 
 class Processes:
-    """A replay in each of several processes, which live as long as this object."""
+    """A replay in each of several processes, which live as long as this object.
+
+    Each has a pipe of its own, so that one which dies takes nothing with it: another
+    is started in its place and does its evaluation again.
+    """
 
     def __init__(self, recording: Recording, engine: str, workers: int) -> None:
         """Start the processes."""
         self.deaths = 0
         self._arguments = (recording, engine)
-        self._workers = workers
-        self._pool = self._start()
+        self._context = multiprocessing.get_context("spawn")
+        self._workers = [self._start() for _ in range(workers)]
 
-    def _start(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(
-            self._workers,
-            mp_context=multiprocessing.get_context("spawn"),
-            initializer=_start_worker,
-            initargs=self._arguments,
+    def _start(self) -> "_Worker":
+        ours, theirs = self._context.Pipe()
+        process = self._context.Process(
+            target=_work, args=(theirs, *self._arguments), daemon=True
         )
+        process.start()
+        theirs.close()  # so that the end of the process ends the pipe
+        return _Worker(process, ours)
 
     def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
-        """Return the error of each model.
-
-        Where a worker dies, the pool is built again and what is missing is evaluated
-        again.
-        """
+        """Return the error of each model."""
+        waiting = list(range(len(models)))[::-1]
+        losses = [0] * len(models)
         done: dict[int, Array | None] = {}
-        for _ in range(MAX_DEATHS + 1):
-            left = [i for i in range(len(models)) if i not in done]
-            if not left:
-                return [done[i] for i in range(len(models))]
-            try:
-                futures = {
-                    i: self._pool.submit(_replay_in_worker, models[i]) for i in left
-                }
-                for i, future in futures.items():
-                    error = future.result()
-                    done[i] = None if error is None else error.astype(np.float64)
-            except BrokenProcessPool:
-                self.deaths += 1
-                self._pool.shutdown(wait=False, cancel_futures=True)
-                self._pool = self._start()
-        raise PlantError(
-            f"a worker process died {MAX_DEATHS + 1} times while "
-            f"{len(models)} models were simulated; is the memory full? Go on with "
-            "--resume and fewer --workers"
-        )
+        busy: dict[Any, tuple[int, int]] = {}  # pipe -> number of worker, of model
+        idle = list(range(len(self._workers)))
+        while len(done) < len(models):
+            while idle and waiting:
+                number, model = idle.pop(), waiting.pop()
+                worker = self._workers[number]
+                worker.give(models[model])
+                busy[worker.pipe] = (number, model)
+            for pipe in wait(list(busy)):
+                number, model = busy.pop(pipe)
+                idle.append(number)
+                try:
+                    answer = pipe.recv()  # type: ignore[union-attr]
+                except (EOFError, OSError):
+                    waiting.append(model)
+                    losses[model] += 1
+                    self._replace(number, losses[model])
+                    continue
+                if isinstance(answer, DovetailError):
+                    raise answer
+                done[model] = answer
+        return [done[i] for i in range(len(models))]
+
+    def _replace(self, number: int, losses: int) -> None:
+        """Start a worker in the place of one that died.
+
+        Raises:
+            PlantError: The same evaluation has lost too many.
+        """
+        self._workers[number].end()
+        self.deaths += 1
+        if losses > MAX_DEATHS:
+            raise PlantError(
+                f"{losses} worker processes died at the same evaluation; is the memory "
+                "full? Go on with --resume and fewer --workers"
+            )
+        self._workers[number] = self._start()
 
     def close(self) -> None:
         """End the processes."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
+        for worker in self._workers:
+            worker.end()
 
 
-_of_this_process: list[Replay] = []
+class _Worker(NamedTuple):
+    """One process and our end of its pipe."""
+
+    process: Any
+    pipe: Any
+
+    def give(self, model: TwinConfig) -> None:
+        # A worker that died is found when its answer is read.
+        with contextlib.suppress(OSError):
+            self.pipe.send(model)
+
+    def end(self) -> None:
+        self.pipe.close()
+        self.process.terminate()
+        self.process.join()
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    assert parent is not None
-    wait([parent.sentinel])
-    os._exit(1)
-
-
-def _start_worker(recording: Recording, engine: str) -> None:
-    # A parent that was killed cannot end its workers, and they would wait for ever.
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    _of_this_process.append(Replay(recording, engine))
-
-
-def _replay_in_worker(model: TwinConfig) -> Array | None:
-    return _of_this_process[0].error(model)
+def _work(pipe: Any, recording: Recording, engine: str) -> None:
+    """Answer models with errors until the pipe ends, also by the parent's death."""
+    try:
+        replay = Replay(recording, engine)
+    except DovetailError as error:
+        pipe.send(error)
+        return
+    with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
+        while True:
+            pipe.send(replay.error(pipe.recv()))
 
 
 def make_population(

@@ -2,6 +2,7 @@
 
 import json
 import math
+from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -42,6 +43,10 @@ NEAR_DISTANCE = 0.01
 """How far above the hole's mouth the tool's speed is limited [m], as for a policy."""
 CONTACT_FORCE = 0.1
 """Contact force from which the peg counts as in contact [N]."""
+START_HEIGHT, START_HEIGHT_MAX = 0.17, 0.21
+"""Lowest height of a start [m], and how far it may go up to keep off a high hole."""
+FREE_AIR = 0.08
+"""Height of the lowest start over the hole's mouth [m]: the motions go down 0.05 m."""
 DEFAULT_HOLE = (0.60, 0.0, 0.09, 0.0)
 """Where the hole is put: x y z [m] of its mouth, yaw [rad]."""
 
@@ -77,16 +82,21 @@ class RecordConfig:
     """Keep a sequence in which the peg touched something."""
 
 
-def record(config: RecordConfig, console: Console) -> Recording:
+def record(
+    config: RecordConfig, console: Console, starts: Sequence[Vec7] | None = None
+) -> Recording:
     """Play what is missing of the sequences and return the whole recording.
+
+    Args:
+        config: What to do.
+        console: Where progress goes.
+        starts: Configuration at the start of each sequence [rad]; None plans them.
 
     Raises:
         ConfigError: A setting, or a folder that holds another recording.
         ArmError: The arm, or the peg in contact.
     """
     actions = excitation(config.seed, config.sequences, config.steps)
-    if actions.shape[2] != 4:
-        raise ConfigError("the excitation has another number of axes than the task")
     address = parse_address(config.arm)
     if config.hole is None and not places_hole(address):
         raise ConfigError(
@@ -94,6 +104,7 @@ def record(config: RecordConfig, console: Console) -> Recording:
             "--hole X Y Z YAW [m, rad]; the motions stay above it"
         )
     hole = config.hole or DEFAULT_HOLE
+    height = _start_height(config, hole[2])
     env = PegInHoleEnv(
         config.arm,
         peg=config.peg,
@@ -105,7 +116,9 @@ def record(config: RecordConfig, console: Console) -> Recording:
         near_distance=NEAR_DISTANCE,
     )
     with closing(env):
-        starts = plan_starts(env.arm.robot, config.seed, config.sequences)
+        if starts is None:
+            robot = env.arm.robot
+            starts = plan_starts(robot, config.seed, config.sequences, height)
         metadata = _describe(config, env, hole, starts)
         _claim(config.out, metadata)
         left = [
@@ -118,16 +131,40 @@ def record(config: RecordConfig, console: Console) -> Recording:
     return Recording.load(config.out)
 
 
-def plan_starts(robot: Robot, seed: int, count: int) -> list[Vec7]:
+def _start_height(config: RecordConfig, mouth: float) -> float:
+    """Return the lowest height of a start over a hole's mouth [m].
+
+    Raises:
+        ConfigError: The walls leave too little air above the hole.
+    """
+    height = max(START_HEIGHT, mouth + FREE_AIR)
+    if height <= START_HEIGHT_MAX:
+        return height
+    if config.allow_contact:
+        return START_HEIGHT
+    raise ConfigError(
+        f"the hole's mouth is {mouth:g} m high: the motions need {FREE_AIR:g} m of "
+        f"free air above it, below the wall at {WALLS_MAX[2]:g} m; put the block at "
+        f"{START_HEIGHT_MAX - FREE_AIR:g} m or lower, or give --allow-contact"
+    )
+
+
+def plan_starts(robot: Robot, seed: int, count: int, height: float) -> list[Vec7]:
     """Return a start for each sequence: tool down, high in the workspace [rad].
 
     Tool position, rotation about the vertical and elbow differ from one to the next,
     so that gravity acts on the joints from different sides.
+
+    Args:
+        robot: The arm, tool included.
+        seed: Seed of the recording.
+        count: Number of starts.
+        height: Lowest height of a start [m].
     """
-    rng = np.random.default_rng([seed, 1])
     starts = []
-    for _ in range(count):
-        x, y, z = rng.uniform((0.50, -0.11, 0.17), (0.70, 0.11, 0.21))
+    for number in range(count):
+        rng = np.random.default_rng([seed, number, 1])
+        x, y, z = rng.uniform((0.50, -0.11, height), (0.70, 0.11, height + 0.04))
         pose = Pose(np.array([x, y, z]), tool_down(rng.uniform(-0.15, 0.15)))
         swivel = rng.uniform(-0.6, 0.6)
         q_seed = PegInHoleEnv.q_seed + np.array([-swivel, 0, swivel, 0, 0, 0, 0])
@@ -139,7 +176,7 @@ def _describe(
     config: RecordConfig,
     env: PegInHoleEnv,
     hole: tuple[float, float, float, float],
-    starts: list[Vec7],
+    starts: Sequence[Vec7],
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
     address = parse_address(config.arm)
@@ -175,7 +212,7 @@ def _describe(
             "sequences": config.sequences,
             "steps": config.steps,
         },
-        "q_start": [q.tolist() for q in starts],
+        "q_start": [np.asarray(q).tolist() for q in starts],
     }
 
 

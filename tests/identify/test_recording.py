@@ -1,0 +1,213 @@
+"""What is recorded, and every log that must not be fitted."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from dovetail.episode import Episode
+from dovetail.errors import ArmError, ConfigError, LogError
+from dovetail.identify.log_checks import assign_steps
+from dovetail.identify.recorder import RecordConfig, record
+from dovetail.identify.recording import Recording
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.scene import SceneConfig
+
+FIRST = "sequence-00.npz"
+
+
+@pytest.fixture
+def copy(folder, tmp_path):
+    """A copy of the short recording that may be damaged."""
+    return shutil.copytree(folder, tmp_path / "log")
+
+
+def change_log(path, change):
+    """Rewrite a sequence's file with changed numbers."""
+    episode = Episode.load(path)
+    change(episode)
+    episode.save(path)
+
+
+def change_description(folder, **facts):
+    path = folder / "recording.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | facts))
+
+
+def test_a_recording_holds_what_was_asked_for(folder):
+    recording = Recording.load(folder)
+    assert len(recording.sequences) == 3
+    for sequence in recording.sequences:
+        assert sequence.actions.shape == (10, 4)
+        assert sequence.log.shape == (100, len(CYCLE_COLUMNS))
+        assert sequence.cycles == (10,) * 10
+    assert recording.period == 0.005
+    assert str(recording.task) == "XYZ:force A:pose BC:hold"
+    assert recording.metadata["robot"] == SceneConfig().robot().name
+    assert "0.8 to 3.2 Hz" in recording.metadata["excitation"]["description"]
+
+
+def test_positions_are_the_models_at_the_measured_configuration(folder):
+    recording = Recording.load(folder)
+    robot = SceneConfig().robot()
+    q = recording.sequences[1].log[42, COLUMN["q1"] : COLUMN["q7"] + 1]
+    found = recording.positions()[1][42]
+    np.testing.assert_allclose(found, robot.tool_pose(q).position, atol=1e-9)
+
+
+def test_a_recording_that_was_cut_short_is_continued(copy, settings, quiet):
+    before = Recording.load(copy).fingerprint()
+    kept = (copy / FIRST).stat().st_mtime_ns
+    (copy / "sequence-01.npz").unlink()
+    with pytest.raises(LogError, match=r"sequence-01.npz of 3 sequences is missing"):
+        Recording.load(copy)
+    again = record(RecordConfig(out=copy, **settings), quiet)
+    assert again.fingerprint() == before
+    assert (copy / FIRST).stat().st_mtime_ns == kept
+
+
+def test_another_recording_is_not_overwritten(copy, settings, quiet):
+    with pytest.raises(ConfigError, match="other settings: excitation, q_start differ"):
+        record(RecordConfig(out=copy, **(settings | {"seed": 1})), quiet)
+
+
+def test_a_folder_of_something_else_is_not_written_to(tmp_path, settings, quiet):
+    (tmp_path / "thesis.txt").write_text("years of work")
+    with pytest.raises(ConfigError, match="exists and is no recording"):
+        record(RecordConfig(out=tmp_path, **settings), quiet)
+
+
+def test_a_hole_that_leaves_no_free_air_is_refused(tmp_path, settings, quiet):
+    config = RecordConfig(out=tmp_path / "log", hole=(0.6, 0, 0.2, 0), **settings)
+    with pytest.raises(ConfigError, match=r"mouth is 0.2 m high.*allow-contact"):
+        record(config, quiet)
+    assert not config.out.exists()
+
+
+def test_contact_ends_the_recording(tmp_path, settings, quiet):
+    config = RecordConfig(out=tmp_path / "log", **settings)
+    with pytest.raises(ArmError, match=r"the peg is in contact: .* N in sequence 0"):
+        record(config, quiet, starts=[touching_start()] * 3)
+    assert not (config.out / FIRST).exists()
+
+
+def test_contact_is_recorded_where_it_is_asked_for(tmp_path, settings, quiet):
+    config = RecordConfig(out=tmp_path / "log", allow_contact=True, **settings)
+    recording = record(config, quiet, starts=[touching_start()] * 3)
+    force = recording.sequences[0].log[:, COLUMN["fx"] : COLUMN["fz"] + 1]
+    assert np.abs(force).max() > 0.1
+
+
+def touching_start():
+    """Configuration with the peg's end on the block beside the hole [rad]."""
+    from dovetail.envs.peg_in_hole import PegInHoleEnv
+    from dovetail.envs.randomisation import tool_down
+    from dovetail.poses import Pose
+
+    pose = Pose(np.array([0.63, 0.0, 0.0895]), tool_down(0.0))
+    return SceneConfig().robot().inverse_kinematics(pose, PegInHoleEnv.q_seed)
+
+
+def test_an_arm_that_cannot_move_the_hole_needs_to_be_told_where_it_is(tmp_path, quiet):
+    config = RecordConfig(out=tmp_path / "log", arm="fri://127.0.0.1:30299")
+    with pytest.raises(ConfigError, match="say where it is with --hole"):
+        record(config, quiet)
+
+
+def test_a_folder_without_a_recording_is_named(tmp_path):
+    with pytest.raises(LogError, match=r"is no recording: recording.json cannot be"):
+        Recording.load(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("facts", "message"),
+    [
+        ({"format": 7}, "has format 7; this version reads 1"),
+        ({"robot": "panda"}, "of the robot 'panda'; it can be replayed on"),
+        ({"period": 0.001}, r"the period is 0.005, the recording's is 0.001"),
+        ({"task": "XYZ:force"}, "the task is 'XYZ:force A:pose BC:hold', the"),
+    ],
+)
+def test_a_log_of_another_robot_period_or_task_is_refused(copy, facts, message):
+    change_description(copy, **facts)
+    with pytest.raises(LogError, match=message):
+        Recording.load(copy)
+
+
+def test_a_missing_key_is_named(copy):
+    path = copy / "recording.json"
+    table = json.loads(path.read_text())
+    del table["hole"]
+    path.write_text(json.dumps(table))
+    with pytest.raises(LogError, match="lacks hole"):
+        Recording.load(copy)
+
+
+def test_another_tool_is_found_by_where_its_tip_is(copy):
+    def lower(episode):
+        episode.data[:, COLUMN["z"]] -= 0.02
+
+    change_log(copy / FIRST, lower)
+    with pytest.raises(
+        LogError, match=r"TCP is 20.0 mm from where .* another robot or"
+    ):
+        Recording.load(copy)
+
+
+def test_a_gap_is_found_and_said_where(copy):
+    def cut(episode):
+        episode._blocks = [np.delete(episode.data, slice(30, 33), axis=0)]
+
+    change_log(copy / FIRST, cut)
+    with pytest.raises(LogError, match="20 ms pass between the cycles 29 and 30"):
+        Recording.load(copy)
+
+
+def test_a_nan_is_found_and_said_where(copy):
+    def spoil(episode):
+        episode.data[17, COLUMN["q4"]] = np.nan
+
+    change_log(copy / FIRST, spoil)
+    with pytest.raises(LogError, match="column q4 is nan in row 17"):
+        Recording.load(copy)
+
+
+def test_a_log_of_another_scale_is_refused(copy):
+    change_description(copy, commands={"f_scale": 4.0})
+    with pytest.raises(LogError, match="the log is of another task or scale"):
+        Recording.load(copy)
+
+
+def test_two_files_in_each_others_place_are_found(copy):
+    (copy / FIRST).replace(copy / "spare.npz")
+    (copy / "sequence-01.npz").replace(copy / FIRST)
+    with pytest.raises(LogError, match="the sequence is 1, the recording's is 0"):
+        Recording.load(copy)
+
+
+def test_recordings_of_other_settings_are_not_compared(folder, copy):
+    change_description(copy, controller={"force_damping": 1.0})
+    one, other = Recording.load(folder), Recording.load(copy)
+    one.require_like(one)
+    with pytest.raises(LogError, match="the two recordings differ in controller"):
+        one.require_like(other)
+
+
+def test_a_command_that_comes_late_is_put_where_it_acted(tmp_path):
+    """Three cycles a step; each command arrives one cycle late."""
+    f_star = np.array([[1.0, 0, 0], [2.0, 0, 0], [3.0, 0, 0]])
+    log = np.zeros((9, len(CYCLE_COLUMNS)))
+    log[:, COLUMN["fsx"]] = [0, 1, 1, 1, 2, 2, 2, 3, 3]
+    steps = np.repeat([0, 1, 2], 3)
+    first, cycles = assign_steps(tmp_path, log, steps, f_star)
+    assert first == 1
+    assert cycles == (3, 3, 2)
+
+
+def test_a_command_that_never_arrived_is_named(tmp_path):
+    f_star = np.array([[1.0, 0, 0], [2.0, 0, 0], [3.0, 0, 0]])
+    log = np.zeros((9, len(CYCLE_COLUMNS)))
+    log[:, COLUMN["fsx"]] = [1, 1, 1, 1, 1, 1, 3, 3, 3]
+    with pytest.raises(LogError, match="step 1 never reached the arm"):
+        assign_steps(tmp_path, log, np.repeat([0, 1, 2], 3), f_star)

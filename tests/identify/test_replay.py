@@ -1,0 +1,58 @@
+import numpy as np
+import pytest
+
+from dovetail.errors import ConfigError, PlantError
+from dovetail.identify.parameters import nominal_model
+from dovetail.identify.recording import Recording
+from dovetail.identify.replay import DIVERGED, Replay
+from dovetail.plants.twin import load_twin
+
+
+@pytest.fixture(scope="module")
+def replay(folder):
+    return Replay(Recording.load(folder))
+
+
+def test_the_true_model_replays_the_log_exactly(replay, planted_file):
+    assert replay.rms(load_twin(planted_file)) < 1e-12
+
+
+def test_another_model_does_not(replay):
+    assert 1e-3 < replay.rms(nominal_model()) < 0.1
+
+
+def test_a_replay_leaves_nothing_behind_for_the_next(replay, planted_file):
+    before = replay.run(nominal_model())
+    replay.run(load_twin(planted_file))
+    np.testing.assert_array_equal(before, replay.run(nominal_model()))
+
+
+def test_the_error_is_the_root_mean_square_over_all_cycles(replay):
+    simulated = replay.run(nominal_model())
+    pairs = zip(simulated, replay.recording.positions(), strict=True)
+    squares = [np.sum((a - b) ** 2, axis=1) for a, b in pairs]
+    expected = np.sqrt(np.mean(np.concatenate(squares)))
+    assert replay.rms(nominal_model()) == pytest.approx(expected)
+
+
+def test_a_model_that_diverges_has_the_largest_error(replay, monkeypatch):
+    def fail(*_):
+        raise PlantError("simulation diverged")
+
+    monkeypatch.setattr(replay, "run", fail)
+    assert replay.error(nominal_model()) is None
+    assert replay.rms(nominal_model()) == DIVERGED
+
+
+@pytest.mark.bullet
+def test_the_other_engine_moves_nearly_alike(folder, replay):
+    pytest.importorskip("pybullet")
+    other = Replay(Recording.load(folder), "bullet")
+    pairs = zip(replay.run(nominal_model()), other.run(nominal_model()), strict=True)
+    other.close()
+    assert max(np.abs(a - b).max() for a, b in pairs) < 1e-3  # m
+
+
+def test_an_unknown_engine_lists_the_known_ones(folder):
+    with pytest.raises(ConfigError, match="known plants: mujoco, bullet"):
+        Replay(Recording.load(folder), "gazebo")
