@@ -91,11 +91,19 @@ def test_robustness_has_every_disturbance_of_the_paper():
         for name, stage in by_name(config()).items()
         if name.startswith("robustness-")
     ]
-    shifts = [s["hole_shift"] for s in settings if "hole_shift" in s]
+    alone = [s for s in settings if "search" not in s]
+    shifts = [s["hole_shift"] for s in alone if "hole_shift" in s]
     assert sorted(shifts) == [0.005, 0.01, 0.015, 0.02, 0.025, 0.03]  # 0: the table
     assert max(s.get("push", 0.0) for s in settings) == 30.0
     assert 0.02 in [s.get("hole_speed") for s in settings]
     assert "below" in [s.get("start") for s in settings]
+
+
+def test_a_moved_hole_is_also_searched_for_and_the_long_logs_are_not_kept():
+    stage = by_name(config())["robustness-stack-0-search-20-seed-0"]
+    assert stage.settings["search"] == "spiral"
+    assert stage.settings["hole_shift"] == 0.02
+    assert stage.settings["keep_logs"] is False
 
 
 def test_trainings_use_the_defaults_of_train_and_write_all_of_them_down():

@@ -31,7 +31,10 @@ TINY = Budget(
     sequence_steps=4,
     evaluations=10,
     tries=1,
-    shifts=(0.02,),
+    shifts=(),
+    searches=(0.02,),
+    search_tries=1,
+    search_steps=20,
     pushes=(),
     speeds=(0.02,),
 )

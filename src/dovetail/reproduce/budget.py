@@ -27,6 +27,12 @@ class Budget:
     """Tries at each hole pose."""
     shifts: tuple[float, ...] = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03)
     """How far the hole is moved while the camera is covered [m]."""
+    searches: tuple[float, ...] = (0.01, 0.02, 0.03)
+    """The same, with a search led by the hole tracker [m]."""
+    search_tries: int = 10
+    """Tries of it at each hole pose: they are thousands of steps long."""
+    search_steps: int | None = None
+    """Policy steps of such a try; None is the default of the search."""
     pushes: tuple[float, ...] = (0.0, 10.0, 20.0, 30.0)
     """Largest random push on the arm [N]."""
     speeds: tuple[float, ...] = (0.0, 0.01, 0.02, 0.04)
@@ -62,6 +68,9 @@ SMOKE = Budget(
     evaluations=60,
     tries=1,
     shifts=(0.0, 0.02),
+    searches=(0.02,),
+    search_tries=1,
+    search_steps=100,
     pushes=(30.0,),
     speeds=(0.02,),
 )
@@ -73,6 +82,7 @@ QUICK = Budget(name="quick", seeds=1)
 FULL = Budget(
     name="full",
     seeds=5,
+    search_tries=20,
     robust=("stack-0", "stack-4", "randomised"),
     other_direction=True,
 )

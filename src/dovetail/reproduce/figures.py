@@ -19,9 +19,9 @@ _GRID = 300
 _INK = "#4a4640"
 _COLOURS = {"stack-0": "#0b7a75", "stack-4": "#d1495b", "randomised": "#5c6bc0"}
 _AXES = {
-    "shift": ("hole moved, camera covered [mm]", 1e3),
-    "push": ("random pushes up to [N]", 1.0),
-    "speed": ("speed of the hole [mm/s]", 1e3),
+    ("shift", "search"): ("hole moved, camera covered [mm]", 1e3),
+    ("push",): ("random pushes up to [N]", 1.0),
+    ("speed",): ("speed of the hole [mm/s]", 1e3),
 }
 
 
@@ -103,12 +103,16 @@ def draw_robustness(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> by
     """
     figure = Figure(figsize=(10.0, 3.2), dpi=130, layout="constrained")
     panels = figure.subplots(1, len(_AXES), sharey=True)
-    for axes, (what, (name, factor)) in zip(panels, _AXES.items(), strict=True):
+    for axes, (kinds, (name, factor)) in zip(panels, _AXES.items(), strict=True):
         for (variant, kind), levels in robustness.items():
             known = [(level.level, level.table) for level in levels]
             tries = [(factor * x, table.rows[-1]) for x, table in known if table]
-            if kind == what and tries:
-                _draw_rates(axes, tries, _COLOURS[variant], VARIANTS[variant])
+            if kind in kinds and tries:
+                word = ", searching" if kind == "search" else ""
+                label = f"{VARIANTS[variant]}{word}"
+                _draw_rates(
+                    axes, tries, _COLOURS[variant], label, "o--" if word else "o-"
+                )
         axes.set_xlabel(name, fontsize=8)
         _plain(axes)
     panels[0].set_ylabel("success [%]", fontsize=8)
@@ -119,13 +123,13 @@ def draw_robustness(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> by
 
 
 def _draw_rates(
-    axes: Any, tries: Sequence[tuple[float, Row]], colour: str, label: str
+    axes: Any, tries: Sequence[tuple[float, Row]], colour: str, label: str, line: str
 ) -> None:
     x = [level for level, _ in tries]
     rate = [100.0 * row.successes / row.tries for _, row in tries]
     low = [100.0 * row.interval.low for _, row in tries]
     high = [100.0 * row.interval.high for _, row in tries]
-    axes.plot(x, rate, "o-", color=colour, linewidth=1.2, markersize=4, label=label)
+    axes.plot(x, rate, line, color=colour, linewidth=1.2, markersize=4, label=label)
     if len(x) > 1:
         axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
     else:

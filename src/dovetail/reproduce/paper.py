@@ -38,6 +38,7 @@ TRANSFER = (
 
 ROBUSTNESS = {
     "shift": "worked up to 20 mm",
+    "search": "worked up to 20 mm",
     "push": "random pushes of up to 30 N; no rate given",
     "speed": "the hole moved during the episode; no rate given",
     "below": "starts below the surface; no rate given",

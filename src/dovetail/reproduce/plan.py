@@ -20,6 +20,8 @@ _START = 8.0
 """About how long a process takes to start to train [s]."""
 _TRY = 0.3
 """About how long a try takes [s]."""
+_SEARCH = 4.0
+"""The same with a search [s]."""
 _REPLAY = 0.06
 """About how long the simulation of a log takes [s]."""
 HELD_OUT_SEED = 1000
@@ -197,7 +199,9 @@ def _training_on_twin(config: PlanConfig) -> Stage:
 def _evaluation(
     config: PlanConfig, name: str, policy_of: str, twin: str, **settings: Any
 ) -> Stage:
-    tries = config.budget.tries * (1 if "hole" in settings else 3)
+    tries = settings.get("tries", config.budget.tries)
+    tries *= 1 if "hole" in settings else 3
+    seconds = _SEARCH if "search" in settings else _TRY
     return Stage(
         name=name,
         run=f"{_STAGES}:evaluate_policy",
@@ -208,7 +212,7 @@ def _evaluation(
             **settings,
         },
         needs=(policy_of,),
-        expected=3.0 + _TRY * tries,
+        expected=3.0 + seconds * tries,
     )
 
 
@@ -245,6 +249,11 @@ def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any
     """
     for shift in budget.shifts:
         yield "shift", shift, {"hole_shift": shift}
+    for shift in budget.searches:
+        settings = {"hole_shift": shift, "search": "spiral", "keep_logs": False}
+        if budget.search_steps is not None:
+            settings["max_steps"] = budget.search_steps
+        yield "search", shift, {**settings, "tries": budget.search_tries}
     for push in budget.pushes:
         yield "push", push, {"push": push}
     for speed in budget.speeds:

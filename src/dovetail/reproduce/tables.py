@@ -17,6 +17,7 @@ DETAILS = (*_FORCES, "limits broken")
 """Headings of `details`."""
 _DISTURBANCES = {
     "shift": ("hole moved while the camera is covered", "mm", 1e3),
+    "search": ("the same, searching,", "mm", 1e3),
     "push": ("random pushes up to", "N", 1.0),
     "speed": ("hole moving at", "mm/s", 1e3),
     "below": ("every start below the block's surface", "", 1.0),
