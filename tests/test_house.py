@@ -29,6 +29,7 @@ LAYERS = (
     {"arms", "cabinet", "episode", "gripper", "rpc"},
     {"envs", "identify", "perceive"},
     {"learn", "evaluate", "view"},
+    {"reproduce"},
     {"arm_checks", "commands", "doctor"},
     {"cli"},
 )

@@ -14,6 +14,7 @@ COMMANDS = {
     "train": ("Train", "train a policy in a simulation or on an arm"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
     "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
+    "reproduce": ("Reproduce", "run the paper's experiments, resumable"),
     "serve": ("Serve", "offer an arm to learners over gRPC"),
     "twin": ("Twin", "list the twins, or show one"),
     "cabinet": ("Cabinet", "simulate a robot behind KUKA's FRI"),
@@ -41,7 +42,8 @@ def run(words: list[str]) -> int:
 
     Returns:
         0 when it went well, 2 on a wrong setting or input, 130 when interrupted;
-        `doctor` gives 1 when something essential is broken.
+        `doctor` gives 1 when something essential is broken, `reproduce` when an
+        experiment failed.
     """
     is_debug = "--debug" in words
     words = [word for word in words if word != "--debug"]

@@ -1,0 +1,1 @@
+"""The paper's experiments in one command: plan, run, resume, report."""

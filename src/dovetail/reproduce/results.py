@@ -1,0 +1,216 @@
+"""From the stages' folders to the numbers of the report; what is missing stays None."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.transfer import Row, summarise
+from dovetail.learn.progress import EpisodeRow, read_progress
+from dovetail.learn.run_folder import PROGRESS
+from dovetail.reproduce.experiments import EVALUATION, RUN
+from dovetail.reproduce.paper import TRANSFER, PaperRow
+from dovetail.reproduce.plan import (
+    ON_TWIN,
+    OTHER,
+    UNIDENTIFIED,
+    VARIANTS,
+    PlanConfig,
+    fit_name,
+    ground_name,
+    robustness_cases,
+    robustness_name,
+    train_name,
+    transfer_name,
+)
+from dovetail.reproduce.stage import DONE, read_json, stage_folder
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """One row of tries, pooled over the training seeds."""
+
+    label: str
+    """What was tried."""
+    rows: Sequence[Row]
+    """One per hole pose, the last over all of them."""
+    by_seed: dict[int, str]
+    """Successes of tries for each training seed."""
+    ground: str
+    """Where: "twin medium (mujoco)"."""
+    stopped: int
+    """Tries that the arm ended itself."""
+
+
+class Training(NamedTuple):
+    """One finished training."""
+
+    variant: str
+    seed: int
+    steps: int
+    wall_time: float
+    """[s]"""
+    evaluation: dict[str, Any] | None
+    """Deterministic episodes in the simulation that it was trained in."""
+
+
+class Level(NamedTuple):
+    """Robustness at one level of a disturbance."""
+
+    level: float
+    """[m], [N] or [m/s]."""
+    table: Table | None
+
+
+class Gathered(NamedTuple):
+    """Everything that the report shows."""
+
+    transfer: list[tuple[PaperRow, Table | None]]
+    other_direction: Table | None
+    grounds: list[tuple[str, str, Table | None]]
+    """Twin, "without" or "with" identification, tries."""
+    robustness: dict[tuple[str, str], list[Level]]
+    """By variant and kind of disturbance."""
+    trainings: list[Training]
+    curves: dict[str, list[list[EpisodeRow]]]
+    """Episodes of each seed, by variant."""
+    fits: dict[tuple[str, str], dict[str, Any]]
+    """Result of each fit, by twin and parameters."""
+
+
+def gather(root: Path, config: PlanConfig) -> Gathered:
+    """Read what the finished stages left."""
+    return Gathered(
+        [(row, _transfer(root, config, row)) for row in TRANSFER],
+        _pool(root, config, "train MuJoCo, twin PyBullet", _other),
+        list(_grounds(root, config)),
+        _robustness(root, config),
+        list(_trainings(root, config)),
+        {variant: list(_episodes(root, config, variant)) for variant in VARIANTS},
+        _fits(root, config),
+    )
+
+
+def seeds_of(config: PlanConfig) -> range:
+    """Return the training seeds."""
+    return range(config.seed, config.seed + config.budget.seeds)
+
+
+def _other(seed: int) -> str:
+    return transfer_name(OTHER, "square", seed)
+
+
+def _result(root: Path, name: str) -> dict[str, Any] | None:
+    path = stage_folder(root, name) / DONE
+    return read_json(path)["result"] if path.exists() else None
+
+
+def _pool(root: Path, config: PlanConfig, label: str, name: Any) -> Table | None:
+    """Pool one evaluation over the training seeds; `name` names it for a seed."""
+    outcomes: list[Outcome] = []
+    by_seed: dict[int, str] = {}
+    labels: list[str] = []
+    ground = ""
+    for seed in seeds_of(config):
+        result = _result(root, name(seed))
+        if result is None:
+            continue
+        ground = result["ground"]
+        folder = stage_folder(root, name(seed)) / EVALUATION
+        report = read_json(folder / "report.json")
+        labels = [row["label"] for row in report["rows"][:-1]]
+        mine = [_outcome(numbers) for numbers in report["tries"]]
+        by_seed[seed] = f"{sum(o.success for o in mine)}/{len(mine)}"
+        outcomes += mine
+    if not outcomes:
+        return None
+    rows = summarise(outcomes, labels)
+    stopped = sum(bool(outcome.stopped) for outcome in outcomes)
+    return Table(
+        label=label, rows=rows, by_seed=by_seed, ground=ground, stopped=stopped
+    )
+
+
+def _outcome(numbers: dict[str, Any]) -> Outcome:
+    """Return a try from its line in report.json, where null stands for nan."""
+    known: dict[str, Any] = {
+        k: math.nan if v is None else v for k, v in numbers.items()
+    }
+    return Outcome(path=np.empty((0, 3)), **known)
+
+
+def _transfer(root: Path, config: PlanConfig, row: PaperRow) -> Table | None:
+    def name(seed: int) -> str:
+        return transfer_name(row.variant, row.peg, seed)
+
+    return _pool(root, config, row.label, name)
+
+
+def _grounds(root: Path, config: PlanConfig) -> Iterable[tuple[str, str, Table | None]]:
+    for index, twin in enumerate(config.twins):
+        for word, variant in (
+            ("without", UNIDENTIFIED),
+            ("with", f"identified-{twin}"),
+        ):
+
+            def name(seed: int, twin: str = twin, variant: str = variant) -> str:
+                return ground_name(twin, variant, seed)
+
+            def in_table(seed: int) -> str:
+                return transfer_name("stack-0", "square", seed)
+
+            is_in_table = index == 0 and word == "with"
+            label = f"stack 0, {word} identification"
+            used = in_table if is_in_table else name
+            yield twin, word, _pool(root, config, label, used)
+
+
+def _robustness(root: Path, config: PlanConfig) -> dict[tuple[str, str], list[Level]]:
+    found: dict[tuple[str, str], list[Level]] = {}
+    for variant in config.budget.robust:
+        for what, level, _ in robustness_cases(config.budget):
+
+            def name(
+                seed: int, variant: str = variant, what: str = what, at: float = level
+            ) -> str:
+                if at == 0.0:
+                    return transfer_name(variant, "square", seed)
+                return robustness_name(variant, what, at, seed)
+
+            table = _pool(root, config, VARIANTS[variant], name)
+            found.setdefault((variant, what), []).append(Level(level, table))
+    return found
+
+
+def _trainings(root: Path, config: PlanConfig) -> Iterable[Training]:
+    others = [f"identified-{twin}" for twin in config.twins[1:]]
+    for variant in (*VARIANTS, UNIDENTIFIED, *others, ON_TWIN, OTHER):
+        for seed in seeds_of(config):
+            result = _result(root, train_name(variant, seed))
+            if result is not None:
+                facts = (result[k] for k in ("steps", "wall_time_s", "evaluation"))
+                yield Training(variant, seed, *facts)
+
+
+def _episodes(
+    root: Path, config: PlanConfig, variant: str
+) -> Iterable[list[EpisodeRow]]:
+    for seed in seeds_of(config):
+        name = train_name(variant, seed)
+        if _result(root, name) is not None:
+            yield read_progress(stage_folder(root, name) / RUN / PROGRESS)
+
+
+def _fits(root: Path, config: PlanConfig) -> dict[tuple[str, str], dict[str, Any]]:
+    found = {}
+    for twin in config.twins:
+        for parameters in dict.fromkeys(("paper", config.parameters)):
+            name = fit_name(twin, parameters)
+            if (result := _result(root, name)) is not None:
+                judged = _result(root, f"report-{name}")
+                found[twin, parameters] = result | {"judged": judged}
+    return found

@@ -1,0 +1,44 @@
+"""Stages as tasks of Ray, started on this machine."""
+
+import sys
+
+import pytest
+
+from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.reproduce import cluster
+from dovetail.reproduce.schedule import run_stages
+from dovetail.reproduce.stage import LOG, read_done, stage_folder
+
+
+def test_ray_runs_the_stages_and_names_the_one_that_failed(tmp_path, toys, notes):
+    pytest.importorskip("ray")
+    a, b = toys("a", value=2), toys("b", needs=("a",), of=["a"], value=1)
+    bad = toys("bad", "refuse")
+    executor = cluster.RayExecutor("local", workers=2)
+    try:
+        tally = run_stages(tmp_path, [a, b, bad], executor, notes)
+    finally:
+        executor.close()
+    assert executor.slots == 2
+    assert read_done(tmp_path, b)["result"] == {"sum": 3}
+    assert tally.failed == {"bad": "the toy is broken; take another"}
+    assert (stage_folder(tmp_path, "bad") / LOG).exists()
+
+
+def test_a_machine_that_does_not_see_the_results_folder_says_so(tmp_path):
+    assert cluster.run_task(str(tmp_path), "a") == cluster.NOT_SHARED
+
+
+@pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:1", "nonsense"])
+def test_an_address_without_a_cluster_is_refused_at_once(address):
+    pytest.importorskip("ray")
+    with pytest.raises(ConfigError) as error:
+        cluster.RayExecutor(address)
+    assert f"no Ray cluster at {address!r} (" in str(error.value)
+    assert "--cluster local" in str(error.value)
+
+
+def test_without_ray_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install 'dovetail\[cluster"):
+        cluster.RayExecutor("local")
