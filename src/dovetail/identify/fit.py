@@ -35,6 +35,7 @@ from dovetail.identify.population import (
 )
 from dovetail.identify.recording import Recording
 from dovetail.identify.search import Search, space_of
+from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
@@ -100,6 +101,10 @@ def fit(config: FitConfig, console: Console) -> FitResult:
         DovetailError: A setting, the recording, the folder, or workers that die; see
             its message.
     """
+    if config.plant not in PLANTS:
+        raise ConfigError(
+            f"plant {config.plant!r} is unknown; known plants: {', '.join(PLANTS)}"
+        )
     parameters = ParameterSet.parse(config.parameters)
     budget = config.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
     if budget < 1 or config.seed < 0:
@@ -300,11 +305,10 @@ def _write(
 ) -> None:
     """Write the model, then the summary that says it is there."""
     made = datetime.now(UTC).isoformat(timespec="seconds")
+    known = folder.summary or {}
     comments = (
         f"# Made by dovetail {version('dovetail')}, {made}: dovetail identify fit",
-        f"# Log: {config.log} (hash {folder.summary['settings']['log']})"
-        if folder.summary
-        else "",
+        f"# Log: {config.log} (hash {known['settings']['log']})",
         f"# Parameters: {', '.join(parameters.names)}",
         f"# RMS error of the TCP on the log: {1e3 * result.rms_before:.3f} mm before, "
         f"{1e3 * result.rms_after:.3f} mm after; {result.evaluations} simulated logs",
@@ -328,7 +332,7 @@ def _write(
         )
     ]
     folder.write_summary(
-        (folder.summary or {})
+        known
         | {
             "state": "done",
             "made": made,

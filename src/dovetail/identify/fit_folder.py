@@ -25,7 +25,7 @@ class FitFolder:
     def __init__(self, path: Path, summary: dict[str, Any] | None) -> None:
         """Wrap a folder; use `claim`."""
         self.path = path
-        self.summary = summary
+        self.summary: dict[str, Any] | None = summary
         """What `fit.json` holds of a fit to go on with; None for a new one."""
         self.generations: list[dict[str, Any]] = []
         """Each told generation: "values" [m] and "time" [s] since the beginning."""
@@ -67,10 +67,9 @@ class FitFolder:
 
     def write_summary(self, summary: dict[str, Any]) -> Path:
         """Write `fit.json`."""
-        self.summary = {"format": FORMAT} | summary
-        return write_atomic(
-            self.path / SUMMARY, json.dumps(self.summary, indent=1) + "\n"
-        )
+        whole: dict[str, Any] = {"format": FORMAT, **summary}
+        self.summary = whole
+        return write_atomic(self.path / SUMMARY, json.dumps(whole, indent=1) + "\n")
 
     def append(self, values: list[float], time: float) -> None:
         """Add a generation; it is on the disk when this returns.

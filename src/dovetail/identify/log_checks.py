@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.errors import LogError
 from dovetail.plants.plant import COLUMN
@@ -72,7 +73,9 @@ def require_robot(
             f"{path}: the log is of the robot {name!r}; it can be replayed on "
             f"{robot.name!r} only"
         )
-    for row in () if log is None else (0, len(log) // 2, len(log) - 1):
+    if log is None:
+        return
+    for row in (0, len(log) // 2, len(log) - 1):
         q = log[row, COLUMN["q1"] : COLUMN["q7"] + 1]
         logged = log[row, COLUMN["x"] : COLUMN["z"] + 1]
         distance = float(np.linalg.norm(robot.tool_pose(q).position - logged))
@@ -85,7 +88,7 @@ def require_robot(
 
 
 def assign_steps(
-    path: Path, log: Array, steps: Array, f_star: Array
+    path: Path, log: Array, steps: NDArray[np.int_], f_star: Array
 ) -> tuple[int, tuple[int, ...]]:
     """Find the cycles in which each step's command was in force.
 

@@ -220,7 +220,6 @@ def _claim(folder: Path, metadata: dict[str, Any]) -> None:
     """Begin a recording in a folder, or go on with the same one."""
     if (folder / DESCRIPTION).is_file():
         before = read_description(folder)
-        before.pop("created", None), before.pop("version", None)
         differ = [k for k in metadata if before.get(k) != metadata[k]]
         if differ:
             raise ConfigError(
