@@ -7,19 +7,22 @@ import pytest
 
 from dovetail.arms.arm import ArmState
 from dovetail.envs.hole_tracker import CoveredHole, TrueHole
+from dovetail.envs.observation import theta_about_vertical
+from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.envs.search import SearchConfig, SpiralSearch
 from dovetail.errors import ConfigError
 from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.poses import Pose, quat_about_z
+from dovetail.poses import Pose, quat_about_z, quat_multiply
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.4))
 
 
 def state(stamp, position):
     nothing = np.zeros(7)
+    quat = quat_multiply(HOLE.quat_wxyz, TOOL_DOWN)
     return ArmState(
-        stamp, nothing, nothing, np.asarray(position), np.array([0, 1.0, 0, 0]),
+        stamp, nothing, nothing, np.asarray(position), quat,
         np.zeros(6), np.zeros(3), 0, np.empty((0, 0)),
     )  # fmt: skip
 
@@ -45,7 +48,7 @@ def search():
 
 
 def test_the_spiral_comes_closer_to_every_place_than_the_clearance(search):
-    points = follow(search, 1480)[:, :2]  # 0.3 mm each: as far as 10 mm away
+    points = follow(search, 1980)[:, :2]  # 0.2 mm each: as far as 10 mm away
     rng = np.random.default_rng(0)
     for _ in range(200):
         angle, r = rng.uniform(-np.pi, np.pi), 0.0093 * math.sqrt(rng.uniform())
@@ -57,11 +60,11 @@ def test_the_spiral_comes_closer_to_every_place_than_the_clearance(search):
 def test_the_spiral_keeps_its_speed(search):
     points = follow(search, 1000)[100:, :2]
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    np.testing.assert_allclose(steps, 0.05 * 0.006, rtol=0.05)
+    np.testing.assert_allclose(steps, 0.05 * search.config.speed, rtol=0.05)
 
 
 def test_beyond_its_reach_it_begins_again_between_the_turns(search):
-    points = follow(search, 1600)[:, :2]
+    points = follow(search, 2100)[:, :2]
     radius = np.linalg.norm(points, axis=1)
     assert radius.max() <= 0.01 + 1e-9
     again = int(np.argmax(np.diff(radius) < -0.005)) + 1
@@ -121,6 +124,24 @@ def test_a_peg_that_does_not_follow_is_waited_for_and_then_not(search):
     assert np.linalg.norm(search.point() - before) > 1e-4
 
 
+def test_the_believed_hole_turns_against_what_the_peg_is_turned_by(search):
+    turned = quat_multiply(quat_about_z(0.02), quat_multiply(HOLE.quat_wxyz, TOOL_DOWN))
+    for i in range(40):
+        search.update(
+            HOLE, state(0.05 * (i + 1), HOLE.position)._replace(quat_wxyz=turned)
+        )
+    believed = search.estimate().pose.quat_wxyz
+    turn = theta_about_vertical(believed, HOLE.quat_wxyz)
+    assert turn == pytest.approx(-0.02 * 40 * 0.05, abs=2e-3)
+    for i in range(100):
+        search.update(
+            HOLE, state(0.05 * (i + 41), HOLE.position)._replace(quat_wxyz=turned)
+        )
+    believed = search.estimate().pose.quat_wxyz
+    turn = theta_about_vertical(believed, HOLE.quat_wxyz)
+    assert turn == pytest.approx(-search.config.turn_max)
+
+
 def test_a_tracker_that_sees_is_left_alone():
     search = SpiralSearch(TrueHole())
     search.reset(HOLE)
@@ -147,7 +168,7 @@ def test_the_shipped_policy_finds_a_hole_that_was_moved_by_4_mm():
     depths = {}
     for search in ("none", "spiral"):
         asked = Perturbation(hole_shift=0.004, search=search)
-        options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 900}
+        options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 1200}
         env = make_perturbed(policy.metadata["env_id"], asked, options)
         observation, info = env.reset(seed=4, options={"hole": HOLE})
         done = False

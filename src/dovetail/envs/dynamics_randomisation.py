@@ -69,7 +69,8 @@ class DynamicsRandomisation:
 
     def sample(self, rng: np.random.Generator, base: DynamicsConfig) -> DynamicsConfig:
         """Draw the dynamics of one episode about `base`."""
-        damping = np.exp(rng.uniform(*map(math.log, self.damping), 7))
+        low, high = map(math.log, self.damping)
+        damping = np.exp(rng.uniform(low, high, 7))
         residual = rng.uniform(-self.gravity, self.gravity, 3)
         return replace(
             base,

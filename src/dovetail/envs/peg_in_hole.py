@@ -305,7 +305,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if max(values) > 1.0 or min(values) < -1.0:
             action = action.clip(-1.0, 1.0)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
-        if self._hole_velocity.any():
+        if self._is_sliding:
             self._slide()
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
@@ -332,6 +332,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         The arm must be able to: a simulation here, or a simulated cabinet.
         """
         self._hole_velocity = np.array(velocity, dtype=float)
+        self._is_sliding = bool(self._hole_velocity.any())
 
     def _slide(self) -> None:
         self.arm.move_hole(self.hole, self._hole_velocity)  # type: ignore[attr-defined]

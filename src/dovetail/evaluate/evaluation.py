@@ -85,7 +85,7 @@ class EvaluationConfig:
     search: Literal["none", "spiral"] = "none"
     """With `hole_shift`: lead the policy over the surface until the peg drops in."""
     max_steps: int | None = None
-    """Policy steps of 50 ms in a try; default the policy's, 12000 with a search."""
+    """Policy steps of 50 ms in a try; default the policy's, 20000 with a search."""
     tries: int = 20
     """Tries at each hole pose."""
     seed: int = 0

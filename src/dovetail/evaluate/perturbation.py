@@ -29,9 +29,9 @@ PUSH_TIME = (0.2, 0.5)
 """Range of a push's duration [s], uniform."""
 PUSH_GAP = (0.3, 1.0)
 """Range of the time between two pushes, and before the first [s], uniform."""
-SEARCH_STEPS = 12_000
-"""Policy steps of a try with a search, where nothing else is asked for: 10 minutes, in
-which the spiral gets 28 mm away from the middle at 0.5 mm clearance."""
+SEARCH_STEPS = 20_000
+"""Policy steps of a try with a search, where nothing else is asked for: 1000 s, in
+which the spiral gets 31 mm away from the middle at 0.5 mm clearance."""
 
 _STREAM = 0x5E7BAC
 """Keeps these draws apart from those of start and noise, which have the same seed."""
