@@ -18,6 +18,7 @@ LAYERS = (
         "poses",
         "errors",
         "files",
+        "page",
         "kinematics",
         "iiwa14",
         "robot",
