@@ -6,12 +6,15 @@ import shutil
 import numpy as np
 import pytest
 
+from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.envs.randomisation import tool_down
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError, LogError
 from dovetail.identify.log_checks import assign_steps
-from dovetail.identify.recorder import RecordConfig, record
+from dovetail.identify.recorder import RecordConfig, _contact, record
 from dovetail.identify.recording import Recording
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.poses import Pose, quat_about_z
 from dovetail.scene import SceneConfig
 
 FIRST = "sequence-00.npz"
@@ -99,12 +102,21 @@ def test_contact_is_recorded_where_it_is_asked_for(tmp_path, settings, quiet):
     assert np.abs(force).max() > 0.1
 
 
+def test_without_a_force_the_pegs_place_tells_of_contact():
+    """As behind FRI, where no contact force is measured."""
+    env = PegInHoleEnv()
+    hole = Pose(np.array([0.6, 0.0, 0.09]), quat_about_z(0.0))
+    high = Pose(np.array([0.6, 0.0, 0.2]), tool_down(0.0))
+    free = env.arm.robot.inverse_kinematics(high, env.q_seed)
+    for start, expected in ((touching_start(), "at the block"), (free, "")):
+        env.reset(options={"hole": hole, "start": start})
+        env.step(np.zeros(4, dtype=np.float32))
+        assert _contact(env, np.nan).endswith(expected)
+        assert bool(_contact(env, np.nan)) == bool(expected)
+
+
 def touching_start():
     """Configuration with the peg's end on the block beside the hole [rad]."""
-    from dovetail.envs.peg_in_hole import PegInHoleEnv
-    from dovetail.envs.randomisation import tool_down
-    from dovetail.poses import Pose
-
     pose = Pose(np.array([0.63, 0.0, 0.0895]), tool_down(0.0))
     return SceneConfig().robot().inverse_kinematics(pose, PegInHoleEnv.q_seed)
 

@@ -175,6 +175,7 @@ def _begin(
     folder.write_summary(
         {"state": "running", "settings": settings, "outset": outset.to_dict()}
     )
+    folder.begin_generations()
     return outset
 
 

@@ -71,6 +71,10 @@ class FitFolder:
         self.summary = whole
         return write_atomic(self.path / SUMMARY, json.dumps(whole, indent=1) + "\n")
 
+    def begin_generations(self) -> None:
+        """Write the file of the generations, with none."""
+        write_atomic(self.path / GENERATIONS, "")
+
     def append(self, values: list[float], time: float) -> None:
         """Add a generation; it is on the disk when this returns.
 

@@ -22,7 +22,11 @@ from dovetail.arms.address import (
 )
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN
 from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.randomisation import (
+    RandomisationConfig,
+    is_clear_of_block,
+    tool_down,
+)
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.files import write_atomic
@@ -34,6 +38,7 @@ from dovetail.identify.recording import (
     read_description,
     sequence_path,
 )
+from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z
 from dovetail.robot import Robot
 from dovetail.scene import PegShape
@@ -43,6 +48,8 @@ NEAR_DISTANCE = 0.01
 """How far above the hole's mouth the tool's speed is limited [m], as for a policy."""
 CONTACT_FORCE = 0.1
 """Contact force from which the peg counts as in contact [N]."""
+PLAY = 0.002
+"""Distance from the block that counts as contact where no force is measured [m]."""
 START_HEIGHT, START_HEIGHT_MAX = 0.17, 0.21
 """Lowest height of a start [m], and how far it may go up to keep off a high hole."""
 FREE_AIR = 0.08
@@ -256,13 +263,36 @@ def _play(
     episode = Episode(metadata=facts)
     for step, action in enumerate(actions.astype(np.float32)):
         _, reward, _, _, info = env.step(action)
-        force = info["contact_force_max"]
-        if not config.allow_contact and math.isfinite(force) and force > CONTACT_FORCE:
+        contact = _contact(env, info["contact_force_max"])
+        if contact and not config.allow_contact:
             raise ArmError(
-                f"the peg is in contact: {force:.1f} N in sequence {number}, step "
-                f"{step}; a fit needs free motion: move the hole away with --hole, or "
-                "give --allow-contact",
+                f"the peg is in contact: {contact} in sequence {number}, step {step}; "
+                "a fit needs free motion: move the hole away with --hole, or give "
+                "--allow-contact",
                 "contact",
             )
         episode.append(env.state.log, step, action, float(reward))
     episode.save(sequence_path(config.out, number))
+
+
+def _contact(env: PegInHoleEnv, force: float) -> str:
+    """Say in words how the peg touched something in the last step; "" is not at all.
+
+    Args:
+        env: After the step.
+        force: Largest contact force [N]; not-a-number where the arm measures none, and
+            the peg's place has to tell.
+    """
+    if math.isfinite(force):
+        return f"{force:.1f} N" if force > CONTACT_FORCE else ""
+    w, _, _, z = env.hole.quat_wxyz
+    yaw = 2.0 * math.atan2(z, w)
+    block = RandomisationConfig(gap=PLAY)
+    tips = env.state.log[:, COLUMN["x"] : COLUMN["z"] + 1]
+    for tip in tips:
+        offset = tip - env.hole.position
+        if not is_clear_of_block(offset, yaw, block):
+            return (
+                f"the peg's end {1e3 * offset[2]:.1f} mm above the mouth, at the block"
+            )
+    return ""
