@@ -83,6 +83,7 @@ class LocalArm:
     ) -> tuple[Array, Vec7, Vec7]:
         """Run the cycles one by one, with what disturbs them in between."""
         rows = []
+        q, dq = self.plant.read()
         for _ in range(cycles):
             self._disturbance.before_cycle(self.plant, self.period)
             row, q, dq = self._run(target, 1)
