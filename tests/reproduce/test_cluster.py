@@ -4,17 +4,23 @@ import sys
 
 import pytest
 
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ConfigError, DovetailError, MissingDependencyError
 from dovetail.reproduce import cluster
 from dovetail.reproduce.schedule import run_stages
 from dovetail.reproduce.stage import LOG, read_done, stage_folder
 
 
+@pytest.mark.timeout(600)
 def test_ray_runs_the_stages_and_names_the_one_that_failed(tmp_path, toys, notes):
     pytest.importorskip("ray")
     a, b = toys("a", value=2), toys("b", needs=("a",), of=["a"], value=1)
     bad = toys("bad", "refuse")
-    executor = cluster.RayExecutor("local", workers=2)
+    try:
+        executor = cluster.RayExecutor("local", workers=2)
+    except DovetailError as error:
+        if cluster.NOT_STARTED not in str(error):
+            raise
+        pytest.skip(str(error))  # ray-project/ray#65983: 15 s, hard-coded
     try:
         tally = run_stages(tmp_path, [a, b, bad], executor, notes)
     finally:
@@ -36,6 +42,22 @@ def test_an_address_without_a_cluster_is_refused_at_once(address):
         cluster.RayExecutor(address)
     assert f"no Ray cluster at {address!r} (" in str(error.value)
     assert "--cluster local" in str(error.value)
+
+
+def test_a_ray_that_does_not_start_here_is_tried_twice_and_then_explained(monkeypatch):
+    ray = pytest.importorskip("ray")
+    calls = []
+
+    def init(address, **_):
+        calls.append(address)
+        raise Exception("The current node timed out during startup.\nmore")
+
+    monkeypatch.setattr(ray, "init", init)
+    with pytest.raises(DovetailError) as error:
+        cluster.RayExecutor("local")
+    assert calls == ["local", "local"]
+    assert "Ray did not start on this machine (The current node" in str(error.value)
+    assert "leave out --cluster" in str(error.value)
 
 
 def test_without_ray_the_extra_is_named(monkeypatch):

@@ -11,12 +11,13 @@ import socket
 from pathlib import Path
 from typing import Any
 
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ConfigError, DovetailError, MissingDependencyError
 from dovetail.reproduce.executor import Job, start_process
 from dovetail.reproduce.stage import STAGE, stage_folder
 
 LOCAL = "local"
 """The address that starts Ray on this machine."""
+NOT_STARTED = "Ray did not start on this machine"
 _ANSWERS = 5.0
 """How long a cluster may take to answer [s]."""
 RETRIES = 3
@@ -45,6 +46,27 @@ def _import_ray() -> Any:
             "pip install 'dovetail[cluster]'"
         ) from error
     return ray
+
+
+def _start_here(ray: Any, options: dict[str, Any]) -> None:
+    """Start Ray on this machine; a second attempt finds its files in memory.
+
+    Raises:
+        DovetailError: It does not come up in time.
+    """
+    for attempt in (1, 2):
+        try:
+            ray.init(LOCAL, include_dashboard=False, **options)
+        except Exception as error:  # Ray raises no narrower one
+            ray.shutdown()
+            if attempt == 2:
+                raise DovetailError(
+                    f"{NOT_STARTED} ({str(error).strip().splitlines()[0]}): Ray gives "
+                    "its agents 15 s to start, which a busy machine may not; leave out "
+                    "--cluster, and the stages run as processes of this machine"
+                ) from error
+        else:
+            return
 
 
 def _require_answer(address: str) -> None:
@@ -104,17 +126,19 @@ class RayExecutor:
         Raises:
             MissingDependencyError: The extra `cluster` is not installed.
             ConfigError: Nobody answers at the address.
+            DovetailError: Ray does not start on this machine.
         """
         self._ray = ray = _import_ray()
         _require_answer(address)
         options: dict[str, Any] = {"log_to_driver": False, "logging_level": "ERROR"}
         if address == LOCAL:
-            cores = len(os.sched_getaffinity(0))
-            options |= {"num_cpus": workers or cores, "include_dashboard": False}
-        try:
-            ray.init(address, **options)
-        except (ConnectionError, ValueError, RuntimeError) as error:
-            raise _no_cluster(address, error) from error
+            options["num_cpus"] = workers or len(os.sched_getaffinity(0))
+            _start_here(ray, options)
+        else:
+            try:
+                ray.init(address, **options)
+            except (ConnectionError, ValueError, RuntimeError) as error:
+                raise _no_cluster(address, error) from error
         logging.getLogger("ray").setLevel(logging.ERROR)
         cores = int(ray.cluster_resources().get("CPU", 1))
         self.slots = max(1, min(workers or cores, cores))
