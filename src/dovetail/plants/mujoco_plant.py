@@ -120,7 +120,7 @@ class MujocoPlant:
                 self.data._address,
                 self.robot.chain(),
                 self._channel,
-                self._is_compensated,
+                self.dynamics.gravity_compensation,
             )
         except RuntimeError as error:
             raise PlantError(str(error)) from error
