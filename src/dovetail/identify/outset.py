@@ -27,9 +27,9 @@ NO_EFFECT = 1e-5
 FINE_STEP = 0.01
 """The same after the first round: near the answer the log's limits, which come and go
 with the state, make long differences wrong."""
-ROUNDS = 8
+ROUNDS = 12
 """Most least-squares steps."""
-GAIN = 0.9
+GAIN = 0.97
 """A step that leaves more of the error than this is the last one [1]."""
 TRUSTS = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03)
 """Noise levels that a step is tried with, as shares of the error; the best is taken."""

@@ -50,10 +50,15 @@ CONTACT_FORCE = 0.1
 """Contact force from which the peg counts as in contact [N]."""
 PLAY = 0.002
 """Distance from the block that counts as contact where no force is measured [m]."""
-START_HEIGHT, START_HEIGHT_MAX = 0.17, 0.21
+START_HEIGHT, START_HEIGHT_MAX = 0.18, 0.22
 """Lowest height of a start [m], and how far it may go up to keep off a high hole."""
+ELBOW = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
+"""Joints that turn the elbow about the line from shoulder to wrist [1]."""
 FREE_AIR = 0.08
 """Height of the lowest start over the hole's mouth [m]: the motions go down 0.05 m."""
+QUARTER = 0.5 * math.pi
+"""The motions are played a quarter turn from the hole's yaw [rad]: tool down at yaw 0
+needs A7 at its limit, and a limit hides what a fit looks for."""
 DEFAULT_HOLE = (0.60, 0.0, 0.09, 0.0)
 """Where the hole is put: x y z [m] of its mouth, yaw [rad]."""
 
@@ -110,8 +115,9 @@ def record(
             f"the arm at {config.arm} cannot move the hole: say where it is with "
             "--hole X Y Z YAW [m, rad]; the motions stay above it"
         )
-    hole = config.hole or DEFAULT_HOLE
-    height = _start_height(config, hole[2])
+    x, y, z, yaw = config.hole or DEFAULT_HOLE
+    hole = (x, y, z, yaw + QUARTER)
+    height = _start_height(config, z)
     env = PegInHoleEnv(
         config.arm,
         peg=config.peg,
@@ -125,7 +131,7 @@ def record(
     with closing(env):
         if starts is None:
             robot = env.arm.robot
-            starts = plan_starts(robot, config.seed, config.sequences, height)
+            starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])
         metadata = _describe(config, env, hole, starts)
         _claim(config.out, metadata)
         left = [
@@ -156,7 +162,9 @@ def _start_height(config: RecordConfig, mouth: float) -> float:
     )
 
 
-def plan_starts(robot: Robot, seed: int, count: int, height: float) -> list[Vec7]:
+def plan_starts(
+    robot: Robot, seed: int, count: int, height: float, yaw: float
+) -> list[Vec7]:
     """Return a start for each sequence: tool down, high in the workspace [rad].
 
     Tool position, rotation about the vertical and elbow differ from one to the next,
@@ -167,14 +175,17 @@ def plan_starts(robot: Robot, seed: int, count: int, height: float) -> list[Vec7
         seed: Seed of the recording.
         count: Number of starts.
         height: Lowest height of a start [m].
+        yaw: Rotation about the vertical in the middle of the starts [rad].
     """
     starts = []
     for number in range(count):
         rng = np.random.default_rng([seed, number, 1])
         x, y, z = rng.uniform((0.50, -0.11, height), (0.70, 0.11, height + 0.04))
-        pose = Pose(np.array([x, y, z]), tool_down(rng.uniform(-0.15, 0.15)))
-        swivel = rng.uniform(-0.6, 0.6)
-        q_seed = PegInHoleEnv.q_seed + np.array([-swivel, 0, swivel, 0, 0, 0, 0])
+        turn = yaw + rng.uniform(-0.15, 0.15)
+        pose = Pose(np.array([x, y, z]), tool_down(turn))
+        swivel = rng.uniform(-1.0, 1.0)
+        q_seed = PegInHoleEnv.q_seed + swivel * ELBOW
+        q_seed[6] = math.remainder(math.pi - turn, 2.0 * math.pi)
         starts.append(robot.inverse_kinematics(pose, q_seed))
     return starts
 

@@ -19,7 +19,7 @@ PRIOR_WIDTH = 0.2
 """Standard deviation of the first generation, as a share of each parameter's range."""
 EDGE = 0.02
 """The search begins no nearer to a bound than this, as a share of the range."""
-PATIENCE = 0.02
+PATIENCE = 0.01
 """Improvement of the best error over a window below which it has converged [1]. Less
 fits the noise: on twin medium the error on a held-out log no longer falls by then."""
 EXACT = 1e-6
