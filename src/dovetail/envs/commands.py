@@ -34,7 +34,7 @@ def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, f
 class CommandMap:
     """Turns an action in [-1, 1] into f*, a desired position and a desired rotation.
 
-    * force axis: f* = scale x action, world axes, acceleration of the unit-mass
+    * force axis: f* = scale x action + tare, world axes, acceleration of the unit-mass
       operational point [m/s2] or [rad/s2];
     * pose axis X Y Z: goal + range x action [m];
     * pose axis A B C: goal's rotation turned by range x action about world z, y, x
@@ -92,6 +92,10 @@ class CommandMap:
             for i, axis in enumerate(commanded)
             if modes[axis] == POSE
         ]
+        self.force_axes = tuple(index for _, index in self._force)
+        """Force axes, 0 to 5 for x y z and rotations about them."""
+        self.tare = np.zeros(6)
+        """f* that holds the weight which nobody compensates [m/s2], world axes."""
         self._f_star = np.zeros(6)
         self._position = np.zeros(3)
         self._quat = np.zeros(4)
@@ -117,7 +121,7 @@ class CommandMap:
         """
         values = action.tolist()
         for i, index in self._force:
-            self._f_star[index] = self.scale[i] * values[i]
+            self._f_star[index] = self.scale[i] * values[i] + self.tare[index]
         self._position[:] = goal_position
         quat = tuple(goal_quat.tolist())
         for i, index in self._pose:

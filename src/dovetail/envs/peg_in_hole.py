@@ -13,7 +13,7 @@ from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
-from dovetail.envs.commands import CommandMap
+from dovetail.envs.commands import CommandMap, per_axis
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
 from dovetail.envs.observation import (
     NUM_OBSERVATIONS,
@@ -29,6 +29,7 @@ from dovetail.envs.randomisation import (
 )
 from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
+from dovetail.envs.tare import DAMPING_MIN, TRAVEL, measure_tare
 from dovetail.envs.violations import ViolationCounter
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
@@ -61,7 +62,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     B and C are held: the tool points down. On force axes the controller adds
     `-force_damping` x velocity, so that an action is close to a velocity. Less than
     `near_distance` above the hole's mouth, and below it, the tool's speed is limited to
-    `near_speed`: contact happens at no more than that, whatever the policy does.
+    `near_speed`: contact happens at no more than that, whatever the policy does; and f*
+    towards the hole to `near_press`, which bounds the force of standing on the rim.
 
     ## Observation space
 
@@ -99,7 +101,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `success` and `depth` [m] in the true hole, `position_error` [m] and `theta_error`
     [rad] (tool minus target, by the hole tracker), `contact_force_max` [N] of the step, `limit_violations` (control cycles of
     the step outside a joint or wall limit, by the measured state) and `observation_raw`
-    (14 numbers, unscaled).
+    (14 numbers, unscaled). `reset` adds `tare` [m/s2], the f* that holds the weight,
+    world axes, and counts the violations of its way to it.
 
     Args:
         arm: The arm to use, or its address (see `arms.address`); None builds a
@@ -116,7 +119,13 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         f_scale_angular: f* at action 1 on A B C [rad/s2].
         force_damping: Damping of force axes X Y Z [1/s], one number or three; 0 is the
             paper.
+        tare: Measure at each reset, in free air, the f* that holds the weight which
+            the arm's own gravity compensation misses, and add it to every action's;
+            takes 2.2 s of the arm's time, see `envs.tare`.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].
+        near_press: Largest f* towards the hole there [m/s2], tare not counted: standing
+            on the rim, the tool presses with no more than this times its effective
+            mass, about 10 kg.
         near_distance: How far above the hole's mouth that begins [m].
         theta_range: Rotation at action 1 on pose axes A B C [rad].
         position_range: Displacement at action 1 on pose axes X Y Z [m].
@@ -157,7 +166,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         f_scale: float | Sequence[float] = 4.0,
         f_scale_angular: float = 20.0,
         force_damping: float | Sequence[float] = 40.0,
+        tare: bool = False,
         near_speed: float = NEAR_SPEED,
+        near_press: float = 2.0,
         near_distance: float = 0.01,
         theta_range: float = 0.2,
         position_range: float = 0.05,
@@ -197,8 +208,28 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             theta_range=theta_range,
             position_range=position_range,
         )
+        if not near_press > 0.0:
+            raise ConfigError(f"near_press is {near_press:g} m/s2; allowed: above 0")
+        self._near_press = near_press
         self._near_distance = near_distance
+        self._tared_axes = self._require_tare(force_damping) if tare else ()
         self._prepare(stack)
+
+    def _require_tare(self, force_damping: float | Sequence[float]) -> tuple[int, ...]:
+        """Return the axes whose weight can be measured, of x y z."""
+        axes = tuple(axis for axis in self.commands.force_axes if axis < 3)
+        if not axes:
+            raise ConfigError(
+                f"tare needs a force axis among X Y Z; task '{self.task}' has none: "
+                "leave tare out (--no-tare)"
+            )
+        damping = per_axis("force_damping", force_damping)
+        if (least := min(damping[axis] for axis in axes)) < DAMPING_MIN:
+            raise ConfigError(
+                f"force_damping is {least:g} 1/s; tare needs at least {DAMPING_MIN:g}: "
+                "nothing else damps the tool while it is led; leave tare out (--no-tare)"
+            )
+        return axes
 
     def _prepare(self, stack: int) -> None:
         """Take from the arm and the scene what each step needs."""
@@ -219,6 +250,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         limits = getattr(self.arm, "limits", None)
         if limits is not None and limits.walls:
             walls = limits.x_min, limits.x_max
+        self._walls = walls
         self._violations = ViolationCounter(robot, *walls)
         self._target = _core.Target()
         self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
@@ -287,7 +319,25 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.state = self.arm.reset(q, hole)
         self._steps = 0
         raw = self._locate()
-        return self._history.reset(self.scaling.scale(raw)), self._info(raw)
+        if self._tared_axes:
+            self._tare()
+            raw = self._locate()
+        info = self._info(raw) | {"tare": self.commands.tare[:3].copy()}
+        return self._history.reset(self.scaling.scale(raw)), info
+
+    def _tare(self) -> None:
+        """Measure the weight, leading the tool up and away from the hole first."""
+        start = self.state.position
+        direction = np.where(start >= self.hole.position, 1.0, -1.0)
+        direction[2] = 1.0
+        low, high = self._walls
+        end = start + 2.0 * TRAVEL * direction
+        direction = np.where((end < low) | (end > high), -direction, direction)
+        tare = measure_tare(
+            self.arm, self.state, self._tared_axes, direction, self._target.near_plane
+        )
+        self.commands.tare[:3] = tare.f_star
+        self.state = tare.state
 
     def step(
         self, action: NDArray[np.float32]
@@ -305,6 +355,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if max(values) > 1.0 or min(values) < -1.0:
             action = action.clip(-1.0, 1.0)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
+        self._limit_press()
         if self._is_sliding:
             self._slide()
         self.state = self.arm.step(self._target, POLICY_PERIOD)
@@ -325,6 +376,17 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._steps >= self.max_steps and not info["success"],
             info,
         )
+
+    def _limit_press(self) -> None:
+        """Take from the action what would press the tool on the block too hard."""
+        plane = self._target.near_plane
+        if self.state.position @ self._axis >= plane[3]:
+            return
+        f_star = self._target.f_star
+        press = self._axis @ (self.commands.tare[:3] - f_star[:3])
+        if press > self._near_press:
+            f_star[:3] += (press - self._near_press) * self._axis
+            self._target.f_star = f_star
 
     def slide_hole(self, velocity: Vec3) -> None:
         """Let the hole move at a velocity [m/s], world axes, in the steps to come.

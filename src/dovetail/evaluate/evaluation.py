@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
+import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import (
@@ -84,6 +85,10 @@ class EvaluationConfig:
     """Where the tool starts: random, or below the block's surface, beside it."""
     search: Literal["none", "spiral"] = "none"
     """With `hole_shift`: lead the policy over the surface until the peg drops in."""
+    tare: bool | None = None
+    """Before each try measure, in free air, the weight that the arm's gravity
+    compensation misses, and take it off what the policy commands; default as the
+    policy was trained, yes where it does not say."""
     max_steps: int | None = None
     """Policy steps of 50 ms in a try; default the policy's, 20000 with a search."""
     tries: int = 20
@@ -140,7 +145,7 @@ def environment_options(
             f"arms: {', '.join(SCHEMES)}"
         )
     options = dict(policy["env"])
-    for name in (*places, "peg", "clearance"):
+    for name in (*places, "peg", "clearance", "tare"):
         if (value := getattr(config, name)) is not None:
             options[name] = value
     if config.plant is None:
@@ -151,6 +156,7 @@ def environment_options(
         load_twin(options["twin"])
     if config.arm is not None:
         _require_usable(config, parse_address(config.arm))
+    options.setdefault("tare", True)
     is_searching = config.perturbation().search != "none"
     if config.max_steps is not None:
         options["max_steps"] = config.max_steps
@@ -257,6 +263,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     )
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report))
+    if options["tare"]:
+        x, y, z = np.mean([o.tare for o in outcomes], axis=0)
+        console.print(f"tare, mean of the tries: f* {x:.2f} {y:.2f} {z:.2f} m/s2 (x y z)")
     if stopped := Counter(o.stopped for o in outcomes if o.stopped):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
@@ -365,6 +374,8 @@ def command_line(config: EvaluationConfig) -> str:
     for f in fields(Perturbation):
         if (value := getattr(config, f.name)) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]
+    if config.tare is not None:
+        words.append("--tare" if config.tare else "--no-tare")
     if config.max_steps is not None:
         words += ["--max-steps", str(config.max_steps)]
     return shlex.join([*words, "--out", "results-again"])

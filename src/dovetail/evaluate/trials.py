@@ -120,9 +120,12 @@ class Trialist:
         file = self._log_file(job)
         observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
         perturbation = info.get("perturbation", {})
+        tare = info["tare"].round(3).tolist()
         blocks: list[Array] = []
-        steps, violations, done, stopped = 0, 0, False, ""
-        with Episode(metadata=self._describe(job), path=file) as episode:
+        steps, violations = 0, int(info["limit_violations"])
+        done, stopped = False, ""
+        about = self._describe(job) | {"tare [m/s2]": tare}
+        with Episode(metadata=about, path=file) as episode:
             while not done:
                 action = self._policy(observation)
                 try:
@@ -138,7 +141,7 @@ class Trialist:
                 done = ended or cut
         log = "" if file is None else file.name
         outcome = _outcome(job, blocks, hole, steps, violations, info, log)
-        outcome = replace(outcome, perturbation=perturbation)
+        outcome = replace(outcome, perturbation=perturbation, tare=tuple(tare))
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
 
     def close(self) -> None:

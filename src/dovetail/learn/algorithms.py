@@ -74,6 +74,8 @@ def make_vec_env(config: TrainConfig) -> Any:
     options["reward"] = RewardConfig(force_weight=config.force_weight)
     if config.arm is not None:
         options["arm"] = config.arm
+    if not (config.model or config.randomise_dynamics or config.arm):
+        options["tare"] = False  # the nominal model compensates all of its weight
     if config.model_file is not None:
         options |= {"twin": config.model_file.twin, "engine": config.plant}
 

@@ -23,7 +23,8 @@ ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 
 ENV_FIELDS = (
     *("plant", "peg", "clearance", "task", "stack", "period"),
-    *("f_scale", "f_scale_angular", "force_damping", "near_speed", "near_distance"),
+    *("f_scale", "f_scale_angular", "force_damping", "tare"),
+    *("near_speed", "near_press", "near_distance"),
     *("theta_range", "position_range", "max_steps", "scheme"),
 )
 """Fields that are handed to the environment as they are."""
@@ -89,8 +90,16 @@ class TrainConfig:
     force_damping: tuple[float, ...] = (40.0,)
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
     speed; 0 is the paper."""
+    tare: bool = True
+    """Before each episode measure, in free air, the weight that gravity compensation
+    misses, and take it off what the policy commands: in training with `model`,
+    `randomise_dynamics` or `arm`, as there is none in the nominal model; and wherever
+    the policy is evaluated."""
     near_speed: float = 0.02
     """Speed limit of the tool per axis where contact is near [m/s]."""
+    near_press: float = 2.0
+    """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
+    the tool can stand on the rim."""
     near_distance: float = 0.01
     """How far above the hole's mouth that begins [m]."""
     theta_range: float = 0.2
