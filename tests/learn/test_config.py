@@ -58,7 +58,7 @@ def test_every_environment_setting_is_a_keyword_of_the_environment():
     known = inspect.signature(PegInHoleEnv.__init__).parameters
     assert set(ENV_FIELDS) <= set(known)
     config = TrainConfig()
-    for name in ENV_FIELDS:
+    for name in set(ENV_FIELDS) - {"tare"}:
         mine, theirs = getattr(config, name), known[name].default
         assert mine == theirs or mine == (theirs,), name  # one number for X Y Z
 
@@ -70,3 +70,9 @@ def test_the_learning_rate_falls_in_the_second_half_only():
     assert falling_rate(3e-4, 0.1, 0.5) == 3e-4
     assert falling_rate(3e-4, 0.1, 0.25) == pytest.approx(0.55 * 3e-4)
     assert falling_rate(3e-4, 0.1, 0.0) == pytest.approx(3e-5)
+
+
+def test_a_policy_says_that_it_wants_the_weight_taken_off():
+    assert TrainConfig().env_options()["tare"] is True
+    assert TrainConfig(tare=False).env_options()["tare"] is False
+    assert "--no-tare" in TrainConfig(tare=False).command()

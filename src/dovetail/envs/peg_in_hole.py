@@ -227,7 +227,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if (least := min(damping[axis] for axis in axes)) < DAMPING_MIN:
             raise ConfigError(
                 f"force_damping is {least:g} 1/s; tare needs at least {DAMPING_MIN:g}: "
-                "nothing else damps the tool while it is led; leave tare out (--no-tare)"
+                "nothing else damps the tool on its way; leave tare out (--no-tare)"
             )
         return axes
 

@@ -265,7 +265,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     console.print(render_table(report))
     if options["tare"]:
         x, y, z = np.mean([o.tare for o in outcomes], axis=0)
-        console.print(f"tare, mean of the tries: f* {x:.2f} {y:.2f} {z:.2f} m/s2 (x y z)")
+        console.print(
+            f"tare, mean of the tries: f* {x:.2f} {y:.2f} {z:.2f} m/s2 (x y z)"
+        )
     if stopped := Counter(o.stopped for o in outcomes if o.stopped):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")

@@ -1,0 +1,135 @@
+"""Tare: the f* that holds the weight, against the model's own gravity torque."""
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from dovetail.envs.tare import SPEED, TRAVEL, measure_tare
+from dovetail.errors import ArmError, ConfigError
+from dovetail.identify.parameters import nominal_model
+from dovetail.plants.plant import COLUMN
+
+from .fake_arm import FakeArm
+
+RESIDUAL = (0.2, -0.1, 0.4)
+NEAR_NOTHING = np.array([0.0, 0.0, 1.0, -np.inf])
+
+
+def make(tare=True, **changes):
+    model = replace(nominal_model(), **changes)
+    return gym.make("dovetail/PegInHole-v0", twin=model, tare=tare).unwrapped
+
+
+def holding_f_star(env, q):
+    """J M^-1 g of the residual gravity alone [m/s2]: what must be pulled against it."""
+    chain = env.arm.robot.chain(gravity=RESIDUAL)
+    M = chain.inertia_matrix(q) + np.diag(nominal_model().armature)
+    return (chain.jacobian(q) @ np.linalg.solve(M, chain.gravity(q)))[:3]
+
+
+def test_nothing_is_measured_where_nothing_is_missing():
+    env = make()
+    tare = env.reset(seed=3)[1]["tare"]
+    assert np.abs(tare).max() < 0.05
+    env.close()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_known_weight_is_measured_to_the_models_own_figure(seed):
+    env = make(gravity_residual=RESIDUAL)
+    tare = env.reset(seed=seed)[1]["tare"]
+    np.testing.assert_allclose(tare, holding_f_star(env, env.state.q), atol=0.1)
+    assert np.linalg.norm(tare) > 0.3
+    env.close()
+
+
+def test_friction_is_not_taken_for_weight():
+    rubbing = {"coulomb": (0.5, 0.5, 0.4, 0.4, 0.3, 0.15, 0.1)}
+    env = make(gravity_residual=RESIDUAL, **rubbing)
+    for seed in range(4):
+        tare = env.reset(seed=seed)[1]["tare"]
+        np.testing.assert_allclose(tare, holding_f_star(env, env.state.q), atol=0.4)
+    env.close()
+
+
+def drift(env, steps=20):
+    """Speed of the tool at action 0 [m/s], world axes."""
+    env.reset(seed=1)
+    for _ in range(steps):
+        env.step(np.zeros(4))
+    return env.state.velocity[:3]
+
+
+def test_at_action_zero_the_tool_stands_still_with_it_and_drifts_without():
+    stands, drifts = (make(tare, gravity_residual=RESIDUAL) for tare in (True, False))
+    assert np.abs(drift(stands)).max() < 0.001
+    assert np.abs(drift(drifts)).max() > 0.01
+    stands.close()
+    drifts.close()
+
+
+def test_a_tool_that_was_led_is_back_at_its_start_and_all_of_the_way_is_counted():
+    led, placed = make(True), make(False)
+    led.reset(seed=5)
+    placed.reset(seed=5)
+    np.testing.assert_allclose(led.state.position, placed.state.position, atol=5e-4)
+    heights = led.state.log[:, COLUMN["z"]]
+    assert heights.max() - heights[0] == pytest.approx(TRAVEL, rel=0.1)
+    assert heights.min() > heights[0] - 5e-4  # never down, where a table may be
+    assert np.abs(led.state.log[:, COLUMN["vz"]]).max() < 2.0 * SPEED
+    assert len(led.state.log) == round(led.state.stamp / led.arm.period)
+    led.close()
+    placed.close()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_same_seed_measures_the_same(seed):
+    env = gym.make("dovetail/PegInHole-v0", twin="medium", tare=True).unwrapped
+    first = env.reset(seed=seed)[1]["tare"]
+    np.testing.assert_array_equal(env.reset(seed=seed)[1]["tare"], first)
+    env.close()
+
+
+def test_only_force_axes_are_measured():
+    env = gym.make("dovetail/RailClip-v0", twin="medium", tare=True).unwrapped
+    x, y, z = env.reset(seed=0)[1]["tare"]
+    assert x != 0.0
+    assert (y, z) == (0.0, 0.0)
+    env.close()
+
+
+def test_a_tool_that_something_holds_is_an_error():
+    arm = FakeArm()  # stays where it is
+    with pytest.raises(ArmError, match="something is in the way") as error:
+        measure_tare(arm, arm.state, (0, 1, 2), np.ones(3), NEAR_NOTHING)
+    assert error.value.reason == "tare"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"task": "XYZ:pose ABC:hold"}, "needs a force axis among X Y Z"),
+        ({"force_damping": 0.0}, "needs at least 20"),
+        ({"force_damping": (40.0, 40.0, 10.0)}, "force_damping is 10 1/s"),
+        ({"near_press": 0.0}, "near_press is 0"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused_before_anything_moves(settings, message):
+    with pytest.raises(ConfigError, match=message):
+        gym.make("dovetail/PegInHole-v0", tare=True, **settings)
+
+
+def test_near_contact_the_press_is_bounded_and_nothing_else():
+    arm = FakeArm()
+    env = gym.make("dovetail/PegInHole-v0", arm=arm, near_press=1.5).unwrapped
+    env.reset(seed=0)
+    hole = env.hole.position
+    for height, pushed in ((0.005, -1.5), (0.2, -4.0)):
+        arm.place(position=hole + np.array([0.0, 0.0, height]))
+        env.step(np.zeros(4))
+        env.step(np.array([1.0, -1.0, -1.0, 0.0]))
+        np.testing.assert_allclose(arm.targets[-1][0][:3], [4.0, -4.0, pushed])
+        env.step(np.array([0.0, 0.0, 1.0, 0.0]))
+        np.testing.assert_allclose(arm.targets[-1][0][:3], [0.0, 0.0, 4.0])
