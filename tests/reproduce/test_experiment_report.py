@@ -124,8 +124,8 @@ def test_error_before_and_after_cost_and_verdict_of_a_fit_are_told(page):
 
 
 def test_stack_0_is_told_with_and_without_identification(page):
-    for word in ("with", "without"):
-        found = row(page, f"twin hard, trained {word} identification")
+    for word in ("neither tared nor identified", "tared", "tared and identified"):
+        found = row(page, f"twin hard, {word}")
         assert found[0] == "11/12 (65-99 %)"
 
 

@@ -81,6 +81,10 @@ def test_stack_0_meets_every_twin_with_and_without_identification():
     ):
         stage = stages[f"identified-or-not-{name}-seed-0"]
         assert stage.settings["policy_of"] == policy
+        assert "tare" not in stage.settings  # as the policy was trained
+    bare = stages["identified-or-not-hard-untared-seed-0"].settings
+    assert bare["policy_of"] == "train-unidentified-seed-0"
+    assert bare["tare"] is False
     model = stages["train-identified-hard-seed-0"].settings["model_of"]
     assert model == "fit-hard-extended"
 

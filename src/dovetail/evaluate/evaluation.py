@@ -97,6 +97,8 @@ class EvaluationConfig:
     """Seed of starts and noise, 0 or more."""
     workers: int = 1
     """Processes that share the tries; the outcome does not depend on it."""
+    keep_logs: bool = True
+    """Keep an Episode log of each try: a search of six minutes is one of 40 MB."""
     out: Path = Path("results")
     """Folder for table, figures, report and logs; new or empty."""
 
@@ -226,8 +228,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     with closing(_inspect(make_env, policy, poses[0], jobs[0].seed)) as env:
         scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
         folder = claim_output_folder(config.out)
-        logs = folder / "logs"
-        logs.mkdir()
+        logs = folder / "logs" if config.keep_logs else None
+        if logs is not None:
+            logs.mkdir()
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
         make = make_env if config.workers > 1 else lambda: env
@@ -272,7 +275,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
     files = write_report(report, folder, scene)
-    return Evaluation(rows, outcomes, report, folder, [*files, logs])
+    return Evaluation(
+        rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
+    )
 
 
 def _inspect(

@@ -133,15 +133,12 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     policy = sitting.of(settings.pop("policy_of")) / RUN / POLICY
     twin = twin_file(sitting.root, settings.pop("twin"))
     settings = with_tuples(settings)
-    keep_logs = settings.pop("keep_logs", True)
     out = sitting.folder / EVALUATION
     shutil.rmtree(out, ignore_errors=True)  # of a sitting that was cut short
     evaluation = evaluate(
         EvaluationConfig(policy=str(policy), twin=str(twin), out=out, **settings),
         sitting.console,
     )
-    if not keep_logs:
-        shutil.rmtree(out / "logs")
     stopped = [outcome.stopped for outcome in evaluation.outcomes if outcome.stopped]
     return {"ground": evaluation.report.ground, "stopped": stopped}
 

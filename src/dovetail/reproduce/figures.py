@@ -18,6 +18,11 @@ WINDOW = 10
 _GRID = 300
 _INK = "#4a4640"
 _COLOURS = {"stack-0": "#0b7a75", "stack-4": "#d1495b", "randomised": "#5c6bc0"}
+_GROUND_COLOURS = {
+    "neither tared nor identified": "#b9b1a3",
+    "tared": "#7fb8b4",
+    "tared and identified": _COLOURS["stack-0"],
+}
 _AXES = {
     ("shift", "search"): ("hole moved, camera covered [mm]", 1e3),
     ("push",): ("random pushes up to [N]", 1.0),
@@ -140,7 +145,7 @@ def draw_grounds(grounds: Sequence[tuple[str, str, Table | None]]) -> bytes:
     """Draw the success of stack 0 with and without identification, Wilson 95 %.
 
     Args:
-        grounds: Twin, "with" or "without", tries.
+        grounds: Twin, whether tared and identified in words, tries.
     """
     known = [(twin, word, table) for twin, word, table in grounds if table]
     figure = Figure(
@@ -150,12 +155,12 @@ def draw_grounds(grounds: Sequence[tuple[str, str, Table | None]]) -> bytes:
     for y, (_, word, table) in enumerate(known):
         row = table.rows[-1]
         rate = 100.0 * row.successes / row.tries
-        colour = _COLOURS["stack-0"] if word == "with" else "#b9b1a3"
+        colour = _GROUND_COLOURS[word]
         axes.barh(y, rate, color=colour, height=0.6)
         ends = [100.0 * end for end in row.interval]
         axes.plot(ends, [y, y], color=_INK, linewidth=1.2)
         axes.text(103, y, f"{row.successes}/{row.tries}", va="center", fontsize=8)
-    names = [f"twin {twin}, {word} identification" for twin, word, _ in known]
+    names = [f"twin {twin}, {word}" for twin, word, _ in known]
     axes.set_yticks(range(len(known)), names)
     axes.invert_yaxis()
     axes.set_xlim(0, 100)

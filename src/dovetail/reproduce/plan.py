@@ -36,6 +36,8 @@ VARIANTS: dict[str, str] = {
 }
 """The paper's three trained variants, as the table calls them."""
 UNIDENTIFIED = "unidentified"
+UNTARED = "untared"
+"""The unidentified policy, tried without a tare: as the paper's would be."""
 ON_TWIN = "on-twin"
 OTHER = "other-direction"
 PEGS = ("square", "triangle")
@@ -232,12 +234,15 @@ def _transfer(config: PlanConfig) -> Iterator[Stage]:
 
 def _identified_or_not(config: PlanConfig) -> Iterator[Stage]:
     """Stack 0 on each twin; with identification on the first is in the table."""
+    plain: dict[str, Any] = {UNTARED: {"tare": False}, UNIDENTIFIED: {}}
     for seed in _seeds(config):
         for twin in config.twins:
-            variants = [UNIDENTIFIED]
+            for variant, settings in plain.items():
+                name = ground_name(twin, variant, seed)
+                policy = train_name(UNIDENTIFIED, seed)
+                yield _evaluation(config, name, policy, twin, **settings)
             if twin != config.twins[0]:
-                variants.append(f"identified-{twin}")
-            for variant in variants:
+                variant = f"identified-{twin}"
                 name = ground_name(twin, variant, seed)
                 yield _evaluation(config, name, train_name(variant, seed), twin)
 

@@ -18,6 +18,7 @@ from dovetail.reproduce.plan import (
     ON_TWIN,
     OTHER,
     UNIDENTIFIED,
+    UNTARED,
     VARIANTS,
     PlanConfig,
     fit_name,
@@ -72,7 +73,7 @@ class Gathered(NamedTuple):
     transfer: list[tuple[PaperRow, Table | None]]
     other_direction: Table | None
     grounds: list[tuple[str, str, Table | None]]
-    """Twin, "without" or "with" identification, tries."""
+    """Twin, whether tared and identified in words, tries."""
     robustness: dict[tuple[str, str], list[Level]]
     """By variant and kind of disturbance."""
     trainings: list[Training]
@@ -153,8 +154,9 @@ def _transfer(root: Path, config: PlanConfig, row: PaperRow) -> Table | None:
 def _grounds(root: Path, config: PlanConfig) -> Iterable[tuple[str, str, Table | None]]:
     for index, twin in enumerate(config.twins):
         for word, variant in (
-            ("without", UNIDENTIFIED),
-            ("with", f"identified-{twin}"),
+            ("neither tared nor identified", UNTARED),
+            ("tared", UNIDENTIFIED),
+            ("tared and identified", f"identified-{twin}"),
         ):
 
             def name(seed: int, twin: str = twin, variant: str = variant) -> str:
@@ -163,8 +165,8 @@ def _grounds(root: Path, config: PlanConfig) -> Iterable[tuple[str, str, Table |
             def in_table(seed: int) -> str:
                 return transfer_name("stack-0", "square", seed)
 
-            is_in_table = index == 0 and word == "with"
-            label = f"stack 0, {word} identification"
+            is_in_table = index == 0 and word == "tared and identified"
+            label = f"stack 0, {word}"
             used = in_table if is_in_table else name
             yield twin, word, _pool(root, config, label, used)
 

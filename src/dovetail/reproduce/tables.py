@@ -72,7 +72,7 @@ def grounds_table(grounds: Sequence[tuple[str, str, Table | None]]) -> str:
     """Return the tries of stack 0 with and without identification."""
     lines = []
     for twin, word, ours in grounds:
-        line: list[object] = [f"twin {twin}, trained {word} identification"]
+        line: list[object] = [f"twin {twin}, {word}"]
         if ours is None:
             lines.append([*line, *[MISSING] * (1 + len(DETAILS))])
         else:
