@@ -168,7 +168,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         force_damping: float | Sequence[float] = 40.0,
         tare: bool = False,
         near_speed: float = NEAR_SPEED,
-        near_press: float = 2.0,
+        near_press: float = 1.5,
         near_distance: float = 0.01,
         theta_range: float = 0.2,
         position_range: float = 0.05,

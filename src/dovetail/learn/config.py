@@ -97,7 +97,7 @@ class TrainConfig:
     the policy is evaluated."""
     near_speed: float = 0.02
     """Speed limit of the tool per axis where contact is near [m/s]."""
-    near_press: float = 2.0
+    near_press: float = 1.5
     """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
     the tool can stand on the rim."""
     near_distance: float = 0.01
