@@ -35,7 +35,7 @@ def tares(twin: TwinConfig, jobs: list[Job]) -> Array:
     found = []
     for job in jobs:
         hole = HOLE_POSES[job.pose].pose()
-        found.append(env.reset(seed=job.seed, options={"hole": hole})[1]["tare"])
+        found.append(env.reset(seed=job.seed, options={"hole": hole})[1]["tare"][:3])
     env.close()
     return np.array(found)
 

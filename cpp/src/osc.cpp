@@ -134,9 +134,8 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
   for (int i = 0; i < 6; ++i) {
     if (task_[i] == AxisMode::kFree) continue;
     const double limit = i < 3 ? params_.f_clamp_linear : params_.f_clamp_angular;
-    const double drive = is_impedance(task_[i])
-                             ? params_.stiffness[i] * error[i]
-                             : std::clamp(target.f_star[i], -limit, limit);
+    const double drive = params_.stiffness[i] * error[i] +  // error 0 on force axes
+                         std::clamp(target.f_star[i], -limit, limit);
     f[i] = std::clamp(drive - damping_[i] * twist[i], -limit, limit);
   }
   return f;

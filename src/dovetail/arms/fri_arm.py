@@ -96,7 +96,7 @@ class FriArm:
         self.robot = robot
         self.period = check_period(period)
         self.task = TaskSpec.parse(task) if isinstance(task, str) else task
-        self.limits = limits
+        self.osc, self.limits = osc, limits
         if clock not in ("wall", "lockstep"):
             raise ConfigError(f"clock {clock!r} is unknown; known: wall, lockstep")
         self._is_lockstep = clock == "lockstep"

@@ -41,7 +41,7 @@ class LocalArm:
         self.robot = robot
         self.period = period
         self.task = TaskSpec.parse(task) if isinstance(task, str) else task
-        self.limits = limits
+        self.osc, self.limits = osc, limits
         self.controller = make_controller(robot, osc, limits, self.task, period)
         self._chain = robot.chain()
         self._stamp = 0.0

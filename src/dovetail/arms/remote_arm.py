@@ -79,7 +79,7 @@ class RemoteArm:
                 )
             address = parsed
         self.period = period
-        self.limits = limits
+        self.osc, self.limits = osc, limits
         self.task = TaskSpec.parse(task) if isinstance(task, str) else task
         self._timeout, self._reset_timeout = timeout, reset_timeout
         self._seed: int | None = None

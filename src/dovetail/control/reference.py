@@ -96,7 +96,7 @@ class ReferenceController:
     def desired_acceleration(
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
     ) -> Array:
-        """f* = K e - D xdot on pose and hold axes, the action on force axes."""
+        """f* = action - D xdot, and + K e on pose and hold axes."""
         osc, quat = self.osc, poses.quat_from_matrix(R)
         p_d = np.where(self.modes[:3] == POSE, target.position_d, self.p_hold)
         e_rot = poses.rotation_error(self.desired_rotation(quat, target), quat)
@@ -106,8 +106,7 @@ class ReferenceController:
         e *= np.repeat(clamps / np.maximum(clamps, lengths), 3)  # direction kept
         most = np.repeat([osc.f_clamp_linear, osc.f_clamp_angular], 3)
         action = np.clip(target.f_star, -most, most)
-        f = np.where(self.is_servo, osc.stiffness * e, action)
-        return np.clip(f - self.D * twist, -most, most)
+        return np.clip(osc.stiffness * e + action - self.D * twist, -most, most)
 
     def desired_rotation(self, quat: Array, target: "_core.Target") -> Array:
         """Swing and twist about world z, each from the target, hold or measurement."""

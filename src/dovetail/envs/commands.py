@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dovetail.control.task_spec import AXES, FORCE, MODES, POSE, TaskSpec
 from dovetail.errors import ConfigError
-from dovetail.types import Vec3, Vec4
+from dovetail.types import Vec3, Vec4, Vec6
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -34,11 +34,12 @@ def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, f
 class CommandMap:
     """Turns an action in [-1, 1] into f*, a desired position and a desired rotation.
 
-    * force axis: f* = scale x action + tare, world axes, acceleration of the unit-mass
+    * force axis: f* = scale x action, world axes, acceleration of the unit-mass
       operational point [m/s2] or [rad/s2];
     * pose axis X Y Z: goal + range x action [m];
     * pose axis A B C: goal's rotation turned by range x action about world z, y, x
-      [rad], so that 0 means aligned with the goal.
+      [rad], so that 0 means aligned with the goal;
+    * every axis but free ones: the tare on top.
     """
 
     def __init__(
@@ -94,11 +95,16 @@ class CommandMap:
         ]
         self.force_axes = tuple(index for _, index in self._force)
         """Force axes, 0 to 5 for x y z and rotations about them."""
-        self.tare = np.zeros(6)
-        """f* that holds the weight which nobody compensates [m/s2], world axes."""
+        self.tare: Vec6 = np.zeros(6)
+        """f* that holds the weight which nobody compensates; see `take_off`."""
         self._f_star = np.zeros(6)
         self._position = np.zeros(3)
         self._quat = np.zeros(4)
+
+    def take_off(self, tare: Vec6) -> None:
+        """Hold this weight from now on: f* [m/s2, rad/s2], world axes, shape (6,)."""
+        self.tare = tare
+        self._f_star[:] = tare
 
     def __len__(self) -> int:
         """Length of the action."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
-from dovetail.control.task_spec import TaskSpec
+from dovetail.control.task_spec import HOLD, POSE, TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap, per_axis
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
@@ -37,7 +37,7 @@ from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.poses import Pose, matrix_from_quat, quat_multiply
 from dovetail.scene import SceneConfig
-from dovetail.types import Array, Vec3, Vec4, Vec7
+from dovetail.types import Array, Vec3, Vec4, Vec6, Vec7
 
 POLICY_PERIOD = 0.05
 """Time between two actions [s]."""
@@ -101,8 +101,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `success` and `depth` [m] in the true hole, `position_error` [m] and `theta_error`
     [rad] (tool minus target, by the hole tracker), `contact_force_max` [N] of the step, `limit_violations` (control cycles of
     the step outside a joint or wall limit, by the measured state) and `observation_raw`
-    (14 numbers, unscaled). `reset` adds `tare` [m/s2], the f* that holds the weight,
-    world axes, and counts the violations of its way to it.
+    (14 numbers, unscaled). `reset` adds `tare` [m/s2, rad/s2], the f* that holds the
+    weight, world axes, and counts the violations of its way to it.
 
     Args:
         arm: The arm to use, or its address (see `arms.address`); None builds a
@@ -231,6 +231,14 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             )
         return axes
 
+    def _impedance(self) -> Vec6:
+        """Return the stiffness of pose and hold axes [1/s2], 0 on the others."""
+        osc = getattr(self.arm, "osc", None)
+        if osc is None:  # an arm that does not tell holds its rotation as it can
+            return np.zeros(6)
+        is_held = np.isin(self.task.modes, (POSE, HOLD))
+        return np.where(is_held, osc.stiffness, 0.0)
+
     def _prepare(self, stack: int) -> None:
         """Take from the arm and the scene what each step needs."""
         if self.max_steps < 1:
@@ -251,6 +259,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if limits is not None and limits.walls:
             walls = limits.x_min, limits.x_max
         self._walls = walls
+        self._stiffness = self._impedance()
         self._violations = ViolationCounter(robot, *walls)
         self._target = _core.Target()
         self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
@@ -322,7 +331,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if self._tared_axes:
             self._tare()
             raw = self._locate()
-        info = self._info(raw) | {"tare": self.commands.tare[:3].copy()}
+        info = self._info(raw) | {"tare": self.commands.tare.copy()}
         return self._history.reset(self.scaling.scale(raw)), info
 
     def _tare(self) -> None:
@@ -334,9 +343,14 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         end = start + 2.0 * TRAVEL * direction
         direction = np.where((end < low) | (end > high), -direction, direction)
         tare = measure_tare(
-            self.arm, self.state, self._tared_axes, direction, self._target.near_plane
+            self.arm,
+            self.state,
+            self._tared_axes,
+            self._stiffness,
+            direction,
+            self._target.near_plane,
         )
-        self.commands.tare[:3] = tare.f_star
+        self.commands.take_off(tare.f_star)
         self.state = tare.state
 
     def step(

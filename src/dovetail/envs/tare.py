@@ -5,6 +5,7 @@ f* = 0 as much as under a policy that was trained without it: 1.7 m/s2 on twin m
 
 The tool is led slowly forth and back along a line. Friction takes as much from f* one
 way as it adds the other way, so the mean over both is what holds the weight alone.
+Meanwhile pose and hold axes tell by their error what they lack.
 """
 
 from collections.abc import Sequence
@@ -15,7 +16,8 @@ import numpy as np
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
 from dovetail.errors import ArmError
-from dovetail.types import Array, Vec3
+from dovetail.poses import rotation_error
+from dovetail.types import Array, Vec3, Vec6
 
 SPEED = 0.015
 """Speed along each axis [m/s]: below the speed limit near contact."""
@@ -41,8 +43,8 @@ _CHANGE_MAX = 2.0
 class Tare(NamedTuple):
     """What was measured."""
 
-    f_star: Vec3
-    """f* that holds the weight [m/s2], world axes; 0 on axes that were not measured."""
+    f_star: Vec6
+    """f* that holds the weight [m/s2, rad/s2], world axes; 0 on free axes."""
     state: ArmState
     """The arm afterwards; its log holds every cycle of the way."""
 
@@ -51,6 +53,7 @@ def measure_tare(
     arm: Arm,
     state: ArmState,
     axes: Sequence[int],
+    stiffness: Vec6,
     direction: Vec3,
     near_plane: Array,
 ) -> Tare:
@@ -60,6 +63,8 @@ def measure_tare(
         arm: At rest, nothing within `TRAVEL` of the tool along the direction.
         state: What it said last.
         axes: Which of x, y, z are force axes; each has a damping of `DAMPING_MIN`.
+        stiffness: Of the controller's impedance law on pose and hold axes [1/s2]; 0 on
+            the others. Their error, times this, is what they lack.
         direction: Where to go first: +1 or -1 for each of x, y, z, shape (3,).
         near_plane: The plane near contact, as in a Target, shape (4,).
 
@@ -67,38 +72,40 @@ def measure_tare(
         ArmError: The rounds disagree: something is in the way.
     """
     target = _core.Target()
-    target.position_d = state.position
-    target.quat_wxyz_d = state.quat_wxyz
+    target.position_d = start = state.position.copy()
+    target.quat_wxyz_d = quat = state.quat_wxyz.copy()
     target.near_plane = near_plane
-    is_led = np.isin(np.arange(3), axes)
-    way = np.where(is_led, direction, 0.0) * SPEED * STEP_TIME
-    reference = state.position.copy()
-    f_star = np.zeros(6)
+    is_led = np.isin(np.arange(6), axes)
+    lead = np.where(is_led, _STIFFNESS, 0.0)
+    way = np.where(is_led[:3], direction, 0.0) * SPEED * STEP_TIME
+    reference = start.copy()
+    held = change = np.zeros(6)
     logs: list[Array] = []
 
-    def lead(offset: Vec3) -> Vec3:
-        """Command one step towards the reference; return f* beyond the offset."""
+    def follow() -> Vec6:
+        """Command one step; return what is lacked on each axis before it."""
         nonlocal state
-        pull = np.where(is_led, _STIFFNESS * (reference - state.position), 0.0)
-        f_star[:3] = (pull + offset).clip(-_F_MAX, _F_MAX)
-        target.f_star = f_star
+        turn = rotation_error(quat, state.quat_wxyz)
+        error = np.append(reference - state.position, turn)
+        pull = (lead * error).clip(-_F_MAX, _F_MAX)
+        target.f_star = held + pull
         state = arm.step(target, STEP_TIME)
         logs.append(state.log)
-        return pull
+        return pull + stiffness * error
 
-    held = change = np.zeros(3)
     for _ in range(_ROUNDS):
-        pulls = []
+        lacked = []
         for leg in (way, -way):
             for _ in range(LEG_STEPS):
                 reference += leg
-                pulls.append(lead(held))
-        change = np.mean(pulls, axis=0)
+                lacked.append(follow())
+        change = np.mean(lacked, axis=0)
         held = held + change
     for _ in range(_SETTLE_STEPS):
-        lead(held)
-    if not np.abs(change).max() <= _CHANGE_MAX:
-        axis = int(np.abs(change).argmax())
+        follow()
+    worst = np.where(is_led, np.abs(change), 0.0)
+    if not worst.max() <= _CHANGE_MAX:
+        axis = int(worst.argmax())
         raise ArmError(
             f"tare: f* that holds the tool along {'xyz'[axis]} changed by "
             f"{change[axis]:.1f} m/s2 between two rounds, allowed {_CHANGE_MAX:g}: "

@@ -40,8 +40,8 @@ class Outcome:
     """Why the arm ended the try before its time; empty when it did not."""
     log: str
     """File name of the Episode log, or empty when none was kept."""
-    tare: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """f* that held the weight before the try [m/s2], world axes; 0 without a tare."""
+    tare: tuple[float, ...] = (0.0,) * 6
+    """f* that held the weight before the try [m/s2, rad/s2]; 0 without a tare."""
     perturbation: Mapping[str, Any] = field(default_factory=dict)
     """What was drawn for this try, by name and unit; empty where nothing was."""
 

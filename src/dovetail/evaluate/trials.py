@@ -120,11 +120,11 @@ class Trialist:
         file = self._log_file(job)
         observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
         perturbation = info.get("perturbation", {})
-        tare = np.round(info.get("tare", np.zeros(3)), 3).tolist()
+        tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
         steps, violations = 0, int(info.get("limit_violations", 0))
         done, stopped = False, ""
-        about = self._describe(job) | {"tare [m/s2]": tare}
+        about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
         with Episode(metadata=about, path=file) as episode:
             while not done:
                 action = self._policy(observation)
