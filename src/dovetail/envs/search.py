@@ -27,9 +27,9 @@ class SearchConfig:
     """How the believed hole wanders; speed and pitch are for 0.5 mm clearance."""
 
     speed: float = 0.0045
-    """Speed along the spiral [m/s]: with the shipped policy the peg fell in at the
-    first pass over a hole 20 mm off in 21 of 21 tries begun 1.5 mm before it, at 6 mm/s
-    in 20; at 10 mm/s it mostly slides over."""
+    """Speed along the spiral [m/s]: the peg fell in at the first pass over a hole 20 mm
+    off in 21 of 21 tries begun 1.5 mm before it, at 6 mm/s in 20; at 10 mm/s it mostly
+    slides over."""
     pitch: float = 0.0007
     """Distance between two turns [m]: the peg falls in within 0.5 mm of the middle."""
     reach: float = 0.032
