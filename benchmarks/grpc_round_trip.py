@@ -1,19 +1,22 @@
 """What a step over gRPC takes beyond the arm's own time, beside a bare gRPC echo.
 
-    python benchmarks/grpc_round_trip.py [--steps 2000] [--waits 100]
+    python benchmarks/grpc_round_trip.py [--steps 2000] [--waits 100] [--no-waking]
 
 The service runs in a process of its own on loopback. Its arm either answers at once or
 waits for the 50 ms of a policy step, and says in `stamp` how long that took; what is
 left of the learner's time is the road there and back. The peer is gRPC alone: the same
 number of bytes there and back, no arm and no checks. Blocks of both take turns.
+`--no-waking` leaves out the calls that wake the road before a report is due.
 """
 
 import argparse
+import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
@@ -27,6 +30,7 @@ from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.robot import Robot
+from dovetail.rpc import step_stream
 from dovetail.rpc.server import ArmServer
 from dovetail.rpc.settings import Settings
 from dovetail.scene import SceneConfig
@@ -45,17 +49,16 @@ class TimedArm:
         self.robot, self.period = robot, period
         log = np.random.default_rng(0).normal(size=(10, len(CYCLE_COLUMNS)))
         seven, three = np.full(7, 0.1), np.full(3, 0.1)
-        self.state = ArmState(
-            *(0.0, seven, seven, three, QUAT, np.full(6, 0.1), three, 0, log)
-        )
+        self.rest = (seven, seven, three, QUAT, np.full(6, 0.1), three, 0, log)
 
     def reset(self, q: Vec7, hole: Pose) -> ArmState:
         """Answer at once."""
-        return self.state
+        return ArmState(0.0, *self.rest)
 
     def step(self, target: _core.Target, duration: float = STEP) -> ArmState:
         """Wait, or not, and say how long it took."""
-        return self.state._replace(stamp=wait(duration > self.period))
+        # Not `_replace`: its 0.01 to 0.02 ms after a wait would not be in the stamp.
+        return ArmState(wait(duration > self.period), *self.rest)
 
     def close(self) -> None:
         """Nothing is held."""
@@ -122,8 +125,16 @@ def timed(call: Callable[[], float], count: int) -> list[float]:
     return times
 
 
-def measure(address: str, echo_port: str, steps: int, waits: int) -> None:
-    """Measure in turns and print the table."""
+def processor_time(pid: int) -> float:
+    """Return what a process has used of the processors [s]."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def measure(
+    address: str, echo_port: str, steps: int, waits: int, pids: tuple[int, int]
+) -> None:
+    """Measure in turns and print the table; `pids` are the learner's, the service's."""
     robot = SceneConfig().robot()
     arm = RemoteArm(
         f"grpc://{address}",
@@ -155,9 +166,13 @@ def measure(address: str, echo_port: str, steps: int, waits: int) -> None:
     times: dict[str, list[float]] = {name: [] for name in blocks}
     for call, _ in blocks.values():
         timed(call, 10)
+    used = np.zeros(2)
     for _ in range(10):
         for name, (call, count) in blocks.items():
+            before = [processor_time(pid) for pid in pids]
             times[name] += timed(call, count // 10)
+            if name == "RemoteArm.step, 50 ms":
+                used += np.subtract([processor_time(pid) for pid in pids], before)
     print(f"{'beyond the own time of the arm':32}" + "     p50     p90     p99     max")
     for name, values in times.items():
         row = [*np.percentile(values, [50, 90, 99]), max(values)]
@@ -166,6 +181,11 @@ def measure(address: str, echo_port: str, steps: int, waits: int) -> None:
     for end in ("", ", 50 ms"):
         ratio = middle[f"RemoteArm.step{end}"] / middle[f"peer: stream echo{end}"]
         print(f"RemoteArm.step over gRPC's stream alone{end}: {ratio:.2f}")
+    learner, service = 1e3 * used / len(times["RemoteArm.step, 50 ms"])
+    print(
+        "processor time of a step of 50 ms: "
+        f"learner {learner:.1f} ms, service {service:.1f} ms"
+    )
     outbox.put(None)
     channel.close()
     arm.close()
@@ -176,11 +196,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--waits", type=int, default=100)
+    parser.add_argument(
+        "--no-waking", action="store_true", help="do not wake the road before a report"
+    )
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve:
         serve()
         return
+    if options.no_waking:
+        step_stream.WAKE_FROM = float("inf")
     with subprocess.Popen(
         [sys.executable, __file__, "--serve"],
         stdin=subprocess.PIPE,
@@ -190,7 +215,8 @@ def main() -> None:
         assert service.stdout is not None
         address, echo_port = service.stdout.readline().split()
         try:
-            measure(address, echo_port, options.steps, options.waits)
+            pids = (os.getpid(), service.pid)
+            measure(address, echo_port, options.steps, options.waits, pids)
         finally:
             service.communicate("", timeout=20)
 
