@@ -50,6 +50,7 @@ class CommandMap:
         f_scale_angular: float,
         theta_range: float,
         position_range: float,
+        press_max: float = math.inf,
     ) -> None:
         """Lay out the action.
 
@@ -59,10 +60,15 @@ class CommandMap:
             f_scale_angular: f* at action 1 on A B C [rad/s2].
             theta_range: Rotation at action 1 on pose axes A B C [rad].
             position_range: Displacement at action 1 on pose axes X Y Z [m].
+            press_max: Largest f* into a surface that is near [m/s2].
 
         Raises:
-            ConfigError: The task commands no axis, or f_scale is not 1 or 3 numbers.
+            ConfigError: The task commands no axis, f_scale is not 1 or 3 numbers, or
+                press_max is not above 0.
         """
+        if not press_max > 0.0:
+            raise ConfigError(f"near_press is {press_max:g} m/s2; allowed: above 0")
+        self.task, self._press_max = task, press_max
         f_scales = dict(zip("XYZ", per_axis("f_scale", f_scale), strict=True))
         scales = {
             (FORCE, False): f_scale_angular,
@@ -110,6 +116,24 @@ class CommandMap:
         """Length of the action."""
         return len(self.axes)
 
+    def usable(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return an action inside [-1, 1].
+
+        Raises:
+            ConfigError: Not one finite number for each commanded axis.
+        """
+        action = np.asarray(action, dtype=np.float32)
+        values = action.tolist()
+        # In double precision a sum of float32 is finite where each of them is.
+        if action.shape != (len(self),) or not math.isfinite(sum(values)):
+            raise ConfigError(
+                f"the action is {values}; it must be {len(self)} finite numbers, one "
+                f"for each of {' '.join(self.axes)}"
+            )
+        if max(values) > 1.0 or min(values) < -1.0:
+            action = action.clip(-1.0, 1.0)
+        return action
+
     def fill(
         self,
         target: "_core.Target",
@@ -140,6 +164,19 @@ class CommandMap:
         target.f_star = self._f_star
         target.position_d = self._position
         target.quat_wxyz_d = self._quat
+
+    def limit_press(self, target: "_core.Target", normal: Vec3) -> None:
+        """Take from a Target what would press the tool on a surface too hard.
+
+        Args:
+            target: Its f* is reduced along the normal, the tare not counted.
+            normal: Of the surface, outwards, unit length.
+        """
+        f_star = target.f_star
+        press = normal @ (self.tare[:3] - f_star[:3])
+        if press > self._press_max:
+            f_star[:3] += (press - self._press_max) * normal
+            target.f_star = f_star
 
 
 def _turn(

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
-from dovetail.control.task_spec import HOLD, POSE, TaskSpec
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
-from dovetail.envs.commands import CommandMap, per_axis
+from dovetail.envs.commands import CommandMap
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
 from dovetail.envs.observation import (
     NUM_OBSERVATIONS,
@@ -29,7 +29,7 @@ from dovetail.envs.randomisation import (
 )
 from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
-from dovetail.envs.tare import DAMPING_MIN, TRAVEL, measure_tare
+from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
@@ -37,7 +37,7 @@ from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.poses import Pose, matrix_from_quat, quat_multiply
 from dovetail.scene import SceneConfig
-from dovetail.types import Array, Vec3, Vec4, Vec6, Vec7
+from dovetail.types import Array, Vec3, Vec4, Vec7
 
 POLICY_PERIOD = 0.05
 """Time between two actions [s]."""
@@ -63,7 +63,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `-force_damping` x velocity, so that an action is close to a velocity. Less than
     `near_distance` above the hole's mouth, and below it, the tool's speed is limited to
     `near_speed`: contact happens at no more than that, whatever the policy does; and f*
-    towards the hole to `near_press`, which bounds the force of standing on the rim.
+    towards the hole to `near_press`.
 
     ## Observation space
 
@@ -99,10 +99,10 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Info
 
     `success` and `depth` [m] in the true hole, `position_error` [m] and `theta_error`
-    [rad] (tool minus target, by the hole tracker), `contact_force_max` [N] of the step, `limit_violations` (control cycles of
-    the step outside a joint or wall limit, by the measured state) and `observation_raw`
-    (14 numbers, unscaled). `reset` adds `tare` [m/s2, rad/s2], the f* that holds the
-    weight, world axes, and counts the violations of its way to it.
+    [rad] (tool minus target, by the hole tracker), `contact_force_max` [N] of the step,
+    `limit_violations` (control cycles of the step outside a joint or wall limit, by the
+    measured state), `observation_raw` (14 numbers, unscaled) and, from `reset`, `tare`
+    [m/s2, rad/s2]: the f* that holds the weight.
 
     Args:
         arm: The arm to use, or its address (see `arms.address`); None builds a
@@ -120,12 +120,10 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         force_damping: Damping of force axes X Y Z [1/s], one number or three; 0 is the
             paper.
         tare: Measure at each reset, in free air, the f* that holds the weight which
-            the arm's own gravity compensation misses, and add it to every action's;
-            takes 2.2 s of the arm's time, see `envs.tare`.
+            the arm's gravity compensation misses, and add it to every action's: 2.2 s.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].
-        near_press: Largest f* towards the hole there [m/s2], tare not counted: standing
-            on the rim, the tool presses with no more than this times its effective
-            mass, about 10 kg.
+        near_press: Largest f* towards the hole there [m/s2], tare not counted: times
+            the effective mass, about 10 kg, it is the force of standing on the rim.
         near_distance: How far above the hole's mouth that begins [m].
         theta_range: Rotation at action 1 on pose axes A B C [rad].
         position_range: Displacement at action 1 on pose axes X Y Z [m].
@@ -197,47 +195,20 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             engine=engine,
             dynamics=dynamics,
         )
-        self.max_steps = max_steps
+        self.max_steps, self.tracker = max_steps, tracker or TrueHole()
         self.randomisation = randomisation or RandomisationConfig()
         self.reward_config = reward or RewardConfig()
-        self.tracker = tracker or TrueHole()
         self.commands = CommandMap(
             self.task,
             f_scale=f_scale,
             f_scale_angular=f_scale_angular,
             theta_range=theta_range,
             position_range=position_range,
+            press_max=near_press,
         )
-        if not near_press > 0.0:
-            raise ConfigError(f"near_press is {near_press:g} m/s2; allowed: above 0")
-        self._near_press = near_press
         self._near_distance = near_distance
-        self._tared_axes = self._require_tare(force_damping) if tare else ()
+        self._tare = ToolTare(self.arm, self.commands, force_damping) if tare else None
         self._prepare(stack)
-
-    def _require_tare(self, force_damping: float | Sequence[float]) -> tuple[int, ...]:
-        """Return the axes whose weight can be measured, of x y z."""
-        axes = tuple(axis for axis in self.commands.force_axes if axis < 3)
-        if not axes:
-            raise ConfigError(
-                f"tare needs a force axis among X Y Z; task '{self.task}' has none: "
-                "leave tare out (--no-tare)"
-            )
-        damping = per_axis("force_damping", force_damping)
-        if (least := min(damping[axis] for axis in axes)) < DAMPING_MIN:
-            raise ConfigError(
-                f"force_damping is {least:g} 1/s; tare needs at least {DAMPING_MIN:g}: "
-                "nothing else damps the tool on its way; leave tare out (--no-tare)"
-            )
-        return axes
-
-    def _impedance(self) -> Vec6:
-        """Return the stiffness of pose and hold axes [1/s2], 0 on the others."""
-        osc = getattr(self.arm, "osc", None)
-        if osc is None:  # an arm that does not tell holds its rotation as it can
-            return np.zeros(6)
-        is_held = np.isin(self.task.modes, (POSE, HOLD))
-        return np.where(is_held, osc.stiffness, 0.0)
 
     def _prepare(self, stack: int) -> None:
         """Take from the arm and the scene what each step needs."""
@@ -254,13 +225,11 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.scaling = ObservationScaling(
             robot.q_min, robot.q_max, self.scene.hole_depth * self.mouth_direction()
         )
-        walls = self.walls()
+        self._walls = self.walls()
         limits = getattr(self.arm, "limits", None)
         if limits is not None and limits.walls:
-            walls = limits.x_min, limits.x_max
-        self._walls = walls
-        self._stiffness = self._impedance()
-        self._violations = ViolationCounter(robot, *walls)
+            self._walls = limits.x_min, limits.x_max
+        self._violations = ViolationCounter(robot, *self._walls)
         self._target = _core.Target()
         self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
         self._set_spaces(stack)
@@ -328,48 +297,21 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.state = self.arm.reset(q, hole)
         self._steps = 0
         raw = self._locate()
-        if self._tared_axes:
-            self._tare()
+        if self._tare is not None:
+            plane = self._target.near_plane
+            self.state = self._tare.take(self.state, hole, plane, self._walls)
             raw = self._locate()
-        info = self._info(raw) | {"tare": self.commands.tare.copy()}
+        info = {**self._info(raw), "tare": self.commands.tare.copy()}
         return self._history.reset(self.scaling.scale(raw)), info
-
-    def _tare(self) -> None:
-        """Measure the weight, leading the tool up and away from the hole first."""
-        start = self.state.position
-        direction = np.where(start >= self.hole.position, 1.0, -1.0)
-        direction[2] = 1.0
-        low, high = self._walls
-        end = start + 2.0 * TRAVEL * direction
-        direction = np.where((end < low) | (end > high), -direction, direction)
-        tare = measure_tare(
-            self.arm,
-            self.state,
-            self._tared_axes,
-            self._stiffness,
-            direction,
-            self._target.near_plane,
-        )
-        self.commands.take_off(tare.f_star)
-        self.state = tare.state
 
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
         """Follow an action for 50 ms."""
-        action = np.asarray(action, dtype=np.float32)
-        values = action.tolist()
-        # In double precision a sum of float32 is finite where each of them is.
-        if action.shape != self.action_space.shape or not math.isfinite(sum(values)):
-            raise ConfigError(
-                f"the action is {values}; it must be "
-                f"{len(self.commands)} finite numbers, one for each of "
-                f"{' '.join(self.commands.axes)}"
-            )
-        if max(values) > 1.0 or min(values) < -1.0:
-            action = action.clip(-1.0, 1.0)
+        action = self.commands.usable(action)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
-        self._limit_press()
+        if self.state.position @ self._axis < self._target.near_plane[3]:
+            self.commands.limit_press(self._target, self._axis)
         if self._is_sliding:
             self._slide()
         self.state = self.arm.step(self._target, POLICY_PERIOD)
@@ -390,17 +332,6 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._steps >= self.max_steps and not info["success"],
             info,
         )
-
-    def _limit_press(self) -> None:
-        """Take from the action what would press the tool on the block too hard."""
-        plane = self._target.near_plane
-        if self.state.position @ self._axis >= plane[3]:
-            return
-        f_star = self._target.f_star
-        press = self._axis @ (self.commands.tare[:3] - f_star[:3])
-        if press > self._near_press:
-            f_star[:3] += (press - self._near_press) * self._axis
-            self._target.f_star = f_star
 
     def slide_hole(self, velocity: Vec3) -> None:
         """Let the hole move at a velocity [m/s], world axes, in the steps to come.

@@ -15,8 +15,11 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
-from dovetail.errors import ArmError
-from dovetail.poses import rotation_error
+from dovetail.control.task_spec import HOLD, POSE
+from dovetail.envs.commands import CommandMap, per_axis
+from dovetail.envs.workspace import Walls
+from dovetail.errors import ArmError, ConfigError
+from dovetail.poses import Pose, rotation_error
 from dovetail.types import Array, Vec3, Vec6
 
 SPEED = 0.015
@@ -115,3 +118,70 @@ def measure_tare(
             state,
         )
     return Tare(held, state._replace(log=np.vstack(logs)))
+
+
+class ToolTare:
+    """Takes the tare of an arm's tool, and hands it to the commands."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        commands: CommandMap,
+        force_damping: float | Sequence[float],
+    ) -> None:
+        """Find out which axes can be measured.
+
+        Args:
+            arm: Where it tells its `osc`, pose and hold axes are measured too.
+            commands: Its task says what is measured; gets that.
+            force_damping: Damping of force axes X Y Z [1/s], one number or three.
+
+        Raises:
+            ConfigError: No force axis among X Y Z, or one without enough damping.
+        """
+        self._arm, self._commands = arm, commands
+        self._axes = [axis for axis in commands.force_axes if axis < 3]
+        if not self._axes:
+            raise ConfigError(
+                "tare needs a force axis among X Y Z; task "
+                f"'{commands.task}' has none: leave tare out (--no-tare)"
+            )
+        damping = per_axis("force_damping", force_damping)
+        if (least := min(damping[axis] for axis in self._axes)) < DAMPING_MIN:
+            raise ConfigError(
+                f"force_damping is {least:g} 1/s; tare needs at least {DAMPING_MIN:g}: "
+                "nothing else damps the tool on its way; leave tare out (--no-tare)"
+            )
+        self._stiffness: Vec6 = np.zeros(6)
+        if (osc := getattr(arm, "osc", None)) is not None:
+            is_held = np.isin(commands.task.modes, (POSE, HOLD))
+            self._stiffness = np.where(is_held, osc.stiffness, 0.0)
+
+    def take(
+        self, state: ArmState, hole: Pose, near_plane: Array, walls: Walls
+    ) -> ArmState:
+        """Measure, leading the tool up and away from the hole first.
+
+        Args:
+            state: What the arm said last; nothing touches the tool.
+            hole: Where not to go.
+            near_plane: The plane near contact, as in a Target, shape (4,).
+            walls: Lower and upper walls of the TCP [m]: where one is near, the other
+                way is taken.
+
+        Returns:
+            The arm afterwards, back where it was.
+
+        Raises:
+            ArmError: Something is in the way.
+        """
+        start = state.position
+        direction = np.where(start >= hole.position, 1.0, -1.0)
+        direction[2] = 1.0
+        end = start + 2.0 * TRAVEL * direction
+        direction = np.where((end < walls[0]) | (end > walls[1]), -direction, direction)
+        tare = measure_tare(
+            self._arm, state, self._axes, self._stiffness, direction, near_plane
+        )
+        self._commands.take_off(tare.f_star)
+        return tare.state
