@@ -4,6 +4,13 @@ Each parameter is moved a little and the log simulated. That gives the sensitivi
 few regularised least-squares steps towards the log, and the shape of the first
 generation. CMA-ES then starts near the best linear answer instead of at the nominal
 model, with steps that fit the problem.
+
+A limit that acts one cycle earlier or later moves all that follows in its sequence by
+some tenths of a millimetre. Along a valley in which two parameters trade places, such
+jumps are far larger than the slope, and the RMS has many minima. They touch few
+sequences at a time, the slope all of them: the steps therefore weigh each cycle by how
+well it agrees with most others, in its error and in its sensitivities, and are judged
+by the median (a GM-estimator, Hampel 1986, chapter 6).
 """
 
 from dataclasses import dataclass
@@ -15,7 +22,14 @@ from dovetail.errors import ConfigError
 from dovetail.identify.parameters import Parameter, ParameterSet, nominal_model
 from dovetail.identify.population import Population
 from dovetail.identify.replay import DIVERGED, rms_of
-from dovetail.identify.search import EDGE, EXACT, PRIOR_WIDTH, Space, space_of
+from dovetail.identify.search import (
+    EDGE,
+    EXACT,
+    PATIENCE,
+    PRIOR_WIDTH,
+    Space,
+    space_of,
+)
 from dovetail.types import Array
 
 STEP = 0.1
@@ -25,12 +39,12 @@ NO_EFFECT = 1e-5
 """RMS movement of the TCP for `STEP` below which a parameter has no effect on the log
 [m]: what the finest encoders' noise of 1e-5 rad moves it at 1 m."""
 FINE_STEP = 0.01
-"""The same after the first round: near the answer the log's limits, which come and go
-with the state, make long differences wrong."""
+"""The same after the first round, to both sides: near the answer the log's limits,
+which come and go with the state, make long differences wrong."""
 ROUNDS = 12
-"""Most least-squares steps."""
-GAIN = 0.97
-"""A step that leaves more of the error than this is the last one [1]."""
+"""Most least-squares steps; one that gains less than `PATIENCE` is the last."""
+REWEIGHTS = 10
+"""Rounds in which weights, and what is computed with them, determine each other."""
 TRUSTS = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03)
 """Noise levels that a step is tried with, as shares of the error; the best is taken."""
 
@@ -188,6 +202,23 @@ def _linearise(errors: _Errors, point: Array, step: float) -> tuple[Array, Array
     return here, np.column_stack([c.ravel() for c in changes]) / steps
 
 
+def _fine_slopes(
+    errors: _Errors, point: Array, error: Array, active: list[int]
+) -> Array:
+    """Return the error's change per share, (3 N, active), from short differences.
+
+    A jump lies on one side of the point, so each cycle takes the side that changes
+    less (the minmod limiter of shock-capturing schemes).
+    """
+    units = FINE_STEP * np.eye(len(point))[active]
+    found = errors([point + unit for unit in units] + [point - unit for unit in units])
+    changes = np.array([(error if e is None else e) - error for e in found])
+    ahead, behind = changes[: len(active)], -changes[len(active) :]
+    sizes = [np.linalg.norm(side, axis=2, keepdims=True) for side in (ahead, behind)]
+    slopes = np.where(sizes[0] < sizes[1], ahead, behind) / FINE_STEP
+    return slopes.reshape(len(active), -1).T
+
+
 def _approach(
     errors: _Errors, point: Array, error: Array, jacobian: Array, active: list[int]
 ) -> tuple[Array, Array, Array]:
@@ -197,33 +228,66 @@ def _approach(
         The best point, its error and the last sensitivities.
     """
     for number in range(ROUNDS):
-        best = rms_of(error)
-        candidates = [
-            _step(point, error, jacobian, active, share * best) for share in TRUSTS
-        ]
+        best, noise = _median(error), rms_of(error)
+        trusted = _usual_rows(jacobian[:, active])
+        candidates = []
+        for share in TRUSTS:
+            change = _step(error, jacobian[:, active], trusted, share * noise)
+            candidates.append(point.copy())
+            candidates[-1][active] = np.clip(point[active] + change, EDGE, 1.0 - EDGE)
         found = errors(candidates)
-        values = [DIVERGED if e is None else rms_of(e) for e in found]
+        values = [_median(e) for e in found]
         i = int(np.argmin(values))
         better = found[i]
         if better is None or values[i] >= best:
             break
         point, error = candidates[i], better
-        if values[i] > GAIN * best or number == ROUNDS - 1 or values[i] < EXACT:
+        is_last = values[i] > (1.0 - PATIENCE) * best or number == ROUNDS - 1
+        if is_last or rms_of(error) < EXACT:
             break
-        error, fine = _linearise(errors, point, FINE_STEP)
+        fine = _fine_slopes(errors, point, error, active)
         # A delay moves in whole physics steps: a fine change of it is none.
         is_moved = np.abs(fine).max(axis=0) > 0.0
-        jacobian = np.where(is_moved, fine, jacobian)
+        jacobian = jacobian.copy()
+        jacobian[:, active] = np.where(is_moved, fine, jacobian[:, active])
     return point, error, jacobian
 
 
-def _step(
-    point: Array, error: Array, jacobian: Array, active: list[int], noise: float
-) -> Array:
-    """Return the least-squares point, regularised for a noise level [m]."""
-    J = jacobian[:, active]
-    covariance = covariance_of(J, noise)
-    gradient = J.T @ error.ravel() / (len(error) * max(noise, EXACT) ** 2)
-    moved = point.copy()
-    moved[active] = np.clip(point[active] - covariance @ gradient, EDGE, 1.0 - EDGE)
-    return moved
+def _median(error: Array | None) -> float:
+    """Return the median distance from the log [m]."""
+    if error is None:
+        return DIVERGED
+    return float(np.median(np.linalg.norm(error, axis=1)))
+
+
+def _usual_rows(J: Array) -> Array:
+    """Return a weight per cycle, small where its sensitivities are unlike the others'.
+
+    A cycle behind a jump has a difference over the jump for a slope. It would hold a
+    step back alone: along a valley all others have almost none.
+    """
+    weights = np.ones(len(J) // 3)
+    for _ in range(REWEIGHTS):
+        gram = (J * np.repeat(weights, 3)[:, None]).T @ J
+        leverage = ((J @ np.linalg.pinv(gram, hermitian=True)) * J).sum(axis=1)
+        leverage = np.maximum(leverage.reshape(-1, 3).sum(axis=1), 0.0)
+        weights = 1.0 / (1.0 + leverage / np.median(leverage[leverage > 0.0]))
+    return weights
+
+
+def _step(error: Array, J: Array, trusted: Array, noise: float) -> Array:
+    """Return the least-squares change, in shares, regularised for a noise level [m].
+
+    Cycles that it leaves further from the log than most count less (Cauchy's weights,
+    with the median for a scale).
+    """
+    target, change = error.ravel(), np.zeros(J.shape[1])
+    for _ in range(REWEIGHTS):
+        left = (target + J @ change).reshape(error.shape)
+        scale = max(_median(left), EXACT)
+        weights = trusted / (1.0 + (left**2).sum(axis=1) / scale**2)
+        roots = np.repeat(np.sqrt(weights / weights.mean()), 3)
+        weighted = J * roots[:, None]
+        slope = weighted.T @ (target * roots) / (len(error) * max(noise, EXACT) ** 2)
+        change = -covariance_of(weighted, noise) @ slope
+    return change
