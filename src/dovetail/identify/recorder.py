@@ -127,6 +127,7 @@ def record(
         f_scale=config.f_scale,
         force_damping=config.force_damping,
         near_distance=NEAR_DISTANCE,
+        near_press=math.inf,  # the log is of the actions as they were drawn
     )
     with closing(env):
         if starts is None:
