@@ -149,3 +149,25 @@ def test_a_try_that_the_arm_ends_is_a_failure_and_the_next_one_begins(tmp_path, 
     assert not any(o.success for o in outcomes)
     assert [o.steps for o in outcomes] == [step] * 2
     assert len(list(tmp_path.glob("*.npz"))) == 2
+
+
+def test_a_tool_that_cannot_be_tared_fails_its_try_and_the_next_one_begins(tmp_path):
+    class Swinging(FallingEnv):
+        def reset(self, **options):
+            self.resets = getattr(self, "resets", 0) + 1
+            if self.resets == 1:
+                raise ArmError("the rounds disagree", "tare")
+            return super().reset(**options)
+
+    first, second = run(plan_trials(1, 2, 0), Swinging, logs=tmp_path)
+    assert (first.stopped, first.success, first.steps) == ("tare", False, 0)
+    assert second.success
+
+
+def test_an_arm_that_is_lost_at_the_reset_ends_the_tries():
+    class Lost(FallingEnv):
+        def reset(self, **options):
+            raise ArmError("no cabinet", "no_cabinet")
+
+    with pytest.raises(ArmError, match="no cabinet"):
+        run(plan_trials(1, 2, 0), Lost)

@@ -118,7 +118,12 @@ class Trialist:
         """Run one try from reset to success, time-out or the arm's stop, and log it."""
         hole = self._poses[job.pose].pose()
         file = self._log_file(job)
-        observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
+        try:
+            observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
+        except ArmError as error:
+            if error.reason != "tare":
+                raise
+            return self._without_tare(job, hole)
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
@@ -143,6 +148,12 @@ class Trialist:
         outcome = _outcome(job, blocks, hole, steps, violations, info, log)
         outcome = replace(outcome, perturbation=perturbation, tare=tuple(tare))
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
+
+    def _without_tare(self, job: Job, hole: Pose) -> Outcome:
+        """Return a try that ended before it began: nothing held the tool still."""
+        nothing = {"success": False, "depth": math.nan}
+        outcome = _outcome(job, [], hole, 0, 0, nothing, "")
+        return replace(outcome, stopped="tare")
 
     def close(self) -> None:
         """Release the environment."""
