@@ -68,18 +68,18 @@ class Gripper:
             gripper.acknowledge()
 
     def _simulate(self, host: str, port: int, console: Console) -> int:
+        ends: list[int] = []
         with SimulatedWsg50(host, port, part_width=self.part) as server:
-            try:
-                # A shell's background job starts with SIGINT ignored.
-                signal.signal(signal.SIGINT, signal.default_int_handler)
-                signal.signal(signal.SIGTERM, signal.default_int_handler)
-                console.print(
-                    f"gripper: simulated WSG 50 at {server.host}:{server.port}; "
-                    "Ctrl-C ends it",
-                    highlight=False,
-                )
-                while True:
-                    time.sleep(1.0)
-            except KeyboardInterrupt:
-                console.print("gripper: ends")
+            # Noted, not raised: an exception in the middle of a print cuts it short.
+            # SIGINT too, which a shell's background job starts with ignored.
+            for number in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(number, lambda number, frame: ends.append(number))
+            console.print(
+                f"gripper: simulated WSG 50 at {server.host}:{server.port}; Ctrl-C "
+                "ends it",
+                highlight=False,
+            )
+            while not ends:
+                time.sleep(0.1)
+            console.print("gripper: ends")
         return 0
