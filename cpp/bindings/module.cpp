@@ -181,7 +181,9 @@ void bind_data(nb::module_& m) {
           "f_star"_a = Vec6(Vec6::Zero()), "position_d"_a = Vec3(Vec3::Zero()),
           "quat_wxyz_d"_a = Vec4(1.0, 0.0, 0.0, 0.0), "joint_mode"_a = false,
           "q_d"_a = Vec7(Vec7::Zero()))
-      .def_rw("f_star", &Target::f_star, "Force axes, and added to pose and hold axes [m/s2, rad/s2], world, (6,).")
+      .def_rw(
+          "f_star", &Target::f_star,
+          "Force axes, and added to pose and hold axes [m/s2, rad/s2], world, (6,).")
       .def_rw("position_d", &Target::position_d, "Pose axes: TCP position [m], (3,).")
       .def_rw("quat_wxyz_d", &Target::quat_wxyz_d, "Pose axes: TCP rotation, (4,).")
       .def_rw("near_plane", &Target::near_plane,

@@ -178,7 +178,7 @@ BOOST_AUTO_TEST_CASE(pose_axes_follow_the_target_and_hold_axes_the_latched_pose)
   osc.reset(Vec3(1.0, 2.0, 3.0), Vec4(1, 0, 0, 0));
   Target target;
   target.position_d = Vec3(1.01, 7.0, 7.0);
-  target.f_star << 0.5, -0.5, 2.0, 9.0, 9.0, 9.0;  // added to both, nothing to free axes
+  target.f_star << 0.5, -0.5, 2.0, 9.0, 9.0, 9.0;  // added to both, not to free axes
   const Vec6 f = osc.desired_acceleration(Vec3(1.0, 1.98, 0.0), Mat3::Identity(),
                                           Vec6::Zero(), target);
   Vec6 expected;

@@ -108,8 +108,8 @@ struct LimitParams {
 
 /// One command, held until the next one: of the task, or of the joints.
 struct Target {
-  /// Acceleration [m/s2, rad/s2], world axes: what force axes do, and what pose and hold
-  /// axes do beside their impedance law.
+  /// Acceleration [m/s2, rad/s2], world axes: what force axes do, and what pose and
+  /// hold axes do beside their impedance law.
   Vec6 f_star = Vec6::Zero();
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
   Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation
