@@ -168,7 +168,7 @@ def test_the_shipped_policy_finds_a_hole_that_was_moved_by_4_mm():
     depths = {}
     for search in ("none", "spiral"):
         asked = Perturbation(hole_shift=0.004, search=search)
-        options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 2400}
+        options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 1200}
         env = make_perturbed(policy.metadata["env_id"], asked, options)
         observation, info = env.reset(seed=4, options={"hole": HOLE})
         done = False

@@ -153,14 +153,18 @@ def test_a_try_that_the_arm_ends_is_a_failure_and_the_next_one_begins(tmp_path, 
 
 def test_a_tool_that_cannot_be_tared_fails_its_try_and_the_next_one_begins(tmp_path):
     class Swinging(FallingEnv):
+        violations = SimpleNamespace(count=len)  # every cycle
+
         def reset(self, **options):
             self.resets = getattr(self, "resets", 0) + 1
             if self.resets == 1:
-                raise ArmError("the rounds disagree", "tare")
+                state = SimpleNamespace(log=np.zeros((7, len(CYCLE_COLUMNS))))
+                raise ArmError("the rounds disagree", "tare", state)
             return super().reset(**options)
 
     first, second = run(plan_trials(1, 2, 0), Swinging, logs=tmp_path)
     assert (first.stopped, first.success, first.steps) == ("tare", False, 0)
+    assert first.violations == 7  # no limit is exceeded unseen
     assert second.success
 
 

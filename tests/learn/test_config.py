@@ -76,3 +76,12 @@ def test_a_policy_says_that_it_wants_the_weight_taken_off():
     assert TrainConfig().env_options()["tare"] is True
     assert TrainConfig(tare=False).env_options()["tare"] is False
     assert "--no-tare" in TrainConfig(tare=False).command()
+
+
+@pytest.mark.parametrize(
+    "settings", [{"force_damping": (0.0,)}, {"task": "XYZ:pose A:pose BC:hold"}]
+)
+def test_a_policy_cannot_want_a_tare_that_its_task_cannot_give(settings):
+    with pytest.raises(ConfigError, match="--no-tare"):
+        TrainConfig(**settings)
+    assert not TrainConfig(**settings, tare=False).tare

@@ -99,8 +99,6 @@ class CommandMap:
             for i, axis in enumerate(commanded)
             if modes[axis] == POSE
         ]
-        self.force_axes = tuple(index for _, index in self._force)
-        """Force axes, 0 to 5 for x y z and rotations about them."""
         self.tare: Vec6 = np.zeros(6)
         """f* that holds the weight which nobody compensates; see `take_off`."""
         self._f_star = np.zeros(6)

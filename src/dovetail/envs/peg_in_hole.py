@@ -148,6 +148,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """What the arm said after the last step."""
     hole: Pose
     """The hole's true pose in this episode."""
+    violations: ViolationCounter
+    """Counts the control cycles of a log outside a joint or wall limit."""
 
     def __init__(
         self,
@@ -229,7 +231,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         limits = getattr(self.arm, "limits", None)
         if limits is not None and limits.walls:
             self._walls = limits.x_min, limits.x_max
-        self._violations = ViolationCounter(robot, *self._walls)
+        self.violations = ViolationCounter(robot, *self._walls)
         self._target = _core.Target()
         self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
         self._set_spaces(stack)
@@ -310,7 +312,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Follow an action for 50 ms."""
         action = self.commands.usable(action)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
-        if self.state.position @ self._axis < self._target.near_plane[3]:
+        if self.state.position @ self._axis < self._near_height:
             self.commands.limit_press(self._target, self._axis)
         if self._is_sliding:
             self._slide()
@@ -359,8 +361,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._axis = matrix_from_quat(hole.quat_wxyz)[:, 2]
             self._goal = hole.position - self.scene.hole_depth * self._axis
             self._goal_quat = self.goal_rotation(hole)
-            offset = self._axis @ hole.position + self._near_distance
-            self._target.near_plane = np.append(self._axis, offset)
+            self._near_height = self._axis @ hole.position + self._near_distance
+            self._target.near_plane = np.append(self._axis, self._near_height)
         return observe(self.state, self._goal, self._goal_quat)
 
     def _info(self, raw: Array) -> dict[str, Any]:
@@ -374,7 +376,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "position_error": error,
             "theta_error": float(raw[10]),
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
-            "limit_violations": self._violations.count(self.state.log),
+            "limit_violations": self.violations.count(self.state.log),
             "observation_raw": raw,
         }
 

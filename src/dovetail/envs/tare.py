@@ -15,7 +15,7 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
-from dovetail.control.task_spec import HOLD, POSE
+from dovetail.control.task_spec import FORCE, HOLD, POSE, TaskSpec
 from dovetail.envs.commands import CommandMap, per_axis
 from dovetail.envs.workspace import Walls
 from dovetail.errors import ArmError, ConfigError
@@ -72,7 +72,8 @@ def measure_tare(
         near_plane: The plane near contact, as in a Target, shape (4,).
 
     Raises:
-        ArmError: The rounds disagree: something is in the way.
+        ArmError: The rounds disagree: something is in the way; its `state` has the log
+            of the way.
     """
     target = _core.Target()
     target.position_d = start = state.position.copy()
@@ -106,6 +107,7 @@ def measure_tare(
         held = held + change
     for _ in range(_SETTLE_STEPS):
         follow()
+    state = state._replace(log=np.vstack(logs))
     worst = np.where(is_led, np.abs(change), 0.0)
     if not worst.max() <= _CHANGE_MAX:
         axis = int(worst.argmax())
@@ -117,7 +119,32 @@ def measure_tare(
             "tare",
             state,
         )
-    return Tare(held, state._replace(log=np.vstack(logs)))
+    return Tare(held, state)
+
+
+def tared_axes(task: TaskSpec, force_damping: float | Sequence[float]) -> list[int]:
+    """Return the force axes along which the tool can be led, of x, y, z.
+
+    Args:
+        task: Mode of each axis.
+        force_damping: Damping of force axes X Y Z [1/s], one number or three.
+
+    Raises:
+        ConfigError: There is none, or one has not enough damping.
+    """
+    axes = [axis for axis in range(3) if task.modes[axis] == FORCE]
+    if not axes:
+        raise ConfigError(
+            f"tare needs a force axis among X Y Z; task '{task}' has none: leave tare "
+            "out (--no-tare)"
+        )
+    damping = per_axis("force_damping", force_damping)
+    if (least := min(damping[axis] for axis in axes)) < DAMPING_MIN:
+        raise ConfigError(
+            f"force_damping is {least:g} 1/s; tare needs at least {DAMPING_MIN:g}: "
+            "nothing else damps the tool on its way; leave tare out (--no-tare)"
+        )
+    return axes
 
 
 class ToolTare:
@@ -137,21 +164,10 @@ class ToolTare:
             force_damping: Damping of force axes X Y Z [1/s], one number or three.
 
         Raises:
-            ConfigError: No force axis among X Y Z, or one without enough damping.
+            ConfigError: See `tared_axes`.
         """
         self._arm, self._commands = arm, commands
-        self._axes = [axis for axis in commands.force_axes if axis < 3]
-        if not self._axes:
-            raise ConfigError(
-                "tare needs a force axis among X Y Z; task "
-                f"'{commands.task}' has none: leave tare out (--no-tare)"
-            )
-        damping = per_axis("force_damping", force_damping)
-        if (least := min(damping[axis] for axis in self._axes)) < DAMPING_MIN:
-            raise ConfigError(
-                f"force_damping is {least:g} 1/s; tare needs at least {DAMPING_MIN:g}: "
-                "nothing else damps the tool on its way; leave tare out (--no-tare)"
-            )
+        self._axes = tared_axes(commands.task, force_damping)
         self._stiffness: Vec6 = np.zeros(6)
         if (osc := getattr(arm, "osc", None)) is not None:
             is_held = np.isin(commands.task.modes, (POSE, HOLD))

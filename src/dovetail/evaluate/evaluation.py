@@ -266,8 +266,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     )
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report))
-    if options["tare"]:
-        x, y, z = np.mean([o.tare[:3] for o in outcomes], axis=0)
+    if tares := [o.tare[:3] for o in outcomes if options["tare"] and any(o.tare)]:
+        x, y, z = np.mean(tares, axis=0)
         console.print(f"mean tare: f* {x:.2f} {y:.2f} {z:.2f} m/s2 along x y z")
     if stopped := Counter(o.stopped for o in outcomes if o.stopped):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())

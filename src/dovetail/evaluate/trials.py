@@ -123,7 +123,7 @@ class Trialist:
         except ArmError as error:
             if error.reason != "tare":
                 raise
-            return self._without_tare(job, hole)
+            return self._without_tare(job, hole, error)
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
@@ -149,11 +149,12 @@ class Trialist:
         outcome = replace(outcome, perturbation=perturbation, tare=tuple(tare))
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
 
-    def _without_tare(self, job: Job, hole: Pose) -> Outcome:
-        """Return a try that ended before it began: nothing held the tool still."""
+    def _without_tare(self, job: Job, hole: Pose, error: ArmError) -> Outcome:
+        """Return a try that ended before it began: the tool did not follow its lead."""
+        violations = self._env.unwrapped.violations.count(error.state.log)  # type: ignore[attr-defined]
         nothing = {"success": False, "depth": math.nan}
-        outcome = _outcome(job, [], hole, 0, 0, nothing, "")
-        return replace(outcome, stopped="tare")
+        outcome = _outcome(job, [], hole, 0, violations, nothing, "")
+        return replace(outcome, stopped=error.reason)
 
     def close(self) -> None:
         """Release the environment."""

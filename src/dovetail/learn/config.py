@@ -14,7 +14,9 @@ from dovetail.arms.address import (
     parse_address,
     places_hole,
 )
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
+from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.learn.model_file import ModelFile
 
@@ -184,6 +186,8 @@ class TrainConfig:
             object.__setattr__(self, "num_envs", 1)
             self._require_arm(self.arm)
         self._require_dynamics()
+        if self.tare:  # a policy must not ask for what cannot be done with it
+            tared_axes(TaskSpec.parse(self.task), self.force_damping)
 
     def _require_dynamics(self) -> None:
         """Read the model, and refuse dynamics that nothing would simulate."""

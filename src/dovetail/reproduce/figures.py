@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from dovetail.evaluate.transfer import Row
 from dovetail.learn.progress import EpisodeRow
-from dovetail.reproduce.plan import VARIANTS
+from dovetail.reproduce.plan import GROUNDS, VARIANTS
 from dovetail.reproduce.results import Level, Table
 from dovetail.types import Array
 
@@ -18,11 +18,9 @@ WINDOW = 10
 _GRID = 300
 _INK = "#4a4640"
 _COLOURS = {"stack-0": "#0b7a75", "stack-4": "#d1495b", "randomised": "#5c6bc0"}
-_GROUND_COLOURS = {
-    "neither tared nor identified": "#b9b1a3",
-    "tared": "#7fb8b4",
-    "tared and identified": _COLOURS["stack-0"],
-}
+_GROUND_COLOURS = dict(
+    zip(GROUNDS, ("#b9b1a3", "#7fb8b4", _COLOURS["stack-0"]), strict=True)
+)
 _AXES = {
     ("shift", "search"): ("hole moved, camera covered [mm]", 1e3),
     ("push",): ("random pushes up to [N]", 1.0),

@@ -38,6 +38,8 @@ VARIANTS: dict[str, str] = {
 UNIDENTIFIED = "unidentified"
 UNTARED = "untared"
 """The unidentified policy, tried without a tare: as the paper's would be."""
+GROUNDS = ("neither tared nor identified", "tared", "tared and identified")
+"""What stack 0 knows of a twin that it is tried on, as tables and figures call it."""
 ON_TWIN = "on-twin"
 OTHER = "other-direction"
 PEGS = ("square", "triangle")

@@ -15,6 +15,7 @@ from dovetail.learn.run_folder import PROGRESS
 from dovetail.reproduce.experiments import EVALUATION, RUN
 from dovetail.reproduce.paper import TRANSFER, PaperRow
 from dovetail.reproduce.plan import (
+    GROUNDS,
     ON_TWIN,
     OTHER,
     UNIDENTIFIED,
@@ -153,11 +154,8 @@ def _transfer(root: Path, config: PlanConfig, row: PaperRow) -> Table | None:
 
 def _grounds(root: Path, config: PlanConfig) -> Iterable[tuple[str, str, Table | None]]:
     for index, twin in enumerate(config.twins):
-        for word, variant in (
-            ("neither tared nor identified", UNTARED),
-            ("tared", UNIDENTIFIED),
-            ("tared and identified", f"identified-{twin}"),
-        ):
+        variants = (UNTARED, UNIDENTIFIED, f"identified-{twin}")
+        for word, variant in zip(GROUNDS, variants, strict=True):
 
             def name(seed: int, twin: str = twin, variant: str = variant) -> str:
                 return ground_name(twin, variant, seed)
@@ -165,7 +163,7 @@ def _grounds(root: Path, config: PlanConfig) -> Iterable[tuple[str, str, Table |
             def in_table(seed: int) -> str:
                 return transfer_name("stack-0", "square", seed)
 
-            is_in_table = index == 0 and word == "tared and identified"
+            is_in_table = index == 0 and word == GROUNDS[-1]
             label = f"stack 0, {word}"
             used = in_table if is_in_table else name
             yield twin, word, _pool(root, config, label, used)
