@@ -18,7 +18,7 @@ WINDOW = 10
 _GRID = 300
 _INK = "#4a4640"
 _COLOURS = {"stack-0": "#0b7a75", "stack-4": "#d1495b", "randomised": "#5c6bc0"}
-_GROUND_COLOURS = dict(
+_GROUND_COLOURS: dict[str, str] = dict(
     zip(GROUNDS, ("#b9b1a3", "#7fb8b4", _COLOURS["stack-0"]), strict=True)
 )
 _AXES = {
