@@ -1,7 +1,7 @@
 """Train a policy as `dovetail train` does, and run it without the learning stack.
 
-Needs the extra: pip install 'dovetail[learn]'. The full run takes some minutes on two
-cores; --quick shows the way in seconds and learns nothing.
+Needs the extra: pip install '.[learn]' -c constraints.txt. The full run takes some
+minutes on two cores; --quick shows the way in seconds and learns nothing.
 """
 
 import argparse

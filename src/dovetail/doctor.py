@@ -10,7 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from dovetail.errors import DovetailError
+from dovetail.errors import DovetailError, install_command
 from dovetail.types import Vec7
 
 POSE_TOLERANCE = 1e-6
@@ -26,6 +26,9 @@ EXTRAS = {
     "bullet": ("pybullet", "the paper's simulator"),
     "learn": ("sbx", "training"),
     "log": ("pyarrow", "Episode logs as Parquet"),
+    "rpc": ("grpc", "arms in other processes"),
+    "identify": ("cmaes", "identification"),
+    "cluster": ("ray", "fits and experiments on several machines"),
 }
 """Optional packages by the extra that brings them, and what for."""
 
@@ -96,7 +99,7 @@ def _check_extra(extra: str) -> Check:
     module, purpose = EXTRAS[extra]
     if importlib.util.find_spec(module):
         return Check(module, "ok", purpose, is_essential=False)
-    remedy = f"pip install 'dovetail[{extra}]'"
+    remedy = install_command(extra)
     if extra == "bullet" and sys.version_info >= (3, 12):
         remedy = "no wheel beyond Python 3.11: use 3.11, or the mujoco plant"
     return Check(module, "missing", f"{purpose}; {remedy}", is_essential=False)

@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, Self, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dovetail.errors import LogError, MissingDependencyError
+from dovetail.errors import LogError, MissingDependencyError, install_command
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.types import Array
 
@@ -336,8 +336,8 @@ def _pyarrow() -> tuple[Any, Any]:
         import pyarrow.parquet as parquet
     except ImportError as error:
         raise MissingDependencyError(
-            'a Parquet log needs pyarrow: pip install "dovetail[log]", or use the '
-            "suffix .npz"
+            f"a Parquet log needs pyarrow: {install_command('log')}, or use the suffix "
+            ".npz"
         ) from error
     return pyarrow, parquet
 

@@ -1,6 +1,12 @@
 """Exceptions of dovetail: each says what is wrong, where, and what to do next."""
 
 
+def install_command(*extras: str) -> str:
+    """Return how to install extras: from dovetail's folder, as it is on no index."""
+    names = ",".join(extras)
+    return f"pip install '.[{names}]' -c constraints.txt in dovetail's folder"
+
+
 class DovetailError(Exception):
     """Base of every error that dovetail raises on purpose."""
 

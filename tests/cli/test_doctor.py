@@ -51,7 +51,7 @@ def test_a_missing_extra_names_the_command_that_brings_it(monkeypatch):
     check = doctor._check_extra("learn")
     assert check.status == "missing"
     assert not check.is_essential
-    assert "pip install 'dovetail[learn]'" in check.detail
+    assert "pip install '.[learn]'" in check.detail
 
 
 def test_pybullet_beyond_3_11_has_no_wheel(monkeypatch):
@@ -81,10 +81,10 @@ def test_the_command_fails_when_something_essential_is_broken(monkeypatch, capsy
 
 
 def test_the_command_succeeds_when_only_an_extra_is_missing(monkeypatch, capsys):
-    extra = Check("sbx", "missing", "pip install 'dovetail[learn]'", False)
+    extra = Check("sbx", "missing", "pip install '.[learn]'", False)
     monkeypatch.setattr("dovetail.commands.doctor.run_checks", lambda: iter([extra]))
     assert run(["doctor"]) == 0
-    assert "pip install 'dovetail[learn]'" in capsys.readouterr().out
+    assert "pip install '.[learn]'" in capsys.readouterr().out
 
 
 def test_any_failure_of_a_check_is_a_finding_not_a_crash():

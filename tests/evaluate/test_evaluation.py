@@ -1,13 +1,16 @@
 """An evaluation from settings to files, with a policy written by hand."""
 
 import json
-from dataclasses import replace
+import shlex
+from dataclasses import fields, replace
 from io import StringIO
 
 import numpy as np
 import pytest
+import tyro
 from rich.console import Console
 
+from dovetail.commands.evaluate import Evaluate
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, DovetailError, PolicyError
 from dovetail.evaluate.evaluation import (
@@ -100,10 +103,23 @@ def test_an_ideal_plant_is_called_a_simulation(config):
     )
 
 
-def test_command_repeats_the_settings(config):
-    command = command_line(replace(config, peg="round", clearance=0.001, seed=7))
-    for part in ("--twin easy", "--peg round", "--clearance 0.001", "--seed 7"):
-        assert part in command
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"peg": "round", "clearance": 0.001, "seed": 7},
+        {"hole_shift": 0.01, "search": "spiral", "max_steps": 900},
+        {"push": 30.0, "hole_speed": 0.02, "start": "below"},
+        {"tare": False, "hole": (0.6, 0.0, 0.1, 0.2), "tries": 5},
+        {"twin": None, "arm": "grpc://localhost:50051"},
+    ],
+)
+def test_the_printed_command_is_the_same_evaluation(config, change):
+    asked = replace(config, **change)
+    words = shlex.split(command_line(asked))[2:]
+    read = tyro.cli(Evaluate, args=words)
+    for f in fields(EvaluationConfig):
+        if f.name not in ("out", "workers", "keep_logs"):
+            assert getattr(read, f.name) == getattr(asked, f.name)
 
 
 @pytest.mark.parametrize(

@@ -62,5 +62,5 @@ def test_a_ray_that_does_not_start_here_is_tried_twice_and_then_explained(monkey
 
 def test_without_ray_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install 'dovetail\[cluster"):
+    with pytest.raises(MissingDependencyError, match=r"pip install '.\[cluster"):
         cluster.RayExecutor("local")

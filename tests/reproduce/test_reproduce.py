@@ -142,7 +142,7 @@ def test_a_missing_extra_is_named_before_anything_is_written(tmp_path, monkeypat
     monkeypatch.setattr(runner.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingDependencyError) as error:
         reproduce(config(tmp_path / "out"), Console(file=StringIO()))
-    assert "pip install 'dovetail[learn,identify]'" in str(error.value)
+    assert "pip install '.[learn,identify]'" in str(error.value)
     assert not (tmp_path / "out").exists()
 
 

@@ -30,5 +30,5 @@ def test_the_arm_is_known_without_loading_grpc():
 def test_without_grpc_the_extra_is_named(use):
     result = run(f"import sys\nsys.modules['grpc'] = None\n{use}")
     assert result.returncode == 1
-    assert 'pip install "dovetail[rpc]"' in result.stderr
+    assert "pip install '.[rpc]'" in result.stderr
     assert "MissingDependencyError" in result.stderr

@@ -9,7 +9,12 @@ from dovetail.arms.address import GrpcAddress, parse_address
 from dovetail.arms.arm import ArmState
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
-from dovetail.errors import ArmError, ConfigError, MissingDependencyError
+from dovetail.errors import (
+    ArmError,
+    ConfigError,
+    MissingDependencyError,
+    install_command,
+)
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.robot import Robot
@@ -237,7 +242,7 @@ def _require_grpc() -> None:
     except ModuleNotFoundError as error:
         raise MissingDependencyError(
             f"an arm behind a service needs gRPC ({error.name} is not installed): "
-            'pip install "dovetail[rpc]"'
+            f"{install_command('rpc')}"
         ) from error
 
 

@@ -17,7 +17,7 @@ from dovetail.arms.address import (
     TwinAddress,
     parse_address,
 )
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.scene import PegShape, SceneConfig
 
@@ -58,7 +58,7 @@ class Serve:
         except ModuleNotFoundError as error:
             raise MissingDependencyError(
                 f"serving an arm needs gRPC ({error.name} is not installed): "
-                'pip install "dovetail[rpc]"'
+                f"{install_command('rpc')}"
             ) from error
         names = ("--cert", "--key", "--client-ca")
         files = certificates(

@@ -85,10 +85,10 @@ class EvaluationConfig:
     """Where the tool starts: random, or below the block's surface, beside it."""
     search: Literal["none", "spiral"] = "none"
     """With `hole_shift`: lead the policy over the surface until the peg drops in."""
-    tare: bool | None = None
+    tare: bool = True
     """Before each try measure, in free air, the weight that the arm's gravity
-    compensation misses, and take it off what the policy commands; default as the
-    policy was trained, yes where it does not say."""
+    compensation misses, and take it off what the policy commands; not where the policy
+    was trained with --no-tare."""
     max_steps: int | None = None
     """Policy steps of 50 ms in a try; default the policy's, 20000 with a search."""
     tries: int = 20
@@ -147,7 +147,7 @@ def environment_options(
             f"arms: {', '.join(SCHEMES)}"
         )
     options = dict(policy["env"])
-    for name in (*places, "peg", "clearance", "tare"):
+    for name in (*places, "peg", "clearance"):
         if (value := getattr(config, name)) is not None:
             options[name] = value
     if config.plant is None:
@@ -158,7 +158,7 @@ def environment_options(
         load_twin(options["twin"])
     if config.arm is not None:
         _require_usable(config, parse_address(config.arm))
-    options.setdefault("tare", True)
+    options["tare"] = config.tare and options.get("tare", True)
     is_searching = config.perturbation().search != "none"
     if config.max_steps is not None:
         options["max_steps"] = config.max_steps
@@ -379,8 +379,8 @@ def command_line(config: EvaluationConfig) -> str:
     for f in fields(Perturbation):
         if (value := getattr(config, f.name)) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]
-    if config.tare is not None:
-        words.append("--tare" if config.tare else "--no-tare")
+    if not config.tare:
+        words.append("--no-tare")
     if config.max_steps is not None:
         words += ["--max-steps", str(config.max_steps)]
     return shlex.join([*words, "--out", "results-again"])

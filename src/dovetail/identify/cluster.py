@@ -5,7 +5,12 @@ import socket
 from collections.abc import Sequence
 from typing import Any
 
-from dovetail.errors import ConfigError, MissingDependencyError, PlantError
+from dovetail.errors import (
+    ConfigError,
+    MissingDependencyError,
+    PlantError,
+    install_command,
+)
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
 from dovetail.plants.twin import TwinConfig
@@ -45,8 +50,8 @@ class RayTasks:
             import ray
         except ImportError as error:
             raise MissingDependencyError(
-                'a fit on a cluster needs Ray: pip install "dovetail[cluster]", or '
-                "leave --cluster out"
+                f"a fit on a cluster needs Ray: {install_command('cluster')}, or leave "
+                "--cluster out"
             ) from error
         self._ray: Any = ray
         self._is_own = not ray.is_initialized()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dovetail.errors import MissingDependencyError
+from dovetail.errors import MissingDependencyError, install_command
 from dovetail.identify.parameters import ParameterSet
 from dovetail.types import Array
 
@@ -72,7 +72,7 @@ class Search:
             from cmaes import CMA
         except ImportError as missing:
             raise MissingDependencyError(
-                'a fit needs the package cmaes: pip install "dovetail[identify]"'
+                f"a fit needs the package cmaes: {install_command('identify')}"
             ) from missing
         size = len(space.low)
         self.space = space

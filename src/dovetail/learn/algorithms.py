@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.errors import MissingDependencyError
+from dovetail.errors import MissingDependencyError, install_command
 from dovetail.evaluate.trials import HolePose
 from dovetail.learn.config import TrainConfig
 
@@ -48,8 +48,7 @@ def import_sbx() -> Any:
         import torch
     except ImportError as error:
         raise MissingDependencyError(
-            f"training needs the extra 'learn' ({error}): "
-            "pip install 'dovetail[learn]' -c constraints.txt"
+            f"training needs more packages ({error}): {install_command('learn')}"
         ) from error
     torch.set_num_threads(1)
     return sbx

@@ -18,7 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.errors import ConfigError, MissingDependencyError, PlantError
+from dovetail.errors import (
+    ConfigError,
+    MissingDependencyError,
+    PlantError,
+    install_command,
+)
 from dovetail.plants.bullet_world import WORLD, BulletWorld, xyzw
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.plant import (
@@ -45,9 +50,9 @@ def _import_pybullet() -> Any:
         import pybullet
     except ImportError as error:
         raise MissingDependencyError(
-            "plant 'bullet' needs PyBullet, which is not installed: pip install "
-            "'dovetail[bullet]' on Python 3.11; there is no wheel for later versions "
-            "of Python, where plant 'mujoco' does the same"
+            "plant 'bullet' needs PyBullet, which is not installed: "
+            f"{install_command('bullet')}, on Python 3.11; there is no wheel for later "
+            "versions of Python, where plant 'mujoco' does the same"
         ) from error
     return pybullet
 

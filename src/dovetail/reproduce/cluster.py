@@ -11,7 +11,12 @@ import socket
 from pathlib import Path
 from typing import Any
 
-from dovetail.errors import ConfigError, DovetailError, MissingDependencyError
+from dovetail.errors import (
+    ConfigError,
+    DovetailError,
+    MissingDependencyError,
+    install_command,
+)
 from dovetail.reproduce.executor import Job, start_process
 from dovetail.reproduce.stage import STAGE, stage_folder
 
@@ -42,8 +47,7 @@ def _import_ray() -> Any:
         import ray
     except ImportError as error:
         raise MissingDependencyError(
-            f"--cluster needs the extra 'cluster' ({error}): "
-            "pip install 'dovetail[cluster]'"
+            f"--cluster needs Ray ({error}): {install_command('cluster')}"
         ) from error
     return ray
 

@@ -8,7 +8,7 @@ from typing import Literal, NamedTuple
 
 from rich.console import Console
 
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.identify.parameters import ParameterSet
 from dovetail.plants.twin import TwinConfig, load_twin
 from dovetail.reproduce.budget import Budget, find_budget
@@ -142,8 +142,6 @@ def _require_installed(plant: str) -> None:
         needed["pybullet"] = "bullet"
     missing = [extra for m, extra in needed.items() if not importlib.util.find_spec(m)]
     if missing:
-        extras = ",".join(missing)
         raise MissingDependencyError(
-            f"the experiments need the extras {extras}: pip install "
-            f"'dovetail[{extras}]' -c constraints.txt"
+            f"the experiments need more packages: {install_command(*missing)}"
         )
