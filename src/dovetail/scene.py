@@ -4,7 +4,9 @@ Frames: the robot's base is the world's origin and the table's top is z = 0. The
 frame sits in the middle of the hole's mouth, z out of the hole. The tool frame (TCP)
 sits in the middle of the peg's end face, z out of the flange; the peg is inserted and
 aligned when ``R_world_tool = R_world_hole @ Rx(pi)``. The triangle has a corner on its
-+x axis, so this turn maps it onto the hole.
++x axis, so this turn maps it onto the hole. The gripper is mounted half a turn about
+the flange's z: with the tool down over the table A7 is near 0. Mounted straight, it was
+near its limit of 175 deg on either side, and the elbow swung out to make up for it.
 
 Everything convex is a box or a cylinder (the triangle peg alone is a prism), because
 convex meshes carry a margin in PyBullet.
@@ -27,6 +29,8 @@ PEG_SHAPES: tuple[PegShape, ...] = ("square", "triangle", "round")
 _SIDES = {"square": 4, "triangle": 3, "round": 36}
 """Walls of the hole: its edges, or the flats that stand for a circle."""
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0])
+_MOUNT = quat_about_z(math.pi)
+"""Rotation of the tool in the flange frame."""
 _GRIPPER_RGBA = (0.35, 0.37, 0.40, 1.0)
 _PEG_RGBA = (0.90, 0.55, 0.15, 1.0)
 _BLOCK_RGBA = (0.45, 0.60, 0.75, 1.0)
@@ -118,12 +122,12 @@ class SceneConfig:
         side = self.peg_width / 2.0
         if self.peg == "square":
             size: tuple[float, ...] = (side, side, half)
-            return Primitive("peg", "box", size, position, _IDENTITY, _PEG_RGBA)
+            return Primitive("peg", "box", size, position, _MOUNT, _PEG_RGBA)
         if self.peg == "round":
             size = (side, half)
-            return Primitive("peg", "cylinder", size, position, _IDENTITY, _PEG_RGBA)
+            return Primitive("peg", "cylinder", size, position, _MOUNT, _PEG_RGBA)
         size = (2.0 * self.inner_radius, half)
-        return Primitive("peg", "prism", size, position, _IDENTITY, _PEG_RGBA)
+        return Primitive("peg", "prism", size, position, _MOUNT, _PEG_RGBA)
 
     def tool_primitives(self) -> list[Primitive]:
         """Return gripper, fingers and peg in the flange frame."""
@@ -136,16 +140,16 @@ class SceneConfig:
                 "box",
                 body,
                 np.array([0.0, 0.0, body[2]]),
-                _IDENTITY,
+                _MOUNT,
                 _GRIPPER_RGBA,
             )
         ]
-        for name, sign in (("finger_left", 1.0), ("finger_right", -1.0)):
+        for name, sign in (("finger_left", -1.0), ("finger_right", 1.0)):
             x = sign * (self.peg_width / 2.0 + 0.006)
             position = np.array([x, 0.0, 2.0 * body[2] + half])
             size = (0.006, 0.010, half)
             parts.append(
-                Primitive(name, "box", size, position, _IDENTITY, _GRIPPER_RGBA)
+                Primitive(name, "box", size, position, _MOUNT, _GRIPPER_RGBA)
             )
         return [*parts, self.peg_primitive()]
 
@@ -236,7 +240,7 @@ class SceneConfig:
         return iiwa14(inertia).with_tool(
             self.payload(),
             tool_position=np.array([0.0, 0.0, self.tool_length]),
-            tool_rotation=np.eye(3),
+            tool_rotation=matrix_from_quat(_MOUNT),
         )
 
     def require_reachable(self, robot: Robot, hole: Pose) -> None:

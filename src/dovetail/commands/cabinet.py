@@ -29,7 +29,7 @@ from dovetail.scene import PegShape, SceneConfig
 _HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 _ABOVE = 0.06
 """Height of the start over the hole [m]."""
-_Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+_Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 _PLAIN_EVERY = 10.0
 """Time between two status lines where there is no terminal [s]."""
 

@@ -26,8 +26,8 @@ class RailClipEnv(PegInHoleEnv):
 
     ## Starting state
 
-    The slot's mouth is within +-30 mm of (0.85, 0, 0.40) m along each axis; the clip 20
-    to 120 mm in front of it, turned by up to +-0.2 rad.
+    The slot's mouth is within +-30 mm of (0.87, 0, 0.40) m along each axis; the clip 20
+    to 100 mm in front of it, turned by up to +-0.2 rad.
     """
 
     q_seed: ClassVar[Vec7] = np.array([0.0, 0.6, 0.0, -1.6, 0.0, -0.63, 0.0])
@@ -50,12 +50,12 @@ class RailClipEnv(PegInHoleEnv):
 
     def draw_hole(self) -> Pose:
         """Draw the pose of the slot's mouth; its axis is the world's -x."""
-        middle = np.array([0.85, 0.0, 0.40])
+        middle = np.array([0.87, 0.0, 0.40])
         return Pose(middle + self.np_random.uniform(-0.03, 0.03, 3), FACING_ROBOT)
 
     def draw_start(self, hole: Pose) -> Pose:
         """Draw the clip's start in front of the slot, turned about the vertical."""
-        distance = self.np_random.uniform(0.02, 0.12)
+        distance = self.np_random.uniform(0.02, 0.10)
         turn = quat_about_z(self.np_random.uniform(-0.2, 0.2))
         aligned = quat_multiply(hole.quat_wxyz, TOOL_DOWN)
         position = hole.position + distance * self.mouth_direction()

@@ -56,9 +56,6 @@ ELBOW = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 """Joints that turn the elbow about the line from shoulder to wrist [1]."""
 FREE_AIR = 0.08
 """Height of the lowest start over the hole's mouth [m]: the motions go down 0.05 m."""
-QUARTER = 0.5 * math.pi
-"""The motions are played a quarter turn from the hole's yaw [rad]: tool down at yaw 0
-needs A7 at its limit, and a limit hides what a fit looks for."""
 DEFAULT_HOLE = (0.60, 0.0, 0.09, 0.0)
 """Where the hole is put: x y z [m] of its mouth, yaw [rad]."""
 
@@ -116,7 +113,7 @@ def record(
             "--hole X Y Z YAW [m, rad]; the motions stay above it"
         )
     x, y, z, yaw = config.hole or DEFAULT_HOLE
-    hole = (x, y, z, yaw + QUARTER)
+    hole = (x, y, z, yaw)
     height = _start_height(config, z)
     env = PegInHoleEnv(
         config.arm,
@@ -186,7 +183,7 @@ def plan_starts(
         pose = Pose(np.array([x, y, z]), tool_down(turn))
         swivel = rng.uniform(-1.0, 1.0)
         q_seed = PegInHoleEnv.q_seed + swivel * ELBOW
-        q_seed[6] = math.remainder(math.pi - turn, 2.0 * math.pi)
+        q_seed[6] = -turn
         starts.append(robot.inverse_kinematics(pose, q_seed))
     return starts
 

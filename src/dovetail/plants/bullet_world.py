@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.poses import Pose, quat_from_matrix
+from dovetail.poses import Pose, quat_from_matrix, quat_multiply
 from dovetail.robot import Robot
 from dovetail.scene import Primitive
 from dovetail.types import Array
@@ -145,4 +145,5 @@ def _in_link(part: Primitive, robot: Robot) -> Primitive:
     """Move a part from the flange frame to the link-7 frame."""
     R = robot.flange_rotation
     position = robot.flange_position + R @ part.position
-    return part._replace(position=position, quat_wxyz=quat_from_matrix(R))
+    quat = quat_multiply(quat_from_matrix(R), part.quat_wxyz)
+    return part._replace(position=position, quat_wxyz=quat)

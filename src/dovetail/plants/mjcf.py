@@ -7,7 +7,7 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from dovetail.poses import quat_from_matrix
+from dovetail.poses import quat_from_matrix, quat_multiply
 from dovetail.robot import Robot
 from dovetail.scene import Primitive, SceneConfig
 
@@ -123,6 +123,7 @@ def _links(robot: Robot, scene: SceneConfig, meshes: Path | None) -> list[str]:
         T_flange[:3, :3], T_flange[:3, 3] = robot.flange_rotation, robot.flange_position
         position = (T_flange @ [*part.position, 1.0])[:3]
         quat = quat_from_matrix(robot.flange_rotation)
+        quat = quat_multiply(quat, part.quat_wxyz)
         placed = part._replace(position=position, quat_wxyz=quat)
         lines.append("                  " + _geom(placed, "tool"))
     lines.append(f'                  <body name="flange" {flange}>')
