@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
-Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 STEP = 0.05
 TAU = slice(COLUMN["tau1"], COLUMN["tau7"] + 1)

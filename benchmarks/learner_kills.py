@@ -36,7 +36,7 @@ from dovetail.types import Array
 PERIOD, TASK = 0.005, "XYZ:force A:pose BC:hold"
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 AT_REST = 0.01  # rad/s
 _ACTIVE = 4  # session state COMMANDING_ACTIVE
 

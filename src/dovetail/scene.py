@@ -148,9 +148,7 @@ class SceneConfig:
             x = sign * (self.peg_width / 2.0 + 0.006)
             position = np.array([x, 0.0, 2.0 * body[2] + half])
             size = (0.006, 0.010, half)
-            parts.append(
-                Primitive(name, "box", size, position, _MOUNT, _GRIPPER_RGBA)
-            )
+            parts.append(Primitive(name, "box", size, position, _MOUNT, _GRIPPER_RGBA))
         return [*parts, self.peg_primitive()]
 
     def block_primitives(self) -> list[Primitive]:

@@ -101,6 +101,7 @@ def test_a_service_on_this_machine_needs_no_certificate():
     assert address == GrpcAddress(text=text, host="127.0.0.1", port=50051)
     assert parse_address("grpc://localhost").port == 50051
     assert parse_address("grpc://localhost?margins=model").margins == "model"
+    assert parse_address("grpc://localhost?period=1ms").period == 0.001
 
 
 def test_certificates_are_files(tmp_path):
@@ -144,9 +145,10 @@ def test_certificates_are_files(tmp_path):
         ("grpc://", "give grpc://HOST:PORT"),
         (
             "grpc://a:1?token=x",
-            "unknown keys: token; known keys: ca, cert, key, margins",
+            "unknown keys: token; known keys: ca, cert, key, period, margins",
         ),
         ("grpc://a:1", "needs certificates"),
+        ("grpc://localhost?period=10ms", "allowed: whole milliseconds, 1 to 5 ms"),
         ("grpc://a:1?cert=x", "gives cert without key"),
         ("grpc://a:1?ca=/nowhere", "arm ca '/nowhere' is no file"),
     ],

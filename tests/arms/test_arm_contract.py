@@ -13,7 +13,7 @@ from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
 from dovetail.scene import SceneConfig
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
-Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 ARMS = ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet), "twin"]
 ARMS += ["remote", "fri"]

@@ -11,7 +11,7 @@ from dovetail.scene import SceneConfig
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 DOWN = quat_multiply(quat_about_z(0.0), np.array([0.0, 1.0, 0.0, 0.0]))
-SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from dovetail.scene import SceneConfig
 from .loopback import LOOPBACK, CabinetArm, free_port, make_cabinet
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
-Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 TASK = "XYZ:force A:pose BC:hold"
 PERIOD = 0.005

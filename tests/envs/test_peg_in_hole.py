@@ -7,7 +7,7 @@ from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
 from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.randomisation import RandomisationConfig, tool_down
 from dovetail.errors import ConfigError, MissingDependencyError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
@@ -267,6 +267,18 @@ def test_a_hole_out_of_reach_is_refused_saying_by_how_much(real, position, messa
     hole = Pose(np.array(position), quat_about_z(0.0))
     with pytest.raises(ConfigError, match=message):
         real.reset(options={"hole": hole})
+
+
+def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is(fake):
+    env, arm = fake
+    arm.places_hole = False
+    with pytest.raises(ConfigError, match="cannot move the hole: say where it is"):
+        env.reset(seed=0)
+    env.reset(seed=0, options={"hole": HOLE})
+    np.testing.assert_array_equal(arm.hole.position, HOLE.position)
+    fixed = RandomisationConfig(hole_range=(0.0, 0.0, 0.0), hole_yaw=0.0)
+    env = PegInHoleEnv(arm, randomisation=fixed)
+    env.reset(seed=0)
 
 
 def test_an_unknown_reset_option_lists_the_known_ones(real):

@@ -11,7 +11,7 @@ from dovetail.scene import SceneConfig
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 # Elbow up, tool down, about 0.1 m above the block.
-Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 Q_BENT = np.array([0.3, 0.5, -0.2, -1.2, 0.4, 0.9, 0.7])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 ENGINES = ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet)]

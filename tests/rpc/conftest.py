@@ -41,7 +41,7 @@ def scene():
 
 @pytest.fixture(scope="session")
 def start(scene):
-    seed = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 3.0])
+    seed = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
     return scene.robot().inverse_kinematics(
         Pose(np.array([0.60, 0.0, 0.16]), TOOL_DOWN), seed
     )

@@ -39,7 +39,9 @@ def over_fri(scene, clock, news):
                 log_folder=None,
             )
 
-        yield RebuiltArm("fri", scene, make, is_real_time=clock == "wall")
+        yield RebuiltArm(
+            "fri", scene, make, is_real_time=clock == "wall", places_hole=True
+        )
     plant.close()
 
 

@@ -7,7 +7,9 @@ import sys
 
 import pytest
 
+from arms.loopback import free_port
 from dovetail.cli import run
+from dovetail.errors import ConfigError
 
 from .conftest import HOLE, push
 
@@ -51,6 +53,14 @@ def test_a_twin_with_another_peg(serve, connect):
     arm = connect(address)
     assert arm.info.arm == "twin:medium"
     assert arm.info.scene.peg == "round"
+
+
+def test_a_cabinets_period_is_told_to_the_learner(serve, connect):
+    _, address = serve("--arm", f"fri://127.0.0.1:{free_port()}?period=1ms")
+    with pytest.raises(ConfigError) as error:
+        connect(address)  # with 5 ms
+    for words in ("commanded every 1 ms", "asks for 5 ms", "grpc://HOST:PORT?period="):
+        assert words in str(error.value)
 
 
 @pytest.mark.parametrize(

@@ -92,6 +92,8 @@ class GrpcAddress:
     """Own certificate."""
     key: Path | None = None
     """Own private key."""
+    period: float | None = None
+    """Time between two commands [s]; a cabinet behind the service dictates it."""
     margins: Literal["model", "hardware"] = "hardware"
     """Limit margins: for an arm that is as the model says, or for one that is not."""
 
@@ -130,8 +132,8 @@ def is_simulated_here(address: ArmAddress) -> bool:
 def places_hole(address: ArmAddress) -> bool:
     """Say whether the arm can put the hole where an episode wants it.
 
-    A cabinet without a control port cannot: there the hole is where it is. What an arm
-    behind a service can do, the service knows.
+    A cabinet without a control port cannot: there the hole is where it is. Of an arm
+    behind a service only the service knows (`RemoteArm.places_hole`); this says yes.
     """
     return not isinstance(address, FriAddress) or address.control is not None
 
@@ -248,7 +250,7 @@ def _fri(text: str) -> FriAddress:
         host=host,
         port=port,
         version=version,  # type: ignore[arg-type]
-        period=_fri_period(keys["period"]) if "period" in keys else None,
+        period=_period(keys),
         clock=clock,  # type: ignore[arg-type]
         control=control,
         reset=reset,  # type: ignore[arg-type]
@@ -274,8 +276,10 @@ def _signs(keys: Mapping[str, str]) -> dict[str, int]:
     return signs
 
 
-def _fri_period(text: str) -> float:
-    period = parse_time(text, "arm period")
+def _period(keys: Mapping[str, str]) -> float | None:
+    if "period" not in keys:
+        return None
+    period = parse_time(keys["period"], "arm period")
     low, high = FRI_PERIODS
     is_whole = abs(period * 1e3 - round(period * 1e3)) < 1e-9
     if not is_whole or not low <= period <= high + 1e-12:
@@ -288,9 +292,9 @@ def _fri_period(text: str) -> float:
 
 def _grpc(text: str) -> GrpcAddress:
     host, port, keys = _split(text, GRPC_PORT)
-    _require_known(text, keys, ("ca", "cert", "key", "margins"))
-    margins = _choice(keys, "margins", ("hardware", "model"))
-    keys.pop("margins", None)
+    _require_known(text, keys, ("ca", "cert", "key", "period", "margins"))
+    margins, period = _choice(keys, "margins", ("hardware", "model")), _period(keys)
+    keys = {name: keys[name] for name in ("ca", "cert", "key") if name in keys}
     if ("cert" in keys) != ("key" in keys):
         given, needed = ("cert", "key") if "cert" in keys else ("key", "cert")
         raise ConfigError(
@@ -309,6 +313,7 @@ def _grpc(text: str) -> GrpcAddress:
         text=text,
         host=host,
         port=port,
+        period=period,
         margins=margins,  # type: ignore[arg-type]
         **files,
     )

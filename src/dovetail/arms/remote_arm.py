@@ -109,6 +109,11 @@ class RemoteArm:
         """What the service said of its arm when the connection was made."""
         return self._connection.info
 
+    @property
+    def places_hole(self) -> bool:
+        """Whether the hole goes where a reset says; if not, it is where it is."""
+        return self.info.places_hole
+
     def seed(self, seed: int) -> None:
         """Start a simulation's noise again with the next reset."""
         self._seed = int(seed)

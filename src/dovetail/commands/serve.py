@@ -16,13 +16,16 @@ from dovetail.arms.address import (
     PlantAddress,
     TwinAddress,
     parse_address,
+    places_hole,
 )
+from dovetail.arms.arm import Arm
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.scene import PegShape, SceneConfig
 
 if TYPE_CHECKING:
     from dovetail.rpc.arm_host import ArmBuilder
+    from dovetail.rpc.settings import Settings
 
 _STATUS_PERIOD = 0.5  # s
 
@@ -148,9 +151,20 @@ def _fri_builder(name: str, address: FriAddress, scene: SceneConfig) -> "ArmBuil
     from dovetail.envs.arm_setup import build_fri_arm
     from dovetail.rpc.builders import RebuiltArm
 
+    def make(s: "Settings") -> Arm:
+        if address.period not in (None, s.period):
+            period = f"{1e3 * address.period:g} ms"
+            raise ConfigError(
+                f"the arm at {name} is commanded every {period}, the learner asks for "
+                f"{1e3 * s.period:g} ms: add period={period.replace(' ', '')} to the "
+                "learner's address, grpc://HOST:PORT?period=..."
+            )
+        return build_fri_arm(address, scene, s.osc, s.limits, s.task, s.period)
+
     return RebuiltArm(
         name,
         scene,
-        lambda s: build_fri_arm(address, scene, s.osc, s.limits, s.task, s.period),
+        make,
         is_real_time=address.clock == "wall",
+        places_hole=places_hole(address),
     )

@@ -106,8 +106,7 @@ def build_arm(
             "dynamics can be given to a plant of this process only; the arm behind "
             "the address has its own"
         )
-    if isinstance(address, FriAddress):
-        period = address.period or period
+    period = address.period or period
     is_hardware = address.margins == "hardware"
     osc, limits = make_settings(
         scene, period, force_damping, near_speed, walls, scheme, is_hardware=is_hardware

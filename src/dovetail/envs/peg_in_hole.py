@@ -15,6 +15,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
+from dovetail.envs.insertion import insertion
 from dovetail.envs.observation import (
     NUM_OBSERVATIONS,
     OBSERVATION_HIGH,
@@ -264,6 +265,11 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Return the tool's rotation (wxyz) when the peg is aligned with the hole."""
         return quat_multiply(hole.quat_wxyz, TOOL_DOWN)
 
+    @property
+    def places_hole(self) -> bool:
+        """Whether the arm can put the hole where an episode wants it."""
+        return getattr(self.arm, "places_hole", True)
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -274,18 +280,21 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             options: "hole": the hole's Pose; "start": the configuration q [rad].
 
         Raises:
-            ConfigError: An unknown option, or a hole out of reach.
+            ConfigError: An unknown option, a hole out of reach, or a drawn one on an
+                arm that cannot move it.
         """
         super().reset(seed=seed)
         options = options or {}
-        if unknown := set(options) - {"hole", "start"}:
-            raise ConfigError(
-                f"unknown reset options: {', '.join(sorted(unknown))}; known: hole, "
-                "start"
-            )
+        if unknown := ", ".join(sorted(set(options) - {"hole", "start"})):
+            raise ConfigError(f"unknown reset options: {unknown}; known: hole, start")
         hole = self.draw_hole()
         if options.get("hole") is not None:
             hole = Pose(*(np.asarray(part, dtype=float) for part in options["hole"]))
+        elif not (self.places_hole or self.randomisation.is_hole_fixed):
+            raise ConfigError(
+                "the arm cannot move the hole: say where it is, with --fixed-goal "
+                "--hole X Y Z YAW [m, rad] or reset(options={'hole': Pose})"
+            )
         require_inside(self.scene, self.arm, self.walls(), hole)
         if options.get("start") is not None:
             q = np.asarray(options["start"], dtype=float)
@@ -381,18 +390,10 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         }
 
     def _insertion(self, error: Vec3) -> tuple[float, float]:
-        """Return depth and distance from the axis in the true hole [m].
-
-        Args:
-            error: Tool minus target [m] by the tracker: the truth where that tells it.
-        """
+        """Return `insertion` in the true hole, whatever `error` the tracker saw."""
         axis = self._axis
         if self._tracked is not self.hole:
             axis = matrix_from_quat(self.hole.quat_wxyz)[:, 2]
             goal = self.hole.position - self.scene.hole_depth * axis
             error = self.state.position - goal
-        x, y, z = error.tolist()
-        nx, ny, nz = axis.tolist()
-        height = x * nx + y * ny + z * nz
-        lateral = math.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
-        return self.scene.hole_depth - height, lateral
+        return insertion(error, axis, self.scene.hole_depth)

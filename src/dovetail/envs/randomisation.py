@@ -41,6 +41,11 @@ class RandomisationConfig:
     gap: float = 0.005
     """Smallest gap between peg and block at the start [m]."""
 
+    @property
+    def is_hole_fixed(self) -> bool:
+        """Whether every hole that is drawn is the same."""
+        return not any((*self.hole_range, self.hole_yaw))
+
 
 def sample_hole(rng: np.random.Generator, config: RandomisationConfig) -> Pose:
     """Draw the pose of the hole's mouth (z out of the hole)."""

@@ -175,7 +175,12 @@ def _require_usable(config: EvaluationConfig, arm: ArmAddress) -> None:
             f"workers is {config.workers}, but there is one arm at {config.arm}; "
             "needs 1"
         )
-    if not places_hole(arm) and config.hole is None:
+    _require_hole(config, can_place=places_hole(arm))
+
+
+def _require_hole(config: EvaluationConfig, *, can_place: bool) -> None:
+    """Refuse to guess where the hole is, for an arm that cannot move it."""
+    if config.hole is None and not can_place:
         raise ConfigError(
             f"the arm at {config.arm} cannot move the hole: say where it is with "
             "--hole X Y Z YAW [m, rad], or add control=HOST:PORT for a simulated "
@@ -225,7 +230,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation()
     make_env = partial(make_perturbed, policy.metadata["env_id"], perturbation, options)
-    with closing(_inspect(make_env, policy, poses[0], jobs[0].seed)) as env:
+    with closing(_inspect(config, make_env, policy)) as env:
         scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
         folder = claim_output_folder(config.out)
         logs = folder / "logs" if config.keep_logs else None
@@ -236,12 +241,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         make = make_env if config.workers > 1 else lambda: env
         load: Any = partial(Policy.load, file)
         trials = run_trials(
-            make,
-            load,
-            jobs,
-            poses=poses,
-            logs=logs,
-            workers=config.workers,
+            make, load, jobs, poses=poses, logs=logs, workers=config.workers
         )
         outcomes = _show(trials, len(jobs), console)
     rows = summarise(outcomes, [pose.name for pose in poses])
@@ -279,7 +279,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
 
 
 def _inspect(
-    make_env: Callable[[], gym.Env], policy: Policy, pose: HolePose, seed: int
+    config: EvaluationConfig, make_env: Callable[[], gym.Env], policy: Policy
 ) -> gym.Env:
     """Return an environment; says what is wrong before anything is written."""
     try:
@@ -289,7 +289,9 @@ def _inspect(
             f"the policy's JSON file does not describe a known environment: {error}"
         ) from error
     try:
-        observation, _ = env.reset(seed=seed, options={"hole": pose.pose()})
+        _require_hole(config, can_place=env.unwrapped.places_hole)  # type: ignore[attr-defined]
+        pose = hole_poses(config)[0].pose()
+        observation, _ = env.reset(seed=config.seed, options={"hole": pose})
         action = policy(observation)
         if action.shape != env.action_space.shape:
             raise PolicyError(

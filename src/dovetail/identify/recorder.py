@@ -107,11 +107,7 @@ def record(
     """
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
-    if config.hole is None and not places_hole(address):
-        raise ConfigError(
-            f"the arm at {config.arm} cannot move the hole: say where it is with "
-            "--hole X Y Z YAW [m, rad]; the motions stay above it"
-        )
+    _require_hole(config, can_place=places_hole(address))
     x, y, z, yaw = config.hole or DEFAULT_HOLE
     hole = (x, y, z, yaw)
     height = _start_height(config, z)
@@ -127,6 +123,7 @@ def record(
         near_press=math.inf,  # the log is of the actions as they were drawn
     )
     with closing(env):
+        _require_hole(config, can_place=env.places_hole)
         if starts is None:
             robot = env.arm.robot
             starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])
@@ -158,6 +155,15 @@ def _start_height(config: RecordConfig, mouth: float) -> float:
         f"free air above it, below the wall at {WALLS_MAX[2]:g} m; put the block at "
         f"{START_HEIGHT_MAX - FREE_AIR:g} m or lower, or give --allow-contact"
     )
+
+
+def _require_hole(config: RecordConfig, *, can_place: bool) -> None:
+    """Refuse to guess where the hole is, for an arm that cannot move it."""
+    if config.hole is None and not can_place:
+        raise ConfigError(
+            f"the arm at {config.arm} cannot move the hole: say where it is with "
+            "--hole X Y Z YAW [m, rad]; the motions stay above it"
+        )
 
 
 def plan_starts(

@@ -34,6 +34,8 @@ class ArmBuilder(Protocol):
     """Geometry of the task; None where it is not known."""
     is_real_time: bool
     """Whether the arm moves on while the learner thinks."""
+    places_hole: bool
+    """Whether the arm can put the hole where a reset says."""
 
     def build(self, settings: Settings) -> Arm:
         """Return an arm with these settings; the one built before is not used again."""

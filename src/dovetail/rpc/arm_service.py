@@ -101,6 +101,7 @@ class ArmService:
             version=own_version(),
             arm=builder.name,
             real_time=builder.is_real_time,
+            places_hole=builder.places_hole,
             holder=str(holder or ""),
             stopped=self._host.stop_reason,
             joints=JOINTS,

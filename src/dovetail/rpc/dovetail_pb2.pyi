@@ -21,7 +21,7 @@ class InfoRequest(_message.Message):
     def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ...) -> None: ...
 
 class Info(_message.Message):
-    __slots__ = ("version", "arm", "real_time", "robot", "scene", "holder", "stopped", "joints", "columns", "configured")
+    __slots__ = ("version", "arm", "real_time", "robot", "scene", "holder", "stopped", "joints", "columns", "configured", "places_hole")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     ARM_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FIELD_NUMBER: _ClassVar[int]
@@ -32,6 +32,7 @@ class Info(_message.Message):
     JOINTS_FIELD_NUMBER: _ClassVar[int]
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
     CONFIGURED_FIELD_NUMBER: _ClassVar[int]
+    PLACES_HOLE_FIELD_NUMBER: _ClassVar[int]
     version: Version
     arm: str
     real_time: bool
@@ -42,7 +43,8 @@ class Info(_message.Message):
     joints: _containers.RepeatedScalarFieldContainer[str]
     columns: _containers.RepeatedScalarFieldContainer[str]
     configured: Configuration
-    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., arm: _Optional[str] = ..., real_time: _Optional[bool] = ..., robot: _Optional[_Union[RobotModel, _Mapping]] = ..., scene: _Optional[_Union[Scene, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., joints: _Optional[_Iterable[str]] = ..., columns: _Optional[_Iterable[str]] = ..., configured: _Optional[_Union[Configuration, _Mapping]] = ...) -> None: ...
+    places_hole: bool
+    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., arm: _Optional[str] = ..., real_time: _Optional[bool] = ..., robot: _Optional[_Union[RobotModel, _Mapping]] = ..., scene: _Optional[_Union[Scene, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., joints: _Optional[_Iterable[str]] = ..., columns: _Optional[_Iterable[str]] = ..., configured: _Optional[_Union[Configuration, _Mapping]] = ..., places_hole: _Optional[bool] = ...) -> None: ...
 
 class RobotModel(_message.Message):
     __slots__ = ("name", "origin_position", "origin_rotation", "mass", "com", "inertia", "flange_position", "flange_rotation", "tool_position", "tool_rotation", "q_min", "q_max", "dq_max", "tau_max", "payload")
