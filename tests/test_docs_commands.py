@@ -31,7 +31,7 @@ def lines(text):
         for word, value in STANDS_FOR.items():
             line = re.sub(rf"(?<=\s){re.escape(word)}\b", value, line)
         if not PLACEHOLDER.search(line):
-            yield " ".join(line.split())
+            yield " ".join(line.partition(" > ")[0].split())
 
 
 def commands():
