@@ -1,9 +1,11 @@
 # make demo    set up, then the main job: the shipped policy on a twin
 # make test    set up for development, then every test, C++ included
+# make test-sanitized   the C++ tests under ASan and UBSan
 # make fuzz    ten million random datagrams into the FRI decoders (FUZZ_INPUTS, FUZZ_SEED)
 # make lint    what CI checks besides the tests
 # make proto   generate the gRPC messages from proto/dovetail.proto
 # make format  write Python and C++ in the house's format
+# make clean   remove the C++ builds; .venv stays
 #
 # PYTHON=python3.11 make ...   chooses the interpreter of the set-up
 # ARGS="--tries 5" make demo   passes options on; for make test they go to pytest

@@ -116,22 +116,6 @@ def rotation_error(quat_d: Vec4, quat: Vec4) -> Vec3:
     return (2.0 * np.arctan2(length, quat_e[0]) / length) * quat_e[1:]
 
 
-def yaw_relative(quat: Vec4, quat_ref: Vec4) -> float:
-    """Return the turn about world z [rad] from ``quat_ref`` to ``quat``.
-
-    The swing-twist decomposition: the twist about z of ``quat quat_ref^-1``, in
-    (-pi, pi]; it is exact where the rest of the rotation is small.
-    """
-    quat_e = quat_multiply(quat, quat_conjugate(quat_ref))
-    return wrap_angle(2.0 * float(np.arctan2(quat_e[3], quat_e[0])))
-
-
-def wrap_angle(angle: float) -> float:
-    """Wrap an angle [rad] into (-pi, pi]."""
-    wrapped = float(np.pi - np.mod(np.pi - angle, 2.0 * np.pi))
-    return wrapped if wrapped > -np.pi else float(np.pi)
-
-
 def quat_from_vector(vector: Vec3) -> Vec4:
     """Convert a rotation vector [rad], shape (3,), to a quaternion."""
     angle = float(np.sqrt(vector @ vector))

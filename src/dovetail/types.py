@@ -11,8 +11,6 @@ Vec4: TypeAlias = Array
 Vec6: TypeAlias = Array
 Vec7: TypeAlias = Array
 Mat33: TypeAlias = Array
-Mat67: TypeAlias = Array
-Mat77: TypeAlias = Array
 
 JOINTS = tuple(f"A{i}" for i in range(1, 8))
 """Joint names, base to flange."""

@@ -62,7 +62,7 @@ def build_arm(
         twin: A twin, its name or its file; an address names its own.
         period: Control period [s]; an address may give its own.
         force_damping: Damping D of force axes [1/s], one number or one for each of
-            X Y Z; 0 is the paper.
+            X Y Z; the paper has 0, see `PegInHoleEnv`.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].
         walls: Lower and upper walls of the TCP [m].
         scheme: How limits are kept, "qp" or "paper".
@@ -175,7 +175,7 @@ def build_local_arm(
         twin: A twin, its name or its file; None for the plain plant.
         period: Control period [s].
         force_damping: Damping D of force axes [1/s], one number or one for each of
-            X Y Z; 0 is the paper.
+            X Y Z; the paper has 0, see `PegInHoleEnv`.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].
         walls: Lower and upper walls of the TCP [m].
         scheme: How limits are kept, "qp" or "paper".

@@ -118,8 +118,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         max_steps: Episode length [policy steps of 50 ms].
         f_scale: f* at action 1 on X Y Z [m/s2], one number or three.
         f_scale_angular: f* at action 1 on A B C [rad/s2].
-        force_damping: Damping of force axes X Y Z [1/s], one number or three; 0 is the
-            paper.
+        force_damping: Damping of force axes X Y Z [1/s], one number or three. The paper
+            has 0; near_speed and near_press act all the same, until they are 0.25 m/s
+            (the limit everywhere) and f_scale; tare needs damping.
         tare: Measure at each reset, in free air, the f* that holds the weight which
             the arm's gravity compensation misses, and add it to every action's: 2.2 s.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].

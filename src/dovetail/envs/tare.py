@@ -1,7 +1,7 @@
 """Tare: weight that nobody compensates, measured in free air and taken off f*.
 
 A cabinet compensates gravity by its own model. What it misses by draws on the tool, at
-f* = 0 as much as under a policy that was trained without it: 1.7 m/s2 on twin medium.
+f* = 0 as much as under a policy that was trained without it: 1.8 m/s2 on twin medium.
 
 The tool is led slowly forth and back along a line. Friction takes as much from f* one
 way as it adds the other way, so the mean over both is what holds the weight alone.

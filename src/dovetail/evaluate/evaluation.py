@@ -40,12 +40,12 @@ from dovetail.arms.address import (
 )
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
-from dovetail.evaluate.files import claim_output_folder, write_atomic
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation, make_perturbed
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
 from dovetail.evaluate.trials import HOLE_POSES, HolePose, plan_trials, run_trials
+from dovetail.files import claim_output_folder, write_atomic
 from dovetail.learn.export import commit, versions
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import PLANTS

@@ -91,7 +91,8 @@ class TrainConfig:
     """f* at action 1 on A B C [rad/s2]."""
     force_damping: tuple[float, ...] = (40.0,)
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
-    speed; 0 is the paper."""
+    speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
+    f_scale, no tare."""
     tare: bool = True
     """Before each episode measure, in free air, the weight that gravity compensation
     misses, and take it off what the policy commands: in training with `model`,

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError, PolicyError
-from dovetail.evaluate.files import write_atomic
+from dovetail.files import write_atomic
 
 FORMAT = "dovetail-policy"
 VERSION = 1

@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn
 
 from dovetail.errors import ConfigError
-from dovetail.evaluate.files import write_atomic
+from dovetail.files import write_atomic
 
 WINDOW = 50
 """Finished episodes behind the success rate and the reward that are shown."""

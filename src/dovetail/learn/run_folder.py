@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from dovetail.errors import ConfigError
-from dovetail.evaluate.files import claim_output_folder, write_atomic
+from dovetail.files import claim_output_folder, write_atomic
 from dovetail.learn.config import TrainConfig
 
 CONFIG = "config.json"

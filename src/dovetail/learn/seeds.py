@@ -15,7 +15,7 @@ from typing import Any
 from rich.console import Console
 
 from dovetail.errors import DovetailError
-from dovetail.evaluate.files import write_atomic
+from dovetail.files import write_atomic
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import ProgressBar
 from dovetail.learn.run_folder import CONFIG, EVALUATION, open_run

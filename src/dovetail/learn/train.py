@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from rich.console import Console
 
 from dovetail.errors import ArmError, PlantError
-from dovetail.evaluate.files import write_atomic
+from dovetail.files import write_atomic
 from dovetail.learn.algorithms import make_model, make_vec_env
 from dovetail.learn.assess import assess
 from dovetail.learn.best_actor import BestActor

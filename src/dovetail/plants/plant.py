@@ -1,7 +1,7 @@
 """What a plant is: joint torques in for one control period, joint state out."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
@@ -241,8 +241,3 @@ def require_configuration(q: Vec7) -> Vec7:
         if not math.isfinite(value):
             raise ConfigError(f"configuration q[{joint}] is {value} rad")
     return q
-
-
-def dynamics_fields() -> tuple[str, ...]:
-    """Return the names of all fields of a DynamicsConfig."""
-    return tuple(f.name for f in fields(DynamicsConfig))

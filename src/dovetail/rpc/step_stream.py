@@ -1,4 +1,14 @@
-"""A learner's steps over the control stream, quick because everything is at hand."""
+"""A learner's steps over the control stream, quick because everything is at hand.
+
+During a step's wait every thread on the road falls asleep; two `KeepAlive` calls just
+before the report is due wake them. What the arm adds to gRPC are four pieces of Python,
+request and report written and read, of 55 to 90 us each after a wait, 30 to 50 without.
+No better than the two calls: one call (0.05 ms slower), three (0.03 ms faster), short
+sleeps, writing and reading a message for practice, `grpc.minimal_stack` and
+`grpc.optimization_target`. Faster, but not used: reports over a stream of their own,
+read by the caller's thread (0.10 of 0.84 ms; an interrupted wait cannot be taken up
+again), and older pollers by `GRPC_EXPERIMENTS` (0.05 ms; their names change).
+"""
 
 import queue
 import time

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from dovetail.errors import ConfigError, LogError
-from dovetail.evaluate.files import claim_output_folder, write_atomic
+from dovetail.files import claim_output_folder, write_atomic
 
 
 def test_a_new_folder_is_made_with_its_parents(tmp_path):
