@@ -79,7 +79,7 @@ ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
       watchdog_(params.watchdog, limits),
       log_(rows_of(params), servo_columns().size()) {
   require_filter(params.position_filter, params.period);
-  // Tustin: at 1 ms and 20 Hz these are the numbers of fri.md section 13.
+  // A first-order low-pass by Tustin's rule, exact at its own frequency.
   const double w = std::tan(M_PI * params.position_filter * params.period);
   filter_b_ = w / (1.0 + w);
   filter_a_ = (1.0 - w) / (1.0 + w);

@@ -1,4 +1,4 @@
-"""The 17 invariants of the controller's maths, numbered as in docs/controller."""
+"""The 17 invariants of the controller's maths, numbered as in docs/control.md."""
 
 from dataclasses import replace
 

@@ -48,7 +48,7 @@ class Controller {
   /// Latches another pose for hold axes: TCP position [m] and rotation (wxyz).
   void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
-  /// Estimated external torque r [Nm] (control.md section 7).
+  /// Estimated external torque r [Nm] (docs/control.md, Disturbance estimate).
   const Vec7& disturbance() const noexcept { return disturbance_; }
   const OscTerms& osc_terms() const noexcept { return task_terms_; }
   const CycleBounds& bounds() const noexcept { return bounds_; }

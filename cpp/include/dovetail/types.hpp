@@ -23,7 +23,7 @@ constexpr int kNumJoints = 7;
 /// Value of a setting that has no default: a controller refuses to start with it.
 constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 
-/// How one task axis is driven (control.md section 2).
+/// How one task axis is driven (docs/control.md, Law).
 enum class AxisMode : std::uint8_t {
   kFree = 0,   ///< row dropped, left to the null space
   kForce = 1,  ///< f* given by the action
@@ -39,8 +39,9 @@ enum class Scheme : std::uint8_t {
   kPaper = 1,  ///< SCS then SJS, corrected, then the torque stage by blending
 };
 
+/// Formula of the acceleration bounds (docs/control.md, Limits).
 enum class BoundsKind : std::uint8_t {
-  kViability = 0,       ///< robust viability, the default (control.md section 3)
+  kViability = 0,       ///< robust viability, the default
   kPaperCorrected = 1,  ///< the paper's bound, velocity typo fixed, clipped to +-A
   kPaperPrinted = 2,    ///< the paper's bound as printed, for comparison only
 };
@@ -57,7 +58,7 @@ struct ChainParams {
   Vec3 gravity{0.0, 0.0, -9.81};        ///< world axes [m/s2]
 };
 
-/// Operational-space law (control.md section 2).
+/// Operational-space law (docs/control.md, Law).
 struct OscParams {
   Vec6 stiffness = Vec6::Constant(400.0);    ///< K per axis [1/s2]
   Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
@@ -75,7 +76,7 @@ struct OscParams {
   bool use_coriolis = false;         ///< add c to u0
 };
 
-/// Every limit; each one is enforced and has a flag (control.md sections 3-7, 9).
+/// Every limit; each one is enforced and has a flag (docs/control.md).
 struct LimitParams {
   Vec7 q_min = Vec7::Constant(kUnset);    ///< lower joint position limits [rad]
   Vec7 q_max = Vec7::Constant(kUnset);    ///< upper joint position limits [rad]

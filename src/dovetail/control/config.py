@@ -1,7 +1,7 @@
 """Settings of the controller: the operational-space law and every limit.
 
-Values come from control.md section 9's table, measured on an iiwa 14; each is checked
-once, here, so that the control cycle never has to.
+Values were measured on an iiwa 14 (docs/control.md, Discrete time and margins); each is
+checked once, here, so that the control cycle never has to.
 """
 
 from collections.abc import Callable
