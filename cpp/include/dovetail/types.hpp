@@ -88,11 +88,13 @@ struct LimitParams {
   double kappa = 5.0;                   ///< bound interval over the period
   double delta_q = 0.002;               ///< joint position margin [rad]
   double delta_v = 0.01;                ///< speed margin, as a share
-  bool walls = true;                    ///< Cartesian walls on the TCP
+  bool walls = true;                    ///< Cartesian limits on the TCP, all of them
   Vec3 x_min = Vec3::Constant(kUnset);  ///< lower TCP walls, world [m]
   Vec3 x_max = Vec3::Constant(kUnset);  ///< upper TCP walls, world [m]
   Vec3 dx_max = Vec3::Constant(0.5);    ///< TCP speed per axis [m/s]
-  double dx_near = 0.5;  ///< TCP speed per axis below a Target's near plane [m/s]
+  /// TCP speed per axis below a Target's near plane [m/s]: of force, pose and hold
+  /// axes, with walls on. Free axes and joint targets do not know it.
+  double dx_near = 0.5;
   Vec3 ddx_max = Vec3::Constant(5.0);  ///< TCP acceleration per axis [m/s2]
   double eta_wall = 0.5;               ///< share of ddx_max planned for braking
   double delta_x = 0.005;              ///< wall margin [m]
@@ -115,7 +117,8 @@ struct Target {
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
   Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation
   /// Where contact is near: at TCP positions p with n . p < d the speed limit is
-  /// `dx_near`. Unit normal n, then d [m], world axes; d = -infinity: nowhere.
+  /// `dx_near` (which says for what). Unit normal n, then d [m], world axes;
+  /// d = -infinity: nowhere.
   Vec4 near_plane{0.0, 0.0, 0.0, -std::numeric_limits<double>::infinity()};
   bool joint = false;       ///< go to q_d; the task axes are not used
   Vec7 q_d = Vec7::Zero();  ///< desired configuration [rad]
