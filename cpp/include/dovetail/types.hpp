@@ -115,7 +115,7 @@ struct Target {
   /// hold axes do beside their impedance law.
   Vec6 f_star = Vec6::Zero();
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
-  Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation
+  Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation, unit
   /// Where contact is near: at TCP positions p with n . p < d the speed limit is
   /// `dx_near` (which says for what). Unit normal n, then d [m], world axes;
   /// d = -infinity: nowhere.
@@ -134,7 +134,7 @@ struct Flags {
   std::uint8_t wall_velocity = 0;       ///< the TCP speed limit bounds the axis
   std::uint8_t wall_acceleration = 0;   ///< the TCP acceleration bounds the axis
   std::uint8_t wall_displaced = 0;      ///< a wall row could not be met this cycle
-  bool bad_input = false;               ///< non-finite input: damped hold
+  bool bad_input = false;    ///< input, or a torque, was no number: damped hold
   bool unsafe = false;       ///< even the safe action exceeded a torque: clipped
   bool qp_early = false;     ///< the QP stopped early; its safe answer was used
   bool target_late = false;  ///< no fresh Target (a servo loop's watchdog): held
