@@ -210,6 +210,8 @@ BOOST_AUTO_TEST_CASE(a_torque_that_would_not_be_finite_does_not_leave) {
         [](OscParams&, LimitParams& wide) { wide.damping.setConstant(1e308); }, scheme);
     const StepResult result = heavy.step(q, 100.0 * dq, target);
     require_hold(heavy, result);
+    BOOST_TEST(result.tau.norm() == 0.0);  // no model to hold by
+    BOOST_TEST(!heavy.step(q, Vec7::Zero(), target).flags.bad_input);
   }
 }
 
@@ -283,6 +285,26 @@ BOOST_AUTO_TEST_CASE(an_arm_that_is_measured_is_damped_inside_its_joint_limits) 
       }
       // Without the estimated push A7 would be at 8 rad/s.
       BOOST_TEST(plant.dq().cwiseAbs().maxCoeff() < 0.01);
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_hold_brakes_harder_where_a_joint_limit_asks_for_it) {
+  const double speed = 0.18;  // softly it would need 3.6 mrad
+  for (const Scheme scheme : kSchemes) {
+    LimitParams bare = limits(scheme);
+    bare.delta_q = 0.0;
+    const double way = speed * speed / (2.0 * bare.eta * bare.ddq_max[3]);  // 1.8 mrad
+    Vec7 start = q, dq = Vec7::Zero();
+    start[3] = bare.q_min[3] + way + 1e-4;
+    dq[3] = -speed;
+    RigidPlant plant(chain, chain, {});
+    plant.reset(start, dq);
+    Controller stopped(chain, osc, bare, task, kPeriod);
+    stopped.reset(start, p, Vec4::Zero());
+    for (int k = 0; k < 200; ++k) {
+      plant.apply(stopped.step(plant.q(), plant.dq(), target).tau, kPeriod);
+      BOOST_TEST_REQUIRE(plant.q()[3] > bare.q_min[3] - 2e-4);
     }
   }
 }
