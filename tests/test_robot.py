@@ -11,7 +11,7 @@ from dovetail.iiwa14 import INERTIA_SETS
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
 from dovetail.robot import Payload, Robot, iiwa14, merge_bodies
 
-# Check pose, computed from the public models (fri.md section 14).
+# Check pose, computed from the public models.
 Q_CHECK = np.array([0.3, 0.5, -0.2, -1.2, 0.4, 0.9, 0.7])
 P_CHECK = (0.649703, 0.140846, 0.577720)
 R_CHECK = (

@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "bind_fri_parts.hpp"
+#include "dovetail/parameters.hpp"
 #include "dovetail/servo_loop.hpp"
 #include "task_from.hpp"
 
@@ -155,7 +156,14 @@ void bind_loop(nb::module_& m) {
           "the socket cannot be had.")
       .def("command", &ServoLoop::command, "target"_a, "motion"_a, "tick"_a,
            "A Target for one motion. Lockstep: cycles below this tick are answered.")
-      .def("hold_at", &ServoLoop::hold_at, "position_hold"_a, "quat_hold"_a)
+      .def(
+          "hold_at",
+          [](ServoLoop& self, const Vec3& position_hold, const Vec4& quat_hold) {
+            check_hold(position_hold, quat_hold);
+            self.hold_at(position_hold, quat_hold);
+          },
+          "position_hold"_a, "quat_hold"_a,
+          "Raises ValueError naming the element that is out of range.")
       .def("wait", &ServoLoop::wait, "tick"_a, "motion"_a, "seconds"_a,
            nb::call_guard<nb::gil_scoped_release>())
       .def("wait_for_motion", &ServoLoop::wait_for_motion, "motion"_a, "seconds"_a,
@@ -190,14 +198,21 @@ void bind_observer(nb::module_& m) {
                                "Joint velocity from positions and the commanded "
                                "acceleration.")
       .def(nb::init<double, double>(), "period"_a, "gain"_a = 1.0)
-      .def("reset", &VelocityObserver::reset, "q"_a)
+      .def(
+          "reset",
+          [](VelocityObserver& self, const Vec7& q) {
+            check_configuration(q);
+            self.reset(q);
+          },
+          "q"_a, "Start at rest at q [rad].")
       .def(
           "update",
           [](VelocityObserver& self, const Vec7& q, const Vec7& a, double elapsed) {
             return Vec7(self.update(q, a, elapsed));
           },
           "q"_a, "a"_a, "elapsed"_a = 0.0,
-          "Measured q [rad] after elapsed [s] (0: one period) under a [rad/s2]: dq.")
+          "Measured q [rad] after elapsed [s] (0: one period) under a [rad/s2]: dq. "
+          "What is not finite is not taken.")
       .def_prop_ro("dq", &VelocityObserver::dq, nb::rv_policy::copy, "[rad/s]");
 }
 

@@ -200,7 +200,8 @@ void bind_data(nb::module_& m) {
       .def_ro("wall_velocity", &Flags::wall_velocity)
       .def_ro("wall_acceleration", &Flags::wall_acceleration)
       .def_ro("wall_displaced", &Flags::wall_displaced, "A wall could not be met.")
-      .def_ro("bad_input", &Flags::bad_input, "Non-finite input: damped hold.")
+      .def_ro("bad_input", &Flags::bad_input,
+              "Input that is none, or a torque that is not finite: damped hold.")
       .def_ro("unsafe", &Flags::unsafe, "The torque had to be clipped.")
       .def_ro("qp_early", &Flags::qp_early, "The QP stopped early: safe answer.")
       .def_ro("target_late", &Flags::target_late, "No fresh Target: held.")
@@ -253,22 +254,40 @@ void bind_controller(nb::module_& m) {
           "chain"_a, "osc"_a, "limits"_a, "task"_a, "period"_a,
           "task: modes of X Y Z C B A, 0 free, 1 force, 2 pose, 3 hold. period [s]. "
           "Raises ValueError naming the element that is out of range.")
-      .def("reset", &Controller::reset, "q"_a, "position_hold"_a, "quat_hold"_a,
-           "Start afresh at rest at q [rad]; hold axes keep this TCP position [m] and "
-           "rotation (wxyz).")
+      .def(
+          "reset",
+          [](Controller& self, const Vec7& q, const Vec3& position_hold,
+             const Vec4& quat_hold) {
+            check_configuration(q);
+            check_hold(position_hold, quat_hold);
+            self.reset(q, position_hold, quat_hold);
+          },
+          "q"_a, "position_hold"_a, "quat_hold"_a,
+          "Start afresh at rest at q [rad]; hold axes keep this TCP position [m] and "
+          "rotation (wxyz). Raises ValueError naming the element that is out of range.")
       .def(
           "step",
           [](Controller& self, const Vec7& q, const Vec7& dq, const Target& target,
              double elapsed) { return self.step(q, dq, target, elapsed); },
           "q"_a, "dq"_a, "target"_a, "elapsed"_a = 0.0,
           "One cycle from measured q [rad], dq [rad/s]: overlay torque and flags. "
-          "elapsed: time since the last cycle [s]; 0 is one period.")
-      .def("hold_at", &Controller::hold_at, "position_hold"_a, "quat_hold"_a,
-           "Latch another TCP pose for hold axes: position [m], rotation (wxyz).")
+          "elapsed: time since the last cycle [s]; 0 is one period. Never raises: bad "
+          "input is a damped hold and the flag bad_input.")
+      .def(
+          "hold_at",
+          [](Controller& self, const Vec3& position_hold, const Vec4& quat_hold) {
+            check_hold(position_hold, quat_hold);
+            self.hold_at(position_hold, quat_hold);
+          },
+          "position_hold"_a, "quat_hold"_a,
+          "Latch another TCP pose for hold axes: position [m], rotation (wxyz). Raises "
+          "ValueError naming the element that is out of range.")
       .def(
           "osc_terms",
           [](const Controller& self, const Vec7& q, const Vec7& dq,
              const Target& target) {
+            check_state(q, dq);
+            check_target(target);
             Controller probe = self;  // a copy: the disturbance estimate stays as it is
             static_cast<void>(probe.step(q, dq, target));
             return model_of(probe);
@@ -276,7 +295,8 @@ void bind_controller(nb::module_& m) {
           "q"_a, "dq"_a, "target"_a = Target{},
           "What a cycle at (q, dq) would use: J_task and Lambda with rotation rows "
           "scaled by length_scale and zero rows for free axes, N, M (with armature), "
-          "Minv, h, f (scaled), u0, exact, lb, ub, cl, cu. Changes nothing.")
+          "Minv, h, f (scaled), u0, exact, lb, ub, cl, cu. Changes nothing. Raises "
+          "ValueError naming the element that is out of range.")
       .def_prop_ro("limits", &Controller::limits, nb::rv_policy::copy,
                    "A copy of the limits that are enforced.")
       .def_prop_ro("period", &Controller::period, "Control period [s].")

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "dovetail/input.hpp"
 #include "dovetail/parameters.hpp"
 #include "dovetail/qp.hpp"
 #include "dovetail/saturation.hpp"
@@ -13,29 +14,12 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Beyond these a number is not a measurement, and its square may overflow.
-constexpr double kLargestAngle = 1e3;   // [rad]
-constexpr double kLargestSpeed = 1e3;   // [rad/s]
-constexpr double kLargestTarget = 1e9;  // any element of a Target
-constexpr double kSmallestQuat = 1e-6;  // norm, below it there is no direction
-
 // Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
 constexpr double kNearTime = 0.04;
 
-/// Every element finite and within +-limit (a NaN compares false).
-template <typename Vector>
-bool is_within(const Vector& v, double limit) noexcept {
-  return (v.array().abs() <= limit).all();
-}
-
-bool is_usable(const Target& target) noexcept {
-  return is_within(target.f_star, kLargestTarget) &&
-         is_within(target.position_d, kLargestTarget) &&
-         is_within(target.quat_wxyz_d, kLargestTarget) &&
-         target.quat_wxyz_d.norm() > kSmallestQuat &&
-         is_within(target.q_d, kLargestAngle) &&
-         is_within(target.near_plane.head<3>(), kLargestTarget) &&
-         target.near_plane[3] <= kLargestTarget;  // minus infinity: no plane
+/// Whether a torque may leave, and what it was made from.
+bool is_finite(const StepResult& result) noexcept {
+  return (result.a0 + result.a + result.tau).allFinite();
 }
 
 /// The paper's bounds as printed may be empty: the side moved towards wins.
@@ -73,16 +57,18 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
 
 void Controller::reset(const Vec7& q, const Vec3& p_hold,
                        const Vec4& quat_hold) noexcept {
-  osc_.reset(p_hold, quat_hold);
+  hold_at(p_hold, quat_hold);
   disturbance_.setZero();
   dq_last_.setZero();
   tau_last_.setZero();
   has_last_ = false;
-  update_model(is_within(q, kLargestAngle) ? q : Vec7::Zero(), Vec7::Zero());
+  has_start_ = is_configuration(q);
+  if (has_start_) update_model(q, Vec7::Zero());
 }
 
 void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
-  osc_.reset(p_hold, quat_hold);
+  has_hold_ = is_pose(p_hold, quat_hold);
+  if (has_hold_) osc_.reset(p_hold, quat_hold);
 }
 
 /// r += beta (M ddq + h0 - u - r) over the interval that has just ended; terms_ and h_
@@ -93,6 +79,7 @@ void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
   disturbance_ +=
       limits_.beta * (terms_.M * change / elapsed + h_ + viscous - tau_last_);
+  if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
 }
 
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
@@ -261,19 +248,45 @@ void Controller::limit_by_cascade(StepResult& result) noexcept {
   }
 }
 
+/// What the last known motion needs to end, softly [rad/s2].
+Vec7 Controller::braking() const noexcept {
+  const double time = std::max(limits_.kappa * period_, 0.02);  // [s]
+  const Vec7 most = limits_.eta * limits_.ddq_max;
+  return (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
+}
+
+/// The damped hold: this acceleration, by a torque that holds against h.
+StepResult Controller::hold(const Vec7& a, const Vec7& h) const noexcept {
+  StepResult result;
+  result.flags.bad_input = true;
+  result.a = result.a0 = a;
+  result.tau = terms_.M * a + h;
+  if (is_finite(result) && (lo_ + hi_).allFinite()) {
+    result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);
+  } else {  // the model is not: gravity compensation alone holds
+    result.a = result.a0 = result.tau = Vec7::Zero();
+  }
+  return result;
+}
+
 /// Without a measurement: slow down along the last known motion, as the model predicts
 /// it, until the arm rests; then the torque is zero and gravity compensation holds it.
-StepResult Controller::brake() noexcept {
-  StepResult result;
-  const double time = std::max(limits_.kappa * period_, 0.02);  // [s], softly
-  const Vec7 most = limits_.eta * limits_.ddq_max;
-  result.a = (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
-  result.a0 = result.a;
-  result.tau = terms_.M * result.a + limits_.damping.cwiseProduct(dq_last_);
-  result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);
-  result.flags.bad_input = true;
+StepResult Controller::brake_blindly() noexcept {
+  const StepResult result = hold(braking(), limits_.damping.cwiseProduct(dq_last_));
   dq_last_ += period_ * result.a;
   has_last_ = false;
+  return result;
+}
+
+/// With one: slow down inside the joints' limits, against what pushes.
+StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
+  update_model(q, dq);
+  update_bounds(q, dq);
+  dq_last_ = dq;
+  const Vec7 a = braking().cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const StepResult result = hold(a, h_);
+  tau_last_ = result.tau;
+  has_last_ = true;
   return result;
 }
 
@@ -292,6 +305,7 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
                                StepResult& result) noexcept {
   const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d);
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
   for (int i = 0; i < kNumJoints; ++i) {
     if (wanted[i] > bounds_.ub[i]) upper |= bit(i);
@@ -304,12 +318,13 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
 
 StepResult Controller::step(const Vec7& q, const Vec7& dq, const Target& target,
                             double elapsed) noexcept {
-  if (!is_within(q, kLargestAngle) || !is_within(dq, kLargestSpeed) ||
-      !is_usable(target)) {
+  if (!is_configuration(q) || !is_speed(dq)) {
     chain_.tool_motion(q, dq, tool_);  // for the log; braking does not look at it
-    return brake();
+    return brake_blindly();
   }
-  update_disturbance(dq, elapsed > 0.0 ? elapsed : period_);
+  const bool is_time = std::isfinite(elapsed);
+  update_disturbance(dq, is_time && elapsed > kShortestTime ? elapsed : period_);
+  if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time) return brake(q, dq);
   update_model(q, dq);
   update_bounds(q, dq);
 
@@ -323,6 +338,10 @@ StepResult Controller::step(const Vec7& q, const Vec7& dq, const Target& target,
     limit_by_qp(result);
   } else {
     limit_by_cascade(result);
+  }
+  if (!is_finite(result)) {
+    disturbance_.setZero();  // where it could stay
+    return brake(q, dq);
   }
   const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
   if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {

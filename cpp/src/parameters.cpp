@@ -8,6 +8,8 @@
 #include <string>
 #include <string_view>
 
+#include "dovetail/input.hpp"
+
 namespace dovetail {
 namespace {
 
@@ -26,6 +28,9 @@ constexpr Range kPositive{0.0, kInfinity, true, "a finite number above 0"};
 constexpr Range kNotNegative{0.0, kInfinity, false, "a finite number, 0 or above"};
 constexpr Range kShare{0.0, 1.0, true, "above 0 and at most 1"};
 constexpr Range kGain{0.0, 1.0, false, "0 to 1"};
+constexpr Range kAngle{-kLargestAngle, kLargestAngle, false, "-1000 to 1000 rad"};
+constexpr Range kSpeed{-kLargestSpeed, kLargestSpeed, false, "-1000 to 1000 rad/s"};
+constexpr Range kTarget{-kLargestTarget, kLargestTarget, false, "-1e9 to 1e9"};
 
 [[noreturn]] void refuse(const std::string& element, double value,
                          std::string_view unit, std::string_view allowed) {
@@ -55,6 +60,26 @@ void require_each(std::string_view name, const Vector& values, std::string_view 
   }
 }
 
+void require_each(const std::string& name, const Mat3& values, std::string_view unit) {
+  for (int i = 0; i < 3; ++i) {
+    require_each(indexed(name, i), Vec3(values.row(i)), unit, kAnyFinite);
+  }
+}
+
+void require_rotation(const std::string& name, const Mat3& R) {
+  require_each(name, R, "");
+  const double skew = (R.transpose() * R - Mat3::Identity()).norm();
+  if (!(skew < 1e-6) || R.determinant() < 0.0) {
+    refuse(name + " (|R^T R - I|)", skew, "", "a right-handed rotation matrix");
+  }
+}
+
+template <typename Vector>
+void require_unit(const std::string& name, const Vector& v) {
+  require_each(name, v, "", kAnyFinite);
+  if (!is_unit(v)) refuse(name + " (length)", v.norm(), "", "1, to within 0.001");
+}
+
 template <typename Vector>
 void require_order(std::string_view low_name, const Vector& low,
                    std::string_view high_name, const Vector& high, double margin,
@@ -76,13 +101,9 @@ void check_chain(const ChainParams& chain) {
                  kAnyFinite);
     require_each(indexed("com", i), chain.com[i], "m", kAnyFinite);
     require(indexed("mass", i), chain.mass[i], "kg", kNotNegative);
-    const Mat3& R = chain.origin_rotation[i];
-    const double skew = (R.transpose() * R - Mat3::Identity()).norm();
-    if (!(skew < 1e-6) || R.determinant() < 0.0) {
-      refuse(indexed("origin_rotation", i) + " (|R^T R - I|)", skew, "",
-             "a right-handed rotation matrix");
-    }
+    require_rotation(indexed("origin_rotation", i), chain.origin_rotation[i]);
     const Mat3& I = chain.inertia[i];
+    require_each(indexed("inertia", i), I, "kg m2");
     for (int k = 0; k < 3; ++k) {
       require(indexed(indexed("inertia", i), k) + " (diagonal)", I(k, k), "kg m2",
               kNotNegative);
@@ -93,11 +114,7 @@ void check_chain(const ChainParams& chain) {
     }
   }
   require_each("tool_position", chain.tool_position, "m", kAnyFinite);
-  const Mat3& R = chain.tool_rotation;
-  const double skew = (R.transpose() * R - Mat3::Identity()).norm();
-  if (!(skew < 1e-6) || R.determinant() < 0.0) {
-    refuse("tool_rotation (|R^T R - I|)", skew, "", "a right-handed rotation matrix");
-  }
+  require_rotation("tool_rotation", chain.tool_rotation);
   require_each("gravity", chain.gravity, "m/s2", kAnyFinite);
 }
 
@@ -154,6 +171,29 @@ void check_task(const TaskSpec& task) {
 
 void check_period(double period) {
   require("period", period, "s", {0.0, 0.1, true, "above 0 and at most 0.1 s"});
+}
+
+void check_configuration(const Vec7& q) { require_each("q", q, "rad", kAngle); }
+
+void check_state(const Vec7& q, const Vec7& dq) {
+  check_configuration(q);
+  require_each("dq", dq, "rad/s", kSpeed);
+}
+
+void check_hold(const Vec3& p_hold, const Vec4& quat_hold) {
+  require_each("position_hold", p_hold, "m", kTarget);
+  require_unit("quat_hold", quat_hold);
+}
+
+void check_target(const Target& target) {
+  require_each("f_star", target.f_star, "m/s2 or rad/s2", kTarget);
+  require_each("position_d", target.position_d, "m", kTarget);
+  require_unit("quat_wxyz_d", target.quat_wxyz_d);
+  require_each("q_d", target.q_d, "rad", kAngle);
+  require_each("near_plane", Vec3(target.near_plane.head<3>()), "", kTarget);
+  if (is_plane(target.near_plane)) return;
+  require("near_plane[3]", target.near_plane[3], "m", kTarget);
+  require_unit("near_plane normal", Vec3(target.near_plane.head<3>()));
 }
 
 }  // namespace dovetail

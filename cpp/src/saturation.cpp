@@ -141,7 +141,7 @@ bool step_towards(const Vec7& wanted, const Vec7& lb, const Vec7& ub, Vec7& a,
   return false;
 }
 
-/// x := A^# b with the eigenvalues of A below s0 faded out (control law, eq. Lambda).
+/// x := A^# b with the eigenvalues of A below s0 faded out (docs/control.md, Law).
 Vec3 faded_solve(const Mat3& A, const Vec3& b, double s0) noexcept {
   const Eigen::SelfAdjointEigenSolver<Mat3> eigen(A);
   Vec3 y = eigen.eigenvectors().transpose() * b;

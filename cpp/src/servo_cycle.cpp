@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "dovetail/cycle_log.hpp"
+#include "dovetail/input.hpp"
 
 namespace dovetail {
 namespace {
@@ -62,6 +64,13 @@ void require_filter(double frequency, double period) {
                               std::to_string(0.5 / period) + " Hz");
 }
 
+/// A factor that is none would silence the watchdog, whose torques it multiplies.
+void require_sign(const char* element, double sign) {
+  if (std::abs(sign) == 1.0) return;
+  throw std::invalid_argument("servo " + std::string(element) + " is " +
+                              std::to_string(sign) + "; allowed: -1 or 1");
+}
+
 }  // namespace
 
 const std::vector<std::string>& servo_columns() {
@@ -79,7 +88,10 @@ ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
       watchdog_(params.watchdog, limits),
       log_(rows_of(params), servo_columns().size()) {
   require_filter(params.position_filter, params.period);
-  // Tustin: at 1 ms and 20 Hz these are the numbers of fri.md section 13.
+  require_sign("measured_sign", params.measured_sign);
+  require_sign("commanded_sign", params.commanded_sign);
+  require_sign("external_sign", params.external_sign);
+  // A first-order low-pass by Tustin's rule, exact at its own frequency.
   const double w = std::tan(M_PI * params.position_filter * params.period);
   filter_b_ = w / (1.0 + w);
   filter_a_ = (1.0 - w) / (1.0 + w);
@@ -129,6 +141,10 @@ void ServoCycle::note(const MonitoringMessage& message) noexcept {
 Refusal ServoCycle::find_refusal(const MonitoringMessage& message) const noexcept {
   if (step_.problem != fri::Problem::kNone || !message.q_measured) {
     return Refusal::kProblem;
+  }
+  const bool is_first = !is_active_ || step_.is_first_active;
+  if (is_first && !is_configuration(vector_of(*message.q_measured))) {
+    return Refusal::kProblem;  // within a motion it is a damped hold
   }
   const double period = 1e-3 * state_.send_period * state_.multiplier;
   if (state_.send_period != 0 && std::abs(period - params_.period) > 1e-9) {
@@ -247,7 +263,7 @@ Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
     state_.is_at_rest = false;
     return order.target;
   }
-  if (!state_.is_at_rest) {
+  if (!state_.is_at_rest && is_configuration(state_.q)) {
     q_hold_ = state_.q;
     state_.is_at_rest = state_.dq.cwiseAbs().maxCoeff() < watchdog_.params().rest_speed;
   }
@@ -269,8 +285,10 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   result.flags.target_late = flags.target_late;
   result.flags.stopped = flags.stopped;
   write_row(result, target);
-  filtered_ = filter_b_ * (state_.q + q_last_) + filter_a_ * filtered_;
-  q_last_ = state_.q;
+  if (is_configuration(state_.q)) {
+    filtered_ = filter_b_ * (state_.q + q_last_) + filter_a_ * filtered_;
+    q_last_ = state_.q;
+  }
   a_last_ = result.a;
   elapsed_ = 0.0;
   state_.is_waiting = false;

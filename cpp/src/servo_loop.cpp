@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 namespace dovetail {
 namespace {
@@ -63,10 +64,20 @@ const char* name(Count count) noexcept {
   return "unknown";
 }
 
+namespace {
+
+const LoopParams& checked(const LoopParams& loop) {
+  if (loop.silence > 0.0) return loop;  // a NaN compares false
+  throw std::invalid_argument("servo silence is " + std::to_string(loop.silence) +
+                              " s; allowed: above 0 (infinity switches it off)");
+}
+
+}  // namespace
+
 ServoLoop::ServoLoop(const LoopParams& loop, const ServoParams& servo,
                      const ChainParams& chain, const OscParams& osc,
                      const LimitParams& limits, const TaskSpec& task)
-    : loop_(loop),
+    : loop_(checked(loop)),
       cycle_(servo, chain, osc, limits, task),
       socket_(loop.address, loop.port) {
   awaited_ = kNobody;

@@ -1,4 +1,5 @@
-/// A policy that wants to break the limits, on an exact plant (control.md section 10).
+/// A policy that wants to break the limits, on an exact plant (docs/control.md,
+/// Adversary).
 #pragma once
 
 #include <algorithm>

@@ -47,7 +47,7 @@ inline ChainParams iiwa14_with_tool() {
   return chain;
 }
 
-/// control.md section 9 for periods of 1 ms and 5 ms, exact model.
+/// docs/control.md, Discrete time and margins: 1 ms and 5 ms, exact model.
 inline LimitParams limits_for(double period) {
   LimitParams limits;
   limits.q_max << 170, 120, 170, 120, 170, 120, 175;

@@ -232,6 +232,70 @@ BOOST_AUTO_TEST_CASE(without_new_targets_a_moving_arm_comes_to_rest_and_stays) {
   BOOST_TEST(plant.dq().cwiseAbs().maxCoeff() > 0.02);
 }
 
+BOOST_AUTO_TEST_CASE(a_position_that_is_none_is_survived_and_leaves_nothing_behind) {
+  for (const double bad : {2e3, -1e300}) {
+    Loop loop;
+    const Vec7 q = loop.cabinet.q;
+    loop.order.target.joint = true;
+    loop.order.target.q_d = q;
+    loop.activate();
+    for (int k = 0; k < 5; ++k) loop.exchange();
+    loop.cabinet.q[2] = bad;
+    for (int k = 0; k < 3; ++k) {
+      loop.exchange();
+      BOOST_TEST(loop.state().is_stopped);  // the watchdog's, as beyond every limit
+      BOOST_TEST((vector(*loop.command->q) - q).norm() < 1e-9);
+      BOOST_TEST(vector(*loop.command->tau).norm() < 1e-6);
+      BOOST_TEST(loop.state().dq.norm() < 1e-6);
+    }
+    loop.cabinet.q = q;
+    loop.exchange();
+    BOOST_TEST(loop.state().dq.norm() < 1e-6);
+    BOOST_TEST(loop.state().is_stopped);
+    loop.cycle.watchdog().clear();
+    loop.new_target();
+    loop.order.target.q_d = q + Vec7::Constant(0.01);
+    loop.exchange();
+    BOOST_TEST(!loop.state().is_held);
+    BOOST_TEST(vector(*loop.command->tau).norm() > 0.5);
+    std::vector<double> row(servo_columns().size());
+    const std::uint64_t last = loop.state().rows;
+    BOOST_REQUIRE(loop.cycle.log().copy(last - 1, last, row.size(), row.data()));
+    BOOST_TEST(row[41] == 0.0);  // flags
+  }
+}
+
+BOOST_AUTO_TEST_CASE(no_motion_begins_at_a_position_that_is_none) {
+  const Vec7 q = cabinet.q;
+  cabinet.q[4] = 1e300;
+  activate();
+  BOOST_TEST(state().motion == 0);
+  BOOST_CHECK(state().refusal == Refusal::kProblem);
+  cabinet.q = q;
+  exchange();
+  BOOST_TEST(state().motion == 1);
+  BOOST_TEST((vector(*command->q) - q).norm() < 1e-9);
+}
+
+BOOST_AUTO_TEST_CASE(settings_that_are_no_number_are_refused_by_name) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const auto refuse = [&](double ServoParams::* member, double value) {
+    ServoParams spoilt;
+    spoilt.*member = value;
+    try {
+      ServoCycle(spoilt, chain, OscParams{}, limits, kPegTask);
+    } catch (const std::invalid_argument& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  BOOST_TEST(refuse(&ServoParams::measured_sign, nan) ==
+             "servo measured_sign is nan; allowed: -1 or 1");
+  BOOST_TEST(refuse(&ServoParams::commanded_sign, 0.5).find("commanded_sign") != 0U);
+  BOOST_TEST(refuse(&ServoParams::external_sign, nan).find("external_sign is nan") !=
+             std::string::npos);
+}
+
 BOOST_AUTO_TEST_CASE(an_external_torque_stops_until_cleared) {
   activate();
   order.target.f_star[0] = 1.0;

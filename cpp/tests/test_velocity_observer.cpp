@@ -1,6 +1,7 @@
 #define BOOST_TEST_MODULE velocity_observer
 #include <boost/test/included/unit_test.hpp>
 #include <cmath>
+#include <limits>
 #include <random>
 #include <stdexcept>
 
@@ -87,4 +88,20 @@ BOOST_AUTO_TEST_CASE(numbers_out_of_range_are_refused) {
   BOOST_CHECK_THROW(VelocityObserver(NAN), std::invalid_argument);
   BOOST_CHECK_THROW(VelocityObserver(0.005, 0.0), std::invalid_argument);
   BOOST_CHECK_THROW(VelocityObserver(0.005, 1.5), std::invalid_argument);
+}
+
+BOOST_AUTO_TEST_CASE(a_position_that_is_none_leaves_nothing_behind) {
+  VelocityObserver observer(kPeriod);
+  const double bad = std::numeric_limits<double>::quiet_NaN();
+  Vec7 last = position(0.0);
+  observer.reset(last);
+  for (int k = 1; k < 300; ++k) {
+    Vec7 q = position(k * kPeriod);
+    if (k % 7 > 4) q[k % 7] = k % 2 == 0 ? bad : 1e300;  // two in a row
+    observer.update(q, acceleration((k - 0.5) * kPeriod));
+    BOOST_REQUIRE(observer.dq().allFinite());
+    if (k % 7 > 4 || k == 1) continue;
+    const double error = (observer.dq() - velocity(k * kPeriod)).cwiseAbs().maxCoeff();
+    BOOST_REQUIRE(error < 5e-2);
+  }
 }

@@ -21,7 +21,7 @@ def situation(is_open=True, quality=Quality.GOOD, motion=True, sync=True, drives
 
 
 def expected(state, now):
-    """Return fri.md's table of transitions, written as a table."""
+    """Return docs/cabinet.md's transitions, written as a table."""
     is_good = now.quality >= Quality.GOOD
     table = {
         IDLE: [(True, WAIT)],

@@ -34,7 +34,10 @@ class Run:
 
 @pytest.fixture(scope="session")
 def run_loop(robot: Robot, q_home: np.ndarray):
-    """Return a function that runs f*(q) for some cycles and gives a `Run`."""
+    """Return a function that runs f*(q) for some cycles and gives a `Run`.
+
+    `aim` are further fields of each Target.
+    """
     chain = robot.chain()
 
     def run(
@@ -50,6 +53,7 @@ def run_loop(robot: Robot, q_home: np.ndarray):
         damping: float = 0.5,
         armature: float = 0.1,
         near_plane=None,
+        aim=None,
     ) -> Run:
         controller = make_controller(robot, OscConfig(), limits, task, period)
         plant = _core.RigidPlant(
@@ -62,7 +66,7 @@ def run_loop(robot: Robot, q_home: np.ndarray):
         rows: dict[str, list] = {name: [] for name in Run.__dataclass_fields__}
         for _ in range(cycles):
             q, dq = plant.read()
-            target = _core.Target(f_star=f_star(q))
+            target = _core.Target(f_star=f_star(q), **(aim or {}))
             if near_plane is not None:
                 target.near_plane = np.array(near_plane)
             result = controller.step(q, dq, target)

@@ -1,4 +1,10 @@
-"""Bad input is refused by name where it is set, and survived inside the cycle."""
+"""Bad input is refused by name where it is set, and survived inside the cycle.
+
+Doors are enumerated: a new field of a Target, a law or a limit without a guard fails.
+"""
+
+import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -6,59 +12,164 @@ import pytest
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.ranges import Range
 from dovetail.control.task_spec import TaskSpec
+from dovetail.errors import ConfigError
 
-TASK = "XYZ:force A:pose BC:hold"
+TASKS = ("XYZ:force A:pose BC:hold", "XYZABC:hold")
+TASK = TASKS[0]
 PERIOD = 1e-3
+NO_NUMBERS = (np.nan, np.inf, -np.inf)
+NO_INPUT = (*NO_NUMBERS, 1e300)
+NOWHERE = ("near_plane", 3, -np.inf)  # the one infinity with a meaning
+
+
+def names_of(struct):
+    """The public attributes of a bound struct."""
+    return [n for n in dir(struct) if not n.startswith("_")]
+
+
+def spoilt(value, numbers):
+    """Copies of a number or an array with one element replaced."""
+    array = np.array(value, dtype=float)
+    for index in np.ndindex(array.shape):
+        for number in numbers:
+            copy = array.copy()
+            copy[index] = number
+            yield index, number, copy if array.ndim else float(copy)
+
+
+def is_number(value):
+    return isinstance(value, (float, np.ndarray))
+
+
+@pytest.fixture(params=["qp", "paper"])
+def limits(robot, request):
+    return LimitConfig.for_period(robot, PERIOD, scheme=request.param)
 
 
 @pytest.fixture
-def limits(robot):
-    return LimitConfig.for_period(robot, PERIOD)
+def pose(robot, q_home):
+    return robot.tool_pose(q_home)
 
 
 @pytest.fixture
-def controller(robot, limits, q_home):
-    controller = make_controller(robot, OscConfig(), limits, TASK, PERIOD)
-    pose = robot.tool_pose(q_home)
+def make_target(q_home, pose):
+    """Return a function that makes a Target that moves nothing, whatever the mode."""
+    return lambda: _core.Target(
+        position_d=pose.position, quat_wxyz_d=pose.quat_wxyz, q_d=q_home
+    )
+
+
+@pytest.fixture
+def target(make_target):
+    return make_target()
+
+
+@pytest.fixture(params=TASKS)
+def controller(robot, limits, q_home, pose, request):
+    controller = make_controller(robot, OscConfig(), limits, request.param, PERIOD)
     controller.reset(q_home, pose.position, pose.quat_wxyz)
     return controller
 
 
-def bad_inputs(q):
-    """The input of a cycle with one number spoilt."""
-    for value in (np.nan, np.inf, -np.inf):
-        for field in ("q", "dq", "f_star", "position_d", "quat_wxyz_d", "q_d"):
-            inputs = {
-                "q": q.copy(),
-                "dq": np.zeros(7),
-                "f_star": np.zeros(6),
-                "position_d": np.zeros(3),
-                "quat_wxyz_d": np.array([1.0, 0.0, 0.0, 0.0]),
-                "q_d": q.copy(),
-            }
-            inputs[field][1] = value
-            state = inputs.pop("q"), inputs.pop("dq")
-            yield *state, _core.Target(**inputs, joint_mode=field == "q_d")
-    for i, value in ((0, np.nan), (2, np.inf), (3, np.nan), (3, np.inf)):
-        target = _core.Target()
-        plane = target.near_plane
-        plane[i] = value
-        target.near_plane = plane
-        yield q, np.zeros(7), target
+@pytest.fixture
+def require_one_hold(robot, limits, controller, q_home, make_target):
+    """Require that a cycle with this input is a hold, and the next as if it was not."""
+    gravity, target = robot.chain().gravity(q_home), make_target()
+
+    def require(*inputs, where):
+        result = controller.step(*inputs)
+        assert result.flags.bad_input, where
+        assert (np.abs(result.tau + gravity) <= limits.tau_max).all(), where
+        assert np.isfinite([*result.a, *result.a0, result.flags.displaced]).all()
+        good = controller.step(q_home, np.zeros(7), target)
+        assert good.flags.packed == 0, where
+        assert np.abs(good.tau).max() < 1e-6, where
+
+    return require
 
 
-def test_a_spoilt_number_becomes_a_flag_and_a_finite_torque(
-    robot, limits, controller, q_home
+def test_every_number_of_a_target_is_guarded(require_one_hold, q_home, target):
+    names = [n for n in names_of(target) if is_number(getattr(target, n))]
+    assert len(names) == len(names_of(target)) - 1  # joint_mode
+    for name in names:
+        good = np.array(getattr(target, name))
+        for index, number, bad in spoilt(good, NO_INPUT):
+            if (name, *index, number) == NOWHERE:
+                continue
+            for target.joint_mode in (False, True):
+                setattr(target, name, bad)
+                require_one_hold(
+                    q_home, np.zeros(7), target, where=(name, index, number)
+                )
+                setattr(target, name, good)
+            target.joint_mode = False
+
+
+def test_every_measured_number_is_guarded(require_one_hold, q_home, target):
+    inputs = {"q": q_home, "dq": np.zeros(7)}
+    for name in inputs:
+        for index, number, bad in spoilt(inputs[name], NO_INPUT):
+            state = {**inputs, name: bad}
+            require_one_hold(*state.values(), target, where=(name, index, number))
+    for number in NO_NUMBERS:
+        where = ("elapsed", number)
+        require_one_hold(q_home, np.zeros(7), target, number, where=where)
+
+
+@pytest.mark.parametrize("length", [0.0, 0.9, 1.1])
+def test_a_direction_that_is_not_of_unit_length_is_guarded(
+    require_one_hold, controller, q_home, pose, target, length
 ):
-    gravity = robot.chain().gravity(q_home)
-    for q, dq, target in bad_inputs(q_home):
-        result = controller.step(q, dq, target)
-        assert result.flags.bad_input
-        assert (np.abs(result.tau + gravity) <= limits.tau_max).all()
-        good = controller.step(q_home, np.zeros(7), _core.Target())
-        assert not good.flags.bad_input
-        assert np.isfinite(good.tau).all()
+    target.quat_wxyz_d = length * pose.quat_wxyz
+    require_one_hold(q_home, np.zeros(7), target, where="quat_wxyz_d")
+    target.quat_wxyz_d = pose.quat_wxyz
+    target.near_plane = np.array([0.0, 0.0, length, 0.1])
+    require_one_hold(q_home, np.zeros(7), target, where="near_plane")
+    with pytest.raises(ValueError, match=r"quat_hold \(length\) is .*; allowed: 1"):
+        controller.hold_at(pose.position, length * pose.quat_wxyz)
+
+
+def test_reset_and_hold_at_refuse_by_element_and_change_nothing(
+    controller, q_home, pose, target
+):
+    good = {
+        "q": q_home,
+        "position_hold": pose.position,
+        "quat_hold": pose.quat_wxyz,
+    }
+    for name, value in good.items():
+        for index, number, bad in spoilt(value, NO_INPUT):
+            arguments = {**good, name: bad}
+            says = rf"^{name}\[{index[0]}\] is {re.escape(f'{number:g}')}.*; allowed: "
+            if number == 1e300 and name == "quat_hold":
+                says = r"^quat_hold \(length\) is"
+            with pytest.raises(ValueError, match=says):
+                controller.reset(**arguments)
+            if arguments.pop("q") is q_home:
+                with pytest.raises(ValueError, match=says):
+                    controller.hold_at(**arguments)
+    result = controller.step(q_home, np.zeros(7), target)
+    assert result.flags.packed == 0
+    assert np.abs(result.tau).max() < 1e-6
+
+
+def test_osc_terms_refuses_by_element(controller, q_home, target):
+    dq = np.zeros(7)
+    for i, name in enumerate(("q", "dq")):
+        state = [q_home.copy(), dq.copy()]
+        state[i][4] = np.nan
+        with pytest.raises(ValueError, match=rf"^{name}\[4\] is nan rad.*; allowed"):
+            controller.osc_terms(*state, target)
+    for name in names_of(target):
+        good = np.array(getattr(target, name))
+        if good.dtype != float:
+            continue
+        setattr(target, name, np.where(np.arange(len(good)) == 1, np.nan, good))
+        with pytest.raises(ValueError, match=rf"^{name}\[1\] is nan"):
+            controller.osc_terms(q_home, dq, target)
+        setattr(target, name, good)
 
 
 def test_the_arm_comes_to_rest_while_the_measurement_is_gone(
@@ -76,22 +187,70 @@ def test_the_arm_comes_to_rest_while_the_measurement_is_gone(
     assert np.abs(plant.read()[1]).max() < 0.05
 
 
-@pytest.mark.parametrize("name", ["q_min", "dq_max", "tau_max", "ddq_max", "damping"])
-def test_cpp_refuses_a_limit_that_is_no_number_and_names_it(robot, limits, name):
-    params = limits.params()
-    value = np.array(getattr(params, name))
-    value[4] = np.nan
-    setattr(params, name, value)
+def test_the_disturbance_estimate_outlives_bad_cycles(
+    robot, limits, controller, q_home, target
+):
+    plant = _core.RigidPlant(
+        robot.chain(), damping=limits.damping, armature=limits.armature
+    )
+    plant.reset(q_home, np.zeros(7))
+    push = np.array([8.0, -5.0, 6.0])
+    plant.set_external_force(push)
+    for cycle in range(120):
+        q, dq = plant.read()
+        if cycle in (20, 30, 31):
+            dq = np.full(7, np.nan)
+        plant.apply(controller.step(q, dq, target).tau, PERIOD)
+        assert np.isfinite(controller.disturbance).all()
+    expected = robot.chain().jacobian(plant.read()[0])[:3].T @ push
+    np.testing.assert_allclose(
+        controller.disturbance, expected, atol=0.05 * np.abs(expected).max()
+    )
+
+
+def build(robot, osc, limits, period=PERIOD):
     modes = list(TaskSpec.parse(TASK).modes)
-    with pytest.raises(ValueError, match=rf"{name}\[4\] is nan"):
-        _core.Controller(robot.chain(), OscConfig().params(), params, modes, PERIOD)
+    return _core.Controller(robot.chain(), osc, limits, modes, period)
+
+
+@pytest.mark.parametrize("kind", ["osc", "limits"])
+def test_cpp_refuses_every_setting_that_is_no_number_and_names_it(robot, limits, kind):
+    def fresh():
+        return {"osc": OscConfig().params(), "limits": limits.params()}
+
+    struct = fresh()[kind]
+    numbers = [n for n in names_of(struct) if is_number(getattr(struct, n))]
+    assert len(numbers) > 10
+    for name in numbers:
+        for index, number, bad in spoilt(getattr(struct, name), NO_NUMBERS):
+            structs = fresh()
+            setattr(structs[kind], name, bad)
+            element = name + "".join(f"[{i}]" for i in index)
+            says = rf"^{re.escape(element)} is {number:g}.*; allowed: "
+            with pytest.raises(ValueError, match=says):
+                build(robot, **structs)
+
+
+@pytest.mark.parametrize("config", [OscConfig, LimitConfig])
+def test_every_setting_is_refused_by_name_in_python_too(robot, config):
+    good = config.for_period(*([robot] if config is LimitConfig else []), PERIOD)
+    values = {f.name: getattr(good, f.name) for f in fields(config)}
+    for f in fields(config):
+        if isinstance(values[f.name], (bool, str)):
+            continue
+        notes = getattr(f.type, "__metadata__", ())
+        ranges = [note for note in notes if isinstance(note, Range)]
+        assert ranges, f"{config.__name__}.{f.name} has no Range"
+        for index, number, bad in spoilt(values[f.name], NO_NUMBERS):
+            element = f.name + "".join(rf"\[{ranges[0].labels[i]}\]" for i in index)
+            says = rf"{element} is {number:g} .*allowed"
+            with pytest.raises(ConfigError, match=says):
+                config(**{**values, f.name: bad})
 
 
 def test_cpp_refuses_limits_that_were_never_set(robot):
-    modes = list(TaskSpec.parse(TASK).modes)
-    unset = _core.LimitParams()
     with pytest.raises(ValueError, match=r"q_min\[0\]"):
-        _core.Controller(robot.chain(), OscConfig().params(), unset, modes, PERIOD)
+        build(robot, OscConfig().params(), _core.LimitParams())
 
 
 @pytest.mark.parametrize("modes", [[0, 1, 2, 3, 4, 0], [0, -1, 0, 0, 0, 0]])
@@ -101,11 +260,10 @@ def test_cpp_refuses_an_unknown_mode(robot, limits, modes):
         _core.Controller(robot.chain(), osc, limits.params(), modes, PERIOD)
 
 
-@pytest.mark.parametrize("period", [0.0, -1e-3, np.nan, 1.0])
+@pytest.mark.parametrize("period", [0.0, -1e-3, *NO_NUMBERS, 1.0])
 def test_cpp_refuses_a_period_out_of_range(robot, limits, period):
-    modes, osc = list(TaskSpec.parse(TASK).modes), OscConfig().params()
     with pytest.raises(ValueError, match="period"):
-        _core.Controller(robot.chain(), osc, limits.params(), modes, period)
+        build(robot, OscConfig().params(), limits.params(), period)
 
 
 def test_wrong_shapes_are_type_errors(controller, q_home):
@@ -117,11 +275,17 @@ def test_wrong_shapes_are_type_errors(controller, q_home):
 
 
 def test_a_chain_with_a_spoilt_fact_is_refused_by_name(robot):
-    facts = {
-        name: np.array(getattr(robot, name))
-        for name in ("origin_position", "origin_rotation", "mass", "com", "inertia")
-    }
-    facts["mass"][2] = -1.0
-    tool = {"tool_position": np.zeros(3), "tool_rotation": np.eye(3)}
+    names = ("origin_position", "origin_rotation", "mass", "com", "inertia")
+    facts = {name: np.array(getattr(robot, name)) for name in names}
+    facts |= {"tool_position": np.zeros(3), "tool_rotation": np.eye(3)}
+    facts["gravity"] = np.array([0.0, 0.0, -9.81])
+    _core.Chain(**facts)
+    negative = np.where(np.arange(7) == 2, -1.0, facts["mass"])
     with pytest.raises(ValueError, match=r"mass\[2\] is -1"):
-        _core.Chain(**facts, **tool, gravity=np.zeros(3))
+        _core.Chain(**{**facts, "mass": negative})
+    for name, good in facts.items():
+        for index, number, bad in spoilt(good, NO_NUMBERS):
+            element = name + "".join(f"[{i}]" for i in index)
+            says = rf"^{re.escape(element)} is {number:g}"
+            with pytest.raises(ValueError, match=says):
+                _core.Chain(**{**facts, name: bad})

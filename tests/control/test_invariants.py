@@ -68,7 +68,7 @@ def test_1_null_space_torque_moves_no_task_axis(robot, far, rng):
         J_Minv = t["J_task"] @ t["Minv"]
         assert np.abs(J_Minv @ t["N"]).max() < 1e-10
         np.testing.assert_allclose(J_Minv @ t["u0"], t["f"], atol=1e-8)
-    assert exact > 50
+    assert exact > 200
 
 
 @pytest.mark.parametrize("task", [TASK, "XYZABC:force", "ZA:force"])
@@ -229,10 +229,10 @@ def test_11_sjs_is_the_projection_where_every_added_torque_pushes_inwards(robot,
             assert gap < 1e-7
             equal += 1
         elif min(pushes) < -1e-6:
-            assert gap > 0.0
+            assert gap > 1e-3  # rad/s2; the smallest seen is 0.013
             different += 1
-    assert equal > 100
-    assert different > 100
+    assert equal > 600
+    assert different > 600
 
 
 def test_12_scs_meets_its_rows_and_far_walls_change_nothing(robot, rng):
@@ -272,7 +272,7 @@ def test_13_torque_and_box_hold_together_if_the_safe_action_is_feasible(robot, r
         assert (blend.tau <= hi).all()
         np.testing.assert_allclose(blend.tau, M @ blend.a + h, atol=1e-9)
         limited += blend.limited != 0
-    assert limited > 500
+    assert limited > 1900
 
 
 def adversary(rng, f_max, robot, q):
@@ -299,6 +299,7 @@ def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, pe
     controller = make_controller(robot, osc, limits, TASK, period)
     steps, episode, hold = 100_000, round(5.0 / period), round(0.05 / period)
     worst = np.full(3, -np.inf)  # joint position, joint speed, wall
+    at_wall = np.zeros(6)  # cycles
     for cycle in range(steps):
         if cycle % episode == 0:
             start = q_home + rng.uniform(-0.03, 0.03, 7)
@@ -312,14 +313,19 @@ def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, pe
         plant.apply(controller.step(q, dq, target).tau, period)
         q, dq = plant.read()
         x = chain.pose(q)[0]
+        walls = np.concatenate([x - limits.x_max, limits.x_min - x])
+        at_wall += walls > -limits.delta_x - 1e-3
         excess = (
             np.maximum(q - limits.q_max, limits.q_min - q).max(),
             (np.abs(dq) - limits.dq_max).max(),
-            np.maximum(x - limits.x_max, limits.x_min - x).max(),
+            walls.max(),
         )
         worst = np.maximum(worst, excess)
     assert (worst <= 0.0).all(), f"position, speed, wall exceeded by {worst}"
-    assert worst[2] > -0.05  # the adversary did reach a wall
+    # The adversary did reach them: nothing but the margins was left.
+    fastest = (limits.delta_v * limits.dq_max).max()
+    assert (worst > [-limits.delta_q - 1e-3, -fastest, -limits.delta_x - 1e-4]).all()
+    assert at_wall.min() > 1000  # each of the six; 1574 is the least seen
 
 
 def test_15_torque_is_affine_in_the_action_without_saturation(robot, far, rng):
@@ -366,6 +372,7 @@ def test_16_turning_the_base_turns_f_and_scaling_the_mass_scales_the_torque(
 
 
 def test_17_force_axes_without_force_never_add_energy(robot, far, rng):
+    unlimited = 0
     for _ in range(300):
         q = rng.uniform(robot.q_min, robot.q_max)
         dq = rng.uniform(-robot.dq_max, robot.dq_max)
@@ -374,6 +381,8 @@ def test_17_force_axes_without_force_never_add_energy(robot, far, rng):
         result = controller.step(q, dq, _core.Target())
         if result.flags.packed == 0:
             assert dq @ result.tau <= 1e-9
+            unlimited += 1
+    assert unlimited > 280
 
 
 def test_a_rotation_matrix_of_the_tool_is_a_quaternion_of_the_tool(robot, rng):

@@ -38,7 +38,11 @@ def random_target(rng, robot, q, action):
 
 
 def largest_difference(robot, q_start, osc, limits, period, tasks, rng, cycles):
-    """Run each task in closed loop on the exact plant; return the worst error."""
+    """Run each task in closed loop on the exact plant.
+
+    Returns the worst error, how many states were compared, how many of them were at a
+    limit, and how many tasks left the problem that both solve before their end.
+    """
     worst, states, limited, exotic = 0.0, 0, 0, 0
     plant = _core.RigidPlant(robot.chain(), armature=limits.armature)
     for task in tasks:
@@ -76,9 +80,15 @@ def test_cpp_equals_the_reference_for_every_task(robot, q_home, rng, scheme):
         robot, q_home, OscConfig(), limits, 1e-3, EVERY_TASK, rng, 2
     )
     assert worst < TOLERANCE
-    assert states > 8000
-    assert 1000 < limited < states
-    assert exotic < 50
+    assert exotic <= 4  # none seen
+    assert len(EVERY_TASK) == 4096
+    assert states >= 2 * (len(EVERY_TASK) - exotic)
+    assert 7000 < limited < 7500
+
+
+PRINTED = {"bounds": "paper-printed", "scheme": "paper", "walls": False}
+LONG_TASKS = ("XYZ:force A:pose BC:hold", "XYZ:pose ABC:pose", "ZA:force XYBC:hold")
+LONG = 150  # cycles
 
 
 @pytest.mark.parametrize(
@@ -89,7 +99,7 @@ def test_cpp_equals_the_reference_for_every_task(robot, q_home, rng, scheme):
         (2e-3, {"scheme": "paper"}),
         (2e-3, {"scheme": "paper", "exact_sjs": True}),
         (1e-3, {"bounds": "paper-corrected"}),
-        (1e-3, {"bounds": "paper-printed", "scheme": "paper", "walls": False}),
+        (1e-3, PRINTED),
         (1e-3, {"mid_interval": False, "walls": False}),
         (1e-3, {"beta": 0.0, "damping": 0.0, "armature": 0.0}),
         (5e-3, {"tau_max": [250.0, 250.0, 130.0, 130.0, 60.0, 30.0, 25.0]}),
@@ -103,10 +113,11 @@ def test_cpp_equals_the_reference_over_long_runs(robot, q_home, rng, period, set
         force_damping=[0.0, 1.0, 5.0, 0.0, 2.0, 0.0],
     )
     limits = LimitConfig.for_period(robot, period, **({**WIDE_WALLS, **settings}))
-    tasks = ["XYZ:force A:pose BC:hold", "XYZ:pose ABC:pose", "ZA:force XYBC:hold"]
-    worst, states, limited, _ = largest_difference(
-        robot, q_home, osc, limits, period, tasks, rng, 150
+    worst, states, limited, exotic = largest_difference(
+        robot, q_home, osc, limits, period, LONG_TASKS, rng, LONG
     )
     assert worst < TOLERANCE
-    assert states > 100
-    assert limited > 50
+    # The bounds as printed may be empty, and ask for more than the motors can give.
+    assert exotic <= (2 if settings is PRINTED else 0)
+    assert states >= LONG * (len(LONG_TASKS) - exotic)
+    assert limited > 0.7 * states

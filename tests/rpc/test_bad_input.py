@@ -69,6 +69,8 @@ def setting(message, name):
         ("target.quat_wxyz_d", "quat_wxyz_d", [0.0, 0.0, 0.0, 0.0]),
         ("target.quat_wxyz_d", "quat_wxyz_d", [1.0, 1.0, 1.0, 1.0]),
         ("target.near_plane", "near_plane", [0.0] * 3),
+        ("target.near_plane", "near_plane", [0.0, 0.0, 2.0, 0.1]),
+        ("target.near_plane", "near_plane", [0.0, 0.0, 0.0, 0.1]),
         ("target.near_plane[nx]", "near_plane", [-INF, 0.0, 0.0, 0.0]),
         ("target.near_plane[offset]", "near_plane", [0.0, 0.0, 1.0, INF]),
         ("target.near_plane[offset]", "near_plane", [0.0, 0.0, 1.0, NAN]),

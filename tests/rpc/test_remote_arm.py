@@ -75,6 +75,7 @@ def test_everything_of_a_target_arrives(joint_mode, rng):
     for name in set(names) - {"joint_mode"}:
         setattr(target, name, rng.normal(size=getattr(target, name).shape))
     target.quat_wxyz_d = TOOL_DOWN
+    target.near_plane = np.array([0.6, 0.0, 0.8, rng.normal()])
     target.joint_mode = joint_mode
     if not joint_mode:
         target.q_d = np.zeros(7)  # not used, not sent

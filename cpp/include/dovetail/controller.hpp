@@ -29,26 +29,30 @@ class Controller {
              const TaskSpec& task, double period);
 
   /// Starts afresh at q [rad] at rest: forgets the disturbance, latches the pose that
-  /// hold axes keep: TCP position [m] and rotation (wxyz).
+  /// hold axes keep: TCP position [m] and rotation (wxyz). With a q or a pose that is
+  /// none (see input.hpp) every cycle is a damped hold and `bad_input`, until a good
+  /// one.
   void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
   /// One cycle. The torque is the overlay u: the lowest level adds gravity, and
-  /// |u + g(q)| <= tau_max always. Input that is not finite (or beyond 1000 rad or
-  /// rad/s): a damped hold and `bad_input`.
+  /// |u + g(q)| <= tau_max always. Input that is none (see input.hpp), or a torque that
+  /// would not be finite: a damped hold and `bad_input`.
   [[nodiscard]] StepResult step(const Vec7& q, const Vec7& dq,
                                 const Target& target) noexcept {
     return step(q, dq, target, period_);
   }
 
   /// The same where `elapsed` [s] have passed since the last cycle: its torque acted
-  /// that long. A time that is not positive counts as one period.
+  /// that long. A time below 1 us counts as one period, one that is not finite is bad
+  /// input.
   [[nodiscard]] StepResult step(const Vec7& q, const Vec7& dq, const Target& target,
                                 double elapsed) noexcept;
 
-  /// Latches another pose for hold axes: TCP position [m] and rotation (wxyz).
+  /// Latches another pose for hold axes: TCP position [m] and rotation (wxyz). What is
+  /// no pose acts as in `reset`.
   void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
-  /// Estimated external torque r [Nm] (control.md section 7).
+  /// Estimated external torque r [Nm] (docs/control.md, Disturbance estimate).
   const Vec7& disturbance() const noexcept { return disturbance_; }
   const OscTerms& osc_terms() const noexcept { return task_terms_; }
   const CycleBounds& bounds() const noexcept { return bounds_; }
@@ -75,7 +79,10 @@ class Controller {
   void limit_by_cascade(StepResult& result) noexcept;
   void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;
   void mark_walls(unsigned upper, unsigned lower, Flags& flags) const noexcept;
-  StepResult brake() noexcept;
+  Vec7 braking() const noexcept;
+  StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
+  StepResult brake_blindly() noexcept;
+  StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
   Chain chain_;
   OperationalSpace osc_;
@@ -93,6 +100,9 @@ class Controller {
   Vec7 lo_, hi_;  // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;
+
+  bool has_start_ = false;  // the last reset had a configuration
+  bool has_hold_ = false;   // the last pose to hold was one
 
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally

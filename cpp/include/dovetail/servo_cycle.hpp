@@ -25,9 +25,9 @@ struct ServoParams {
   bool lockstep = false;          ///< replies wait for grants; simulated cabinets only
   double position_filter = 20.0;  ///< of the position command, first order [Hz]
   double observer_gain = 1.0;     ///< of the velocity observer
-  double measured_sign = -1.0;    ///< wire over joint, measured torque (fri.md 9)
-  double commanded_sign = -1.0;   ///< the same, commanded torque
-  double external_sign = 1.0;     ///< the same, external torque
+  double measured_sign = -1.0;   ///< wire over joint, measured torque (docs/cabinet.md)
+  double commanded_sign = -1.0;  ///< the same, commanded torque
+  double external_sign = 1.0;    ///< the same, external torque
   bool commanded_is_total = false;  ///< commanded torque on the wire holds gravity
   double log_seconds = 10.0;        ///< length of the ring log [s]
   WatchdogParams watchdog;

@@ -23,7 +23,7 @@ constexpr int kNumJoints = 7;
 /// Value of a setting that has no default: a controller refuses to start with it.
 constexpr double kUnset = std::numeric_limits<double>::quiet_NaN();
 
-/// How one task axis is driven (control.md section 2).
+/// How one task axis is driven (docs/control.md, Law).
 enum class AxisMode : std::uint8_t {
   kFree = 0,   ///< row dropped, left to the null space
   kForce = 1,  ///< f* given by the action
@@ -39,8 +39,9 @@ enum class Scheme : std::uint8_t {
   kPaper = 1,  ///< SCS then SJS, corrected, then the torque stage by blending
 };
 
+/// Formula of the acceleration bounds (docs/control.md, Limits).
 enum class BoundsKind : std::uint8_t {
-  kViability = 0,       ///< robust viability, the default (control.md section 3)
+  kViability = 0,       ///< robust viability, the default
   kPaperCorrected = 1,  ///< the paper's bound, velocity typo fixed, clipped to +-A
   kPaperPrinted = 2,    ///< the paper's bound as printed, for comparison only
 };
@@ -57,7 +58,7 @@ struct ChainParams {
   Vec3 gravity{0.0, 0.0, -9.81};        ///< world axes [m/s2]
 };
 
-/// Operational-space law (control.md section 2).
+/// Operational-space law (docs/control.md, Law).
 struct OscParams {
   Vec6 stiffness = Vec6::Constant(400.0);    ///< K per axis [1/s2]
   Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
@@ -75,7 +76,7 @@ struct OscParams {
   bool use_coriolis = false;         ///< add c to u0
 };
 
-/// Every limit; each one is enforced and has a flag (control.md sections 3-7, 9).
+/// Every limit; each one is enforced and has a flag (docs/control.md).
 struct LimitParams {
   Vec7 q_min = Vec7::Constant(kUnset);    ///< lower joint position limits [rad]
   Vec7 q_max = Vec7::Constant(kUnset);    ///< upper joint position limits [rad]
@@ -87,11 +88,13 @@ struct LimitParams {
   double kappa = 5.0;                   ///< bound interval over the period
   double delta_q = 0.002;               ///< joint position margin [rad]
   double delta_v = 0.01;                ///< speed margin, as a share
-  bool walls = true;                    ///< Cartesian walls on the TCP
+  bool walls = true;                    ///< Cartesian limits on the TCP, all of them
   Vec3 x_min = Vec3::Constant(kUnset);  ///< lower TCP walls, world [m]
   Vec3 x_max = Vec3::Constant(kUnset);  ///< upper TCP walls, world [m]
   Vec3 dx_max = Vec3::Constant(0.5);    ///< TCP speed per axis [m/s]
-  double dx_near = 0.5;  ///< TCP speed per axis below a Target's near plane [m/s]
+  /// TCP speed per axis below a Target's near plane [m/s]: of force, pose and hold
+  /// axes, with walls on. Free axes and joint targets do not know it.
+  double dx_near = 0.5;
   Vec3 ddx_max = Vec3::Constant(5.0);  ///< TCP acceleration per axis [m/s2]
   double eta_wall = 0.5;               ///< share of ddx_max planned for braking
   double delta_x = 0.005;              ///< wall margin [m]
@@ -112,9 +115,10 @@ struct Target {
   /// hold axes do beside their impedance law.
   Vec6 f_star = Vec6::Zero();
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
-  Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation
+  Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation, unit
   /// Where contact is near: at TCP positions p with n . p < d the speed limit is
-  /// `dx_near`. Unit normal n, then d [m], world axes; d = -infinity: nowhere.
+  /// `dx_near` (which says for what). Unit normal n, then d [m], world axes;
+  /// d = -infinity: nowhere.
   Vec4 near_plane{0.0, 0.0, 0.0, -std::numeric_limits<double>::infinity()};
   bool joint = false;       ///< go to q_d; the task axes are not used
   Vec7 q_d = Vec7::Zero();  ///< desired configuration [rad]
@@ -130,7 +134,7 @@ struct Flags {
   std::uint8_t wall_velocity = 0;       ///< the TCP speed limit bounds the axis
   std::uint8_t wall_acceleration = 0;   ///< the TCP acceleration bounds the axis
   std::uint8_t wall_displaced = 0;      ///< a wall row could not be met this cycle
-  bool bad_input = false;               ///< non-finite input: damped hold
+  bool bad_input = false;    ///< input, or a torque, was no number: damped hold
   bool unsafe = false;       ///< even the safe action exceeded a torque: clipped
   bool qp_early = false;     ///< the QP stopped early; its safe answer was used
   bool target_late = false;  ///< no fresh Target (a servo loop's watchdog): held

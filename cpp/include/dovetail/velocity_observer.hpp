@@ -10,12 +10,15 @@
 /// Gain 1 takes (q_k - q_k-1) / T, the mean velocity of the interval, and moves it to
 /// the interval's end by a T / 2: no lag where the arm does as commanded, and the noise
 /// of one difference. A smaller gain trusts the model for longer and has less noise.
+///
+/// A position that is none (input.hpp) is not taken: the next one counts for both
+/// intervals, and nothing of it stays.
 #pragma once
 
 #include <stdexcept>
 #include <string>
 
-#include "dovetail/types.hpp"
+#include "dovetail/input.hpp"
 
 namespace dovetail {
 
@@ -39,14 +42,18 @@ class VelocityObserver {
 
   /// Starts at rest at q [rad].
   void reset(const Vec7& q) noexcept {
-    q_ = q;
+    if (is_configuration(q)) q_ = q;
     dq_.setZero();
+    waited_ = 0.0;
   }
 
   /// Takes the measured q [rad] after `elapsed` [s] under the acceleration a [rad/s2],
   /// and returns the velocity [rad/s] at its end.
   const Vec7& update(const Vec7& q, const Vec7& a, double elapsed) noexcept {
-    const double T = elapsed > 0.0 ? elapsed : period_;
+    waited_ += elapsed > kShortestTime && std::isfinite(elapsed) ? elapsed : period_;
+    if (!is_configuration(q) || !a.allFinite()) return dq_;
+    const double T = waited_;
+    waited_ = 0.0;
     const Vec7 predicted = q_ + T * dq_ + (0.5 * T * T) * a;
     dq_ += T * a + (gain_ / T) * (q - predicted);
     q_ = q;
@@ -67,6 +74,7 @@ class VelocityObserver {
   double gain_;
   Vec7 q_ = Vec7::Zero();
   Vec7 dq_ = Vec7::Zero();
+  double waited_ = 0.0;  // since q_ [s]
 };
 
 }  // namespace dovetail

@@ -135,7 +135,7 @@ class LimitConfig:
     delta_v: Annotated[float, Range(0.0, 0.9, "1")] = 0.01
     """Margin below the joint speed limit, as a share of it [1]."""
     walls: bool = True
-    """Whether Cartesian limits on the TCP are enforced."""
+    """Whether Cartesian limits on the TCP are enforced, dx_near included."""
     x_min: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
     """Lower walls of the TCP in the world [m]."""
     x_max: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
@@ -146,7 +146,8 @@ class LimitConfig:
     """TCP speed limit per axis [m/s]."""
     dx_near: Annotated[float, Range(1e-4, 10.0, "m/s")] = 0.5
     """TCP speed limit per axis below a Target's near plane [m/s]: contact at this
-    speed is what the tool must bear."""
+    speed is what the tool must bear. It holds for force, pose and hold axes with walls
+    on; not on a free axis, nor for a joint target."""
     ddx_max: Annotated[Vec3, Range(1e-2, 1e3, "m/s2", _XYZ)] = field(
         default_factory=_all(3, 5.0)
     )

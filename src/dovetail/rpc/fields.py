@@ -16,7 +16,7 @@ PLANE = ("nx", "ny", "nz", "offset")
 WXYZ = ("w", "x", "y", "z")
 FINITE = (-math.inf, math.inf)
 LENGTH_TOLERANCE = 2e-3
-"""How far a unit quaternion's squared length may be from 1."""
+"""How far the squared length of a unit quaternion or normal may be from 1."""
 
 
 class FieldReader:

@@ -64,9 +64,15 @@ def _read_right_target(message: pb.Target) -> _core.Target | None:
     if [len(f_star), len(position), len(quat), len(plane)] != _SIZES or message.q_d:
         return None
     numbers = f_star + position + quat + plane
-    finite = numbers[:-1] if plane[3] == -math.inf else numbers
+    is_nowhere = plane[3] == -math.inf
+    finite = numbers[:-1] if is_nowhere else numbers
     length = sum([x * x for x in quat])
-    if not (math.isfinite(sum(finite)) and abs(length - 1.0) <= LENGTH_TOLERANCE):
+    normal = 1.0 if is_nowhere else sum([x * x for x in plane[:3]])
+    if not (
+        math.isfinite(sum(finite))
+        and abs(length - 1.0) <= LENGTH_TOLERANCE
+        and abs(normal - 1.0) <= LENGTH_TOLERANCE
+    ):
         return None
     array = np.array(numbers)
     target = _core.Target(
@@ -77,12 +83,19 @@ def _read_right_target(message: pb.Target) -> _core.Target | None:
 
 
 def _read_plane(values: list[float], fields: FieldReader) -> Array:
-    """Return normal and offset; only the offset may be infinite, and only below."""
+    """Return unit normal and offset; only the offset may be infinite, and only below.
+
+    A plane that is nowhere may have any normal.
+    """
     is_nowhere = len(values) == 4 and values[3] == -math.inf
     finite = [*values[:3], 0.0] if is_nowhere else values
     plane = fields.vector("target.near_plane", finite, PLANE, "1 or m")
+    length = sum([x * x for x in values[:3]])
     if is_nowhere:
         plane[3] = -math.inf
+    elif np.isfinite(plane).all() and abs(length - 1.0) > LENGTH_TOLERANCE:
+        said = f"with a normal of length {math.sqrt(length):.6g}"
+        fields.refuse("target.near_plane", said, "length 1")
     return plane
 
 
