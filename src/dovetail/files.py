@@ -7,6 +7,21 @@ from pathlib import Path
 from dovetail.errors import ConfigError, LogError
 
 
+def require_empty(folder: Path) -> None:
+    """Refuse a folder for results that holds something.
+
+    Raises:
+        ConfigError: It is a file, or not empty.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"the output folder {folder} is a file; choose another --out")
+    if folder.is_dir() and (first := next(folder.iterdir(), None)) is not None:
+        raise ConfigError(
+            f"the output folder {folder} is not empty (it holds {first.name}); "
+            "choose another --out or remove it"
+        )
+
+
 def claim_output_folder(path: str | Path) -> Path:
     """Create the folder for a run's results, refusing one that holds something.
 
@@ -20,13 +35,7 @@ def claim_output_folder(path: str | Path) -> Path:
         ConfigError: the path is a file, or a folder that is not empty.
     """
     folder = Path(path).expanduser().absolute()
-    if folder.exists() and not folder.is_dir():
-        raise ConfigError(f"the output folder {folder} is a file; choose another --out")
-    if folder.is_dir() and (first := next(folder.iterdir(), None)) is not None:
-        raise ConfigError(
-            f"the output folder {folder} is not empty (it holds {first.name}); "
-            "choose another --out or remove it"
-        )
+    require_empty(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

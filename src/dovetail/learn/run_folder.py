@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from dovetail.errors import ConfigError
-from dovetail.evaluate.files import claim_output_folder, write_atomic
+from dovetail.files import claim_output_folder, require_empty, write_atomic
 from dovetail.learn.config import TrainConfig
 
 CONFIG = "config.json"
@@ -19,27 +19,40 @@ TENSORBOARD = "tensorboard"
 _LOCK = ".lock"
 
 
-def open_run(config: TrainConfig) -> Path:
-    """Create the run folder, or check that the one to resume has the same settings.
+def require_run(config: TrainConfig) -> Path:
+    """Refuse a run folder that cannot be started in, or resumed; write nothing.
 
     Returns:
-        The folder, absolute; it holds config.json.
+        The folder, absolute.
 
     Raises:
         ConfigError: Not empty and not to be resumed; nothing there to resume; started
-            with other settings (names the field).
+            with other settings (names the field); in use.
     """
     folder = config.out.expanduser().absolute()
     if config.resume:
         config.require_same(_read_config(folder))
-        return folder
+        with RunLock(folder):
+            return folder
     if (folder / CONFIG).exists():
         raise ConfigError(
             f"the run folder {folder} already holds a run; continue it with --resume, "
             "or choose another --out"
         )
-    folder = claim_output_folder(folder)
-    write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
+    require_empty(folder)
+    return folder
+
+
+def open_run(config: TrainConfig) -> Path:
+    """Create the run folder, or return the one to resume; see `require_run`.
+
+    Returns:
+        The folder, absolute; it holds config.json.
+    """
+    folder = require_run(config)
+    if not config.resume:
+        claim_output_folder(folder)
+        write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
     return folder
 
 
