@@ -74,6 +74,11 @@ def build_arm(
         MissingDependencyError: What the address needs is not installed.
     """
     address = parse_address(arm) if isinstance(arm, str) else arm
+    if engine is not None and twin is None and not isinstance(address, TwinAddress):
+        raise ConfigError(
+            f"engine is {engine!r}, which is a twin's, and no twin is given; add twin, "
+            "or give plant"
+        )
     build = partial(
         build_local_arm,
         scene,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
+from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
@@ -30,7 +31,7 @@ from dovetail.envs.randomisation import (
 from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
-from dovetail.envs.violations import ViolationCounter
+from dovetail.envs.violations import ViolationCounter, count_bad_input
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
@@ -41,6 +42,7 @@ from dovetail.types import Array, Vec3, Vec4, Vec7
 
 POLICY_PERIOD = 0.05
 """Time between two actions [s]."""
+_NEAR = Range(0.0, 1.0, "m")
 
 
 class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -101,7 +103,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `success` and `depth` [m] in the true hole, `position_error` [m] and `theta_error`
     [rad] (tool minus target, by the hole tracker), `contact_force_max` [N] of the step,
     `limit_violations` (control cycles of the step outside a joint or wall limit, by the
-    measured state), `observation_raw` (14 numbers, unscaled) and, from `reset`, `tare`
+    measured state), `bad_input` (those in which the controller held the arm because
+    what it was given was not finite or not believable), `observation_raw` (14 numbers, unscaled) and, from `reset`, `tare`
     [m/s2, rad/s2]: the f* that holds the weight.
 
     Args:
@@ -197,7 +200,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             engine=engine,
             dynamics=dynamics,
         )
-        self.max_steps, self.tracker = max_steps, tracker or TrueHole()
+        self.tracker = tracker or TrueHole()
         self.randomisation = randomisation or RandomisationConfig()
         self.reward_config = reward or RewardConfig()
         self.commands = CommandMap(
@@ -208,14 +211,13 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             position_range=position_range,
             press_max=near_press,
         )
-        self._near_distance = near_distance
         self._tare = ToolTare(self.arm, self.commands, force_damping) if tare else None
-        self._prepare(stack)
+        self._prepare(stack, max_steps, near_distance)
 
-    def _prepare(self, stack: int) -> None:
+    def _prepare(self, stack: int, max_steps: int, near_distance: float) -> None:
         """Take from the arm and the scene what each step needs."""
-        if self.max_steps < 1:
-            raise ConfigError(f"max_steps is {self.max_steps}; allowed: 1 or more")
+        self.max_steps = in_count("max_steps", max_steps, 1, 1_000_000, "steps")
+        self._near_distance = in_range("near_distance", near_distance, _NEAR)
         self._lateral_max = self.scene.clearance * math.sqrt(2.0) + 0.002
         robot = self.arm.robot
         task = getattr(self.arm, "task", self.task)
@@ -233,13 +235,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self._walls = limits.x_min, limits.x_max
         self.violations = ViolationCounter(robot, *self._walls)
         self._target = _core.Target()
-        self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
-        self._set_spaces(stack)
-
-    def _set_spaces(self, stack: int) -> None:
         size = len(self.commands)
-        pair = np.concatenate([OBSERVATION_HIGH, np.ones(size, dtype=np.float32)])
-        high = np.concatenate([OBSERVATION_HIGH, *([pair] * stack)])
+        self._history = History(stack, NUM_OBSERVATIONS, size)
+        high = self._history.highest(OBSERVATION_HIGH)
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
 
@@ -377,6 +375,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "theta_error": float(raw[10]),
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
             "limit_violations": self.violations.count(self.state.log),
+            "bad_input": count_bad_input(self.state.log),
             "observation_raw": raw,
         }
 
