@@ -15,6 +15,7 @@ from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
+from dovetail.envs.hole_pose import HOLE_POSES, HolePose, insertion
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
 from dovetail.envs.observation import (
     NUM_OBSERVATIONS,
@@ -32,7 +33,7 @@ from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
-from dovetail.envs.workspace import require_inside
+from dovetail.envs.workspace import require_inside, require_task
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
@@ -112,8 +113,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             `LocalArm` from the next arguments.
         plant: Physics engine, "mujoco" or "bullet".
         peg: Shape of peg and hole: "square", "triangle" or "round".
-        clearance: Gap between peg and hole on each side [m], >= 0.
-        task: Mode of each axis.
+        clearance: Gap between peg and hole on each side [m]; None is in `defaults`.
+        task: Mode of each axis; None is in `defaults`.
         stack: Number of past (observation, action) pairs to append.
         twin: A twin, its name or its file, to use in place of the plain plant.
         period: Control period [s].
@@ -144,6 +145,13 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium's name)
 
+    defaults: ClassVar[dict[str, Any]] = {
+        "task": "XYZ:force A:pose BC:hold",
+        "clearance": 0.0005,
+    }
+    """What the task is where nothing else is asked for."""
+    hole_poses: ClassVar[tuple[HolePose, ...]] = HOLE_POSES
+    """Where the hole is when a policy is tried."""
     q_seed: ClassVar[Vec7] = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
     """Where inverse kinematics starts [rad]: elbow up, tool down."""
 
@@ -160,8 +168,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         *,
         plant: str = "mujoco",
         peg: str = "square",
-        clearance: float = 0.0005,
-        task: str = "XYZ:force A:pose BC:hold",
+        clearance: float | None = None,
+        task: str | None = None,
         stack: int = 0,
         twin: TwinConfig | str | Path | None = None,
         period: float = 0.005,
@@ -184,8 +192,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         self.render_mode = render_mode
-        self.scene = SceneConfig(peg=peg, clearance=clearance)  # type: ignore[arg-type]
-        self.task = TaskSpec.parse(task)
+        gap = self.defaults["clearance"] if clearance is None else clearance
+        self.scene = SceneConfig(peg=peg, clearance=gap)  # type: ignore[arg-type]
+        self.task = TaskSpec.parse(self.defaults["task"] if task is None else task)
         self.arm = build_arm(
             arm,
             self.scene,
@@ -220,12 +229,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._near_distance = in_range("near_distance", near_distance, _NEAR)
         self._lateral_max = self.scene.clearance * math.sqrt(2.0) + 0.002
         robot = self.arm.robot
-        task = getattr(self.arm, "task", self.task)
-        if task != self.task:
-            raise ConfigError(
-                f"the arm's task is '{task}', the environment's is '{self.task}'; give "
-                "both the same"
-            )
+        require_task(self.arm, self.task)
         self.scaling = ObservationScaling(
             robot.q_min, robot.q_max, self.scene.hole_depth * self.mouth_direction()
         )
@@ -382,16 +386,11 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def _insertion(self, error: Vec3) -> tuple[float, float]:
         """Return depth and distance from the axis in the true hole [m].
 
-        Args:
-            error: Tool minus target [m] by the tracker: the truth where that tells it.
+        The error by the tracker is the truth where the tracker tells it.
         """
         axis = self._axis
         if self._tracked is not self.hole:
             axis = matrix_from_quat(self.hole.quat_wxyz)[:, 2]
             goal = self.hole.position - self.scene.hole_depth * axis
             error = self.state.position - goal
-        x, y, z = error.tolist()
-        nx, ny, nz = axis.tolist()
-        height = x * nx + y * ny + z * nz
-        lateral = math.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
-        return self.scene.hole_depth - height, lateral
+        return insertion(error, axis, self.scene.hole_depth)

@@ -1,13 +1,10 @@
 """One evaluation from its settings to the written report."""
 
 import math
-import os
-import platform
-import shlex
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -30,23 +27,26 @@ from rich.table import Table
 from dovetail.arms.address import (
     SCHEMES,
     ArmAddress,
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
     is_simulated_here,
     parse_address,
     places_hole,
 )
+from dovetail.envs.hole_pose import HolePose
+from dovetail.envs.registered import environment_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.files import claim_output_folder, write_atomic
+from dovetail.evaluate.origin import (
+    command_line,
+    describe_settings,
+    name_ground,
+    provenance,
+)
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation, make_perturbed
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
-from dovetail.evaluate.trials import HOLE_POSES, HolePose, plan_trials, run_trials
-from dovetail.learn.export import commit, versions
+from dovetail.evaluate.trials import plan_trials, run_trials
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
@@ -183,27 +183,14 @@ def _require_usable(config: EvaluationConfig, arm: ArmAddress) -> None:
         )
 
 
-def hole_poses(config: EvaluationConfig) -> tuple[HolePose, ...]:
-    """Return where the hole is for the tries."""
+def hole_poses(
+    config: EvaluationConfig, policy: Mapping[str, Any]
+) -> tuple[HolePose, ...]:
+    """Return where the hole is for the tries: by the policy's environment, or given."""
+    poses = environment_class(policy["env_id"]).hole_poses
     if config.hole is None:
-        return HOLE_POSES
-    return (HolePose.given(config.hole),)
-
-
-def name_ground(config: EvaluationConfig) -> str:
-    """Return where a result was found: a twin is called a twin, never a robot."""
-    twin, plant = config.twin, config.plant
-    if config.arm is not None:
-        arm = parse_address(config.arm)
-        if isinstance(arm, FriAddress) and arm.control is not None:
-            return f"simulated cabinet ({config.arm})"
-        if isinstance(arm, (FriAddress, GrpcAddress)):
-            return f"the arm at {config.arm.partition('?')[0]}"
-        twin = arm.twin if isinstance(arm, TwinAddress) else None
-        plant = arm.engine if isinstance(arm, PlantAddress) else None
-    if twin is None:
-        return f"simulation ({plant})"
-    return f"twin {Path(twin).stem} ({load_twin(twin).engine})"
+        return poses
+    return (HolePose.given(config.hole, poses[0].facing),)
 
 
 def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
@@ -218,10 +205,10 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     """
     if config.workers < 1:
         raise ConfigError(f"workers is {config.workers}; needs at least 1")
-    poses = hole_poses(config)
-    jobs = plan_trials(len(poses), config.tries, config.seed)
     file = find_policy(config.policy)
     policy = Policy.load(file)
+    poses = hole_poses(config, policy.metadata)
+    jobs = plan_trials(len(poses), config.tries, config.seed)
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation()
     make_env = partial(make_perturbed, policy.metadata["env_id"], perturbation, options)
@@ -259,7 +246,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         ground=ground,
         rows=rows,
         outcomes=outcomes,
-        config=_settings(config, options),
+        config=describe_settings(config, options, poses),
         policy=policy.metadata,
         provenance=provenance(started),
         command=command_line(config),
@@ -355,44 +342,3 @@ def write_report(report: Report, folder: Path, scene: SceneConfig) -> list[Path]
         write_atomic(folder / "report.json", report.to_json()),
         write_atomic(folder / "report.html", report.to_html(captions)),
     ]
-
-
-def _settings(config: EvaluationConfig, options: Mapping[str, Any]) -> dict[str, Any]:
-    settings = asdict(replace(config, out=config.out.absolute()))
-    settings["environment"] = dict(options)
-    settings["hole poses (x y z [m], theta [rad])"] = {
-        pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}"
-        for pose in hole_poses(config)
-    }
-    if config.twin is not None:
-        settings["twin file"] = asdict(load_twin(config.twin))
-    return {name: value for name, value in settings.items() if value is not None}
-
-
-def command_line(config: EvaluationConfig) -> str:
-    """Return the command that makes an evaluation again, its folder aside."""
-    words = ["dovetail", "evaluate", config.policy]
-    for name in ("plant", "twin", "arm", "hole", "peg", "clearance", "tries", "seed"):
-        if (value := getattr(config, name)) is not None:
-            values = value if isinstance(value, tuple) else [value]
-            words += [f"--{name}", *map(str, values)]
-    for f in fields(Perturbation):
-        if (value := getattr(config, f.name)) != f.default:
-            words += [f"--{f.name.replace('_', '-')}", str(value)]
-    if not config.tare:
-        words.append("--no-tare")
-    if config.max_steps is not None:
-        words += ["--max-steps", str(config.max_steps)]
-    return shlex.join([*words, "--out", "results-again"])
-
-
-def provenance(started: datetime) -> dict[str, Any]:
-    """Return what a number depends on besides its settings: versions and machine."""
-    seconds = (datetime.now(UTC) - started).total_seconds()
-    return {
-        "started (UTC)": started.isoformat(timespec="seconds"),
-        "duration [s]": round(seconds, 1),
-        "versions": versions(),
-        "commit": commit() or "installed package, no checkout",
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
-    }
