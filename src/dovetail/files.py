@@ -2,6 +2,7 @@
 
 import os
 import tempfile
+from datetime import datetime
 from pathlib import Path
 
 from dovetail.errors import ConfigError, LogError
@@ -43,6 +44,12 @@ def claim_output_folder(path: str | Path) -> Path:
             f"cannot create the output folder {folder}: {error.strerror}"
         ) from error
     return folder
+
+
+def dated_folder(parent: str, name: str = "") -> Path:
+    """Return the path of a new folder by the time, for who does not name one."""
+    now = datetime.now().astimezone()
+    return Path(parent) / f"{name}{now:%Y-%m-%d_%H%M%S}"
 
 
 def write_atomic(path: Path, data: bytes | str) -> Path:

@@ -130,13 +130,20 @@ def test_evaluate_writes_a_report_and_says_where(still_policy, tmp_path, capsys)
     assert "not empty" in capsys.readouterr().err
 
 
-def test_demo_writes_into_a_new_folder_each_time(
-    still_policy, tmp_path, monkeypatch, capsys
+@pytest.mark.parametrize(
+    ("words", "parent"),
+    [
+        (["demo", "--policy"], "demo-results"),
+        (["evaluate", "--twin", "medium"], "results"),
+    ],
+)
+def test_results_go_into_a_new_folder_each_time(
+    words, parent, still_policy, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    assert run(["demo", "--policy", str(still_policy), "--tries", "1"]) == 0
+    assert run([*words, str(still_policy), "--tries", "1"]) == 0
     assert "twin medium (mujoco)" in capsys.readouterr().out
-    (folder,) = (tmp_path / "demo-results").iterdir()
+    (folder,) = (tmp_path / parent).iterdir()
     assert (folder / "report.html").is_file()
 
 

@@ -4,7 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -35,7 +35,6 @@ from dovetail.envs.hole_pose import HolePose
 from dovetail.envs.registered import environment_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
-from dovetail.evaluate.files import claim_output_folder, write_atomic
 from dovetail.evaluate.origin import (
     command_line,
     describe_settings,
@@ -47,6 +46,7 @@ from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation, make_pert
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
 from dovetail.evaluate.trials import plan_trials, run_trials
+from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
@@ -99,8 +99,9 @@ class EvaluationConfig:
     """Processes that share the tries; the outcome does not depend on it."""
     keep_logs: bool = True
     """Keep an Episode log of each try: a search of six minutes is one of 40 MB."""
-    out: Path = Path("results")
-    """Folder for table, figures, report and logs; new or empty."""
+    out: Path | None = None
+    """Folder for table, figures, report and logs, new or empty; default a new one, by
+    the time, in results."""
 
     def perturbation(self) -> Perturbation:
         """Return what is done to arm and hole.
@@ -214,7 +215,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     make_env = partial(make_perturbed, policy.metadata["env_id"], perturbation, options)
     with closing(_inspect(make_env, policy, poses[0], jobs[0].seed)) as env:
         scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
-        folder = claim_output_folder(config.out)
+        folder = claim_output_folder(config.out or dated_folder("results"))
         logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
             logs.mkdir()
@@ -246,7 +247,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         ground=ground,
         rows=rows,
         outcomes=outcomes,
-        config=describe_settings(config, options, poses),
+        config=describe_settings(replace(config, out=folder), options, poses),
         policy=policy.metadata,
         provenance=provenance(started),
         command=command_line(config),

@@ -4,7 +4,7 @@ import os
 import platform
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -51,7 +51,7 @@ def describe_settings(
         options: Keyword arguments of the environment.
         poses: Where the hole is.
     """
-    settings = asdict(replace(config, out=config.out.absolute()))
+    settings = asdict(config)
     settings["environment"] = dict(options)
     settings["hole poses (x y z [m], theta [rad])"] = {
         pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
@@ -75,7 +75,7 @@ def command_line(config: "EvaluationConfig") -> str:
         words.append("--no-tare")
     if config.max_steps is not None:
         words += ["--max-steps", str(config.max_steps)]
-    return shlex.join([*words, "--out", "results-again"])
+    return shlex.join(words)
 
 
 def provenance(started: datetime) -> dict[str, Any]:
