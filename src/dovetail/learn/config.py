@@ -43,10 +43,12 @@ _USUAL = DynamicsRandomisation()
 class TrainConfig:
     """Settings of one training run, or of several seeds of it."""
 
-    out: Path = Path("runs/peg_square")
-    """Run folder: new or empty, unless `resume`."""
+    out: Path | None = None
+    """Run folder: new or empty, unless `resume`; default a new one, by peg or
+    environment and the time, in runs."""
     resume: bool = False
-    """Continue from the newest checkpoint in `out`, with the same settings."""
+    """Continue the run in `out` from its newest checkpoint, with its settings: on the
+    command line no other option is needed."""
     env: str = "dovetail/PegInHole-v0"
     """Gymnasium id of the environment."""
     plant: str = "mujoco"
@@ -164,7 +166,8 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be trained, by name and range."""
-        object.__setattr__(self, "out", Path(self.out))
+        if self.out is not None:
+            object.__setattr__(self, "out", Path(self.out))
         object.__setattr__(self, "net", tuple(int(width) for width in self.net))
         if self.algorithm not in ALGORITHMS:
             raise ConfigError(
@@ -220,6 +223,20 @@ class TrainConfig:
             ConfigError: No such environment; lists the known ones.
         """
         return environment_class(self.env)
+
+    @property
+    def folder(self) -> Path:
+        """The run folder, absolute.
+
+        Raises:
+            ConfigError: None is given.
+        """
+        if self.out is None:
+            raise ConfigError(
+                "out is not given: say with --out FOLDER where the run is (a training "
+                "prints its folder when it begins)"
+            )
+        return self.out.expanduser().absolute()
 
     @cached_property
     def model_file(self) -> ModelFile | None:
@@ -280,7 +297,7 @@ class TrainConfig:
 
     def for_seed(self, seed: int) -> "TrainConfig":
         """Return the run of one of several seeds, in its own sub-folder."""
-        return replace(self, seed=seed, seeds=1, out=self.out / f"seed-{seed}")
+        return replace(self, seed=seed, seeds=1, out=self.folder / f"seed-{seed}")
 
     def to_json(self) -> dict[str, Any]:
         """Return every setting that decides the result, as JSON knows it.

@@ -2,14 +2,21 @@
 
 import fcntl
 import json
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import IO, Any
 
 from dovetail.errors import ConfigError
-from dovetail.files import claim_output_folder, require_empty, write_atomic
+from dovetail.files import (
+    claim_output_folder,
+    dated_folder,
+    require_empty,
+    write_atomic,
+)
 from dovetail.learn.config import TrainConfig
 
 CONFIG = "config.json"
+MODEL = "model.toml"
 PROGRESS = "progress.csv"
 EVALUATION = "evaluation.json"
 POLICY = "policy.safetensors"
@@ -17,6 +24,34 @@ CHECKPOINTS = "checkpoints"
 TENSORBOARD = "tensorboard"
 
 _LOCK = ".lock"
+
+
+def place_run(config: TrainConfig) -> TrainConfig:
+    """Return the settings with a folder: a new one by the time where none is given."""
+    if config.out is not None or config.resume:
+        return config
+    _, _, name = config.env.partition("/")
+    if config.env == TrainConfig.env:
+        name = f"peg_{config.peg}"
+    return replace(config, out=dated_folder("runs", f"{name}-"))
+
+
+def settings_of(folder: Path) -> dict[str, Any]:
+    """Return a run's settings as keyword arguments of `TrainConfig`.
+
+    Raises:
+        ConfigError: There is no run, or its config.json is damaged.
+    """
+    known = {f.name for f in fields(TrainConfig)}
+    settings = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in _read_config(folder).items()
+        if name in known
+    }
+    if settings.get("model") is not None:  # of which config.json has the content
+        file = folder / MODEL
+        settings["model"] = file if file.exists() else None
+    return settings
 
 
 def require_run(config: TrainConfig) -> Path:
@@ -29,7 +64,7 @@ def require_run(config: TrainConfig) -> Path:
         ConfigError: Not empty and not to be resumed; nothing there to resume; started
             with other settings (names the field); in use.
     """
-    folder = config.out.expanduser().absolute()
+    folder = config.folder
     if config.resume:
         config.require_same(_read_config(folder))
         with RunLock(folder):
@@ -53,6 +88,8 @@ def open_run(config: TrainConfig) -> Path:
     if not config.resume:
         claim_output_folder(folder)
         write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
+        if config.model_file is not None:
+            write_atomic(folder / MODEL, config.model_file.content)
     return folder
 
 

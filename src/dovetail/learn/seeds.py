@@ -19,7 +19,7 @@ from dovetail.evaluate.files import write_atomic
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import ProgressBar
 from dovetail.learn.run_folder import CONFIG, EVALUATION, open_run, require_run
-from dovetail.learn.train import TrainResult, prepared, train_one
+from dovetail.learn.train import TrainResult, announce, prepared, train_one
 
 _Result = TypeVar("_Result")
 
@@ -40,7 +40,7 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
     require_run(config)
     runs = [config.for_seed(config.seed + i) for i in range(config.seeds)]
     runs = [
-        replace(run, resume=config.resume and (run.out / CONFIG).exists())
+        replace(run, resume=config.resume and (run.folder / CONFIG).exists())
         for run in runs
     ]
     workers = min(len(runs), len(os.sched_getaffinity(0)))
@@ -53,6 +53,7 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
     ):
         _result(pool.submit(_try, runs[0]), runs[0])
         folder = open_run(config)
+        announce(console, folder)
         futures = [pool.submit(_train, i, run) for i, run in enumerate(runs)]
         _show(channel, futures, bar)
     results = [_result(future, run) for future, run in zip(futures, runs, strict=True)]

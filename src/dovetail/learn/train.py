@@ -1,8 +1,10 @@
 """Train a policy: one call from settings to weights, evaluation and provenance."""
 
 import json
-from collections.abc import Iterator
+import shlex
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -38,6 +40,7 @@ from dovetail.learn.run_folder import (
     TENSORBOARD,
     RunLock,
     open_run,
+    place_run,
     require_run,
 )
 
@@ -60,9 +63,9 @@ class TrainResult(NamedTuple):
 def train(config: TrainConfig, console: Console | None = None) -> list[TrainResult]:
     """Train, evaluate and export one policy per seed.
 
-    The run folder gets config.json, progress.csv (a row per episode), tensorboard/,
-    checkpoints/, policy.safetensors with policy.json, and evaluation.json. Several
-    seeds each have such a folder, `seed-<n>`, inside it.
+    The run folder gets config.json (and model.toml), progress.csv (a row per episode),
+    tensorboard/, checkpoints/, policy.safetensors with policy.json, and
+    evaluation.json. Several seeds each have such a folder, `seed-<n>`, inside it.
 
     Args:
         config: Settings.
@@ -78,24 +81,42 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
         LogError: The disk is full; the last checkpoint is kept.
     """
     console = console or Console(stderr=True)
+    config = place_run(config)
     if config.seeds > 1:
         from dovetail.learn.seeds import train_seeds
 
         return train_seeds(config, console)
     with ProgressBar(config.steps, [f"seed {config.seed}"], console) as bar:
-        return [train_one(config, lambda status: bar.show(0, status))]
+        begin = partial(announce, console)
+        return [train_one(config, lambda status: bar.show(0, status), begin)]
 
 
-def train_one(config: TrainConfig, report: Report) -> TrainResult:
+def announce(console: Console, folder: Path) -> None:
+    """Say where a run is and how it goes on, before anything can end it."""
+    command = shlex.join(["dovetail", "train", "--resume", "--out", str(folder)])
+    console.print(
+        f"training in {folder}\n  if it is cut short: {command}",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def train_one(
+    config: TrainConfig,
+    report: Report,
+    begin: Callable[[Path], None] = lambda folder: None,
+) -> TrainResult:
     """Train one seed in this process; see `train`.
 
     Args:
         config: Settings; `seeds` is not looked at.
         report: Told now and then where the run stands.
+        begin: Told the run folder as soon as it is there.
     """
     with prepared(config) as (model, best):
         folder = open_run(config)
         with RunLock(folder):
+            begin(folder)
             wall_time = _learn(model, best, config, folder, report)
             policy = _export(model, config, folder, wall_time)
             steps = int(model.num_timesteps)
