@@ -91,6 +91,13 @@ def test_without_the_learning_stack_there_is_no_run_folder(small, monkeypatch):
     assert not small.out.exists()
 
 
+def test_without_pybullet_there_is_no_run_folder(small, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install '.\[bullet\]'"):
+        train(replace(small, plant="bullet"))
+    assert not small.out.exists()
+
+
 def test_resuming_with_other_settings_names_the_field(small):
     small.out.mkdir()
     (small.out / "config.json").write_text(json.dumps(small.to_json()))
