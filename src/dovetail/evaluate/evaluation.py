@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -33,13 +33,14 @@ from dovetail.arms.address import (
 )
 from dovetail.envs.hole_pose import HolePose
 from dovetail.envs.registered import environment_class
-from dovetail.errors import ConfigError, PolicyError
+from dovetail.errors import ConfigError, DovetailError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.origin import (
     command_line,
     describe_settings,
     name_ground,
     provenance,
+    shared_engine,
 )
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation, make_perturbed
@@ -231,20 +232,21 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             logs=logs,
             workers=config.workers,
         )
-        outcomes = _show(trials, len(jobs), console)
-    rows = summarise(outcomes, [pose.name for pose in poses])
-    ground = name_ground(config)
+        ground = name_ground(config)
+        parts = [
+            file.stem,
+            f"{scene.peg} peg",
+            f"{1e3 * scene.clearance:g} mm clearance per side",
+            *perturbation.describe(),
+            f"on {ground}",
+        ]
+        title, names = ", ".join(parts), [pose.name for pose in poses]
+        outcomes = _show(trials, len(jobs), title, names, console)
+    rows = summarise(outcomes, names)
     report = Report(
-        title=", ".join(
-            [
-                file.stem,
-                f"{scene.peg} peg",
-                f"{1e3 * scene.clearance:g} mm clearance per side",
-                *perturbation.describe(),
-                f"on {ground}",
-            ]
-        ),
+        title=title,
         ground=ground,
+        note=shared_engine(config, policy.metadata),
         rows=rows,
         outcomes=outcomes,
         config=describe_settings(replace(config, out=folder), options, poses),
@@ -252,18 +254,25 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         provenance=provenance(started),
         command=command_line(config),
     )
+    _print(report, options["tare"], console)
+    files = write_report(report, folder, scene)
+    return Evaluation(
+        rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
+    )
+
+
+def _print(report: Report, is_tared: bool, console: Console) -> None:
+    if report.note:
+        console.print(f"note: {report.note}", soft_wrap=True)
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
-    console.print(render_table(report))
-    if tares := [o.tare[:3] for o in outcomes if options["tare"] and any(o.tare)]:
+    console.print(render_table(report.rows))
+    outcomes = report.outcomes
+    if tares := [o.tare[:3] for o in outcomes if is_tared and any(o.tare)]:
         x, y, z = np.mean(tares, axis=0)
         console.print(f"mean tare: f* {x:.2f} {y:.2f} {z:.2f} m/s2 along x y z")
     if stopped := Counter(o.stopped for o in outcomes if o.stopped):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
-    files = write_report(report, folder, scene)
-    return Evaluation(
-        rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
-    )
 
 
 def _inspect(
@@ -290,9 +299,30 @@ def _inspect(
     return env
 
 
-def _show(trials: Iterator[Outcome], count: int, console: Console) -> list[Outcome]:
-    """Run the tries under a progress bar."""
+def _show(
+    trials: Iterator[Outcome],
+    count: int,
+    title: str,
+    names: list[str],
+    console: Console,
+) -> list[Outcome]:
+    """Run the tries under a progress bar; if they are cut short, show what there is."""
     outcomes: list[Outcome] = []
+    try:
+        _collect(trials, count, outcomes, console)
+    except (DovetailError, KeyboardInterrupt):
+        if outcomes:
+            rows = summarise(outcomes, names[: outcomes[-1].pose + 1])
+            part = f"partial: {len(outcomes)} of {count} tries, no report"
+            console.print(f"{title} ({part})", soft_wrap=True)
+            console.print(render_table(rows))
+        raise
+    return outcomes
+
+
+def _collect(
+    trials: Iterator[Outcome], count: int, outcomes: list[Outcome], console: Console
+) -> None:
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -306,14 +336,13 @@ def _show(trials: Iterator[Outcome], count: int, console: Console) -> list[Outco
         for outcome in trials:
             outcomes.append(outcome)
             progress.update(bar, advance=1, inserted=sum(o.success for o in outcomes))
-    return outcomes
 
 
-def render_table(report: Report) -> Table:
+def render_table(rows: Sequence[Row]) -> Table:
     """Return the transfer table for a terminal, without its title."""
     table = Table(box=SIMPLE_HEAD)
     table.pad_edge = False
-    lines = [cells(row) for row in report.rows]
+    lines = [cells(row) for row in rows]
     for name, *entries in zip(COLUMNS, *lines, strict=True):
         words = [*name.split(), *entries]  # headings wrap, numbers do not
         side = "left" if name == COLUMNS[0] else "right"

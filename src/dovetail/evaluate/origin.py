@@ -41,6 +41,28 @@ def name_ground(config: "EvaluationConfig") -> str:
     return f"twin {Path(twin).stem} ({load_twin(twin).engine})"
 
 
+def shared_engine(config: "EvaluationConfig", policy: Mapping[str, Any]) -> str:
+    """Say that twin and training had the same physics engine; empty where not.
+
+    Args:
+        config: The settings.
+        policy: The policy's description.
+    """
+    arm = None if config.arm is None else parse_address(config.arm)
+    twin = arm.twin if isinstance(arm, TwinAddress) else config.twin
+    trained_on = policy.get("provenance", {}).get("config", {}).get("arm")
+    if twin is None or trained_on is not None:
+        return ""
+    engine = load_twin(twin).engine
+    if policy["env"].get("plant") != engine:
+        return ""
+    other = "mujoco" if engine == "bullet" else "bullet"
+    return (
+        f"the policy's training and this twin are both {engine}, which tells less "
+        f"about transfer; train with --plant {other}, or try it on a twin in {other}"
+    )
+
+
 def describe_settings(
     config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[HolePose]
 ) -> dict[str, Any]:
