@@ -199,7 +199,9 @@ def build_local_arm(
     if twin is None:
         body = make_plant(plant, scene, dynamics or DynamicsConfig())
     else:
-        body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
+        config = load_twin(twin)
+        config.require_delay(period)
+        body = cast("Plant", TwinPlant(config, scene, engine=engine))
     return LocalArm(body, scene.robot(), osc, limits, task, period)
 
 
