@@ -69,7 +69,10 @@ def _run_command(name: str, words: list[str]) -> int:
         )
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = getattr(module, COMMANDS[name][0])
-    command = tyro.cli(settings, args=words, prog=f"dovetail {name}")
+    find = getattr(module, "defaults", None)  # of what the words continue
+    found = find(words) if find else None
+    options = {} if found is None else {"default": found}
+    command = tyro.cli(settings, args=words, prog=f"dovetail {name}", **options)
     return command.run(Console())
 
 

@@ -193,7 +193,8 @@ class Episode:
             raise LogError(
                 f"cannot write the log {path} ({len(self)} cycles): "
                 f"{error.strerror or error}; the file {was}, nothing half-written is "
-                "left, and the log is still in memory: free some space and save again"
+                "left; free some space, then run it again (a program that still has "
+                "the log can save it again)"
             ) from error
         finally:
             if beside is not None:

@@ -2,9 +2,25 @@
 
 import os
 import tempfile
+from datetime import datetime
 from pathlib import Path
 
 from dovetail.errors import ConfigError, LogError
+
+
+def require_empty(folder: Path) -> None:
+    """Refuse a folder for results that holds something.
+
+    Raises:
+        ConfigError: It is a file, or not empty.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise ConfigError(f"the output folder {folder} is a file; choose another --out")
+    if folder.is_dir() and (first := next(folder.iterdir(), None)) is not None:
+        raise ConfigError(
+            f"the output folder {folder} is not empty (it holds {first.name}); "
+            "choose another --out or remove it"
+        )
 
 
 def claim_output_folder(path: str | Path) -> Path:
@@ -20,13 +36,7 @@ def claim_output_folder(path: str | Path) -> Path:
         ConfigError: the path is a file, or a folder that is not empty.
     """
     folder = Path(path).expanduser().absolute()
-    if folder.exists() and not folder.is_dir():
-        raise ConfigError(f"the output folder {folder} is a file; choose another --out")
-    if folder.is_dir() and (first := next(folder.iterdir(), None)) is not None:
-        raise ConfigError(
-            f"the output folder {folder} is not empty (it holds {first.name}); "
-            "choose another --out or remove it"
-        )
+    require_empty(folder)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -34,6 +44,12 @@ def claim_output_folder(path: str | Path) -> Path:
             f"cannot create the output folder {folder}: {error.strerror}"
         ) from error
     return folder
+
+
+def dated_folder(parent: str, name: str = "") -> Path:
+    """Return the path of a new folder by the time, for who does not name one."""
+    now = datetime.now().astimezone()
+    return Path(parent) / f"{name}{now:%Y-%m-%d_%H%M%S}"
 
 
 def write_atomic(path: Path, data: bytes | str) -> Path:

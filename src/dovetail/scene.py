@@ -14,6 +14,7 @@ convex meshes carry a margin in PyBullet.
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -86,17 +87,17 @@ class SceneConfig:
                 f"scene peg {self.peg!r} is unknown; known shapes: "
                 f"{', '.join(PEG_SHAPES)}"
             )
-        _require_range("clearance", self.clearance, 0.0, 0.010)
-        _require_range("peg_width", self.peg_width, 0.005, 0.060)
-        _require_range("hole_depth", self.hole_depth, 0.005, 0.060)
-        _require_range("success_depth", self.success_depth, 0.001, self.hole_depth)
-        _require_range("chamfer", self.chamfer, 0.0, self.hole_depth / 2.0)
-        _require_range("block_width", self.block_width, 0.080, 0.300)
-        _require_range("floor_thickness", self.floor_thickness, 0.0, 0.050)
-        _require_range("peg_length", self.peg_length, 0.040, 0.110)
-        _require_range("tool_length", self.tool_length, 0.130, 0.300)
-        _require_range("gripper_mass", self.gripper_mass, 0.2, 5.0)
-        _require_range("peg_density", self.peg_density, 100.0, 20000.0)
+        _require_range("clearance", self.clearance, 0.0, 0.010, "m")
+        _require_range("peg_width", self.peg_width, 0.005, 0.060, "m")
+        _require_range("hole_depth", self.hole_depth, 0.005, 0.060, "m")
+        _require_range("success_depth", self.success_depth, 0.001, self.hole_depth, "m")
+        _require_range("chamfer", self.chamfer, 0.0, self.hole_depth / 2.0, "m")
+        _require_range("block_width", self.block_width, 0.080, 0.300, "m")
+        _require_range("floor_thickness", self.floor_thickness, 0.0, 0.050, "m")
+        _require_range("peg_length", self.peg_length, 0.040, 0.110, "m")
+        _require_range("tool_length", self.tool_length, 0.130, 0.300, "m")
+        _require_range("gripper_mass", self.gripper_mass, 0.2, 5.0, "kg")
+        _require_range("peg_density", self.peg_density, 100.0, 20000.0, "kg/m3")
 
     @property
     def block_height(self) -> float:
@@ -316,9 +317,13 @@ def _unit_inertia(part: Primitive) -> Mat33:
     return np.diag([side, side, 2.0 * across])
 
 
-def _require_range(name: str, value: float, low: float, high: float) -> None:
-    """Refuse a length outside its range, saying the range."""
+def _require_range(name: str, value: float, low: float, high: float, unit: str) -> None:
+    """Refuse a size outside its range, saying the range."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise ConfigError(
+            f"scene {name} is {value!r}; give a number from {low:g} to {high:g} {unit}"
+        )
     if not low <= value <= high:
         raise ConfigError(
-            f"scene {name} is {value:g}, allowed is {low:g} to {high:g} (SI units)"
+            f"scene {name} is {value:g} {unit}, allowed is {low:g} to {high:g} {unit}"
         )

@@ -73,6 +73,15 @@ def test_wrong_input_is_one_message_without_traceback(
     assert "Traceback" not in error
 
 
+def test_an_unknown_environment_is_a_message_with_the_known_ones(capsys):
+    with pytest.raises(SystemExit) as stop:
+        run(["train", "--env", "dovetail/Nut-v0"])
+    assert stop.value.code == 2
+    error = capsys.readouterr().err
+    assert "dovetail/PegInHole-v0, dovetail/RailClip-v0" in error
+    assert "Traceback" not in error
+
+
 def test_debug_shows_the_traceback():
     with pytest.raises(DovetailError):
         run(["twin", "show", "unreal", "--debug"])
@@ -121,14 +130,45 @@ def test_evaluate_writes_a_report_and_says_where(still_policy, tmp_path, capsys)
     assert "not empty" in capsys.readouterr().err
 
 
-def test_demo_writes_into_a_new_folder_each_time(
-    still_policy, tmp_path, monkeypatch, capsys
+@pytest.mark.parametrize(
+    ("words", "parent"),
+    [
+        (["demo", "--policy"], "demo-results"),
+        (["evaluate", "--twin", "medium"], "results"),
+    ],
+)
+def test_results_go_into_a_new_folder_each_time(
+    words, parent, still_policy, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    assert run(["demo", "--policy", str(still_policy), "--tries", "1"]) == 0
+    assert run([*words, str(still_policy), "--tries", "1"]) == 0
     assert "twin medium (mujoco)" in capsys.readouterr().out
-    (folder,) = (tmp_path / "demo-results").iterdir()
+    (folder,) = (tmp_path / parent).iterdir()
     assert (folder / "report.html").is_file()
+
+
+def test_a_policy_for_the_rail_clip_is_trained_and_then_evaluated(tmp_path, capsys):
+    pytest.importorskip("sbx")
+    run_folder = tmp_path / "run"
+    words = ["train", "--env", "dovetail/RailClip-v0", "--out", str(run_folder)]
+    words += ["--steps", "60", "--max-steps", "10", "--learning-starts", "30"]
+    assert run([*words, "--net", "16", "--eval-episodes", "1"]) == 0
+    printed = capsys.readouterr().out
+    (command,) = [line for line in printed.splitlines() if "next: " in line]
+    policy = json.loads((run_folder / "policy.json").read_text())
+    assert policy["env"]["task"] == "X:force A:pose YZBC:hold"
+    assert policy["env"]["clearance"] == 0.001
+    assert policy["action"]["size"] == 2
+    out = tmp_path / "out"
+    _, *words = command.partition("next: ")[2].split()
+    assert run([*words, "--tries", "1", "--out", str(out)]) == 0
+    report = json.loads((out / "report.json").read_text())
+    assert [row["label"] for row in report["rows"]] == ["A", "B", "C", "all"]
+    assert "1 mm clearance" in report["title"]
+    words += ["--tries", "1", "--hole", "0.84", "0", "0.41", "0"]
+    assert run([*words, "--out", str(tmp_path / "given")]) == 0
+    assert run([*words, "--start", "below", "--out", str(tmp_path / "below")]) == 2
+    assert "for a hole that opens upwards" in capsys.readouterr().err
 
 
 def test_the_command_runs_as_a_program_without_the_learning_stack():

@@ -180,6 +180,15 @@ def test_info_has_contact_force_and_limit_violations(fake):
     assert info["limit_violations"] == 2
 
 
+def test_info_counts_the_cycles_whose_input_was_refused(fake):
+    env, arm = fake
+    log = np.zeros((10, len(CYCLE_COLUMNS)))
+    log[3:5, CYCLE_COLUMNS.index("flags")] = (1 << 40) + (1 << 14)
+    log[7, CYCLE_COLUMNS.index("flags")] = 1 << 41
+    arm.place(log=log)
+    assert act(env)[4]["bad_input"] == 2
+
+
 def test_state_and_hole_can_be_read_and_close_closes_the_arm(fake):
     env, arm = fake
     act(env)
@@ -235,12 +244,30 @@ def test_the_walls_hold_every_start_and_hole(real):
     [
         ({"plant": "gazebo"}, "plant 'gazebo' is unknown; known plants: mujoco"),
         ({"peg": "hexagon"}, "peg 'hexagon' is unknown; known shapes: square"),
-        ({"clearance": -0.001}, "clearance"),
+        ({"clearance": -0.001}, "clearance is -0.001 m, allowed is 0 to 0.01 m"),
+        ({"clearance": "x"}, "clearance is 'x'; give a number from 0 to 0.01 m"),
         ({"task": "XYW:force"}, "unknown task axis 'W'"),
         ({"task": "XYZ:push"}, "unknown mode 'push'"),
         ({"task": "XYZ:hold ABC:hold"}, "nothing to command"),
-        ({"stack": -1}, "stack is -1"),
-        ({"max_steps": 0}, "max_steps is 0"),
+        ({"stack": -1}, "stack is -1; allowed: 0 to 100 past pairs"),
+        ({"stack": 1.5}, "stack is 1.5; give a whole number: 0 to 100"),
+        ({"max_steps": 0}, "max_steps is 0; allowed: 1 to 1000000 steps"),
+        ({"max_steps": 1.5}, "max_steps is 1.5; give a whole number"),
+        ({"engine": "bullet"}, "engine is 'bullet'.*no twin is given"),
+        ({"arm": "mujoco", "engine": "bullet"}, "engine is 'bullet'.*no twin"),
+        ({"f_scale": "x"}, "f_scale must be numbers .m/s2."),
+        ({"f_scale": (4.0, -4.0, 4.0)}, r"f_scale\[Y\] is -4 m/s2; allowed: 0 to 100"),
+        *(
+            ({name: value}, rf"{name}.* is {value:g} {unit}; allowed: 0 to")
+            for name, largest, unit in (
+                ("f_scale", 1e5, "m/s2"),
+                ("f_scale_angular", 1e5, "rad/s2"),
+                ("theta_range", 4.0, "rad"),
+                ("position_range", 2.0, "m"),
+                ("near_distance", 2.0, "m"),
+            )
+            for value in (np.nan, -1.0, largest)
+        ),
         ({"period": 0.5}, "control period is 0.5 s"),
         ({"twin": "nice"}, "no twin 'nice'; shipped twins: "),
     ],
@@ -269,9 +296,10 @@ def test_a_hole_out_of_reach_is_refused_saying_by_how_much(real, position, messa
         real.reset(options={"hole": hole})
 
 
-def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is(fake):
-    env, arm = fake
+def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is():
+    arm = FakeArm()
     arm.places_hole = False
+    env = PegInHoleEnv(arm)
     with pytest.raises(ConfigError, match="cannot move the hole: say where it is"):
         env.reset(seed=0)
     env.reset(seed=0, options={"hole": HOLE})

@@ -1,6 +1,8 @@
 """An evaluation from settings to files, with a policy written by hand."""
 
+import errno
 import json
+import os
 import shlex
 from dataclasses import fields, replace
 from io import StringIO
@@ -12,14 +14,15 @@ from rich.console import Console
 
 from dovetail.commands.evaluate import Evaluate
 from dovetail.episode import Episode
-from dovetail.errors import ConfigError, DovetailError, PolicyError
+from dovetail.errors import ConfigError, DovetailError, LogError, PolicyError
 from dovetail.evaluate.evaluation import (
     EvaluationConfig,
     command_line,
     evaluate,
     name_ground,
 )
-from dovetail.learn.policy import find_policy
+from dovetail.evaluate.origin import shared_engine
+from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.twin import load_twin
 
 
@@ -88,6 +91,46 @@ def test_two_workers_give_the_same_outcomes_as_one(config, finished):
     for one, two in zip(alone.outcomes, pair.outcomes, strict=True):
         assert one.numbers() == two.numbers()
         np.testing.assert_array_equal(one.path, two.path)
+
+
+def test_tries_that_finished_before_the_disk_was_full_are_shown(config, monkeypatch):
+    text, saved = StringIO(), []
+    sync = os.fsync
+
+    def fill_up(file):
+        saved.append(file)
+        if len(saved) == 4:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        sync(file)
+
+    monkeypatch.setattr(os, "fsync", fill_up)
+    with pytest.raises(
+        LogError, match=r"B_01\.npz.*free some space, then run it again"
+    ):
+        evaluate(replace(config, tries=2), Console(file=text, width=140))
+    printed = text.getvalue()
+    assert "(partial: 3 of 6 tries, no report)" in printed
+    for cell in ("2/2", "1/1", "3/3"):
+        assert cell in printed
+
+
+def test_a_twin_in_the_engine_of_the_training_is_noted(config, finished, policy_file):
+    evaluation, text = finished
+    note = "training and this twin are both mujoco"
+    assert note in text
+    assert text.index(note) < text.index("Wilson")
+    assert note in (evaluation.folder / "report.html").read_text()
+    assert note in json.loads((evaluation.folder / "report.json").read_text())["note"]
+    policy = Policy.load(policy_file).metadata
+    assert "both mujoco" in shared_engine(
+        replace(config, twin=None, arm="twin:easy"), policy
+    )
+    for other in (
+        policy | {"env": policy["env"] | {"plant": "bullet"}},
+        policy | {"provenance": {"config": {"arm": "twin:easy"}}},
+    ):
+        assert shared_engine(config, other) == ""
+    assert shared_engine(replace(config, twin=None, plant="mujoco"), policy) == ""
 
 
 def test_a_twin_file_of_the_users_own_works(config, tmp_path):

@@ -54,6 +54,27 @@ def test_the_noted_command_trains_with_the_same_settings():
     assert again.to_json() == config.to_json()
 
 
+def test_task_and_clearance_are_the_environments_own():
+    peg, clip = TrainConfig(), TrainConfig(env="dovetail/RailClip-v0")
+    for config, task, clearance in (
+        (peg, "XYZ:force A:pose BC:hold", 0.0005),
+        (clip, "X:force A:pose YZBC:hold", 0.001),
+    ):
+        for settings in (config.to_json(), config.env_options()):
+            assert settings["task"] == task
+            assert settings["clearance"] == clearance
+    assert clip.command() == "dovetail train --env dovetail/RailClip-v0"
+    assert replace(peg, env=clip.env) == clip
+    assert replace(clip, clearance=0.002).env_options()["clearance"] == 0.002
+
+
+@pytest.mark.parametrize("name", ["dovetail/Nut-v0", "CartPole-v1", "peg"])
+def test_an_unknown_environment_lists_the_known_ones(name):
+    known = "dovetail/PegInHole-v0, dovetail/RailClip-v0"
+    with pytest.raises(ConfigError, match=f"'{name}' is unknown; known: {known}"):
+        TrainConfig(env=name)
+
+
 def test_every_environment_setting_is_a_keyword_of_the_environment():
     known = inspect.signature(PegInHoleEnv.__init__).parameters
     assert set(ENV_FIELDS) <= set(known)

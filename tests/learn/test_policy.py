@@ -101,7 +101,7 @@ def test_weights_that_are_not_finite_are_refused(policy):
 
 
 def test_an_observation_of_another_size_names_both_sizes(policy):
-    with pytest.raises(PolicyError, match=r"\(86,\).*\(14,\).*stack=0"):
+    with pytest.raises(PolicyError, match=r"\(86,\).*\(14,\).*stack = 0.*export"):
         policy(np.zeros(86))
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, DovetailError, MissingDependencyError
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
@@ -60,6 +60,42 @@ def test_a_run_folder_that_is_not_empty_is_refused(small):
     (small.out / "config.json").write_text(json.dumps(small.to_json()))
     with pytest.raises(ConfigError, match=r"already holds a run.*--resume"):
         train(small)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"plant": "gazebo"},
+        {"plant": "bullet", "peg": "triangle"},
+        {"peg": "star"},
+        {"clearance": -1.0},
+        {"scheme": "hope"},
+        {"period": 0.1},
+        {"stack": -1},
+        {"from_policy": "nobody"},
+        {"from_policy": "peg_square"},
+        {"fixed_goal": True, "hole": (0.9, 0.0, 0.1, 0.0)},
+        {"plant": "gazebo", "seeds": 2},
+    ],
+)
+def test_a_wrong_setting_leaves_no_folder_behind(small, wrong):
+    with pytest.raises(DovetailError):
+        train(replace(small, **wrong))
+    assert not small.out.exists()
+
+
+def test_without_the_learning_stack_there_is_no_run_folder(small, monkeypatch):
+    monkeypatch.setitem(sys.modules, "sbx", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install '.\[learn\]'"):
+        train(small)
+    assert not small.out.exists()
+
+
+def test_without_pybullet_there_is_no_run_folder(small, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install '.\[bullet\]'"):
+        train(replace(small, plant="bullet"))
+    assert not small.out.exists()
 
 
 def test_resuming_with_other_settings_names_the_field(small):

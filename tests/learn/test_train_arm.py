@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import tyro
 
+from dovetail.arms.local_arm import LocalArm
 from dovetail.cli import run
 from dovetail.errors import ArmError, ConfigError
 from dovetail.learn.checkpoint import list_checkpoints
@@ -63,8 +64,6 @@ def test_every_episode_has_the_hole_where_it_was_said_to_be(on_arm, monkeypatch)
         holes.append(hole)
         return reset(self, q, hole)
 
-    from dovetail.arms.local_arm import LocalArm
-
     reset = LocalArm.reset
     monkeypatch.setattr(LocalArm, "reset", remember)
     (result,) = train(replace(on_arm, hole=(0.6, -0.02, 0.11, 0.1)))
@@ -77,9 +76,25 @@ def test_every_episode_has_the_hole_where_it_was_said_to_be(on_arm, monkeypatch)
     assert settings["num_envs"] == 1
 
 
-def test_an_arm_that_stops_loses_no_step_and_the_run_resumes(on_arm, monkeypatch):
-    from dovetail.arms.local_arm import LocalArm
+def test_the_arm_is_connected_once_and_not_for_a_folder_that_is_taken(
+    on_arm, monkeypatch
+):
+    built = []
+    make = LocalArm.__init__
 
+    def count(self, *arguments, **settings):
+        built.append(1)
+        make(self, *arguments, **settings)
+
+    monkeypatch.setattr(LocalArm, "__init__", count)
+    train(replace(on_arm, tare=False))
+    assert len(built) == 1
+    with pytest.raises(ConfigError, match="already holds a run"):
+        train(replace(on_arm, tare=False))
+    assert len(built) == 1
+
+
+def test_an_arm_that_stops_loses_no_step_and_the_run_resumes(on_arm, monkeypatch):
     step = LocalArm.step
     taken = []
 
@@ -104,8 +119,6 @@ def test_an_arm_that_stops_loses_no_step_and_the_run_resumes(on_arm, monkeypatch
 
 
 def test_force_that_is_not_measured_is_null_not_zero(on_arm, monkeypatch):
-    from dovetail.arms.local_arm import LocalArm
-
     step = LocalArm.step
 
     def feel_nothing(self, target, duration=0.05):

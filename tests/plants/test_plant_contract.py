@@ -1,11 +1,14 @@
 """What every physics engine must do alike; one file for all of them."""
 
+import sys
+
 import numpy as np
 import pytest
 
-from dovetail.errors import ConfigError, PlantError
-from dovetail.plants.plant import physics_steps
+from dovetail.errors import ConfigError, MissingDependencyError, PlantError
+from dovetail.plants.plant import DynamicsConfig, make_plant, physics_steps
 from dovetail.poses import Pose, quat_about_z, rotation_error
+from dovetail.scene import SceneConfig
 from plants.conftest import HOLE, Q_BENT, TOOL_DOWN, start_above
 
 ZERO = (0.0,) * 7
@@ -199,6 +202,12 @@ def test_hole_out_of_reach_is_refused_with_the_distance(make):
         plant.reset(Q_BENT, HOLE._replace(position=np.array([1.1, 0.0, 0.1])))
     with pytest.raises(ConfigError, match=r"inside the table"):
         plant.reset(Q_BENT, HOLE._replace(position=np.array([0.6, 0.0, 0.02])))
+
+
+def test_without_pybullet_its_plant_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pybullet", None)
+    with pytest.raises(MissingDependencyError, match=r"pip install '.\[bullet\]'"):
+        make_plant("bullet", SceneConfig(), DynamicsConfig())
 
 
 def test_configuration_with_nan_is_refused_by_joint(make):

@@ -94,10 +94,12 @@ def test_tool_frame_is_the_pegs_end():
     ("field", "value", "words"),
     [
         ("peg", "star", "square, triangle, round"),
-        ("clearance", -0.0001, "clearance is -0.0001, allowed is 0 to 0.01"),
-        ("peg_width", 0.2, "allowed is 0.005 to 0.06"),
+        ("clearance", -0.0001, "clearance is -0.0001 m, allowed is 0 to 0.01 m"),
+        ("peg_width", 0.2, "allowed is 0.005 to 0.06 m"),
         ("success_depth", 0.031, "allowed is 0.001 to 0.03"),
         ("clearance", float("nan"), "clearance is nan"),
+        ("gripper_mass", 9.0, "gripper_mass is 9 kg, allowed is 0.2 to 5 kg"),
+        ("clearance", "x", "clearance is 'x'; give a number from 0 to 0.01 m"),
     ],
 )
 def test_wrong_number_is_refused_with_the_allowed_range(field, value, words):

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
+from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig, TwinPlant, list_twins, load_twin
@@ -162,14 +163,33 @@ def written(tmp_path, change):
         (
             "torque_noise",
             "torqe_noise",
-            "unknown keys: torqe_noise; missing keys: to",
+            r"unknown keys: torqe_noise \(did you mean torque_noise\?\); missing keys",
         ),
         ("seed = 1\n", "", "missing keys: seed; known keys: description, engine"),
         ("command_delay = 0.0", "command_delay = 3.0", "allowed is 0 to 0.1 s"),
         ('inertia = "drake"', 'inertia = "kuka"', "drake, pybullet, lbr"),
         ('engine = "mujoco"', 'engine = "ode"', "known: mujoco, bullet"),
         ("mass_scale = [1.02", "mass_scale = [-1.0", r"mass_scale\[A1\] is -1 1"),
-        ("coulomb = [0.1, ", "coulomb = [", "coulomb has 6 elements, needs 7"),
+        (
+            "coulomb = [0.1, ",
+            "coulomb = [",
+            "coulomb is .*; give a list of 7 numbers: A1",
+        ),
+        (
+            "mass_scale = [1.02",
+            "mass_scale = ['x'",
+            r"mass_scale\[A1\] is 'x', .* 0.1 to",
+        ),
+        (
+            "mass_scale = [1.02",
+            "mass_scale = [nan",
+            r"mass_scale\[A1\] is nan 1, allowed",
+        ),
+        (
+            "torque_noise = 0.02",
+            "torque_noise = inf",
+            "is inf Nm, allowed is 0 to 20 Nm",
+        ),
         ("torque_noise = 0.02", 'torque_noise = "big"', "which is no number"),
         ("seed = 1", "seed = = 1", "is not TOML"),
     ],
@@ -178,6 +198,45 @@ def test_damaged_file_is_refused_with_what_is_known(tmp_path, old, new, words):
     path = written(tmp_path, lambda text: text.replace(old, new))
     with pytest.raises(ConfigError, match=words):
         load_twin(path)
+
+
+def test_a_description_is_text():
+    with pytest.raises(ConfigError, match="description is 3; give one line of text"):
+        replace(IDEAL, description=3)
+
+
+@pytest.mark.parametrize(
+    ("delay", "period", "is_shown"),
+    [
+        (0.0, 0.005, True),
+        (0.005, 0.005, True),
+        (0.0024, 0.005, True),
+        (0.001, 0.001, True),
+        (0.001, 0.005, False),
+        (0.0013, 0.005, False),
+        (0.0035, 0.005, False),
+    ],
+)
+def test_a_delay_that_physics_steps_do_not_show_is_refused(delay, period, is_shown):
+    twin = replace(IDEAL, command_delay=delay)
+    assert (
+        twin.with_whole_delay(period).command_delay == pytest.approx(delay, rel=0.2)
+        or not is_shown
+    )
+    if is_shown:
+        twin.require_delay(period)
+        return
+    with pytest.raises(ConfigError, match=r"whole physics steps of 2\.5 ms to within"):
+        PegInHoleEnv(twin=twin, period=period)
+
+
+@pytest.mark.parametrize("name", list_twins())
+@pytest.mark.parametrize("period", [0.001, 0.0025, 0.005])
+def test_the_shipped_twins_delays_are_simulated_as_they_are(name, period):
+    twin = load_twin(name)
+    assert twin.with_whole_delay(period).command_delay == pytest.approx(
+        twin.command_delay, abs=1e-12
+    )
 
 
 def test_unknown_twin_lists_the_shipped_ones():

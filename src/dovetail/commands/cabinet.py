@@ -161,7 +161,9 @@ class Cabinet:
         if self.plant is not None:
             plant = make_plant(self.plant, scene, DynamicsConfig())
         else:
-            plant = cast("Plant", TwinPlant(load_twin(self.twin or "medium"), scene))
+            twin = load_twin(self.twin or "medium")
+            twin.require_delay(parse_duration(self.period, "--period"))
+            plant = cast("Plant", TwinPlant(twin, scene))
         above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
         start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
         plant.reset(start, _HOLE)

@@ -1,13 +1,13 @@
 """`dovetail demo`: the main job with the policy that ships in the package."""
 
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
 from rich.console import Console
 
 from dovetail.commands.evaluate import print_files
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.files import dated_folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,14 +27,12 @@ class Demo:
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
-        now = datetime.now().astimezone()
-        out = self.out or Path("demo-results") / f"{now:%Y-%m-%d_%H%M%S}"
         config = EvaluationConfig(
             policy=self.policy,
             twin=self.twin,
             tries=self.tries,
             workers=self.workers,
-            out=out,
+            out=self.out or dated_folder("demo-results"),
         )
         print_files(evaluate(config, console), console)
         return 0

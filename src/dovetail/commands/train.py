@@ -1,10 +1,13 @@
 """`dovetail train`: from settings to a policy file."""
 
+import argparse
 from dataclasses import dataclass
+from pathlib import Path
 
 from rich.console import Console
 
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.run_folder import settings_of
 from dovetail.learn.train import TrainResult, train
 
 
@@ -17,6 +20,21 @@ class Train(TrainConfig):
         for result in train(self, console):
             console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0
+
+
+def defaults(words: list[str]) -> Train | None:
+    """Return the settings of the run that a command line resumes, or None.
+
+    What else the command line says is then compared with them, option by option.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--out", type=Path, nargs="?")
+    found, _ = parser.parse_known_args(words)
+    if not found.resume or found.out is None:
+        return None
+    folder = found.out.expanduser().absolute()
+    return Train(**settings_of(folder), out=found.out, resume=True)
 
 
 def _describe(result: TrainResult, config: TrainConfig) -> str:

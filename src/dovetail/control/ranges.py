@@ -1,5 +1,6 @@
 """Allowed range, unit and element names of a setting, written beside its type."""
 
+import operator
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -32,11 +33,33 @@ def check_ranges(config: Any) -> None:
     """
     for f in fields(config):
         for allowed in getattr(f.type, "__metadata__", ()):
-            value = _checked(f.name, getattr(config, f.name), allowed)
+            value = in_range(f.name, getattr(config, f.name), allowed)
             object.__setattr__(config, f.name, value)
 
 
-def _checked(name: str, value: Any, allowed: Range) -> Any:
+def in_count(name: str, value: Any, low: int, high: int, unit: str) -> int:
+    """Return a whole number in its range.
+
+    Raises:
+        ConfigError: Not a whole number, or out of range.
+    """
+    try:
+        count = operator.index(value)
+    except TypeError as error:
+        raise ConfigError(
+            f"{name} is {value!r}; give a whole number: {low} to {high} {unit}"
+        ) from error
+    if not low <= count <= high:
+        raise ConfigError(f"{name} is {count}; allowed: {low} to {high} {unit}")
+    return count
+
+
+def in_range(name: str, value: Any, allowed: Range) -> Any:
+    """Return a number in its range, or a read-only array where it has labels.
+
+    Raises:
+        ConfigError: Not numbers, a wrong shape, or an element out of its range.
+    """
     labels, unit = allowed.labels, allowed.unit
     try:
         array = np.array(value, dtype=float)

@@ -74,6 +74,11 @@ def build_arm(
         MissingDependencyError: What the address needs is not installed.
     """
     address = parse_address(arm) if isinstance(arm, str) else arm
+    if engine is not None and twin is None and not isinstance(address, TwinAddress):
+        raise ConfigError(
+            f"engine is {engine!r}, which is a twin's, and no twin is given; add twin, "
+            "or give plant"
+        )
     build = partial(
         build_local_arm,
         scene,
@@ -193,7 +198,9 @@ def build_local_arm(
     if twin is None:
         body = make_plant(plant, scene, dynamics or DynamicsConfig())
     else:
-        body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
+        config = load_twin(twin)
+        config.require_delay(period)
+        body = cast("Plant", TwinPlant(config, scene, engine=engine))
     return LocalArm(body, scene.robot(), osc, limits, task, period)
 
 

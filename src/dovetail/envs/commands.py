@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.control.ranges import Range, in_range
 from dovetail.control.task_spec import AXES, FORCE, MODES, POSE, TaskSpec
 from dovetail.errors import ConfigError
 from dovetail.types import Vec3, Vec4, Vec6
@@ -18,13 +19,22 @@ ACTION_AXES = ("X", "Y", "Z", "A", "B", "C")
 """Order of the action's numbers; axes that the policy does not command are skipped."""
 
 
+_TRANSLATION = ("X", "Y", "Z")
+_SETTINGS = {
+    "f_scale": Range(0.0, 100.0, "m/s2", _TRANSLATION),
+    "f_scale_angular": Range(0.0, 1000.0, "rad/s2"),
+    "theta_range": Range(0.0, math.pi, "rad"),
+    "position_range": Range(0.0, 1.0, "m"),
+}
+
+
 def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, float]:
     """Return a setting of X Y Z as three numbers; one number holds for all.
 
     Raises:
         ConfigError: Neither one nor three numbers.
     """
-    values = np.atleast_1d(np.asarray(value, dtype=float)).tolist()
+    values = np.atleast_1d(np.asarray(value, dtype=object)).tolist()
     if len(values) not in (1, 3):
         raise ConfigError(f"{name} is {value}; give one number, or three: X Y Z")
     x, y, z = values * (3 // len(values))
@@ -64,16 +74,23 @@ class CommandMap:
 
         Raises:
             ConfigError: The task commands no axis, f_scale is not 1 or 3 numbers, or
-                press_max is not above 0.
+                a number is out of its range.
         """
         if not press_max > 0.0:
             raise ConfigError(f"near_press is {press_max:g} m/s2; allowed: above 0")
         self.task, self._press_max = task, press_max
-        f_scales = dict(zip("XYZ", per_axis("f_scale", f_scale), strict=True))
+        given = {
+            "f_scale": per_axis("f_scale", f_scale),
+            "f_scale_angular": f_scale_angular,
+            "theta_range": theta_range,
+            "position_range": position_range,
+        }
+        given = {name: in_range(name, given[name], _SETTINGS[name]) for name in given}
+        f_scales = dict(zip("XYZ", given["f_scale"].tolist(), strict=True))
         scales = {
-            (FORCE, False): f_scale_angular,
-            (POSE, True): position_range,
-            (POSE, False): theta_range,
+            (FORCE, False): given["f_scale_angular"],
+            (POSE, True): given["position_range"],
+            (POSE, False): given["theta_range"],
         }
         modes = {axis: task.modes[AXES.index(axis)] for axis in ACTION_AXES}
         commanded = [axis for axis in ACTION_AXES if modes[axis] in (FORCE, POSE)]

@@ -4,6 +4,7 @@ from typing import Any
 
 import gymnasium
 
+from dovetail.envs.workspace import require_inside
 from dovetail.poses import Pose
 
 
@@ -11,8 +12,14 @@ class FixedGoal(gymnasium.Wrapper):
     """Starts every episode with the hole at a given pose; starts stay random."""
 
     def __init__(self, env: gymnasium.Env, hole: Pose) -> None:
-        """Take the environment and the pose of the hole's mouth."""
+        """Take the environment and the pose of the hole's mouth.
+
+        Raises:
+            ConfigError: The hole lies outside the arm's workspace.
+        """
         super().__init__(env)
+        core: Any = env.unwrapped
+        require_inside(core.scene, core.arm, core.walls(), hole)
         self.hole = hole
 
     def reset(

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
+from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
+from dovetail.envs.hole_pose import HOLE_POSES, HolePose, insertion
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
-from dovetail.envs.insertion import insertion
 from dovetail.envs.observation import (
     NUM_OBSERVATIONS,
     OBSERVATION_HIGH,
@@ -31,8 +32,8 @@ from dovetail.envs.randomisation import (
 from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
-from dovetail.envs.violations import ViolationCounter
-from dovetail.envs.workspace import require_inside
+from dovetail.envs.violations import ViolationCounter, count_bad_input
+from dovetail.envs.workspace import require_inside, require_task
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
@@ -42,6 +43,7 @@ from dovetail.types import Array, Vec3, Vec4, Vec7
 
 POLICY_PERIOD = 0.05
 """Time between two actions [s]."""
+_NEAR = Range(0.0, 1.0, "m")
 
 
 class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -102,16 +104,17 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `success` and `depth` [m] in the true hole, `position_error` [m] and `theta_error`
     [rad] (tool minus target, by the hole tracker), `contact_force_max` [N] of the step,
     `limit_violations` (control cycles of the step outside a joint or wall limit, by the
-    measured state), `observation_raw` (14 numbers, unscaled) and, from `reset`, `tare`
-    [m/s2, rad/s2]: the f* that holds the weight.
+    measured state), `bad_input` (those in which the controller held the arm because of
+    a number that is none), `observation_raw` (14 numbers, unscaled) and, from `reset`,
+    `tare` [m/s2, rad/s2]: the f* that holds the weight.
 
     Args:
         arm: The arm to use, or its address (see `arms.address`); None builds a
             `LocalArm` from the next arguments.
         plant: Physics engine, "mujoco" or "bullet".
         peg: Shape of peg and hole: "square", "triangle" or "round".
-        clearance: Gap between peg and hole on each side [m], >= 0.
-        task: Mode of each axis.
+        clearance: Gap between peg and hole on each side [m]; None is in `defaults`.
+        task: Mode of each axis; None is in `defaults`.
         stack: Number of past (observation, action) pairs to append.
         twin: A twin, its name or its file, to use in place of the plain plant.
         period: Control period [s].
@@ -143,6 +146,13 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium's name)
 
+    defaults: ClassVar[dict[str, Any]] = {
+        "task": "XYZ:force A:pose BC:hold",
+        "clearance": 0.0005,
+    }
+    """What the task is where nothing else is asked for."""
+    hole_poses: ClassVar[tuple[HolePose, ...]] = HOLE_POSES
+    """Where the hole is when a policy is tried."""
     q_seed: ClassVar[Vec7] = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
     """Where inverse kinematics starts [rad]: elbow up, tool down."""
 
@@ -152,6 +162,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """The hole's true pose in this episode."""
     violations: ViolationCounter
     """Counts the control cycles of a log outside a joint or wall limit."""
+    places_hole: bool
+    """Whether the arm can put the hole where an episode wants it."""
 
     def __init__(
         self,
@@ -159,8 +171,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         *,
         plant: str = "mujoco",
         peg: str = "square",
-        clearance: float = 0.0005,
-        task: str = "XYZ:force A:pose BC:hold",
+        clearance: float | None = None,
+        task: str | None = None,
         stack: int = 0,
         twin: TwinConfig | str | Path | None = None,
         period: float = 0.005,
@@ -183,8 +195,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         render_mode: str | None = None,
     ) -> None:
         self.render_mode = render_mode
-        self.scene = SceneConfig(peg=peg, clearance=clearance)  # type: ignore[arg-type]
-        self.task = TaskSpec.parse(task)
+        gap = self.defaults["clearance"] if clearance is None else clearance
+        self.scene = SceneConfig(peg=peg, clearance=gap)  # type: ignore[arg-type]
+        self.task = TaskSpec.parse(self.defaults["task"] if task is None else task)
         self.arm = build_arm(
             arm,
             self.scene,
@@ -199,7 +212,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             engine=engine,
             dynamics=dynamics,
         )
-        self.max_steps, self.tracker = max_steps, tracker or TrueHole()
+        self.tracker = tracker or TrueHole()
         self.randomisation = randomisation or RandomisationConfig()
         self.reward_config = reward or RewardConfig()
         self.commands = CommandMap(
@@ -210,22 +223,16 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             position_range=position_range,
             press_max=near_press,
         )
-        self._near_distance = near_distance
         self._tare = ToolTare(self.arm, self.commands, force_damping) if tare else None
-        self._prepare(stack)
+        self._prepare(stack, max_steps, near_distance)
 
-    def _prepare(self, stack: int) -> None:
+    def _prepare(self, stack: int, max_steps: int, near_distance: float) -> None:
         """Take from the arm and the scene what each step needs."""
-        if self.max_steps < 1:
-            raise ConfigError(f"max_steps is {self.max_steps}; allowed: 1 or more")
+        self.max_steps = in_count("max_steps", max_steps, 1, 1_000_000, "steps")
+        self._near_distance = in_range("near_distance", near_distance, _NEAR)
         self._lateral_max = self.scene.clearance * math.sqrt(2.0) + 0.002
         robot = self.arm.robot
-        task = getattr(self.arm, "task", self.task)
-        if task != self.task:
-            raise ConfigError(
-                f"the arm's task is '{task}', the environment's is '{self.task}'; give "
-                "both the same"
-            )
+        require_task(self.arm, self.task)
         self.scaling = ObservationScaling(
             robot.q_min, robot.q_max, self.scene.hole_depth * self.mouth_direction()
         )
@@ -234,14 +241,11 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if limits is not None and limits.walls:
             self._walls = limits.x_min, limits.x_max
         self.violations = ViolationCounter(robot, *self._walls)
+        self.places_hole = getattr(self.arm, "places_hole", True)
         self._target = _core.Target()
-        self._history = History(stack, NUM_OBSERVATIONS, len(self.commands))
-        self._set_spaces(stack)
-
-    def _set_spaces(self, stack: int) -> None:
         size = len(self.commands)
-        pair = np.concatenate([OBSERVATION_HIGH, np.ones(size, dtype=np.float32)])
-        high = np.concatenate([OBSERVATION_HIGH, *([pair] * stack)])
+        self._history = History(stack, NUM_OBSERVATIONS, size)
+        high = self._history.highest(OBSERVATION_HIGH)
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
 
@@ -265,11 +269,6 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def goal_rotation(self, hole: Pose) -> Vec4:
         """Return the tool's rotation (wxyz) when the peg is aligned with the hole."""
         return quat_multiply(hole.quat_wxyz, TOOL_DOWN)
-
-    @property
-    def places_hole(self) -> bool:
-        """Whether the arm can put the hole where an episode wants it."""
-        return getattr(self.arm, "places_hole", True)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -387,6 +386,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "theta_error": float(raw[10]),
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
             "limit_violations": self.violations.count(self.state.log),
+            "bad_input": count_bad_input(self.state.log),
             "observation_raw": raw,
         }
 

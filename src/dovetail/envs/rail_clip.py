@@ -1,15 +1,17 @@
 """Clip a component on a rail: the second task, in one file over the same arm."""
 
+import math
 from typing import Any, ClassVar
 
 import numpy as np
 
+from dovetail.envs.hole_pose import HolePose
 from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.poses import Pose, quat_about_z, quat_multiply
-from dovetail.types import Vec3, Vec4, Vec7
+from dovetail.types import Vec3, Vec7
 
-FACING_ROBOT: Vec4 = np.array([np.sqrt(0.5), 0.0, -np.sqrt(0.5), 0.0])
+FACING_ROBOT = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
 """Rotation (wxyz) of a slot whose z axis points out of it towards the robot, -x."""
 
 
@@ -30,15 +32,19 @@ class RailClipEnv(PegInHoleEnv):
     to 100 mm in front of it, turned by up to +-0.2 rad.
     """
 
+    defaults: ClassVar[dict[str, Any]] = {
+        "task": "X:force A:pose YZBC:hold",
+        "clearance": 0.001,
+    }
+    """What the task is where nothing else is asked for."""
+    hole_poses: ClassVar[tuple[HolePose, ...]] = (
+        HolePose("A", 0.85, -0.02, 0.39, 0.0, FACING_ROBOT),
+        HolePose("B", 0.87, 0.02, 0.40, 0.0, FACING_ROBOT),
+        HolePose("C", 0.89, -0.005, 0.415, 0.0, FACING_ROBOT),
+    )
+    """Where the slot's mouth is when a policy is tried; its axis is the world's -x."""
     q_seed: ClassVar[Vec7] = np.array([0.0, 0.6, 0.0, -1.6, 0.0, -0.63, 0.0])
     """Where inverse kinematics starts [rad]: elbow up, tool forward."""
-
-    def __init__(
-        self, *args: Any, task: str = "X:force A:pose YZBC:hold", **settings: Any
-    ) -> None:
-        """Build the environment; arguments as for `PegInHoleEnv`."""
-        settings.setdefault("clearance", 0.001)
-        super().__init__(*args, task=task, **settings)
 
     def walls(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """Return lower and upper walls of the TCP [m], world axes."""
@@ -51,7 +57,8 @@ class RailClipEnv(PegInHoleEnv):
     def draw_hole(self) -> Pose:
         """Draw the pose of the slot's mouth; its axis is the world's -x."""
         middle = np.array([0.87, 0.0, 0.40])
-        return Pose(middle + self.np_random.uniform(-0.03, 0.03, 3), FACING_ROBOT)
+        position = middle + self.np_random.uniform(-0.03, 0.03, 3)
+        return Pose(position, np.array(FACING_ROBOT))
 
     def draw_start(self, hole: Pose) -> Pose:
         """Draw the clip's start in front of the slot, turned about the vertical."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import ConfigError
+from dovetail.control.ranges import in_count
 
 
 class History:
@@ -17,13 +17,14 @@ class History:
         """Reserve the memory.
 
         Args:
-            size: Number of past pairs, >= 0; 0 gives the observation alone.
+            size: Number of past pairs, 0 to 100; 0 gives the observation alone.
             num_observations: Length of one observation.
             num_actions: Length of one action.
+
+        Raises:
+            ConfigError: `size` is no whole number, or out of range.
         """
-        if size < 0:
-            raise ConfigError(f"stack is {size}; allowed: 0 or more past pairs")
-        self.size = size
+        self.size = size = in_count("stack", size, 0, 100, "past pairs")
         self._num_observations = num_observations
         self._pair = num_observations + num_actions
         length = num_observations + size * self._pair
@@ -32,6 +33,12 @@ class History:
     def __len__(self) -> int:
         """Length of the stacked observation."""
         return len(self._stacked)
+
+    def highest(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the largest stacked observation, given that of one observation."""
+        num_actions = self._pair - self._num_observations
+        pair = [*observation, *([1.0] * num_actions)]
+        return np.array([*observation, *(pair * self.size)], dtype=np.float32)
 
     def reset(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
         """Forget the past; return the stacked first observation."""

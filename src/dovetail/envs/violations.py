@@ -1,4 +1,4 @@
-"""Count control cycles whose measured state lies outside a limit."""
+"""Count control cycles outside a limit, and those whose input was refused."""
 
 from collections.abc import Sequence
 
@@ -8,6 +8,15 @@ from dovetail import _core
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.robot import Robot
 from dovetail.types import Array
+
+_FLAGS = CYCLE_COLUMNS.index("flags")
+_BAD_INPUT = 40  # bit of pack_flags in types.hpp
+
+
+def count_bad_input(log: Array) -> int:
+    """Return in how many rows of a cycle log the controller refused its input."""
+    flags = log[:, _FLAGS].astype(np.int64)
+    return int(np.count_nonzero(flags >> _BAD_INPUT & 1))
 
 
 class ViolationCounter:

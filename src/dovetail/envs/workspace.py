@@ -1,6 +1,7 @@
-"""Whether a hole lies where the arm may work."""
+"""Whether an arm is built for the task, and the hole lies where it may work."""
 
 from dovetail.arms.arm import Arm
+from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.scene import SceneConfig
@@ -38,6 +39,20 @@ def require_inside(scene: SceneConfig, arm: Arm, walls: Walls, hole: Pose) -> No
                     f"{low[i] + margin:g} to {high[i] - margin:g} m; move the hole"
                     f"{_margin_advice(margin)}"
                 )
+
+
+def require_task(arm: Arm, task: TaskSpec) -> None:
+    """Refuse an arm that was built for another task.
+
+    Raises:
+        ConfigError: Names both.
+    """
+    own = getattr(arm, "task", task)
+    if own != task:
+        raise ConfigError(
+            f"the arm's task is '{own}', the environment's is '{task}'; give both the "
+            "same"
+        )
 
 
 def _margin_advice(margin: float) -> str:

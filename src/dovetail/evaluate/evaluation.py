@@ -1,13 +1,10 @@
 """One evaluation from its settings to the written report."""
 
 import math
-import os
-import platform
-import shlex
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -30,23 +27,27 @@ from rich.table import Table
 from dovetail.arms.address import (
     SCHEMES,
     ArmAddress,
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
     is_simulated_here,
     parse_address,
     places_hole,
 )
-from dovetail.errors import ConfigError, PolicyError
+from dovetail.envs.hole_pose import HolePose
+from dovetail.envs.registered import environment_class
+from dovetail.errors import ConfigError, DovetailError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
+from dovetail.evaluate.origin import (
+    command_line,
+    describe_settings,
+    name_ground,
+    provenance,
+    shared_engine,
+)
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation, make_perturbed
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
-from dovetail.evaluate.trials import HOLE_POSES, HolePose, plan_trials, run_trials
-from dovetail.files import claim_output_folder, write_atomic
-from dovetail.learn.export import commit, versions
+from dovetail.evaluate.trials import plan_trials, run_trials
+from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
@@ -99,8 +100,9 @@ class EvaluationConfig:
     """Processes that share the tries; the outcome does not depend on it."""
     keep_logs: bool = True
     """Keep an Episode log of each try: a search of six minutes is one of 40 MB."""
-    out: Path = Path("results")
-    """Folder for table, figures, report and logs; new or empty."""
+    out: Path | None = None
+    """Folder for table, figures, report and logs, new or empty; default a new one, by
+    the time, in results."""
 
     def perturbation(self) -> Perturbation:
         """Return what is done to arm and hole.
@@ -188,27 +190,14 @@ def _require_hole(config: EvaluationConfig, *, can_place: bool) -> None:
         )
 
 
-def hole_poses(config: EvaluationConfig) -> tuple[HolePose, ...]:
-    """Return where the hole is for the tries."""
+def hole_poses(
+    config: EvaluationConfig, policy: Mapping[str, Any]
+) -> tuple[HolePose, ...]:
+    """Return where the hole is for the tries: by the policy's environment, or given."""
+    poses = environment_class(policy["env_id"]).hole_poses
     if config.hole is None:
-        return HOLE_POSES
-    return (HolePose.given(config.hole),)
-
-
-def name_ground(config: EvaluationConfig) -> str:
-    """Return where a result was found: a twin is called a twin, never a robot."""
-    twin, plant = config.twin, config.plant
-    if config.arm is not None:
-        arm = parse_address(config.arm)
-        if isinstance(arm, FriAddress) and arm.control is not None:
-            return f"simulated cabinet ({config.arm})"
-        if isinstance(arm, (FriAddress, GrpcAddress)):
-            return f"the arm at {config.arm.partition('?')[0]}"
-        twin = arm.twin if isinstance(arm, TwinAddress) else None
-        plant = arm.engine if isinstance(arm, PlantAddress) else None
-    if twin is None:
-        return f"simulation ({plant})"
-    return f"twin {Path(twin).stem} ({load_twin(twin).engine})"
+        return poses
+    return (HolePose.given(config.hole, poses[0].facing),)
 
 
 def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
@@ -223,16 +212,16 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     """
     if config.workers < 1:
         raise ConfigError(f"workers is {config.workers}; needs at least 1")
-    poses = hole_poses(config)
-    jobs = plan_trials(len(poses), config.tries, config.seed)
     file = find_policy(config.policy)
     policy = Policy.load(file)
+    poses = hole_poses(config, policy.metadata)
+    jobs = plan_trials(len(poses), config.tries, config.seed)
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation()
     make_env = partial(make_perturbed, policy.metadata["env_id"], perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
         scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
-        folder = claim_output_folder(config.out)
+        folder = claim_output_folder(config.out or dated_folder("results"))
         logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
             logs.mkdir()
@@ -243,39 +232,47 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         trials = run_trials(
             make, load, jobs, poses=poses, logs=logs, workers=config.workers
         )
-        outcomes = _show(trials, len(jobs), console)
-    rows = summarise(outcomes, [pose.name for pose in poses])
-    ground = name_ground(config)
+        ground = name_ground(config)
+        parts = [
+            file.stem,
+            f"{scene.peg} peg",
+            f"{1e3 * scene.clearance:g} mm clearance per side",
+            *perturbation.describe(),
+            f"on {ground}",
+        ]
+        title, names = ", ".join(parts), [pose.name for pose in poses]
+        outcomes = _show(trials, len(jobs), title, names, console)
+    rows = summarise(outcomes, names)
     report = Report(
-        title=", ".join(
-            [
-                file.stem,
-                f"{scene.peg} peg",
-                f"{1e3 * scene.clearance:g} mm clearance per side",
-                *perturbation.describe(),
-                f"on {ground}",
-            ]
-        ),
+        title=title,
         ground=ground,
+        note=shared_engine(config, policy.metadata),
         rows=rows,
         outcomes=outcomes,
-        config=_settings(config, options),
+        config=describe_settings(replace(config, out=folder), options, poses),
         policy=policy.metadata,
         provenance=provenance(started),
         command=command_line(config),
     )
+    _print(report, options["tare"], console)
+    files = write_report(report, folder, scene)
+    return Evaluation(
+        rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
+    )
+
+
+def _print(report: Report, is_tared: bool, console: Console) -> None:
+    if report.note:
+        console.print(f"note: {report.note}", soft_wrap=True)
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
-    console.print(render_table(report))
-    if tares := [o.tare[:3] for o in outcomes if options["tare"] and any(o.tare)]:
+    console.print(render_table(report.rows))
+    outcomes = report.outcomes
+    if tares := [o.tare[:3] for o in outcomes if is_tared and any(o.tare)]:
         x, y, z = np.mean(tares, axis=0)
         console.print(f"mean tare: f* {x:.2f} {y:.2f} {z:.2f} m/s2 along x y z")
     if stopped := Counter(o.stopped for o in outcomes if o.stopped):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
-    files = write_report(report, folder, scene)
-    return Evaluation(
-        rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
-    )
 
 
 def _inspect(
@@ -290,7 +287,7 @@ def _inspect(
         ) from error
     try:
         _require_hole(config, can_place=env.unwrapped.places_hole)  # type: ignore[attr-defined]
-        pose = hole_poses(config)[0].pose()
+        pose = hole_poses(config, policy.metadata)[0].pose()
         observation, _ = env.reset(seed=config.seed, options={"hole": pose})
         action = policy(observation)
         if action.shape != env.action_space.shape:
@@ -304,9 +301,30 @@ def _inspect(
     return env
 
 
-def _show(trials: Iterator[Outcome], count: int, console: Console) -> list[Outcome]:
-    """Run the tries under a progress bar."""
+def _show(
+    trials: Iterator[Outcome],
+    count: int,
+    title: str,
+    names: list[str],
+    console: Console,
+) -> list[Outcome]:
+    """Run the tries under a progress bar; if they are cut short, show what there is."""
     outcomes: list[Outcome] = []
+    try:
+        _collect(trials, count, outcomes, console)
+    except (DovetailError, KeyboardInterrupt):
+        if outcomes:
+            rows = summarise(outcomes, names[: outcomes[-1].pose + 1])
+            part = f"partial: {len(outcomes)} of {count} tries, no report"
+            console.print(f"{title} ({part})", soft_wrap=True)
+            console.print(render_table(rows))
+        raise
+    return outcomes
+
+
+def _collect(
+    trials: Iterator[Outcome], count: int, outcomes: list[Outcome], console: Console
+) -> None:
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -320,14 +338,13 @@ def _show(trials: Iterator[Outcome], count: int, console: Console) -> list[Outco
         for outcome in trials:
             outcomes.append(outcome)
             progress.update(bar, advance=1, inserted=sum(o.success for o in outcomes))
-    return outcomes
 
 
-def render_table(report: Report) -> Table:
+def render_table(rows: Sequence[Row]) -> Table:
     """Return the transfer table for a terminal, without its title."""
     table = Table(box=SIMPLE_HEAD)
     table.pad_edge = False
-    lines = [cells(row) for row in report.rows]
+    lines = [cells(row) for row in rows]
     for name, *entries in zip(COLUMNS, *lines, strict=True):
         words = [*name.split(), *entries]  # headings wrap, numbers do not
         side = "left" if name == COLUMNS[0] else "right"
@@ -357,44 +374,3 @@ def write_report(report: Report, folder: Path, scene: SceneConfig) -> list[Path]
         write_atomic(folder / "report.json", report.to_json()),
         write_atomic(folder / "report.html", report.to_html(captions)),
     ]
-
-
-def _settings(config: EvaluationConfig, options: Mapping[str, Any]) -> dict[str, Any]:
-    settings = asdict(replace(config, out=config.out.absolute()))
-    settings["environment"] = dict(options)
-    settings["hole poses (x y z [m], theta [rad])"] = {
-        pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}"
-        for pose in hole_poses(config)
-    }
-    if config.twin is not None:
-        settings["twin file"] = asdict(load_twin(config.twin))
-    return {name: value for name, value in settings.items() if value is not None}
-
-
-def command_line(config: EvaluationConfig) -> str:
-    """Return the command that makes an evaluation again, its folder aside."""
-    words = ["dovetail", "evaluate", config.policy]
-    for name in ("plant", "twin", "arm", "hole", "peg", "clearance", "tries", "seed"):
-        if (value := getattr(config, name)) is not None:
-            values = value if isinstance(value, tuple) else [value]
-            words += [f"--{name}", *map(str, values)]
-    for f in fields(Perturbation):
-        if (value := getattr(config, f.name)) != f.default:
-            words += [f"--{f.name.replace('_', '-')}", str(value)]
-    if not config.tare:
-        words.append("--no-tare")
-    if config.max_steps is not None:
-        words += ["--max-steps", str(config.max_steps)]
-    return shlex.join([*words, "--out", "results-again"])
-
-
-def provenance(started: datetime) -> dict[str, Any]:
-    """Return what a number depends on besides its settings: versions and machine."""
-    seconds = (datetime.now(UTC) - started).total_seconds()
-    return {
-        "started (UTC)": started.isoformat(timespec="seconds"),
-        "duration [s]": round(seconds, 1),
-        "versions": versions(),
-        "commit": commit() or "installed package, no checkout",
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
-    }

@@ -14,9 +14,11 @@ from dovetail.arms.address import (
     GrpcAddress,
     places_hole,
 )
+from dovetail.envs.hole_pose import UPRIGHT
 from dovetail.envs.hole_tracker import CoveredHole
 from dovetail.envs.peg_in_hole import POLICY_PERIOD
 from dovetail.envs.randomisation import RandomisationConfig
+from dovetail.envs.registered import environment_class
 from dovetail.envs.search import SearchConfig, SpiralSearch
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
@@ -251,10 +253,19 @@ def make_perturbed(
         env_id: Gymnasium id.
         perturbation: What is done; nothing gives the plain environment.
         options: Keyword arguments of the environment.
+
+    Raises:
+        ConfigError: This cannot be done in this environment.
     """
     make = partial(gym.make, env_id, disable_env_checker=True)
     if not perturbation:
         return make(**options)
+    is_upright = environment_class(env_id).hole_poses[0].facing == UPRIGHT
+    if not is_upright and (perturbation.hole_shift or perturbation.start == "below"):
+        raise ConfigError(
+            f"--hole-shift and --start below are for a hole that opens upwards; that "
+            f"of {env_id} does not: leave them out"
+        )
     more: dict[str, Any] = {}
     if perturbation.hole_shift:
         more["tracker"] = CoveredHole()

@@ -22,6 +22,8 @@ class Report:
     """The transfer table, its last row over all poses."""
     outcomes: Sequence[Outcome]
     """Every try."""
+    note: str = ""
+    """What to keep in mind when reading the table; may be empty."""
     config: Mapping[str, Any]
     """The evaluation's settings."""
     policy: Mapping[str, Any]
@@ -36,6 +38,7 @@ class Report:
         content = {
             "title": self.title,
             "ground": self.ground,
+            "note": self.note,
             "rows": [asdict(row) for row in self.rows],
             "tries": [outcome.numbers() for outcome in self.outcomes],
             "config": dict(self.config),
@@ -61,6 +64,7 @@ class Report:
         parts = [
             f"<h1>{text(self.title)}</h1>",
             lead,
+            *([f'<p class="note">Note: {text(self.note)}.</p>'] if self.note else []),
             _table(self.rows),
             '<p class="note">Steps are policy steps of 50 ms; contact force mean: over '
             "the control cycles in contact; peak: the largest of a try, its 95th "

@@ -6,60 +6,21 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
+from dovetail.envs.hole_pose import HOLE_POSES, HolePose
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.outcome import Outcome
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
-from dovetail.poses import Pose, matrix_from_quat, quat_about_z
+from dovetail.poses import Pose, matrix_from_quat
 from dovetail.types import Array
 
 CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
-
-
-class HolePose(NamedTuple):
-    """A named place of the hole: mouth centre in the world, turned about z."""
-
-    name: str
-    x: float
-    """[m]"""
-    y: float
-    """[m]"""
-    z: float
-    """[m]"""
-    theta: float
-    """[rad]"""
-
-    @classmethod
-    def given(cls, numbers: Sequence[float]) -> Self:
-        """Return the place that a user named by x y z [m] and yaw [rad].
-
-        Raises:
-            ConfigError: Not four finite numbers.
-        """
-        if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
-            raise ConfigError(
-                f"hole is {', '.join(f'{n:g}' for n in numbers)}; give four finite "
-                "numbers: x y z [m] of its mouth and yaw [rad], world axes"
-            )
-        return cls("given", *map(float, numbers))
-
-    def pose(self) -> Pose:
-        """Return the hole's frame in the world, z out of the hole."""
-        return Pose(np.array([self.x, self.y, self.z]), quat_about_z(self.theta))
-
-
-HOLE_POSES = (
-    HolePose("A", 0.56, -0.045, 0.085, -0.15),
-    HolePose("B", 0.60, 0.045, 0.10, 0.10),
-    HolePose("C", 0.64, -0.01, 0.115, 0.20),
-)
-"""The three hole poses of the transfer table: x, y, z and theta all differ."""
 
 
 class Job(NamedTuple):

@@ -126,8 +126,10 @@ def fit(config: FitConfig, console: Console) -> FitResult:
         vector, after = search.conclude()
     wall_time = time.monotonic() - begin + earlier
     warnings = _warnings(parameters, outset, vector, population.deaths)
+    model = parameters.to_model(vector, config.plant)
+    model = model.with_whole_delay(recording.period)  # as it was simulated
     result = FitResult(
-        _describe(parameters.to_model(vector, config.plant), recording, after),
+        _describe(model, recording, after),
         vector,
         outset.before,
         after,

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.envs.hole_pose import HolePose
 from dovetail.errors import MissingDependencyError, install_command
-from dovetail.evaluate.trials import HolePose
 from dovetail.learn.config import TrainConfig
 
 ACTOR_SHARE = 0.1
@@ -76,14 +76,16 @@ def make_vec_env(config: TrainConfig) -> Any:
     if not (config.model or config.randomise_dynamics or config.arm):
         options["tare"] = False  # the nominal model compensates all of its weight
     if config.model_file is not None:
-        options |= {"twin": config.model_file.twin, "engine": config.plant}
+        twin = config.model_file.twin.with_whole_delay(config.period)
+        options |= {"twin": twin, "engine": config.plant}
 
     def make() -> Any:
         env = gym.make(config.env, disable_env_checker=True, **options)
         if config.randomise_dynamics:
             env = RandomDynamics(env, config.dynamics_randomisation)
         if config.fixed_goal:
-            env = FixedGoal(env, HolePose.given(config.hole).pose())
+            facing = config.environment.hole_poses[0].facing
+            env = FixedGoal(env, HolePose.given(config.hole, facing).pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
     return DummyVecEnv([make] * config.num_envs)

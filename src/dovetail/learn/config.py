@@ -16,6 +16,8 @@ from dovetail.arms.address import (
 )
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
+from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.envs.registered import environment_class
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.learn.model_file import ModelFile
@@ -41,10 +43,12 @@ _USUAL = DynamicsRandomisation()
 class TrainConfig:
     """Settings of one training run, or of several seeds of it."""
 
-    out: Path = Path("runs/peg_square")
-    """Run folder: new or empty, unless `resume`."""
+    out: Path | None = None
+    """Run folder: new or empty, unless `resume`; default a new one, by peg or
+    environment and the time, in runs."""
     resume: bool = False
-    """Continue from the newest checkpoint in `out`, with the same settings."""
+    """Continue the run in `out` from its newest checkpoint, with its settings: on the
+    command line no other option is needed."""
     env: str = "dovetail/PegInHole-v0"
     """Gymnasium id of the environment."""
     plant: str = "mujoco"
@@ -77,10 +81,12 @@ class TrainConfig:
     badly. The best one is what the run ends with."""
     peg: str = "square"
     """Shape of peg and hole: square, triangle (MuJoCo only) or round."""
-    clearance: float = 0.0005
-    """Gap between peg and hole on each side [m]."""
-    task: str = "XYZ:force A:pose BC:hold"
-    """Mode of each axis: force, pose, hold or free."""
+    clearance: float | None = None
+    """Gap between peg and hole on each side [m]; default the environment's: 0.0005 in
+    peg in hole, 0.001 for the rail clip."""
+    task: str | None = None
+    """Mode of each axis: force, pose, hold or free; default the environment's: "XYZ:
+    force A:pose BC:hold" in peg in hole, "X:force A:pose YZBC:hold" for the clip."""
     stack: int = 0
     """Number of past (observation, action) pairs in the observation."""
     period: float = 0.005
@@ -161,7 +167,8 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         """Refuse what cannot be trained, by name and range."""
-        object.__setattr__(self, "out", Path(self.out))
+        if self.out is not None:
+            object.__setattr__(self, "out", Path(self.out))
         object.__setattr__(self, "net", tuple(int(width) for width in self.net))
         if self.algorithm not in ALGORITHMS:
             raise ConfigError(
@@ -175,6 +182,7 @@ class TrainConfig:
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         self.entropy_coefficient()
+        _ = self.environment
         object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
         if self.hole != _CENTRE and not self.fixed_goal:
             raise ConfigError("hole is given, which needs --fixed-goal")
@@ -188,7 +196,8 @@ class TrainConfig:
             self._require_arm(self.arm)
         self._require_dynamics()
         if self.tare:  # a policy must not ask for what cannot be done with it
-            tared_axes(TaskSpec.parse(self.task), self.force_damping)
+            task = TaskSpec.parse(self.env_options()["task"])
+            tared_axes(task, self.force_damping)
 
     def _require_dynamics(self) -> None:
         """Read the model, and refuse dynamics that nothing would simulate."""
@@ -206,6 +215,29 @@ class TrainConfig:
                 "a range of random dynamics is given, which needs --randomise-dynamics"
             )
         _ = self.model_file
+
+    @property
+    def environment(self) -> type[PegInHoleEnv]:
+        """The environment's class.
+
+        Raises:
+            ConfigError: No such environment; lists the known ones.
+        """
+        return environment_class(self.env)
+
+    @property
+    def folder(self) -> Path:
+        """The run folder, absolute.
+
+        Raises:
+            ConfigError: None is given.
+        """
+        if self.out is None:
+            raise ConfigError(
+                "out is not given: say with --out FOLDER where the run is (a training "
+                "prints its folder when it begins)"
+            )
+        return self.out.expanduser().absolute()
 
     @cached_property
     def model_file(self) -> ModelFile | None:
@@ -257,18 +289,23 @@ class TrainConfig:
 
     def env_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the environment, as JSON knows them."""
-        return {name: getattr(self, name) for name in ENV_FIELDS}
+        return {name: getattr(self, name) for name in ENV_FIELDS} | self._own()
+
+    def _own(self) -> dict[str, Any]:
+        """Return what is not given and so is the environment's own."""
+        own = self.environment.defaults
+        return {name: own[name] for name in own if getattr(self, name) is None}
 
     def for_seed(self, seed: int) -> "TrainConfig":
         """Return the run of one of several seeds, in its own sub-folder."""
-        return replace(self, seed=seed, seeds=1, out=self.out / f"seed-{seed}")
+        return replace(self, seed=seed, seeds=1, out=self.folder / f"seed-{seed}")
 
     def to_json(self) -> dict[str, Any]:
         """Return every setting that decides the result, as JSON knows it.
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = {f.name: getattr(self, f.name) for f in fields(self)} | self._own()
         if self.model_file is not None:
             values["model"] = self.model_file.table()
         return {
@@ -298,7 +335,7 @@ class TrainConfig:
 
     def command(self) -> str:
         """Return the command line that trains with these settings."""
-        default = TrainConfig().to_json()
+        default = TrainConfig(env=self.env).to_json() | {"env": TrainConfig.env}
         words = ["dovetail", "train"]
         for name, value in self.to_json().items():
             if value == default[name]:

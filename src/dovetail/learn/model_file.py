@@ -15,8 +15,8 @@ class ModelFile:
 
     name: str
     """File name without its folder."""
-    sha256: str
-    """Checksum of the file's bytes, hexadecimal."""
+    content: bytes
+    """The file's bytes."""
     twin: TwinConfig
     """Dynamics, command delay and noise; its engine gives way to the training's."""
 
@@ -33,9 +33,7 @@ class ModelFile:
                 f"no model file {path}; give the .toml file that `dovetail identify "
                 "fit` wrote, or any twin file"
             )
-        content = path.read_bytes()
-        digest = hashlib.sha256(content).hexdigest()
-        return cls(name=path.name, sha256=digest, twin=load_twin(path))
+        return cls(name=path.name, content=path.read_bytes(), twin=load_twin(path))
 
     def table(self) -> dict[str, Any]:
         """Return the file's table, as JSON knows it."""
@@ -46,4 +44,5 @@ class ModelFile:
 
     def describe(self) -> dict[str, Any]:
         """Return name, checksum and table, for a policy's provenance."""
-        return {"file": self.name, "sha256": self.sha256, "table": self.table()}
+        digest = hashlib.sha256(self.content).hexdigest()
+        return {"file": self.name, "sha256": digest, "table": self.table()}

@@ -86,8 +86,9 @@ class Policy:
         if x.shape != (self.observation_size,):
             raise PolicyError(
                 f"the observation has shape {x.shape}, this policy was trained with "
-                f"({self.observation_size},); make its environment with stack="
-                f"{self._section('env').get('stack')}"
+                f"({self.observation_size},); its file names stack = "
+                f"{self._section('env').get('stack')}: give the environment that, and "
+                "where it has that already, export the policy again"
             )
         if not np.isfinite(x).all():
             index = int(np.flatnonzero(~np.isfinite(x))[0])

@@ -2,14 +2,21 @@
 
 import fcntl
 import json
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import IO, Any
 
 from dovetail.errors import ConfigError
-from dovetail.files import claim_output_folder, write_atomic
+from dovetail.files import (
+    claim_output_folder,
+    dated_folder,
+    require_empty,
+    write_atomic,
+)
 from dovetail.learn.config import TrainConfig
 
 CONFIG = "config.json"
+MODEL = "model.toml"
 PROGRESS = "progress.csv"
 EVALUATION = "evaluation.json"
 POLICY = "policy.safetensors"
@@ -19,27 +26,70 @@ TENSORBOARD = "tensorboard"
 _LOCK = ".lock"
 
 
-def open_run(config: TrainConfig) -> Path:
-    """Create the run folder, or check that the one to resume has the same settings.
+def place_run(config: TrainConfig) -> TrainConfig:
+    """Return the settings with a folder: a new one by the time where none is given."""
+    if config.out is not None or config.resume:
+        return config
+    _, _, name = config.env.partition("/")
+    if config.env == TrainConfig.env:
+        name = f"peg_{config.peg}"
+    return replace(config, out=dated_folder("runs", f"{name}-"))
+
+
+def settings_of(folder: Path) -> dict[str, Any]:
+    """Return a run's settings as keyword arguments of `TrainConfig`.
+
+    Raises:
+        ConfigError: There is no run, or its config.json is damaged.
+    """
+    known = {f.name for f in fields(TrainConfig)}
+    settings = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name, value in _read_config(folder).items()
+        if name in known
+    }
+    if settings.get("model") is not None:  # of which config.json has the content
+        file = folder / MODEL
+        settings["model"] = file if file.exists() else None
+    return settings
+
+
+def require_run(config: TrainConfig) -> Path:
+    """Refuse a run folder that cannot be started in, or resumed; write nothing.
 
     Returns:
-        The folder, absolute; it holds config.json.
+        The folder, absolute.
 
     Raises:
         ConfigError: Not empty and not to be resumed; nothing there to resume; started
-            with other settings (names the field).
+            with other settings (names the field); in use.
     """
-    folder = config.out.expanduser().absolute()
+    folder = config.folder
     if config.resume:
         config.require_same(_read_config(folder))
-        return folder
+        with RunLock(folder):
+            return folder
     if (folder / CONFIG).exists():
         raise ConfigError(
             f"the run folder {folder} already holds a run; continue it with --resume, "
             "or choose another --out"
         )
-    folder = claim_output_folder(folder)
-    write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
+    require_empty(folder)
+    return folder
+
+
+def open_run(config: TrainConfig) -> Path:
+    """Create the run folder, or return the one to resume; see `require_run`.
+
+    Returns:
+        The folder, absolute; it holds config.json.
+    """
+    folder = require_run(config)
+    if not config.resume:
+        claim_output_folder(folder)
+        write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
+        if config.model_file is not None:
+            write_atomic(folder / MODEL, config.model_file.content)
     return folder
 
 

@@ -10,7 +10,7 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 
@@ -18,8 +18,10 @@ from dovetail.errors import DovetailError
 from dovetail.files import write_atomic
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import ProgressBar
-from dovetail.learn.run_folder import CONFIG, EVALUATION, open_run
-from dovetail.learn.train import TrainResult, train_one
+from dovetail.learn.run_folder import CONFIG, EVALUATION, open_run, require_run
+from dovetail.learn.train import TrainResult, announce, prepared, train_one
+
+_Result = TypeVar("_Result")
 
 
 def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
@@ -35,10 +37,10 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
     Raises:
         DovetailError: A seed failed (says which); the others were finished first.
     """
-    folder = open_run(config)
+    require_run(config)
     runs = [config.for_seed(config.seed + i) for i in range(config.seeds)]
     runs = [
-        replace(run, resume=config.resume and (run.out / CONFIG).exists())
+        replace(run, resume=config.resume and (run.folder / CONFIG).exists())
         for run in runs
     ]
     workers = min(len(runs), len(os.sched_getaffinity(0)))
@@ -49,6 +51,9 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
         ProgressBar(config.steps, names, console) as bar,
         ProcessPoolExecutor(workers, context, _start, (channel, os.getpid())) as pool,
     ):
+        _result(pool.submit(_try, runs[0]), runs[0])
+        folder = open_run(config)
+        announce(console, folder)
         futures = [pool.submit(_train, i, run) for i, run in enumerate(runs)]
         _show(channel, futures, bar)
     results = [_result(future, run) for future, run in zip(futures, runs, strict=True)]
@@ -68,7 +73,7 @@ def _show(channel: Any, futures: list[Future[TrainResult]], bar: ProgressBar) ->
             pass
 
 
-def _result(future: Future[TrainResult], run: TrainConfig) -> TrainResult:
+def _result(future: Future[_Result], run: TrainConfig) -> _Result:
     try:
         return future.result()
     except BrokenProcessPool as error:
@@ -107,6 +112,12 @@ def _end_with(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(1.0)
     os._exit(1)
+
+
+def _try(config: TrainConfig) -> None:
+    """Build everything and throw it away: what fails does so before there is a run."""
+    with prepared(config):
+        pass
 
 
 def _train(index: int, config: TrainConfig) -> TrainResult:

@@ -1,6 +1,10 @@
 """Train a policy: one call from settings to weights, evaluation and provenance."""
 
 import json
+import shlex
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,6 +40,8 @@ from dovetail.learn.run_folder import (
     TENSORBOARD,
     RunLock,
     open_run,
+    place_run,
+    require_run,
 )
 
 __all__ = ["TrainConfig", "TrainResult", "train"]
@@ -57,9 +63,9 @@ class TrainResult(NamedTuple):
 def train(config: TrainConfig, console: Console | None = None) -> list[TrainResult]:
     """Train, evaluate and export one policy per seed.
 
-    The run folder gets config.json, progress.csv (a row per episode), tensorboard/,
-    checkpoints/, policy.safetensors with policy.json, and evaluation.json. Several
-    seeds each have such a folder, `seed-<n>`, inside it.
+    The run folder gets config.json (and model.toml), progress.csv (a row per episode),
+    tensorboard/, checkpoints/, policy.safetensors with policy.json, and
+    evaluation.json. Several seeds each have such a folder, `seed-<n>`, inside it.
 
     Args:
         config: Settings.
@@ -75,38 +81,86 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
         LogError: The disk is full; the last checkpoint is kept.
     """
     console = console or Console(stderr=True)
+    config = place_run(config)
     if config.seeds > 1:
         from dovetail.learn.seeds import train_seeds
 
         return train_seeds(config, console)
     with ProgressBar(config.steps, [f"seed {config.seed}"], console) as bar:
-        return [train_one(config, lambda status: bar.show(0, status))]
+        begin = partial(announce, console)
+        return [train_one(config, lambda status: bar.show(0, status), begin)]
 
 
-def train_one(config: TrainConfig, report: Report) -> TrainResult:
+def announce(console: Console, folder: Path) -> None:
+    """Say where a run is and how it goes on, before anything can end it."""
+    command = shlex.join(["dovetail", "train", "--resume", "--out", str(folder)])
+    console.print(
+        f"training in {folder}\n  if it is cut short: {command}",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def train_one(
+    config: TrainConfig,
+    report: Report,
+    begin: Callable[[Path], None] = lambda folder: None,
+) -> TrainResult:
     """Train one seed in this process; see `train`.
 
     Args:
         config: Settings; `seeds` is not looked at.
         report: Told now and then where the run stands.
+        begin: Told the run folder as soon as it is there.
     """
-    folder = open_run(config)
-    with RunLock(folder):
-        env = make_vec_env(config)
-        try:
-            model = make_model(config, env)
-            wall_time = _learn(model, config, folder, report)
+    with prepared(config) as (model, best):
+        folder = open_run(config)
+        with RunLock(folder):
+            begin(folder)
+            wall_time = _learn(model, best, config, folder, report)
             policy = _export(model, config, folder, wall_time)
             steps = int(model.num_timesteps)
             rows = read_progress(folder / PROGRESS)
             report(summarise(rows, steps, 0.0)._replace(phase="evaluating"))
-            evaluation = _evaluate(policy, config, folder, env.envs[0])
-        finally:
-            env.close()
+            env = model.get_env().envs[0]
+            evaluation = _evaluate(policy, config, folder, env)
     return TrainResult(folder / POLICY, evaluation, steps, wall_time)
 
 
-def _learn(model: Any, config: TrainConfig, folder: Path, report: Report) -> float:
+@contextmanager
+def prepared(config: TrainConfig) -> Iterator[tuple[Any, BestActor | None]]:
+    """Build what a run trains, and close its environments at the end.
+
+    Whatever a setting is wrong for shows here, before the run has a folder.
+
+    Args:
+        config: Settings.
+
+    Returns:
+        The algorithm with its environments, and the judge of a run that starts from a
+        policy.
+    """
+    require_run(config)  # before an arm on the network is waited for
+    env = make_vec_env(config)
+    try:
+        model = make_model(config, env)
+        best = None
+        if (start := load_start(config, env.envs[0])) is not None:
+            model.learning_starts = 0  # its own actions are better than random ones
+            start_from(model, start)
+            best = BestActor(model, config.learning_starts)
+        yield model, best
+    finally:
+        env.close()
+
+
+def _learn(
+    model: Any,
+    best: BestActor | None,
+    config: TrainConfig,
+    folder: Path,
+    report: Report,
+) -> float:
     """Train from the start or the newest checkpoint; return the training time [s]."""
     from stable_baselines3.common.logger import configure
 
@@ -114,13 +168,6 @@ def _learn(model: Any, config: TrainConfig, folder: Path, report: Report) -> flo
 
     checkpoints = folder / CHECKPOINTS
     step, wall_time = 0, 0.0
-    start = load_start(config, model.get_env().envs[0])
-    if start is not None:
-        model.learning_starts = 0  # its own actions are better than random ones
-    best = None
-    if start is not None:
-        start_from(model, start)
-        best = BestActor(model, config.learning_starts)
     if found := list_checkpoints(checkpoints):
         step, wall_time = load_checkpoint(found[-1], model, config.seed)
     else:

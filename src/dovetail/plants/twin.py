@@ -4,6 +4,7 @@ A twin is a TOML file in which every key of `TwinConfig` is present and no other
 result on a twin says "twin", never "robot".
 """
 
+import difflib
 import math
 import tomllib
 from dataclasses import dataclass, fields, replace
@@ -11,9 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import PLANTS, DynamicsConfig, Plant, make_plant
+from dovetail.plants.plant import (
+    DYNAMICS_RANGES,
+    PLANTS,
+    DynamicsConfig,
+    Plant,
+    make_plant,
+    physics_steps,
+)
 from dovetail.poses import Pose
-from dovetail.types import Array, Vec3, Vec7
+from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -29,6 +37,12 @@ _SCALARS: dict[str, tuple[float, float, str]] = {
     "velocity_noise": (0.0, 0.5, "rad/s"),
     "clearance_offset": (-0.005, 0.005, "m"),
 }
+_LISTS = {
+    **dict.fromkeys(("mass_scale", "damping", "coulomb", "armature"), JOINTS),
+    "gravity_residual": ("x", "y", "z"),
+}
+_DELAY_ERROR = 0.2
+"""How far the simulated delay may be from the one asked for, as a share of it [1]."""
 _DYNAMICS = (
     "inertia",
     "mass_scale",
@@ -64,7 +78,8 @@ class TwinConfig:
     armature: tuple[float, ...]
     """Rotor inertia at each joint [kg m2]."""
     command_delay: float
-    """Delay of the torque command [s], rounded to physics steps."""
+    """Delay of the torque command [s]: whole physics steps, 2.5 ms at a control period
+    of 5 ms."""
     torque_noise: float
     """Standard deviation of the torque, per joint and command [Nm]."""
     position_noise: float
@@ -80,6 +95,10 @@ class TwinConfig:
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
+        if not isinstance(self.description, str):
+            raise ConfigError(
+                f"twin description is {self.description!r}; give one line of text"
+            )
         if self.engine not in PLANTS:
             raise ConfigError(
                 f"twin engine {self.engine!r} is unknown; known: {', '.join(PLANTS)}"
@@ -87,30 +106,53 @@ class TwinConfig:
         if type(self.seed) is not int or self.seed < 0:
             raise ConfigError(f"twin seed is {self.seed!r}; give a whole number >= 0")
         for name, (low, high, unit) in _SCALARS.items():
-            value = _number(name, getattr(self, name))
-            if not low <= value <= high:
-                raise ConfigError(
-                    f"twin {name} is {value:g} {unit}, allowed is {low:g} to "
-                    f"{high:g} {unit}"
-                )
-        for name in (
-            "mass_scale",
-            "gravity_residual",
-            "damping",
-            "coulomb",
-            "armature",
-        ):
+            _number(name, getattr(self, name), low, high, unit)
+        for name in ("contact_friction", "contact_time"):
+            _number(name, getattr(self, name), *DYNAMICS_RANGES[name])
+        for name, labels in _LISTS.items():
             values = getattr(self, name)
-            if not isinstance(values, (list, tuple)):
-                raise ConfigError(f"twin {name} is {values!r}; give a list of numbers")
-            object.__setattr__(self, name, tuple(_number(name, v) for v in values))
-        _number("contact_friction", self.contact_friction)
-        _number("contact_time", self.contact_time)
-        self.dynamics()  # checks lengths and ranges of what the engine simulates
+            if not isinstance(values, (list, tuple)) or len(values) != len(labels):
+                raise ConfigError(
+                    f"twin {name} is {values!r}; give a list of {len(labels)} numbers: "
+                    f"{', '.join(labels)}"
+                )
+            numbers = [
+                _number(f"{name}[{label}]", value, *DYNAMICS_RANGES[name])
+                for label, value in zip(labels, values, strict=True)
+            ]
+            object.__setattr__(self, name, tuple(numbers))
+        self.dynamics()  # checks the rest of what the engine simulates
 
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
         return DynamicsConfig(**{name: getattr(self, name) for name in _DYNAMICS})
+
+    def with_whole_delay(self, period: float) -> "TwinConfig":
+        """Return the twin with the delay that is simulated at a control period [s].
+
+        A delay is a whole number of physics steps; what was fitted is any number.
+        """
+        return replace(self, command_delay=self._simulated_delay(period))
+
+    def require_delay(self, period: float) -> None:
+        """Refuse a delay that physics steps do not show at a control period [s].
+
+        Raises:
+            ConfigError: It would be another by more than `_DELAY_ERROR` of it.
+        """
+        delay, simulated = self.command_delay, self._simulated_delay(period)
+        if abs(simulated - delay) > _DELAY_ERROR * delay + 1e-9:
+            step = period / physics_steps(period, self.dynamics().physics_dt)
+            raise ConfigError(
+                f"twin command_delay is {1e3 * delay:g} ms, which at a control period "
+                f"of {1e3 * period:g} ms would be simulated as {1e3 * simulated:g} ms; "
+                f"allowed: 0, or whole physics steps of {1e3 * step:g} ms to within "
+                f"{100 * _DELAY_ERROR:.0f} %; change it, or the control period"
+            )
+
+    def _simulated_delay(self, period: float) -> float:
+        step = period / physics_steps(period, self.dynamics().physics_dt)
+        return step * math.floor(self.command_delay / step + 0.5)
 
     def to_toml(self) -> str:
         """Write the twin as the text of a file that `load_twin` reads."""
@@ -128,12 +170,19 @@ class TwinConfig:
         return "\n".join(lines) + "\n"
 
 
-def _number(name: str, value: Any) -> float:
+def _number(name: str, value: Any, low: float, high: float, unit: str) -> float:
+    allowed = f"allowed is {low:g} to {high:g} {unit}"
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ConfigError(f"twin {name} holds {value!r}, which is no number")
-    if not math.isfinite(value):
-        raise ConfigError(f"twin {name} holds {value}; it must be finite")
+        raise ConfigError(f"twin {name} is {value!r}, which is no number; {allowed}")
+    if not low <= value <= high:  # false for nan, too
+        raise ConfigError(f"twin {name} is {value:g} {unit}, {allowed}")
     return float(value)
+
+
+def _meant(key: str, known: list[str]) -> str:
+    """Return an unknown key with the known one that it may stand for."""
+    near = difflib.get_close_matches(key, known, n=1)
+    return f"{key} (did you mean {near[0]}?)" if near else key
 
 
 def list_twins() -> tuple[str, ...]:
@@ -169,7 +218,8 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
     missing = [key for key in known if key not in table]
     if unknown or missing:
         raise ConfigError(
-            f"twin file {path}: unknown keys: {', '.join(unknown) or 'none'}; missing "
+            f"twin file {path}: unknown keys: "
+            f"{', '.join(_meant(key, known) for key in unknown) or 'none'}; missing "
             f"keys: {', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
         )
     try:

@@ -1,0 +1,112 @@
+"""Where a result comes from: the ground, the settings, the command, the machine."""
+
+import os
+import platform
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, fields
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dovetail.arms.address import (
+    FriAddress,
+    GrpcAddress,
+    PlantAddress,
+    TwinAddress,
+    parse_address,
+)
+from dovetail.envs.hole_pose import HolePose
+from dovetail.evaluate.perturbation import Perturbation
+from dovetail.learn.export import commit, versions
+from dovetail.plants.twin import load_twin
+
+if TYPE_CHECKING:
+    from dovetail.evaluate.evaluation import EvaluationConfig
+
+
+def name_ground(config: "EvaluationConfig") -> str:
+    """Return where a result was found: a twin is called a twin, never a robot."""
+    twin, plant = config.twin, config.plant
+    if config.arm is not None:
+        arm = parse_address(config.arm)
+        if isinstance(arm, FriAddress) and arm.control is not None:
+            return f"simulated cabinet ({config.arm})"
+        if isinstance(arm, (FriAddress, GrpcAddress)):
+            return f"the arm at {config.arm.partition('?')[0]}"
+        twin = arm.twin if isinstance(arm, TwinAddress) else None
+        plant = arm.engine if isinstance(arm, PlantAddress) else None
+    if twin is None:
+        return f"simulation ({plant})"
+    return f"twin {Path(twin).stem} ({load_twin(twin).engine})"
+
+
+def shared_engine(config: "EvaluationConfig", policy: Mapping[str, Any]) -> str:
+    """Say that twin and training had the same physics engine; empty where not.
+
+    Args:
+        config: The settings.
+        policy: The policy's description.
+    """
+    arm = None if config.arm is None else parse_address(config.arm)
+    twin = arm.twin if isinstance(arm, TwinAddress) else config.twin
+    trained_on = policy.get("provenance", {}).get("config", {}).get("arm")
+    if twin is None or trained_on is not None:
+        return ""
+    engine = load_twin(twin).engine
+    if policy["env"].get("plant") != engine:
+        return ""
+    other = "mujoco" if engine == "bullet" else "bullet"
+    return (
+        f"the policy's training and this twin are both {engine}, which tells less "
+        f"about transfer; train with --plant {other}, or try it on a twin in {other}"
+    )
+
+
+def describe_settings(
+    config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[HolePose]
+) -> dict[str, Any]:
+    """Return everything that was asked for, for a report.
+
+    Args:
+        config: The settings.
+        options: Keyword arguments of the environment.
+        poses: Where the hole is.
+    """
+    settings = asdict(config)
+    settings["environment"] = dict(options)
+    settings["hole poses (x y z [m], theta [rad])"] = {
+        pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
+    }
+    if config.twin is not None:
+        settings["twin file"] = asdict(load_twin(config.twin))
+    return {name: value for name, value in settings.items() if value is not None}
+
+
+def command_line(config: "EvaluationConfig") -> str:
+    """Return the command that makes an evaluation again, its folder aside."""
+    words = ["dovetail", "evaluate", config.policy]
+    for name in ("plant", "twin", "arm", "hole", "peg", "clearance", "tries", "seed"):
+        if (value := getattr(config, name)) is not None:
+            values = value if isinstance(value, tuple) else [value]
+            words += [f"--{name}", *map(str, values)]
+    for f in fields(Perturbation):
+        if (value := getattr(config, f.name)) != f.default:
+            words += [f"--{f.name.replace('_', '-')}", str(value)]
+    if not config.tare:
+        words.append("--no-tare")
+    if config.max_steps is not None:
+        words += ["--max-steps", str(config.max_steps)]
+    return shlex.join(words)
+
+
+def provenance(started: datetime) -> dict[str, Any]:
+    """Return what a number depends on besides its settings: versions and machine."""
+    seconds = (datetime.now(UTC) - started).total_seconds()
+    return {
+        "started (UTC)": started.isoformat(timespec="seconds"),
+        "duration [s]": round(seconds, 1),
+        "versions": versions(),
+        "commit": commit() or "installed package, no checkout",
+        "machine": f"{platform.machine()}, {os.cpu_count()} cores, {platform.system()}",
+    }

@@ -1,0 +1,124 @@
+"""`dovetail train --resume --out FOLDER`: everything else is the run's own."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from dovetail.cli import run
+from dovetail.commands.train import defaults
+from dovetail.errors import ConfigError, PlantError
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.run_folder import open_run
+from dovetail.learn.train import train
+from dovetail.plants.twin import load_twin
+
+from .conftest import SMALL
+
+
+def begin(config):
+    """Note a run as a training does when it begins."""
+    open_run(config)
+    return ["--resume", "--out", str(config.out)]
+
+
+def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
+    from dovetail.envs.peg_in_hole import PegInHoleEnv
+
+    step, taken = PegInHoleEnv.step, []
+
+    def diverge_once(self, action):
+        taken.append(1)
+        if len(taken) == 150:
+            raise PlantError("the simulation diverged")
+        return step(self, action)
+
+    monkeypatch.setattr(PegInHoleEnv, "step", diverge_once)
+    words = ["--out", str(small.out), "--tare"]
+    for name, value in SMALL.items():
+        values = value if isinstance(value, tuple) else [value]
+        words += [f"--{name.replace('_', '-')}", *map(str, values)]
+    assert run(["train", *words, "--clearance", "0.001"]) == 2
+    assert f"train --resume --out {small.out}" in capsys.readouterr().out
+    assert run(["train", "--resume", "--out", str(small.out)]) == 0
+    policy = json.loads((small.out / "policy.json").read_text())
+    assert policy["provenance"]["steps"] == SMALL["steps"]
+    assert policy["env"]["clearance"] == 0.001
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (
+            ["--clearance", "0.002"],
+            "clearance is 0.002, the run was started with 0.001",
+        ),
+        (["--clearance", "0.0005"], "clearance is 0.0005, the run was started with"),
+        (["--steps", "400"], "steps is 400, the run was started with 300"),
+        (["--tare"], "tare is True, the run was started with False"),
+    ],
+)
+def test_an_option_that_differs_from_the_run_is_named(small, words, message, capsys):
+    again = begin(replace(small, clearance=0.001, tare=False))
+    assert run(["train", *again, *words]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_the_runs_settings_are_read_back_whole(small):
+    config = replace(
+        small,
+        env="dovetail/RailClip-v0",
+        stack=2,
+        fixed_goal=True,
+        hole=(0.85, 0.0, 0.4, 0.0),
+        f_scale=(4.0, 3.0, 2.0),
+        from_policy="peg_square",
+        randomise_dynamics=True,
+        random_mass=(0.9, 1.3),
+    )
+    read = defaults(begin(config))
+    assert read is not None
+    assert read.to_json() == config.to_json()
+    assert read.resume
+
+
+def test_a_run_on_a_model_has_the_model_in_its_folder(small, tmp_path):
+    model = tmp_path / "identified.toml"
+    model.write_text(load_twin("medium").to_toml())
+    config = replace(small, model=model)
+    again = begin(config)
+    model.unlink()
+    read = defaults(again)
+    assert read is not None
+    assert read.model == small.out / "model.toml"
+    read.require_same(json.loads(json.dumps(config.to_json())))
+
+
+def test_no_run_to_resume_is_one_message(tmp_path, capsys):
+    assert run(["train", "--resume", "--out", str(tmp_path)]) == 2
+    assert "no run to resume" in capsys.readouterr().err
+
+
+def test_resuming_needs_a_folder(capsys):
+    assert run(["train", "--resume"]) == 2
+    assert "say with --out FOLDER where the run is" in capsys.readouterr().err
+    with pytest.raises(ConfigError, match="--out FOLDER"):
+        train(TrainConfig(resume=True))
+
+
+@pytest.mark.parametrize(
+    ("settings", "name"),
+    [({}, "peg_square"), ({"env": "dovetail/RailClip-v0"}, "RailClip-v0")],
+)
+def test_two_trainings_without_a_folder_have_one_each(
+    settings, name, tmp_path, monkeypatch
+):
+    from dovetail.learn.run_folder import place_run
+
+    monkeypatch.chdir(tmp_path)
+    config = place_run(TrainConfig(**settings))
+    assert config.out is not None
+    assert config.out.parent.name == "runs"
+    assert config.out.name.startswith(f"{name}-20")
+    given = replace(config, out=tmp_path / "mine")
+    assert place_run(given) is given
