@@ -53,8 +53,10 @@ def test_pushes_and_a_moving_hole_are_the_same_over_fri(policy_file, tmp_path):
     calm = run(policy_file, tmp_path / "calm", arm="mujoco", **calm).outcomes[0]
     assert over_fri.perturbation == here.perturbation
     count = min(200, len(here.path), len(over_fri.path), len(calm.path))
-    np.testing.assert_allclose(over_fri.path[:count], here.path[:count], atol=1e-3)
-    assert np.abs(calm.path[:count] - here.path[:count]).max() > 2e-3
+    pushed = np.abs(calm.path[:count] - here.path[:count]).max()
+    assert pushed > 1e-3
+    between = np.abs(over_fri.path[:count] - here.path[:count]).max()
+    assert between < pushed / 3.0
 
 
 @pytest.mark.parametrize("reset", ["place", "move"])
