@@ -136,8 +136,8 @@ def run(kills: int, twin: str, realtime: bool) -> None:
             realtime=realtime,
         )
 
-    builder = RebuiltArm("fri", scene, make, is_real_time=True)
     try:
+        builder = RebuiltArm("fri", scene, make, is_real_time=True, places_hole=True)
         time.sleep(4.0)
         with ArmServer(builder, "127.0.0.1:0") as server:
             results = np.array([kill_one(server, builder, i) for i in range(kills)])
@@ -156,6 +156,7 @@ def run(kills: int, twin: str, realtime: bool) -> None:
 
 def main() -> None:
     """Run, or be a learner."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the cabinet, too
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--kills", type=int, default=100)
     parser.add_argument("--twin", default="medium")

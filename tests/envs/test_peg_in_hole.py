@@ -3,11 +3,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
 from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.envs.randomisation import RandomisationConfig, tool_down
+from dovetail.envs.violations import count_bad_input
 from dovetail.errors import ConfigError, MissingDependencyError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
@@ -186,7 +188,18 @@ def test_info_counts_the_cycles_whose_input_was_refused(fake):
     log[3:5, CYCLE_COLUMNS.index("flags")] = (1 << 40) + (1 << 14)
     log[7, CYCLE_COLUMNS.index("flags")] = 1 << 41
     arm.place(log=log)
+    arm.state = arm.state._replace(flags=(1 << 40) + (1 << 14) + (1 << 41))
     assert act(env)[4]["bad_input"] == 2
+
+
+def test_the_controllers_own_refusals_are_counted(real):
+    """The bit that is counted is the one that C++ sets."""
+    real.reset(seed=0)
+    target = _core.Target()
+    target.f_star = np.full(6, np.nan)
+    state = real.arm.step(target)
+    assert count_bad_input(state) == len(state.log) > 0
+    assert count_bad_input(real.arm.step(_core.Target())) == 0
 
 
 def test_state_and_hole_can_be_read_and_close_closes_the_arm(fake):

@@ -386,7 +386,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "theta_error": float(raw[10]),
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
             "limit_violations": self.violations.count(self.state.log),
-            "bad_input": count_bad_input(self.state.log),
+            "bad_input": count_bad_input(self.state),
             "observation_raw": raw,
         }
 

@@ -5,18 +5,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from dovetail import _core
+from dovetail.arms.arm import ArmState
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.robot import Robot
 from dovetail.types import Array
 
 _FLAGS = CYCLE_COLUMNS.index("flags")
-_BAD_INPUT = 40  # bit of pack_flags in types.hpp
+_BAD_INPUT = 1 << 40  # of pack_flags in types.hpp
 
 
-def count_bad_input(log: Array) -> int:
-    """Return in how many rows of a cycle log the controller refused its input."""
-    flags = log[:, _FLAGS].astype(np.int64)
-    return int(np.count_nonzero(flags >> _BAD_INPUT & 1))
+def count_bad_input(state: ArmState) -> int:
+    """Return in how many cycles of a step the controller refused its input."""
+    if not state.flags & _BAD_INPUT:
+        return 0  # nearly always: the log need not be read
+    flags = state.log[:, _FLAGS].astype(np.int64)
+    return int(np.count_nonzero(flags & _BAD_INPUT))
 
 
 class ViolationCounter:
