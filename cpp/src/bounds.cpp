@@ -49,12 +49,14 @@ Bound viability_upper(double d, double v, double v_max, double a_max, double pus
   const double T = params.kappa * params.dt;
   const double brake = params.eta * a_max;
   // Common case, no root: full acceleration and the push over T are still viable.
+  // What pushes away from the limit may be resisted beyond a_max.
   const double a_full = a_max + std::max(push, 0.0);
+  const double a_most = a_max + std::max(-push, 0.0);
   const double v_end = v + a_full * T;
   const double room = d - v * T - 0.5 * a_full * T * T;
   const double v_brake = std::max(v_end, 0.0);
   if (d >= 0.0 && v_end <= v_max && 2.0 * brake * room >= v_brake * v_brake) {
-    return {a_max, BoundCause::kAcceleration};
+    return {params.passive ? a_most : a_max - push, BoundCause::kAcceleration};
   }
   const double position =
       std::min(position_bound(d, v, T), stopping_bound(d, v, T, brake));
@@ -68,7 +70,7 @@ Bound viability_upper(double d, double v, double v_max, double a_max, double pus
   const double width = std::max(params.delta_x, kHoldWidth);
   const double held = std::clamp(-d / width, 0.0, 1.0);
   bound.value = under_push(bound.value, push, v, held, params.brake_rate);
-  if (bound.value >= a_max) return {a_max, BoundCause::kAcceleration};
+  if (bound.value >= a_most) return {a_most, BoundCause::kAcceleration};
   return bound;
 }
 
