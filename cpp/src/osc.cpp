@@ -10,7 +10,7 @@ namespace {
 
 using Eigen::Quaterniond;
 
-constexpr double kLargestPosture = 0.5;  // way back to a posture that is used [rad]
+constexpr double kLargestPosture = 2.0;  // way back to a posture that is used [rad]
 constexpr TaskSpec kNoFreeAxis{AxisMode::kForce, AxisMode::kForce, AxisMode::kForce,
                                AxisMode::kForce, AxisMode::kForce, AxisMode::kForce};
 

@@ -67,9 +67,9 @@ struct OscParams {
   double error_clamp_position = 0.1;         ///< [m]
   double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
   double f_clamp_angular = 200.0;    ///< largest |f*| per rotation axis [rad/s2]
-  double k_null = 5.0;               ///< null-space damping k [1/s]
+  double k_null = 10.0;              ///< null-space damping k [1/s]
   /// Null-space stiffness towards the configuration where the task began [1/s2].
-  double posture_stiffness = 20.0;
+  double posture_stiffness = 50.0;
   double length_scale = 0.15;        ///< L, scales rotation rows [m/rad]
   double s0 = 0.005;                 ///< eigenvalue fade threshold [1/kg]
   double joint_stiffness = 100.0;    ///< K of joint targets [1/s2]

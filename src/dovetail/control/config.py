@@ -79,9 +79,9 @@ class OscConfig:
     """Largest f* on a translation axis [m/s2]."""
     f_clamp_angular: Annotated[float, Range(1e-3, 1e4, "rad/s2")] = 200.0
     """Largest f* on a rotation axis [rad/s2]."""
-    k_null: Annotated[float, Range(0.0, 100.0, "1/s")] = 5.0
+    k_null: Annotated[float, Range(0.0, 100.0, "1/s")] = 10.0
     """Null-space damping k [1/s]; it can only take energy out."""
-    posture_stiffness: Annotated[float, Range(0.0, 1e3, "1/s2")] = 20.0
+    posture_stiffness: Annotated[float, Range(0.0, 1e3, "1/s2")] = 50.0
     """Null-space stiffness towards the configuration where the task began [1/s2]:
     without it the elbow falls where gravity compensation is wrong."""
     length_scale: Annotated[float, Range(1e-2, 10.0, "m/rad")] = 0.15
