@@ -4,6 +4,8 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 
 #include "bind_cycle_log.hpp"
 #include "bind_fri.hpp"
@@ -320,9 +322,14 @@ void bind_controller(nb::module_& m) {
       .def_prop_ro("limits", &Controller::limits, nb::rv_policy::copy,
                    "A copy of the limits that are enforced.")
       .def_prop_ro(
-          "end_cause",
-          [](const Controller& self) { return std::string(name(self.end().cause())); },
-          "What the last line ended the motion for: none, oscillation, energy or speed.")
+          "end",
+          [](const Controller& self) {
+            const LastLine& end = self.end();
+            return std::tuple(std::string(name(end.cause())), end.joint(), end.value(),
+                              end.limit());
+          },
+          "What the last line ended the motion for: cause (none, oscillation, energy or "
+          "speed), joint (0 to 6, or -1), value and what was allowed [SI].")
       .def_prop_ro("period", &Controller::period, "Control period [s].")
       .def_prop_ro("disturbance", &Controller::disturbance, nb::rv_policy::copy,
                    "Estimated external torque [Nm], shape (7,).");

@@ -417,8 +417,11 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   const bool is_new = !has_last_ || !is_same(target, target_last_);
   target_last_ = target;
   const Vec7 explained = is_new ? Vec7(result.a0 - a0_last_) : Vec7(Vec7::Zero());
-  const double power = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
-  return !last_line_.check({dq, explained, target.joint ? 0.0 : power, elapsed});
+  // Less braking than was asked for is no drive: the arm must be driven, too.
+  const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
+  const double driven = dq.dot(result.tau - h_);
+  const double power = target.joint ? 0.0 : std::min(added, driven);
+  return !last_line_.check({dq, explained, power, elapsed});
 }
 
 StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {

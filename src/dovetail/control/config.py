@@ -38,7 +38,7 @@ _DELTA_Q_HARDWARE = (5e-3, 5e-3, 40e-3)  # rad, combined mismatch and 30 N pushe
 _DELTA_V_HARDWARE = (0.10, 0.15, 0.30)  # 0.05 and 0.08 hold only where pushes rise
 _DELTA_X = (5e-3, 5e-3, 10e-3)  # m; docs/safety.md
 _DELTA_X_HARDWARE = (10e-3, 10e-3, 30e-3)
-_K_ROTATION = (400.0, 400.0, 200.0)  # 1/s2
+_K_ROTATION = (200.0, 200.0, 200.0)  # 1/s2
 
 
 def _all(count: int, value: float) -> Callable[[], Array]:
