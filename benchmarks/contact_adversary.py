@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 from contact_choices import POLICIES, RANGES, SIZE, TASKS, Array, Choices, choose
-from contact_trial import Outcome, Trial
+from contact_trial import SUSTAINED, Outcome, Trial
 
 LISTED = 5
 METRICS: dict[str, tuple[str, float, str]] = {
@@ -29,7 +29,7 @@ METRICS: dict[str, tuple[str, float, str]] = {
     "tcp_speed": ("TCP speed over its limit, per axis", 0.0, "m/s"),
     "contact": ("contact force over the resting push", 5.0, "1"),
     "grown": ("growing oscillation, RMS above 8 Hz", 0.0, "rad/s"),
-    "sustained": ("sustained oscillation, the same", 0.0, "rad/s"),
+    "sustained": ("sustained oscillation, the same", SUSTAINED, "rad/s"),
 }
 """What each worst value is, above which number it counts, and its unit."""
 LIMITS = {
@@ -233,6 +233,7 @@ def replay(attack: Attack, index: int, folder: Path | None) -> None:
         header = ",".join(CYCLE_COLUMNS)
         np.savetxt(path, outcome.trace, "%.9g", ",", header=header, comments="")
         print(path)
+    print("\n".join(outcome.events))
     step = max(1, len(outcome.trace) // 50)
     print("  t [s]  max|dq| [rad/s]  max|tau| [Nm]  contact [N]  TCP [m]")
     for row in outcome.trace[::step]:
@@ -266,6 +267,11 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--quiet", action="store_true", help="no line for each try")
     parser.add_argument("--replay", type=int, metavar="INDEX")
     parser.add_argument("--trace", type=Path, metavar="FOLDER", help="of the replay")
+    parser.add_argument("--search", action="store_true", help="CMA-ES")
+    parser.add_argument("--evaluations", type=int, default=1000)
+    parser.add_argument("--aim", default="any", help="what the search makes worst")
+    parser.add_argument("--file", type=Path, help="of the search, to go on with")
+    parser.add_argument("--cases", type=Path, help="file that keeps what is found")
     return parser.parse_args(arguments)
 
 
@@ -284,6 +290,13 @@ def main(arguments: Sequence[str]) -> None:
     )
     if args.replay is not None:
         replay(attack, args.replay, args.trace)
+        return
+    if args.search:
+        from contact_search import search
+
+        name = f"contact-search-{args.span}-{1e3 * args.period:g}ms-{args.seed}.jsonl"
+        file = args.file or Path(name)
+        search(attack, args.aim, args.evaluations, file, args.workers, args.cases)
         return
     tally = Tally(args.span)
     begin = time.perf_counter()

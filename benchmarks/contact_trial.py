@@ -32,6 +32,14 @@ from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
 from dovetail.scene import SceneConfig
 
 ACTIONS = 100
+CHANGES = (
+    "hold here",
+    "hold nearby",
+    "reset here",
+    "reset nearby",
+    "near plane",
+    "joint target",
+)
 QUIET = (range(40, 65), range(75, 100))
 WINDOW = 5  # actions
 PHYSICS_DT = 1e-3  # s: contacts of 2 ms need it, and the judge looks as often
@@ -80,6 +88,8 @@ class Outcome:
     cycles: int
     trace: Array
     """The cycles' log, CYCLE_COLUMNS."""
+    events: list[str]
+    """What was reconfigured, with its time."""
 
 
 class Trial:
@@ -149,6 +159,7 @@ class Trial:
             self.commander.tare = np.append(-self.at_start[0][:3], np.zeros(3))
         self.asked: list[float] = []
         self.joint_actions = 0
+        self.events: list[str] = []
 
     def _attach_spring(self) -> None:
         choices = self.choices
@@ -196,15 +207,17 @@ class Trial:
             self.push = on * choices.push * direction / np.linalg.norm(direction)
             self.judge.set_push(self.push)
         self.joint_actions = max(0, self.joint_actions - 1)
-        if not self.joint_actions:
+        if target.joint_mode and not self.joint_actions:
             target.joint_mode = False
+            self.events.append(f"{number * ACTION:.2f} s: task again")
         if rng.random() < choices.change_rate * ACTION:
-            self._reconfigure(target, q)
+            kind = self._reconfigure(target, q)
+            self.events.append(f"{number * ACTION:.2f} s: {kind}")
         self.commander.fill(target, number, q, dq)
 
-    def _reconfigure(self, target: _core.Target, q: Array) -> None:
+    def _reconfigure(self, target: _core.Target, q: Array) -> str:
         """Change what is held, where the near plane is, or go for a configuration."""
-        rng = self.rng
+        rng, controller = self.rng, self.controller
         pose = self.robot.tool_pose(q)
         turn = quat_from_vector(rng.normal(0.0, 0.05, 3))
         moved = Pose(
@@ -215,26 +228,22 @@ class Trial:
             q + rng.normal(0.0, 0.1, 7), self.limits.q_min, self.limits.q_max
         )
         self.latched, self.latched_q = pose, q
-        kind = rng.integers(6)
-        if kind == 0:
-            self.hold = pose
-            self.controller.hold_at(*pose)
-        elif kind == 1:
-            self.hold = moved
-            self.controller.hold_at(*moved)
-        elif kind == 2:
-            self.hold = pose
-            self.controller.reset(q, *pose)
-        elif kind == 3:
-            self.hold = self.robot.tool_pose(near_q)
-            self.controller.reset(near_q, *self.hold)
-        elif kind == 4:
+        kind = CHANGES[rng.integers(len(CHANGES))]
+        if kind.startswith("hold"):
+            self.hold = pose if kind == "hold here" else moved
+            controller.hold_at(*self.hold)
+        elif kind.startswith("reset"):
+            q_reset = q if kind == "reset here" else near_q
+            self.hold = self.robot.tool_pose(q_reset)
+            controller.reset(q_reset, *self.hold)
+        elif kind == "near plane":
             planes = (NOWHERE, EVERYWHERE, self.start.near_plane)
             self.commander.near_plane = planes[rng.integers(3)]
         else:
             target.joint_mode = True
             target.q_d = near_q
             self.joint_actions = int(rng.integers(2, 11))
+        return kind
 
     def _faults(self, cycles: int) -> Array:
         """Return bursts of up to five lost, repeated or late cycles."""
@@ -316,6 +325,7 @@ class Trial:
             },
             cycles=len(trace),
             trace=trace,
+            events=self.events,
         )
 
 
@@ -331,7 +341,7 @@ def _oscillations(vibration: Array) -> tuple[float, float]:
         sustained = max(sustained, float(rms.min()))
         if (rms[1:] > GROWTH * rms[:-1]).all() and rms[-1] > GROWN:
             grown = max(grown, float(rms[-1]))
-    return grown, sustained if sustained > SUSTAINED else 0.0
+    return grown, sustained
 
 
 def _true_chain(choices: Choices) -> _core.Chain:
