@@ -190,6 +190,7 @@ void check_hold(const Vec3& p_hold, const Vec4& quat_hold) {
 
 void check_target(const Target& target) {
   require_each("f_star", target.f_star, "m/s2 or rad/s2", kTarget);
+  require_each("f_tare", target.f_tare, "m/s2 or rad/s2", kTarget);
   require_each("position_d", target.position_d, "m", kTarget);
   require_unit("quat_wxyz_d", target.quat_wxyz_d);
   require_each("q_d", target.q_d, "rad", kAngle);

@@ -7,7 +7,9 @@
 #include "dovetail/bounds.hpp"
 #include "dovetail/chain.hpp"
 #include "dovetail/cholesky.hpp"
+#include "dovetail/last_line.hpp"
 #include "dovetail/osc.hpp"
+#include "dovetail/state_check.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
@@ -29,11 +31,15 @@ class Controller {
   Controller(const ChainParams& chain, const OscParams& osc, const LimitParams& limits,
              const TaskSpec& task, double period);
 
-  /// Starts afresh at q [rad] at rest: forgets the disturbance, latches the pose that
-  /// hold axes keep: TCP position [m] and rotation (wxyz). With a q or a pose that is
-  /// none (see input.hpp) every cycle is a damped hold and `bad_input`, until a good
-  /// one.
-  void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold) noexcept;
+  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets the disturbance and what
+  /// the last line saw, latches the pose that hold axes keep: TCP position [m] and
+  /// rotation (wxyz). With a q or a pose that is none (see input.hpp) every cycle is a
+  /// damped hold and `bad_input`, until a good one.
+  void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
+             const Vec7& dq = Vec7::Zero()) noexcept;
+
+  /// Takes a state for true whatever was before, and changes nothing else.
+  void believe(const Vec7& q, const Vec7& dq) noexcept { check_.reset(q, dq); }
 
   /// One cycle. The torque is the overlay u: the lowest level adds gravity, and
   /// |u + g(q)| <= tau_max always. Input that is none (see input.hpp), or a torque that
@@ -53,6 +59,9 @@ class Controller {
   /// no pose acts as in `reset`.
   void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
+  /// What the last line saw, if anything.
+  const LastLine& end() const noexcept { return last_line_; }
+  const StateCheck& state() const noexcept { return check_; }
   /// Estimated external torque r [Nm] (docs/control.md, Disturbance estimate).
   const Vec7& disturbance() const noexcept { return disturbance_; }
   const OscTerms& osc_terms() const noexcept { return task_terms_; }
@@ -82,9 +91,14 @@ class Controller {
   void limit_by_cascade(StepResult& result) noexcept;
   void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;
   void mark_walls(unsigned upper, unsigned lower, Flags& flags) const noexcept;
+  void stay(const Target& target, Vec6& f_star) noexcept;
+  void follow_end(const Vec7& q, const Vec7& dq, StepResult& result) noexcept;
+  void limit(StepResult& result) noexcept;
+  bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
+                    double elapsed) noexcept;
+  StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
   StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
-  StepResult brake_blindly() noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
   Chain chain_;
@@ -112,9 +126,22 @@ class Controller {
   bool has_posture_ = false;  // since the task began
   Vec7 posture_ = Vec7::Zero();
 
+  unsigned staying_ = 0;  // force axes that are held, bits
+  Vec3 anchor_ = Vec3::Zero();
+
+  StateCheck check_;
+  LastLine last_line_;
+  double limiter_power_ = 0.0;  // of what is cut from f* [W]
+  bool is_at_rest_ = false;     // after the end
+  Vec7 q_end_ = Vec7::Zero();
+
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally
   Vec7 disturbance_ = Vec7::Zero();
+  Vec7 weight_ = Vec7::Zero();  // the disturbance's slow part [Nm]
+  Vec7 a_last_ = Vec7::Zero();
+  Vec7 a0_last_ = Vec7::Zero();
+  Target target_last_;
   Vec7 dq_last_ = Vec7::Zero();
   Vec7 tau_last_ = Vec7::Zero();
 };
