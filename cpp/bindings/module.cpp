@@ -5,6 +5,7 @@
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
 
+#include "bind_attack.hpp"
 #include "bind_cycle_log.hpp"
 #include "bind_fri.hpp"
 #include "bind_limits.hpp"
@@ -344,6 +345,7 @@ NB_MODULE(_core, m) {
   bind_limits(m);
   bind_controller(m);
   bind_rigid_plant(m);
+  bind_attack(m);
   bind_cycle_log(m);
   bind_mujoco(m);
   bind_replay(m);
