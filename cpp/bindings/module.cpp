@@ -134,6 +134,8 @@ void bind_parameters(nb::module_& m) {
       .def_rw("f_clamp_linear", &OscParams::f_clamp_linear, "Largest |f*| [m/s2].")
       .def_rw("f_clamp_angular", &OscParams::f_clamp_angular, "Largest |f*| [rad/s2].")
       .def_rw("k_null", &OscParams::k_null, "Null-space damping [1/s].")
+      .def_rw("posture_stiffness", &OscParams::posture_stiffness,
+              "Null-space stiffness [1/s2].")
       .def_rw("length_scale", &OscParams::length_scale, "L of rotation rows [m/rad].")
       .def_rw("s0", &OscParams::s0, "Eigenvalue fade threshold [1/kg].")
       .def_rw("joint_stiffness", &OscParams::joint_stiffness, "Joint targets [1/s2].")
@@ -161,7 +163,11 @@ void bind_parameters(nb::module_& m) {
       .def_rw("delta_x", &LimitParams::delta_x, "Wall margin [m].")
       .def_rw("s0_wall", &LimitParams::s0_wall, "Fade threshold of SCS [1/kg].")
       .def_rw("rho", &LimitParams::rho, "Weight of the wall slack.")
-      .def_rw("beta", &LimitParams::beta, "Gain of the disturbance estimate.")
+      .def_rw("estimate_rate", &LimitParams::estimate_rate,
+              "Bandwidth of the disturbance estimate [1/s].")
+      .def_rw("passive", &LimitParams::passive, "Limiters brake and do no more.")
+      .def_rw("brake_rate", &LimitParams::brake_rate, "Of that braking [1/s].")
+      .def_rw("authority", &LimitParams::authority, "Most braking over ddq_max.")
       .def_rw("damping", &LimitParams::damping, "Modelled friction [Nms/rad].")
       .def_rw("armature", &LimitParams::armature, "Modelled rotor inertia [kg m2].")
       .def_rw("mid_interval", &LimitParams::mid_interval, "Model at q + dq dt / 2.")

@@ -14,6 +14,9 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Of tau_max: what the disturbance estimate takes of one measurement at most.
+constexpr double kLargestSurprise = 0.25;
+
 // Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
 constexpr double kNearTime = 0.04;
 
@@ -44,9 +47,11 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
       limits_((check_limits(limits), limits)),
       period_((check_period(period), period)),
       joint_params_{limits.bounds, period,         limits.kappa,
-                    limits.eta,    limits.delta_q, limits.delta_v},
+                    limits.eta,    limits.delta_q, limits.delta_v,
+                    limits.authority, limits.passive, limits.brake_rate},
       wall_params_{limits.bounds,   period,         limits.kappa,
-                   limits.eta_wall, limits.delta_x, limits.delta_v} {
+                   limits.eta_wall, limits.delta_x, limits.delta_v,
+                   limits.authority, limits.passive, limits.brake_rate} {
   const auto walls_off = Vec3::Constant(kInfinity);
   bounds_.cl = -walls_off;
   bounds_.cu = walls_off;
@@ -69,16 +74,20 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold,
 void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   has_hold_ = is_pose(p_hold, quat_hold);
   if (has_hold_) osc_.reset(p_hold, quat_hold);
+  has_posture_ = false;
 }
 
-/// r += beta (M ddq + h0 - u - r) over the interval that has just ended; terms_ and h_
-/// still hold that interval's model, and h0 = h_ + r.
+/// r += share (M ddq + h - u - r) over the interval that has just ended, whose model
+/// terms_ and h_ still hold. What one cycle adds is bounded: no sample throws the arm.
 void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
-  if (!has_last_ || limits_.beta == 0.0) return;
+  if (!has_last_ || limits_.estimate_rate == 0.0) return;
+  const double share = 1.0 - std::exp(-limits_.estimate_rate * elapsed);
   const Vec7 change = dq - dq_last_;
   const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
-  disturbance_ +=
-      limits_.beta * (terms_.M * change / elapsed + h_ + viscous - tau_last_);
+  const Vec7 most = kLargestSurprise * limits_.tau_max;
+  const Vec7 lost =
+      terms_.M * change / elapsed + h_ + viscous - tau_last_ - disturbance_;
+  disturbance_ += share * lost.cwiseMax(-most).cwiseMin(most);
   if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
 }
 
@@ -89,7 +98,9 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   terms_.M.diagonal() += limits_.armature;
   factor_.factor(terms_.M);
   Minv_ = factor_.inverse();
-  h_ = terms_.c + limits_.damping.cwiseProduct(dq) - disturbance_;
+  h_ = terms_.c + limits_.damping.cwiseProduct(dq);
+  push_.noalias() = Minv_ * disturbance_;
+  push_x_.noalias() = terms_.J.topRows<3>() * push_;
   lo_ = -limits_.tau_max - tool_.g;
   hi_ = limits_.tau_max - tool_.g;
 }
@@ -98,7 +109,8 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
     const Interval joint = not_empty(
         acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
-                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_),
+                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_,
+                            push_[i]),
         dq[i]);
     bounds_.lb[i] = joint.lb;
     bounds_.ub[i] = joint.ub;
@@ -110,7 +122,8 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
     const double speed = tool_.twist[i];
     const Interval wall = not_empty(
         acceleration_bounds(tool_.p[i], speed, limits_.x_min[i], limits_.x_max[i],
-                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_),
+                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_,
+                            push_x_[i]),
         speed);
     bounds_.cl[i] = wall.lb;
     bounds_.cu[i] = wall.ub;
@@ -168,6 +181,12 @@ double Controller::near_speed(int axis, const Target& target) const noexcept {
   return std::sqrt(limits_.dx_near * limits_.dx_near + 2.0 * brake * room);
 }
 
+/// `under_push` of a limit that nothing is held against at.
+double Controller::below(double limit, double push, double speed) const noexcept {
+  if (!limits_.passive) return limit - push;
+  return under_push(limit, push, speed, 0.0, limits_.brake_rate);
+}
+
 /// Asks the tool for no more than its limits allow. The QP, which knows no axes but the
 /// limited one, would pay for the rest with the other axes and the rotation; and near
 /// contact its interval is too short for a loop with delay.
@@ -182,8 +201,9 @@ void Controller::keep_inside(const Target& target, Vec6& f_star,
   for (int i = 0; i < 3; ++i) {
     if (osc_.task()[i] == AxisMode::kFree) continue;
     const double near = near_speed(i, target);
-    double low = (-near - tool_.twist[i]) / kNearTime;
-    double high = (near - tool_.twist[i]) / kNearTime;
+    const double speed = tool_.twist[i];
+    double high = below((near - speed) / kNearTime, push_x_[i], speed);
+    double low = -below((near + speed) / kNearTime, -push_x_[i], -speed);
     const std::uint8_t axis = bit(i);
     if (f_star[i] > high - drift[i] || f_star[i] < low - drift[i]) {
       result.flags.wall_velocity |= axis;
@@ -207,7 +227,8 @@ void Controller::limit_by_qp(StepResult& result) noexcept {
   const QpResult qp =
       solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc, djc, bounds_.cl,
                 bounds_.cu, h_, lo_, hi_, limits_.rho});
-  result.a = qp.a;
+  result.a = qp.a + push_;
+  result.a0 += push_;
   result.tau = qp.tau;
   result.flags.torque = qp.torque;
   result.flags.wall_displaced = qp.wall_displaced;
@@ -234,12 +255,13 @@ void Controller::limit_by_cascade(StepResult& result) noexcept {
   result.flags.qp_early = !joints.ok;
   const Vec7 a_safe = Vec7::Zero().cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   const TorqueBlend blend = blend_torque(joints.a, a_safe, terms_.M, h_, lo_, hi_);
-  result.a = blend.a;
+  result.a = blend.a + push_;
+  result.a0 += push_;
   result.tau = blend.tau;
   result.flags.torque = blend.limited;
   result.flags.unsafe = blend.unsafe;
   if (!limits_.walls) return;
-  const Vec3 ddx = Jc * result.a + djc;
+  const Vec3 ddx = Jc * blend.a + djc;
   for (int i = 0; i < 3; ++i) {
     if (ddx[i] > bounds_.cu[i] + kWallTolerance ||
         ddx[i] < bounds_.cl[i] - kWallTolerance) {
@@ -283,27 +305,31 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 a = braking().cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  const StepResult result = hold(a, h_);
+  const Vec7 asked = (braking() - push_).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const StepResult result = hold(asked + push_, bias());
   tau_last_ = result.tau;
   has_last_ = true;
   return result;
 }
 
 /// a0 = M^-1 (u0 - h)
-void Controller::follow_task(const Vec7& dq, const Target& target,
+void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target,
                              StepResult& result) noexcept {
+  if (!has_posture_) posture_ = q;
+  has_posture_ = true;
   Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
   if (limits_.walls) keep_inside(target, f_star, result);
-  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star, task_terms_);
+  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star,
+                osc_.posture_acceleration(q, posture_), task_terms_);
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
 }
 
 /// a0 = K (q_d - q) - D dq, each joint inside its own interval: one that cannot follow
-/// must not draw the others along.
+/// must not draw the others along. What pushes is held against.
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
-  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d);
+  has_posture_ = false;
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - push_;
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
@@ -332,7 +358,7 @@ StepResult Controller::step(const Vec7& q, const Vec7& dq, const Target& target,
   if (target.joint) {
     follow_joints(q, dq, target, result);
   } else {
-    follow_task(dq, target, result);
+    follow_task(q, dq, target, result);
   }
   if (limits_.scheme == Scheme::kQp) {
     limit_by_qp(result);

@@ -12,7 +12,8 @@
 
 namespace dovetail {
 
-/// Intervals of one cycle; the walls' are infinite where walls are off.
+/// Intervals of one cycle, of what may be asked for: the push comes on top. The walls'
+/// are infinite where walls are off.
 struct CycleBounds {
   Vec7 lb, ub;  ///< joints [rad/s2]
   Vec3 cl, cu;  ///< TCP axes [m/s2]
@@ -58,7 +59,8 @@ class Controller {
   const CycleBounds& bounds() const noexcept { return bounds_; }
   const Mat7& inertia() const noexcept { return terms_.M; }
   const Mat7& inverse_inertia() const noexcept { return Minv_; }
-  const Vec7& bias() const noexcept { return h_; }
+  /// c + D dq - r [Nm]: tau = M a + bias for the `a` of a cycle.
+  Vec7 bias() const noexcept { return h_ - disturbance_; }
   /// Tool at the last step's measurement, by the model.
   const ToolMotion& tool() const noexcept { return tool_; }
   const Chain& chain() const noexcept { return chain_; }
@@ -69,10 +71,11 @@ class Controller {
   void update_disturbance(const Vec7& dq, double elapsed) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
+  double below(double limit, double push, double speed) const noexcept;
   double near_speed(int axis, const Target& target) const noexcept;
   void keep_inside(const Target& target, Vec6& f_star,
                    StepResult& result) const noexcept;
-  void follow_task(const Vec7& dq, const Target& target, StepResult& result) noexcept;
+  void follow_task(const Vec7& q, const Vec7& dq, const Target& target, StepResult& result) noexcept;
   void follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                      StepResult& result) noexcept;
   void limit_by_qp(StepResult& result) noexcept;
@@ -96,13 +99,18 @@ class Controller {
   ToolMotion tool_;   // at the measured state
   Cholesky<7> factor_;
   Mat7 Minv_;
-  Vec7 h_;        // c + D dq - r
+  Vec7 h_;        // c + D dq
+  Vec7 push_;     // M^-1 r: what pushes, as an acceleration [rad/s2]
+  Vec3 push_x_;   // the same at the TCP [m/s2]
   Vec7 lo_, hi_;  // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;
 
   bool has_start_ = false;  // the last reset had a configuration
   bool has_hold_ = false;   // the last pose to hold was one
+
+  bool has_posture_ = false;  // since the task began
+  Vec7 posture_ = Vec7::Zero();
 
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally

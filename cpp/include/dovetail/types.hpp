@@ -67,7 +67,9 @@ struct OscParams {
   double error_clamp_position = 0.1;         ///< [m]
   double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
   double f_clamp_angular = 200.0;    ///< largest |f*| per rotation axis [rad/s2]
-  double k_null = 5.0;               ///< null-space damping k [1/s]
+  double k_null = 10.0;              ///< null-space damping k [1/s]
+  /// Null-space stiffness towards the configuration where the task began [1/s2].
+  double posture_stiffness = 50.0;
   double length_scale = 0.15;        ///< L, scales rotation rows [m/rad]
   double s0 = 0.005;                 ///< eigenvalue fade threshold [1/kg]
   double joint_stiffness = 100.0;    ///< K of joint targets [1/s2]
@@ -100,7 +102,12 @@ struct LimitParams {
   double delta_x = 0.005;              ///< wall margin [m]
   double s0_wall = 1e-3;               ///< eigenvalue fade threshold of SCS [1/kg]
   double rho = 1e6;                    ///< weight of the wall slack in the QP
-  double beta = 0.3;                   ///< gain of the disturbance estimate, 0 is off
+  double estimate_rate = 60.0;  ///< of the disturbance estimate [1/s], 0 is off
+  /// Limiters brake against what the estimate says, and do no more; without, a contact
+  /// is a feedback (docs/control.md, Passive limits). Off only to show that.
+  bool passive = true;
+  double brake_rate = 60.0;  ///< of that braking [1/s]
+  double authority = 4.0;    ///< most braking beyond a limit, over ddq_max
   Vec7 damping = Vec7::Zero();         ///< D_hat in the prediction [Nms/rad]
   Vec7 armature = Vec7::Zero();        ///< rotor inertia in the prediction [kg m2]
   bool mid_interval = true;            ///< evaluate the model at q + v dt / 2
