@@ -7,6 +7,7 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
+#include "bind_attack.hpp"
 #include "bind_cycle_log.hpp"
 #include "bind_fri.hpp"
 #include "bind_limits.hpp"
@@ -375,6 +376,7 @@ NB_MODULE(_core, m) {
   bind_limits(m);
   bind_controller(m);
   bind_rigid_plant(m);
+  bind_attack(m);
   bind_cycle_log(m);
   bind_mujoco(m);
   bind_replay(m);
