@@ -41,7 +41,7 @@ PERIODS = (1.0, 2.0, 2.5, 5.0)
 """Control periods [ms]."""
 IDEAL = {
     "none": None,
-    "stiff": DynamicsConfig(contact_time=2e-3, physics_dt=1e-3),
+    "stiff": DynamicsConfig(contact_time=2e-3),
 }
 """Grounds without a twin: MuJoCo as it is, and with contacts as stiff as at 1 ms."""
 HEADER = Path(__file__).parents[1] / "cpp/include/dovetail/types.hpp"
