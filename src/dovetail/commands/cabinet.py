@@ -19,7 +19,7 @@ from dovetail.cabinet.faults import parse_faults, read_script
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
-from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.period import DEFAULT_PERIOD, FRI_PERIODS
 from dovetail.control.period_option import Period
 from dovetail.durations import parse_duration
 from dovetail.envs.randomisation import TOOL_DOWN
@@ -202,6 +202,14 @@ def _prepare_process() -> None:
 
 def _announce(server: Server, console: Console) -> None:
     config = server.config
+    answers = config.period_ms * config.receive_multiplier
+    if answers not in [round(1e3 * period) for period in FRI_PERIODS]:
+        console.print(
+            f"cabinet: wants a command every {answers} ms, which other clients can "
+            "give; dovetail's arms take 1, 2 and 5 ms",
+            soft_wrap=True,
+            highlight=False,
+        )
     console.print(
         f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
         f"UDP {server.address} to client {config.client}; control "

@@ -6,10 +6,14 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 from dovetail.control.period import format_period
 from dovetail.durations import parse_duration
+from dovetail.errors import ConfigError, DovetailError
 
 
 def _read(words: list[str]) -> float:
-    return parse_duration(words[0], "--period")
+    try:
+        return parse_duration(words[0], "--period")
+    except ConfigError as error:  # tyro would wrap a ValueError in a page of its own
+        raise DovetailError(str(error)) from error
 
 
 def _is_period(value: Any) -> bool:
