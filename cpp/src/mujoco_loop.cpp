@@ -128,8 +128,10 @@ void MujocoLoop::apply(const Vec7& tau, int steps) {
 
 void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
                      int steps, double* log) {
+  Target held = target;
   for (int i = 0; i < cycles; ++i) {
-    const StepResult result = controller.step(q_, dq_, target);
+    const StepResult result = controller.step(q_, dq_, held);
+    held.age += controller.period();
     const ToolMotion& motion = controller.tool();
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
     row.put_number(data_->time);
