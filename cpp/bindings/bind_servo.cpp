@@ -164,6 +164,8 @@ void bind_loop(nb::module_& m) {
           },
           "position_hold"_a, "quat_hold"_a,
           "Raises ValueError naming the element that is out of range.")
+      .def("lean", &ServoLoop::lean, "q"_a,
+           "Lean the sent position by this [rad], 0.05 at most; zero ends it.")
       .def("wait", &ServoLoop::wait, "tick"_a, "motion"_a, "seconds"_a,
            nb::call_guard<nb::gil_scoped_release>())
       .def("wait_for_motion", &ServoLoop::wait_for_motion, "motion"_a, "seconds"_a,

@@ -117,6 +117,12 @@ void ServoLoop::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   orders_.write(order_);
 }
 
+void ServoLoop::lean(const Vec7& q) noexcept {
+  const std::lock_guard lock(order_mutex_);
+  order_.lean = q;
+  orders_.write(order_);
+}
+
 void ServoLoop::stop() noexcept {
   stop_requested_ = true;
   wake_loop_.ring();

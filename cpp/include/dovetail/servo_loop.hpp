@@ -73,6 +73,10 @@ class ServoLoop {
   /// Latches the pose that hold axes keep: TCP position [m] and rotation (wxyz).
   void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
+  /// Leans the sent position by this [rad] from the next Target on, to feel whether the
+  /// cabinet has a spring; zero ends it.
+  void lean(const Vec7& q) noexcept;
+
   /// Waits until the active cycle of this tick was received, at most `seconds`; the end
   /// of this motion ends the wait.
   WaitResult wait(std::uint64_t tick, std::uint64_t motion, double seconds) noexcept;

@@ -244,6 +244,13 @@ class FriArm:
         """
         self._wait_for_motion(0)
 
+    def lean(self, q: Vec7) -> None:
+        """Send positions that are off by q [rad] until told otherwise, 0.05 at most.
+
+        Torques stay as they are: only a cabinet with a spring of its own feels it.
+        """
+        self._servo.lean(q)
+
     def stop(self) -> None:
         """Brake to rest and hold until `clear` or `reset`."""
         self._servo.stop()
