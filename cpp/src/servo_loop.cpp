@@ -94,6 +94,7 @@ void ServoLoop::close() noexcept {
   writer_closing_ = true;
   wake_writer_.ring();
   if (writer_.joinable()) writer_.join();
+  socket_.release();
 }
 
 // -- the learner's side -----------------------------------------------------------

@@ -263,6 +263,12 @@ class FriArm:
         """Return what the servo loop last knew, in any state of the session."""
         return self._servo.state()
 
+    def recent(self, seconds: float) -> Array:
+        """Return the cycle log of the last seconds, whatever has ended since."""
+        end = self._servo.state().rows
+        begin = max(self._servo.oldest_row(), end - round(seconds / self.period), 0)
+        return self._servo.rows(begin, end, len(CYCLE_COLUMNS))
+
     def seed(self, seed: int) -> None:
         """Start a simulated cabinet's noise again, when it next places the arm."""
         self._seed = seed

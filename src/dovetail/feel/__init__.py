@@ -1,1 +1,1 @@
-"""What an arm is found to be when its own small torques push it: delay, springs, load."""
+"""What an arm is found to be when its own small torques push it."""

@@ -1,12 +1,12 @@
-r"""A torque that is sent once a period, averaged as second differences of a position are.
+r"""A torque that is sent once a period, as second differences of a position see it.
 
 With a rigid body behind it, and whatever delay d between command and drive,
 
 .. math:: q_{n+1} - 2 q_n + q_{n-1} = \frac{1}{M} \left(I(t_n + T - d) - 2 I(t_n - d)
     + I(t_n - T - d)\right)
 
-holds exactly, I being the torque integrated twice. So a delay need not be a whole number
-of periods to be found, and no position has to be differentiated.
+holds exactly, I being the torque integrated twice. So a delay need not be a whole
+number of periods to be found.
 """
 
 import numpy as np

@@ -3,8 +3,8 @@ r"""One joint's torque balance, fitted to a log of its motion.
 .. math:: \tau(t - d) = \alpha M_i \ddot q + b \dot q + c\, \mathrm{sgn}\, \dot q
     + k (q_i - q_{i,0}) - k_s \Delta q_{i,s} + g_e
 
-Every term is averaged over 20 ms by the same window, which takes the encoders' noise off
-and leaves the delay where it is. M is the model's inertia with rotors at the mean
+Every term is averaged over 20 ms by the same window, which takes the encoders' noise
+off and leaves the delay where it is. M is the model's inertia with rotors at the mean
 configuration. The position that an FRI client sends follows the measured one, so that
 a spring to it shows as friction, unless the client leans it by a known
 :math:`\Delta q_s`.
