@@ -100,7 +100,7 @@ ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
 }
 
 void ServoCycle::note(const MonitoringMessage& message) noexcept {
-  state_.session = message.state();
+  state_.session = state_.last_session = message.state();
   if (message.connection) {
     state_.quality = message.connection->quality;
     state_.send_period = message.connection->send_period.value_or(0);

@@ -70,6 +70,7 @@ struct ServoState {
   Vec7 tau_external = Vec7::Constant(kUnset);   ///< on the joint [Nm]
   Vec7 tau_commanded = Vec7::Constant(kUnset);  ///< on the joint, as the wire has it
   fri::SessionState session = fri::SessionState::kIdle;
+  fri::SessionState last_session = fri::SessionState::kIdle;  ///< a silence keeps it
   fri::Quality quality = fri::Quality::kPoor;
   std::uint8_t safety = 0;          ///< fri::SafetyState
   std::uint8_t operation_mode = 2;  ///< fri::OperationMode

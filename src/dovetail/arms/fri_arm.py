@@ -15,6 +15,7 @@ from dovetail.arms.cabinet_control import CabinetControl
 from dovetail.arms.fri_errors import (
     connection_error,
     motion_error,
+    silence_error,
     socket_error,
     stop_error,
 )
@@ -326,12 +327,7 @@ class FriArm:
             if result == result.motion_ended:
                 raise motion_error(servo, state)
             if time.monotonic() > end:
-                raise ArmError(
-                    f"no message of the cabinet for {self._timeout:g} s; is it still "
-                    "running, is the network up?",
-                    "silence",
-                    state,
-                )
+                raise silence_error(servo, state, self._timeout)
             servo.command(target, self._motion, self._goal)  # still there, still meant
         state = servo.state()
         if state.is_stopped:
