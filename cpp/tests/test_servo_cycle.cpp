@@ -356,10 +356,16 @@ BOOST_AUTO_TEST_CASE(a_lean_is_reached_softly_and_ends_with_the_hold) {
     BOOST_TEST((lean - Vec7::Constant(expected)).cwiseAbs().maxCoeff() < 1e-9);
   }
   order.lean = Vec7::Constant(1.0);
-  for (int i = 0; i < 200; ++i) exchange();
+  for (int i = 0; i < 400; ++i) {
+    new_target();
+    exchange();
+  }
   BOOST_TEST(std::abs((vector(*command->q) - straight)[3] - kLeanMax) < 1e-6);
   order.lean = Vec7::Constant(kUnset);
-  for (int i = 0; i < 200; ++i) exchange();
+  for (int i = 0; i < 400; ++i) {
+    new_target();
+    exchange();
+  }
   BOOST_TEST((vector(*command->q) - straight).cwiseAbs().maxCoeff() < 1e-6);
   order.lean = Vec7::Constant(0.02);
   order.motion = 0;  // of no motion: the arm is held

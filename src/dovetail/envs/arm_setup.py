@@ -228,6 +228,7 @@ def build_fri_arm(
         clock=address.clock,
         control=address.control,
         reset=address.reset,
+        approach=address.approach,
         timeout=address.timeout,
         watchdog=watchdog or WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,
