@@ -30,7 +30,7 @@ LAYERS = (
     {"envs", "feel", "identify", "perceive"},
     {"learn", "evaluate", "view"},
     {"reproduce"},
-    {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks"},
+    {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"},
     {"cli"},
 )
 """Modules and folders of the package; each imports from its own layer or from above."""

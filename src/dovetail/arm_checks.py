@@ -182,7 +182,7 @@ def _hold_as_configured(
     arm = _build(address, osc, replace(limits, walls=False), period)
     try:
         arm.connect()
-        return check_as_configured(arm, arm.monitoring().q)
+        return check_as_configured(arm)
     finally:
         arm.close()
 

@@ -14,7 +14,7 @@ from dovetail.errors import ArmError, PlantError
 from dovetail.feel.excitation import STIFFNESS
 from dovetail.feel.feeling import feel_arm
 from dovetail.feel.proven import Declared, period_problem
-from dovetail.feel.resting import measure_rest
+from dovetail.feel.resting import TORQUE_RMS, measure_rest
 from dovetail.feel.spring import feel_spring
 from dovetail.feel_checks import (
     check_delay,
@@ -33,6 +33,9 @@ WILD = 0.3
 """Joint speed at which an arm that is held is let go of [rad/s]."""
 REST_TIME = 2.0
 """How long the arm is watched while it is held [s]; half a second before settles it."""
+NUDGE, NUDGE_TURN = (0.5, 0.5, 0.5), 0.005
+"""What the arm is nudged by, before it is watched with a task's controller [m/s2, rad]:
+about a millimetre."""
 AS_CONFIGURED = "rest, as tasks run"
 _SETTLE, _STEP = 0.5, 0.05
 
@@ -95,50 +98,69 @@ def check_period_proven(period: float) -> Check:
     return Check("period", "ok", f"{1e3 * period:g} ms")
 
 
-def watch(arm: Arm, q: Vec7, seconds: float = REST_TIME) -> Array:
-    """Hold the arm at q [rad] and return the cycle log, its begin left out.
+def watch(arm: Arm, hold: _core.Target, seconds: float = REST_TIME) -> Array:
+    """Hold the arm by a target and return the cycle log, its begin left out.
 
     An arm that gets faster than `WILD` is held no longer.
     """
-    hold = _core.Target(joint_mode=True, q_d=q)
-    for _ in range(round(_SETTLE / _STEP)):
-        log = arm.step(hold, _STEP).log
-        if _is_wild(log):
-            return log
     logs: list[Array] = []
-    for _ in range(round(seconds / _STEP)):
+    settling = round(_SETTLE / _STEP)
+    for _ in range(settling + round(seconds / _STEP)):
         logs.append(arm.step(hold, _STEP).log)
         if _is_wild(logs[-1]):
-            break
-    return np.vstack(logs)
+            return np.vstack(logs)
+    return np.vstack(logs[settling:])
 
 
 def _is_wild(log: Array) -> bool:
     return bool(np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]).max() > WILD)
 
 
-def check_as_configured(arm: Any, q: Vec7) -> Check:
+def check_as_configured(arm: Any) -> Check:
     """Hold the arm with the controller that tasks run with, and look at its torque.
 
+    It is held as a task holds it, then as a stop does, each after a nudge: dry friction
+    can hide that a loop is unstable.
+
     Args:
-        arm: It stands at q, with a task's settings.
-        q: Where [rad].
+        arm: It was reset, or has just begun its motion, with a task's settings; all its
+            axes hold.
     """
-    try:
-        log = watch(arm, q)
-    except (ArmError, PlantError) as error:
-        return Check(AS_CONFIGURED, "broken", f"{error} {last_words(arm)}".strip())
+    check = Check(AS_CONFIGURED, "broken", "not held")
+    for name, hold in (("task", _hold_task), ("stop", _hold_joints)):
+        try:
+            check = _say_rest(hold(arm), arm.period)
+        except (ArmError, PlantError) as error:
+            text = f"{error} {last_words(arm)}".strip()
+            check = Check(AS_CONFIGURED, "broken", text)
+        if check.status != "ok":
+            return check._replace(detail=f"held as by a {name}: {check.detail}")
+    return check
+
+
+def _hold_task(arm: Arm) -> Array:
+    arm.step(_core.Target(f_star=np.array([*NUDGE, 0.0, 0.0, 0.0])), 2.0 * _STEP)
+    return watch(arm, _core.Target())
+
+
+def _hold_joints(arm: Arm) -> Array:
+    q = arm.step(_core.Target(), _STEP).q
+    arm.step(_core.Target(joint_mode=True, q_d=q + NUDGE_TURN), 2.0 * _STEP)
+    return watch(arm, _core.Target(joint_mode=True, q_d=q))
+
+
+def _say_rest(log: Array, period: float) -> Check:
     if _is_wild(log):
         speed = np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]).max(axis=0)
         worst = int(np.argmax(speed))
-        check = check_rest(measure_rest(log, arm.period), AS_CONFIGURED)
+        check = check_rest(measure_rest(log, period))
         return Check(
             AS_CONFIGURED,
             "broken",
             f"{JOINTS[worst]} reached {speed[worst]:.2f} rad/s while it was held, and "
-            f"was let go of; {check.detail}",
+            f"was let go of: this loop is not stable. {check.detail}",
         )
-    return check_rest(measure_rest(log, arm.period), AS_CONFIGURED)
+    return check_rest(measure_rest(log, period), AS_CONFIGURED, TORQUE_RMS)
 
 
 def last_words(arm: Any) -> str:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from dovetail import _core
 from dovetail.arm_feel import (
     check_as_configured,
     check_period_proven,
@@ -55,7 +56,8 @@ def run_local_checks(
     )
     try:
         felt.reset(q, _HOLE)
-        yield check_rest(measure_rest(watch(felt, q), period))
+        hold = _core.Target(joint_mode=True, q_d=q)
+        yield check_rest(measure_rest(watch(felt, hold), period))
         yield from feel_checks(
             felt,
             q,
@@ -65,7 +67,7 @@ def run_local_checks(
             integration_step=simulated_step(period),
         )
         arm.reset(q, _HOLE)
-        yield check_as_configured(arm, q)
+        yield check_as_configured(arm)
     finally:
         arm.close()
 

@@ -180,8 +180,8 @@ def test_a_period_outside_the_table_is_named():
 
 
 def test_an_arm_that_oscillates_at_rest_is_said_to_and_let_go_of(tmp_path):
-    """One that no estimate bears: 60 ms of delay at 1 ms."""
-    late = replace(load_twin("easy"), command_delay=0.06)
+    """One that no estimate of the default bandwidth bears: 20 ms of delay at 1 ms."""
+    late = replace(load_twin("easy"), command_delay=0.02)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     arm = build_local_arm(
@@ -190,7 +190,7 @@ def test_an_arm_that_oscillates_at_rest_is_said_to_and_let_go_of(tmp_path):
     )  # fmt: skip
     q = arm.robot.inverse_kinematics(START, Q_SEED)
     arm.reset(q, HOLE)
-    check = check_as_configured(arm, q)
+    check = check_as_configured(arm)
     arm.close()
     assert check.status == "broken"
     assert "oscillates at" in check.detail
