@@ -59,6 +59,7 @@ PUSH_MIN = 5.0
 """Smallest estimated force that counts as a push [N]."""
 HOLD_TIME, TURN_TIME, PUSH_TIME = 3.0, 0.6, 4.0
 _LAST = "messages"
+_RESTING = ("", "period")  # what is done next is to hold the arm
 _STEP = 0.05
 _MODES = ("T1", "T2", "AUT")
 _QUALITIES = ("poor", "fair", "good", "excellent")
@@ -108,15 +109,15 @@ def run_arm_checks(
     try:
         arm.connect()
         yield check_connection(arm, address)
+        name = ""
         try:
             for check in _checks_in_motion(arm, address, ask, declared or Declared()):
+                name = check.name
                 yield check
-                if check.name == _LAST:
-                    break
-            else:
-                return
         except ArmError as error:
-            yield Check("end of the motion", "broken", f"{error} {last_words(arm)}")
+            last = last_words(arm, is_resting=name in _RESTING)
+            yield Check("end of the motion", "broken", f"{error} {last}".strip())
+        if name != _LAST:
             return
     finally:
         arm.close()

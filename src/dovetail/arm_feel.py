@@ -22,6 +22,7 @@ from dovetail.feel_checks import (
     check_gravity_error,
     check_rest,
     check_spring,
+    describe_rest,
 )
 from dovetail.plants.plant import COLUMN, DynamicsConfig, physics_steps
 from dovetail.types import JOINTS, Array, Vec7
@@ -131,7 +132,7 @@ def check_as_configured(arm: Any) -> Check:
         try:
             check = _say_rest(hold(arm), arm.period)
         except (ArmError, PlantError) as error:
-            text = f"{error} {last_words(arm)}".strip()
+            text = f"{error} {last_words(arm, is_resting=True)}".strip()
             check = Check(AS_CONFIGURED, "broken", text)
         if check.status != "ok":
             return check._replace(detail=f"held as by a {name}: {check.detail}")
@@ -163,10 +164,17 @@ def _say_rest(log: Array, period: float) -> Check:
     return check_rest(measure_rest(log, period), AS_CONFIGURED, TORQUE_RMS)
 
 
-def last_words(arm: Any) -> str:
-    """Say what an arm behind FRI did in the last second before it was stopped."""
+def last_words(arm: Any, *, is_resting: bool) -> str:
+    """Say what an arm behind FRI did in the last second before it was stopped.
+
+    Args:
+        arm: The arm.
+        is_resting: It was held; otherwise it was moved, and a rhythm is no oscillation.
+    """
     recent = getattr(arm, "recent", None)
     log = np.empty((0, 1)) if recent is None else recent(1.0)
     if len(log) * arm.period < 0.1:
         return ""
-    return f"In the last second: {check_rest(measure_rest(log, arm.period)).detail}"
+    resting = measure_rest(log, arm.period)
+    said = check_rest(resting).detail if is_resting else describe_rest(resting)
+    return f"In the last second: {said}"

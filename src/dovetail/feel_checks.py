@@ -6,6 +6,7 @@ The sentences of the doctor about what `dovetail.feel` measures.
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.doctor import Check
 from dovetail.feel.feeling import Feeling
@@ -48,10 +49,7 @@ def check_rest(
     """
     joint = JOINTS[resting.joint]
     loudest = float(resting.torque[resting.joint])
-    detail = (
-        f"torque {_sizes(resting.torque)} Nm RMS, position "
-        f"{1e3 * float(resting.motion.max()):.3f} mrad RMS"
-    )
+    detail = describe_rest(resting)
     if resting.is_oscillating:
         return Check(
             name,
@@ -70,6 +68,14 @@ def check_rest(
             "slower estimate (a longer declared delay)",
         )
     return Check(name, "ok", detail)
+
+
+def describe_rest(resting: Resting) -> str:
+    """Return the noise of torque and position in words."""
+    return (
+        f"torque {_sizes(resting.torque)} Nm RMS, position "
+        f"{1e3 * float(resting.motion.max()):.3f} mrad RMS"
+    )
 
 
 def check_delay(feeling: Feeling, declared: Declared) -> Check:
@@ -103,7 +109,7 @@ def check_spring(fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array) -
     """
     name = "cabinet's spring"
     spring = np.array([fit.sent_spring for fit in fits])
-    spread = np.array([fit.spread[4] for fit in fits])
+    spread = np.array([fit.spread_of("sent_spring") for fit in fits])
     detail = f"{_list(spring, 0)} Nm/rad"
     is_felt = (spring > SPRING_MIN) & (spring > _SPREADS * spread)
     if not is_felt.any():
@@ -126,7 +132,7 @@ def check_spring(fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array) -
 def check_fixed_spring(feeling: Feeling) -> Check | None:
     """Say whether something pulls joints back to where they were; None where not."""
     spring = np.array([fit.stiffness for fit in feeling.fits])
-    spread = np.array([fit.spread[3] for fit in feeling.fits])
+    spread = np.array([fit.spread_of("stiffness") for fit in feeling.fits])
     is_felt = (spring > FIXED_MIN) & (spring > _SPREADS * spread)
     if not is_felt.any():
         return None
@@ -145,7 +151,7 @@ def check_gravity_error(
 ) -> Check:
     """Say what gravity compensation misses, and which load data would mend it."""
     error = np.array([fit.offset for fit in feeling.fits])
-    spread = np.array([fit.spread[5] for fit in feeling.fits])
+    spread = np.array([fit.spread_of("offset") for fit in feeling.fits])
     load = explain_by_load(robot, q, error, spread)
     detail = f"{_list(error)} Nm missed"
     if np.abs(error).max() > NOTHING:
@@ -197,7 +203,7 @@ def _total_load(robot: Robot, load: MissedLoad) -> tuple[float, Vec3]:
     return load.total(*_declared_load(robot))
 
 
-def _where(is_felt: Array) -> str:
+def _where(is_felt: NDArray[np.bool_]) -> str:
     """Name the joints, where it is not all of them."""
     if is_felt.all():
         return ""

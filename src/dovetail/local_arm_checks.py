@@ -25,9 +25,9 @@ from dovetail.feel_checks import check_rest
 from dovetail.poses import Pose, quat_about_z
 from dovetail.scene import SceneConfig
 
-_HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-_START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
-_Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
+HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
+Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 
 
 def run_local_checks(
@@ -45,7 +45,7 @@ def run_local_checks(
     """
     yield check_period_proven(period)
     arm = _build(address, period)
-    q = arm.robot.inverse_kinematics(_START, _Q_SEED)
+    q = arm.robot.inverse_kinematics(START, Q_SEED)
     limits = arm.limits
     felt = LocalArm(
         arm.plant,
@@ -55,7 +55,7 @@ def run_local_checks(
         period,
     )
     try:
-        felt.reset(q, _HOLE)
+        felt.reset(q, HOLE)
         hold = _core.Target(joint_mode=True, q_d=q)
         yield check_rest(measure_rest(watch(felt, hold), period))
         yield from feel_checks(
@@ -66,7 +66,7 @@ def run_local_checks(
             sends_position=False,
             integration_step=simulated_step(period),
         )
-        arm.reset(q, _HOLE)
+        arm.reset(q, HOLE)
         yield check_as_configured(arm)
     finally:
         arm.close()

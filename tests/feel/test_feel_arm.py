@@ -104,7 +104,7 @@ def test_a_gravity_error_is_measured_and_its_load_found():
     feeling = feel(arm)
     found = np.array([fit.offset for fit in feeling.fits])
     np.testing.assert_allclose(found, error, atol=0.15)
-    spread = np.array([fit.spread[5] for fit in feeling.fits])
+    spread = np.array([fit.spread_of("offset") for fit in feeling.fits])
     load = explain_by_load(robot, START, found, spread)
     assert load.explained > 0.98
     assert load.mass == pytest.approx(0.5 * robot.mass[6], abs=0.1)

@@ -61,9 +61,9 @@ def test_what_is_said_of_the_spread_is_not_too_little():
     for seed in range(8):
         q, tau = move(period=0.002, delay=0.004, cycles=700, noise=3e-5, seed=seed)
         found.append(TorqueBalance(q, tau, 0, np.eye(7), 0.002).solve(0.004))
-    for index, name in ((0, "inertia"), (3, "stiffness"), (5, "offset")):
+    for name in ("inertia", "stiffness", "offset"):
         values = np.array([getattr(fit, name) for fit in found])
-        said = np.mean([fit.spread[index] for fit in found])
+        said = np.mean([fit.spread_of(name) for fit in found])
         assert values.std() < 2.0 * said
 
 

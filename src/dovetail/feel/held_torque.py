@@ -39,6 +39,6 @@ def held_torque(tau: Array, period: float, delay: float) -> Array:
         rest = times - index * period
         return twice[index] + once[index] * rest + 0.5 * steps[index] * rest**2
 
-    times = np.arange(1, len(tau) - 1) * period - delay
+    times = period * np.arange(1.0, len(tau) - 1.0) - delay
     ahead, here, behind = (integral(times + k * period) for k in (1, 0, -1))
     return (ahead - 2.0 * here + behind) / period**2 + mean

@@ -15,7 +15,7 @@ LINE_RMS = 1.0
 """Torque below which no oscillation is looked for [Nm RMS]."""
 GROWTH = 2.0
 """Growth from the first to the last third that is one, whatever its spectrum [1]."""
-SLOWEST = 1.0
+SLOWEST = 2.0
 """Slower changes of torque are drift [Hz]."""
 
 

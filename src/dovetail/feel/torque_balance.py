@@ -45,6 +45,10 @@ class JointFit(NamedTuple):
     rms: float
     """What the balance leaves [Nm RMS]."""
 
+    def spread_of(self, name: str) -> float:
+        """Return one standard deviation of a field."""
+        return float(self.spread[self._fields.index(name)])
+
 
 class TorqueBalance:
     """The balance of one joint over one gapless log."""
@@ -110,7 +114,19 @@ class TorqueBalance:
         square = float(left @ left) / len(y)
         covariance = np.linalg.pinv(X.T @ X / len(y)) * square / independent
         spread = np.sqrt(np.diag(covariance)) / scale
-        return JointFit(*map(float, factors / scale), spread, float(np.sqrt(square)))
+        inertia, damping, coulomb, stiffness, sent_spring, offset = (
+            float(value) for value in factors / scale
+        )
+        return JointFit(
+            inertia,
+            damping,
+            coulomb,
+            stiffness,
+            sent_spring,
+            offset,
+            spread,
+            float(np.sqrt(square)),
+        )
 
     def _scaled(self, skip: int) -> tuple[Array, Array]:
         """Return the terms, each of unit size, and their sizes."""
@@ -135,4 +151,4 @@ def _odd(length: float) -> int:
 
 def _average(values: Array, width: int) -> Array:
     window = np.hanning(width + 2)[1:-1]
-    return np.convolve(values, window / window.sum(), "valid")
+    return np.asarray(np.convolve(values, window / window.sum(), "valid"), dtype=float)
