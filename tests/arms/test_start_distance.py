@@ -6,6 +6,7 @@ import pytest
 from dovetail.arms.address import parse_address, with_approach
 from dovetail.arms.reset_motion import TICK, plan_reset
 from dovetail.arms.start_distance import require_near
+from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, make_settings
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose
@@ -44,6 +45,18 @@ def test_the_tool_never_moves_faster_than_t1_allows(begin):
     points = np.array([ROBOT.tool_pose(q).position for q in path])
     speeds = np.linalg.norm(np.diff(points, axis=0), axis=1) / TICK
     assert speeds.max() < 0.2
+
+
+def test_on_hardware_all_axes_together_keep_the_speed_of_t1():
+    def speed(is_hardware):
+        walls = (WALLS_MIN, WALLS_MAX)
+        _, limits = make_settings(
+            SCENE, 0.001, 0.0, NEAR_SPEED, walls, "qp", is_hardware=is_hardware
+        )
+        return limits.dx_max
+
+    assert np.linalg.norm(speed(True)) == pytest.approx(0.25)
+    assert speed(False).max() == pytest.approx(0.25)
 
 
 def test_from_the_candle_an_arm_is_asked_for_its_way_and_then_goes_slowly():
