@@ -1,10 +1,10 @@
 #include "dovetail/servo_loop.hpp"
 
-#include <time.h>
-
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "dovetail/monotonic.hpp"
 
 namespace dovetail {
 namespace {
@@ -12,12 +12,6 @@ namespace {
 constexpr int kIdleWait = 100;       // [ms]; how late silence and closing are noticed
 constexpr double kAfterEvent = 1.0;  // a log holds this much of what followed [s]
 constexpr auto kNobody = std::numeric_limits<std::uint64_t>::max();
-
-double monotonic() noexcept {
-  timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 std::uint64_t pack(const Peer& peer) noexcept {
   return (static_cast<std::uint64_t>(peer.address) << 16) | peer.port;
@@ -94,6 +88,7 @@ void ServoLoop::close() noexcept {
   writer_closing_ = true;
   wake_writer_.ring();
   if (writer_.joinable()) writer_.join();
+  socket_.release();
 }
 
 // -- the learner's side -----------------------------------------------------------
@@ -114,6 +109,12 @@ void ServoLoop::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   order_.p_hold = p_hold;
   order_.quat_hold = quat_hold;
   ++order_.latch;
+  orders_.write(order_);
+}
+
+void ServoLoop::lean(const Vec7& q) noexcept {
+  const std::lock_guard lock(order_mutex_);
+  order_.lean = q;
   orders_.write(order_);
 }
 
@@ -173,29 +174,6 @@ std::uint64_t ServoLoop::undecodable(fri::DecodeStatus status) const noexcept {
 Peer ServoLoop::peer() const noexcept {
   const std::uint64_t packed = packed_peer_;
   return {static_cast<std::uint32_t>(packed >> 16), static_cast<std::uint16_t>(packed)};
-}
-
-std::string ServoLoop::last_undecodable() {
-  const std::lock_guard lock(state_mutex_);
-  failures_.update();
-  const Failure& failure = failures_.value();
-  if (failure.result.ok()) return "";
-  return "datagram from " + dovetail::describe(failure.source) + ": " +
-         fri::describe(failure.result);
-}
-
-std::string ServoLoop::diagnose() {
-  const std::uint64_t before = diagnoses_;
-  diagnosis_requested_ = true;
-  wake_loop_.ring();
-  const double end = monotonic() + 0.5;
-  while (diagnoses_ == before && monotonic() < end && !closing_) {
-    timespec moment{0, 1000000};
-    nanosleep(&moment, nullptr);
-  }
-  const std::lock_guard lock(state_mutex_);
-  sessions_.update();
-  return sessions_.value() ? sessions_.value()->diagnose() : "";
 }
 
 // -- the loop ---------------------------------------------------------------------
@@ -287,7 +265,7 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
     notice_events(taken_);
     return;
   }
-  last_heard_ = taken_;
+  datagram_at_ = taken_;
   const fri::SessionCounters before = cycle_.session().counters();
   const bool was_waiting = cycle_.state().is_waiting;
   const ServoCycle::Action action = cycle_.receive(bytes_.data(), datagram.size);
@@ -299,8 +277,12 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
     add(Count::kUndecodable);
     ++undecodable_[static_cast<std::size_t>(step.decode.status)];
     failures_.write({step.decode, datagram.source});
+    watch_silence(taken_);  // what cannot be read is no sign of life
+  } else {
+    last_heard_ = taken_;
   }
   if (!step.is_new) return;
+  message_at_ = taken_;
   add(Count::kMissed, step.missed);
   if (was_waiting && cycle_.state().is_waiting) add(Count::kSuperseded);
   count_arrival(datagram);

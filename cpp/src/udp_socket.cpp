@@ -89,7 +89,12 @@ UdpSocket::UdpSocket(const std::string& address, std::uint16_t port) {
   }
 }
 
-UdpSocket::~UdpSocket() { close(descriptor_); }
+UdpSocket::~UdpSocket() { release(); }
+
+void UdpSocket::release() noexcept {
+  if (descriptor_ >= 0) close(descriptor_);
+  descriptor_ = -1;
+}
 
 bool UdpSocket::receive(std::uint8_t* bytes, std::size_t capacity,
                         Datagram& datagram) noexcept {

@@ -73,6 +73,10 @@ class ServoLoop {
   /// Latches the pose that hold axes keep: TCP position [m] and rotation (wxyz).
   void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
+  /// Leans the sent position by this [rad] from the next Target on, to feel whether the
+  /// cabinet has a spring; zero ends it.
+  void lean(const Vec7& q) noexcept;
+
   /// Waits until the active cycle of this tick was received, at most `seconds`; the end
   /// of this motion ends the wait.
   WaitResult wait(std::uint64_t tick, std::uint64_t motion, double seconds) noexcept;
@@ -95,6 +99,11 @@ class ServoLoop {
   const Histogram& arrival_jitter() const noexcept { return arrival_jitter_; }
   std::uint16_t port() const noexcept { return socket_.port(); }
   Peer peer() const noexcept;
+
+  /// Since the cabinet's last datagram, and since its last one that could be read [s];
+  /// infinity where none came.
+  double since_datagram() const noexcept;
+  double since_message() const noexcept;
 
   /// The last datagram that could not be read: why, and from where; "" where none.
   std::string last_undecodable();
@@ -131,6 +140,7 @@ class ServoLoop {
   void write_logs() noexcept;
   void save(const SaveJob& job);
   void add_note(const std::string& text) noexcept;
+  std::string lost_text() const;
   void add(Count count, std::uint64_t number = 1) noexcept;
 
   LoopParams loop_;
@@ -157,6 +167,7 @@ class ServoLoop {
   TripleBuffer<std::optional<fri::FriSession>> sessions_;
   std::atomic<std::uint64_t> diagnoses_{0};
   std::atomic<std::uint64_t> packed_peer_{0};
+  std::atomic<double> datagram_at_{0.0}, message_at_{0.0};  // 0 for never [s]
   Histogram cycle_time_, reply_time_, arrival_jitter_;
 
   // loop's own
@@ -167,7 +178,7 @@ class ServoLoop {
   bool is_locked_ = false;  // only the peer is served
   bool has_arrival_ = false;
   double last_arrival_ = 0.0;  // of a new message [s]
-  double last_heard_ = 0.0;    // of any datagram of the peer, or an answer to it [s]
+  double last_heard_ = 0.0;    // of a message of the peer, or an answer to it [s]
   double waited_ = 0.0;        // of the datagram in work, before it was taken [s]
   double taken_ = 0.0;         // when it was taken [s]
   ServoState last_state_;      // of the last look at events

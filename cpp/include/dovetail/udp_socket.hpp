@@ -36,6 +36,9 @@ class UdpSocket {
 
   bool send(const std::uint8_t* bytes, std::size_t size, const Peer& to) noexcept;
 
+  /// Frees the port at once; nothing is received or sent after it.
+  void release() noexcept;
+
   int descriptor() const noexcept { return descriptor_; }
   std::uint16_t port() const noexcept { return port_; }
 

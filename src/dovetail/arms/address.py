@@ -64,6 +64,8 @@ class FriAddress:
     reset: Literal["move", "place"] = "move"
     """How an episode starts: move there, or be placed, which only a simulated cabinet
     can do, and does where nothing else is asked."""
+    approach: bool = False
+    """Move to a start that is far away, too."""
     timeout: float = 10.0
     """How long to wait for the cabinet [s]."""
     watchdog: float = 0.15
@@ -142,6 +144,25 @@ def places_hole(address: ArmAddress) -> bool:
     behind a service only the service knows (`RemoteArm.places_hole`); this says yes.
     """
     return not isinstance(address, FriAddress) or address.control is not None
+
+
+def with_approach(text: str) -> str:
+    """Return the address of an arm that may move to a start far away.
+
+    Raises:
+        ConfigError: It is none behind FRI.
+    """
+    address = parse_address(text)
+    if not isinstance(address, FriAddress):
+        where = "add approach=yes to the address of `dovetail serve`"
+        if is_simulated_here(address):
+            where = "leave --approach out: a simulated arm is put at its start"
+        raise ConfigError(
+            f"approach is asked of {text!r}, which is not fri://; {where}"
+        )
+    if address.approach:
+        return text
+    return f"{text}{'&' if '?' in text else '?'}approach=yes"
 
 
 def period_of(address: ArmAddress | None, asked: float | None, usual: float) -> float:
@@ -225,7 +246,7 @@ def _choice(keys: Mapping[str, str], name: str, known: tuple[str, ...]) -> str:
 
 
 _FRI_KEYS = (
-    *("version", "period", "clock", "control", "reset"),
+    *("version", "period", "clock", "control", "reset", "approach"),
     *("timeout", "watchdog", "realtime", "margins"),
     *("measured_sign", "commanded_sign", "external_sign", "commanded_is_total"),
 )
@@ -260,6 +281,7 @@ def _fri(text: str) -> FriAddress:
         clock=clock,  # type: ignore[arg-type]
         control=control,
         reset=reset,  # type: ignore[arg-type]
+        approach=_choice(keys, "approach", ("no", "yes")) == "yes",
         timeout=_time(keys, "timeout", FriAddress.timeout),
         watchdog=_time(keys, "watchdog", FriAddress.watchdog),
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
