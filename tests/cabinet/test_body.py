@@ -171,7 +171,7 @@ def test_a_diverged_plant_stands_until_it_is_placed():
     plant = LightPlant()
     body = released(plant)
 
-    def fail(tau, dt):
+    def fail(tau, dt, drive=None):
         raise PlantError("diverged")
 
     works, plant.apply = plant.apply, fail

@@ -6,7 +6,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, Literal
 
 import numpy as np
 from rich.console import Console
@@ -21,7 +21,7 @@ from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
 from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.errors import ConfigError, PlantError
-from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
+from dovetail.plants.plant import DrivenPlant, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.scene import PegShape, SceneConfig
@@ -151,7 +151,7 @@ class Cabinet:
             transformations=self.transformation,
         )
 
-    def _build_plant(self) -> Plant:
+    def _build_plant(self) -> DrivenPlant:
         """Return the arm, at rest over the hole."""
         if self.twin is not None and self.plant is not None:
             raise ConfigError(
@@ -163,7 +163,7 @@ class Cabinet:
         else:
             twin = load_twin(self.twin or "medium")
             twin.require_delay(parse_duration(self.period, "--period"))
-            plant = cast("Plant", TwinPlant(twin, scene))
+            plant = TwinPlant(twin, scene)
         above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
         start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
         plant.reset(start, _HOLE)
