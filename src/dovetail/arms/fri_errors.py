@@ -60,6 +60,13 @@ def connection_error(
             "reaches the cabinet",
             "no_cabinet",
         )
+    if counts["foreign"] == counts["received"]:
+        return ArmError(
+            f"{counts['received']} datagrams came, the last from "
+            f"{servo.last_stranger}, and none from the cabinet's address, which peer= "
+            "pins: correct peer=, or find out who sends",
+            "foreign",
+        )
     answered_none = counts["answered"] == 0 and state.session == 0
     if answered_none and counts["undecodable"]:
         return ArmError(
