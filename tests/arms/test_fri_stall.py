@@ -1,5 +1,6 @@
 """An arm that stood still for a while answers the newest message, and that alone."""
 
+import os
 import select
 import signal
 import socket
@@ -88,6 +89,7 @@ def test_after_a_stall_only_the_newest_message_is_answered(client, state):
         assert cabinet.answers(0.2)[-1:] == [cabinet.sequence - 1]
     tick, answered, superseded = ask(client)
     client.send_signal(signal.SIGSTOP)
+    os.waitid(os.P_PID, client.pid, os.WSTOPPED)
     for _ in range(STALLED):
         cabinet.send(state)
     client.send_signal(signal.SIGCONT)

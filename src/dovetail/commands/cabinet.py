@@ -16,6 +16,7 @@ from rich.text import Text
 from dovetail.cabinet.cabinet import Cabinet as Server
 from dovetail.cabinet.config import CabinetConfig, parse_duration, parse_endpoint
 from dovetail.cabinet.faults import parse_faults, read_script
+from dovetail.cabinet.proven import find_unproven
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
@@ -45,7 +46,7 @@ class Cabinet:
     version: str = "1.15"
     """FRI version on the wire: 1.15 (1.14 to 1.16), 2.5 or 2.7."""
     period: str = "5ms"
-    """Send period, whole ms from 1ms to 100ms."""
+    """Send period, whole ms from 1ms to 100ms; dovetail's clients take 1, 2 and 5."""
     multiplier: int = 1
     """Receive multiplier: the client answers every so many messages."""
     client: str = "127.0.0.1:30200"
@@ -98,6 +99,8 @@ class Cabinet:
         if self.realtime:
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
+        for text in find_unproven(config, faults, plant.command_delay):
+            console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         server = None
         try:
             server = Server(plant, config, faults=faults, script=script, log=self.log)
