@@ -254,9 +254,8 @@ def main() -> None:
                         lose_once(name, period, clock, cause, rng)
                         for _ in range(options.tries)
                     ]
-                    speed, fastest, rest, way, after = (
-                        max(loss[i] for loss in losses) for i in range(5)
-                    )
+                    worst = np.max([loss[:5] for loss in losses], axis=0)
+                    speed, fastest, rest, way, after = worst
                     print(
                         f"{name:7} {clock:9} {text:7} {cause:8} {speed:11.3f}  "
                         f"{fastest:12.2f}  "

@@ -6,7 +6,7 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from rich.console import Console
@@ -166,7 +166,7 @@ class Cabinet:
         else:
             twin = load_twin(self.twin or "medium")
             twin.require_delay(parse_duration(self.period, "--period"))
-            plant = TwinPlant(twin, scene)
+            plant = cast("DrivenPlant", TwinPlant(twin, scene))
         above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
         start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
         plant.reset(start, _HOLE)
