@@ -2,9 +2,8 @@
 
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.faults import FaultConfig
+from dovetail.control.period import FRI_PERIODS
 
-PROVEN_SLOTS = (1, 2, 5)
-"""Times between two commands for which they are [ms]; docs/safety.md has the table."""
 PROVEN_DELAY = 0.01
 """Longest delay between a measurement and the torque it leads to [s]."""
 
@@ -21,7 +20,7 @@ def find_unproven(
     """
     found = []
     slot = config.period_ms * config.receive_multiplier
-    if slot not in PROVEN_SLOTS:
+    if slot not in [round(1e3 * period) for period in FRI_PERIODS]:
         found.append(
             f"period is {slot} ms between two commands; dovetail's limits are proven "
             "for 1, 2 and 5 ms (send period times receive multiplier): give one of "
