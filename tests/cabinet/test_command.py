@@ -74,7 +74,7 @@ def test_a_port_in_use_is_said(capsys):
 def test_settings_reach_the_cabinet():
     command = Cabinet(
         version="2.7",
-        period="2ms",
+        period=0.002,
         stiffness="200",
         damping="0,0,0,0,0,0,0.7",
         restart_delay="never",

@@ -9,7 +9,7 @@ from dovetail.commands.cabinet import Cabinet
 
 
 @pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
-@pytest.mark.parametrize("period", ["1ms", "2ms", "5ms"])
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.005])
 def test_the_shipped_twins_are_inside_the_table(twin, period):
     command = Cabinet(twin=twin, period=period, control="none")
     plant = command._build_plant()
