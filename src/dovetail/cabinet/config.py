@@ -31,7 +31,7 @@ _LEAST = {
     "hold_slots": 0,
     "stop_slots": 1,
 }
-_HOLD, _STOP = (3, 0.01), (10, 0.05)
+_HOLD, _STOP = (3, 0.005), (10, 0.05)
 """Missed commands, and the time in which as many [s]: the sooner counts."""
 
 
@@ -108,7 +108,7 @@ class CabinetConfig:
     """Time after a motion that ended with an error until the next [s]; None waits for
     the control port's resume."""
     hold_slots: int | None = None
-    """Missed commands for which the last one is held; None is 3, but 10 ms at most."""
+    """Missed commands for which the last one is held; None is 3, but 5 ms at most."""
     stop_slots: int | None = None
     """Missed commands in a row that end the motion; None is 10, but 50 ms at most.
     Between, the drives stop the arm on its path."""
