@@ -184,6 +184,7 @@ def lose(
             client = subprocess.Popen(
                 [sys.executable, __file__, f"--client={place}"],
                 stderr=subprocess.DEVNULL,
+                start_new_session=True,  # no shell that ends wakes a paused client
             )
             try:
                 return _lose(cabinet, plant, client, log, cause, rng)
@@ -212,6 +213,8 @@ def _lose(
     else:
         client.send_signal(signal.SIGKILL if cause == "kill" else signal.SIGSTOP)
     while not cabinet.status()["braked"]:
+        if time.monotonic() > lost + 60.0:
+            raise TimeoutError(f"the arm never came to rest: {cabinet.status()}")
         time.sleep(0.01)
     samples = list(plant.samples)
     events = [json.loads(line) for line in log.read_text().splitlines()]
