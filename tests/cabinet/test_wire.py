@@ -107,6 +107,20 @@ def test_signs_and_content_of_torques_are_settings():
     np.testing.assert_allclose(message.tau_commanded, -(np.array(TAU) + gravity))
 
 
+def test_the_commanded_torque_is_the_overlay_alone_where_an_impedance_acts_too():
+    stiff = {"stiffness": (200.0,) * 7, "damping": (0.7,) * 7}
+    for content in ("overlay", "total"):
+        plant = LightPlant()
+        direct = Direct(plant, commanded_torque=content, **stiff)
+        direct.run_until(ACTIVE)
+        plant.q[:] += 0.05  # the impedance pulls back by 10 Nm
+        for _ in range(2):
+            direct.pass_period(push_with(TAU))
+        overlay = direct.pass_period(push_with(TAU)).tau_commanded
+        is_overlay = np.allclose(overlay, -np.array(TAU))
+        assert is_overlay == (content == "overlay")
+
+
 def test_a_command_accelerates_the_joint_in_its_direction():
     plant = LightPlant()
     direct = Direct(plant)
