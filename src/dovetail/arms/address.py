@@ -255,7 +255,6 @@ def _fri(text: str) -> FriAddress:
             "arm reset=place needs control=HOST:PORT, the control port of a simulated "
             "cabinet; a real arm starts its episodes with reset=move"
         )
-    order = ("hardware", "model") if control is None else ("model", "hardware")
     return FriAddress(
         host=host,
         port=port,
@@ -268,7 +267,7 @@ def _fri(text: str) -> FriAddress:
         watchdog=_time(keys, "watchdog", FriAddress.watchdog),
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
         peer=_peer(keys),
-        margins=_choice(keys, "margins", order),  # type: ignore[arg-type]
+        margins=_choice(keys, "margins", ("hardware", "model")),  # type: ignore[arg-type]
         commanded_is_total=_choice(keys, "commanded_is_total", ("no", "yes")) == "yes",
         **_signs(keys),
     )

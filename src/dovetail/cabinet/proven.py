@@ -3,9 +3,7 @@
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.faults import FaultConfig
 from dovetail.control.period import FRI_PERIODS
-
-PROVEN_DELAY = 0.01
-"""Longest delay between a measurement and the torque it leads to [s]."""
+from dovetail.control.proven import DECLARED
 
 
 def find_unproven(
@@ -28,10 +26,11 @@ def find_unproven(
         )
     ways = 2 if faults.direction == "both" else 1
     wire = ways * (faults.delay + faults.jitter)
-    if command_delay + wire > PROVEN_DELAY + 1e-9:
+    longest = DECLARED["delay"]
+    if command_delay + wire > longest + 1e-9:
         found.append(
             f"delay is {1e3 * command_delay:g} ms of the twin and {1e3 * wire:g} ms of "
-            f"the faults; dovetail's limits are proven for 0 to {1e3 * PROVEN_DELAY:g} "
+            f"the faults; dovetail's limits are proven for 0 to {1e3 * longest:g} "
             "ms in all: lower command_delay in the twin's file or the faults' delay, "
             "or declare the delay in the client's limits and take what it does for a "
             "trial"
