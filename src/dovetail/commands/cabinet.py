@@ -75,6 +75,10 @@ class Cabinet:
     """Distance from the interpolator that COMMANDING_WAIT accepts [rad]."""
     good_from: float = 0.80
     """Share of the last 100 answers in time that commanding needs."""
+    hold_slots: int | None = None
+    """Missing commands for which the last one is held; by default 3, at most 5 ms."""
+    stop_slots: int | None = None
+    """Missing commands in a row that end the motion; by default 10, at most 50 ms."""
     restart_delay: str = "500ms"
     """Time after a motion that ended with an error until the next, or never."""
     peg: PegShape = "square"
@@ -151,6 +155,8 @@ class Cabinet:
                 excellent_from=max(self.good_from, QualityRule.excellent_from),
             ),
             mirror_tolerance=self.mirror_tolerance,
+            hold_slots=self.hold_slots,
+            stop_slots=self.stop_slots,
             restart_delay=(
                 None if never else parse_duration(self.restart_delay, "--restart-delay")
             ),
