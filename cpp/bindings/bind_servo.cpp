@@ -91,6 +91,7 @@ void bind_parameters(nb::module_& m) {
       .def(nb::init<>())
       .def_rw("address", &LoopParams::address)
       .def_rw("port", &LoopParams::port)
+      .def_rw("peer", &LoopParams::peer)
       .def_rw("priority", &LoopParams::priority)
       .def_rw("processor", &LoopParams::processor)
       .def_rw("lock_memory", &LoopParams::lock_memory)
@@ -199,6 +200,8 @@ void bind_loop(nb::module_& m) {
       .def("last_undecodable", &ServoLoop::last_undecodable)
       .def("notes", &ServoLoop::notes)
       .def_prop_ro("peer", [](const ServoLoop& loop) { return describe(loop.peer()); })
+      .def_prop_ro("last_stranger",
+                   [](const ServoLoop& loop) { return describe(loop.last_stranger()); })
       .def_prop_ro("port", &ServoLoop::port);
   m.def("servo_columns", &servo_columns, "Columns of a servo loop's log.");
 }

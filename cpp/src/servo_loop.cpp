@@ -11,54 +11,21 @@ namespace {
 
 constexpr int kIdleWait = 100;       // [ms]; how late silence and closing are noticed
 constexpr double kAfterEvent = 1.0;  // a log holds this much of what followed [s]
+constexpr int kMaxBacklog = 1000;    // messages passed over for the newest, in a row
 constexpr auto kNobody = std::numeric_limits<std::uint64_t>::max();
 
 std::uint64_t pack(const Peer& peer) noexcept {
   return (static_cast<std::uint64_t>(peer.address) << 16) | peer.port;
 }
 
+Peer unpack(std::uint64_t packed) noexcept {
+  return {static_cast<std::uint32_t>(packed >> 16), static_cast<std::uint16_t>(packed)};
+}
+
 bool is_active(const ServoState& state) noexcept {
   return state.session == fri::SessionState::kCommandingActive &&
          state.refusal == Refusal::kNone;
 }
-
-}  // namespace
-
-const char* name(Count count) noexcept {
-  switch (count) {
-    case Count::kReceived:
-      return "received";
-    case Count::kAnswered:
-      return "answered";
-    case Count::kSendErrors:
-      return "send_errors";
-    case Count::kForeign:
-      return "foreign";
-    case Count::kUndecodable:
-      return "undecodable";
-    case Count::kDuplicates:
-      return "duplicates";
-    case Count::kOlder:
-      return "older";
-    case Count::kMissed:
-      return "missed";
-    case Count::kMotions:
-      return "motions";
-    case Count::kStops:
-      return "stops";
-    case Count::kHolds:
-      return "holds";
-    case Count::kSilences:
-      return "silences";
-    case Count::kSuperseded:
-      return "superseded";
-    case Count::kNumber:
-      break;
-  }
-  return "unknown";
-}
-
-namespace {
 
 const LoopParams& checked(const LoopParams& loop) {
   if (loop.silence > 0.0) return loop;  // a NaN compares false
@@ -73,7 +40,8 @@ ServoLoop::ServoLoop(const LoopParams& loop, const ServoParams& servo,
                      const LimitParams& limits, const TaskSpec& task)
     : loop_(checked(loop)),
       cycle_(servo, chain, osc, limits, task),
-      socket_(loop.address, loop.port) {
+      socket_(loop.address, loop.port),
+      allowed_(address_number(loop.peer)) {
   awaited_ = kNobody;
   writer_ = std::thread(&ServoLoop::write_logs, this);
   thread_ = std::thread(&ServoLoop::run, this);
@@ -171,10 +139,9 @@ std::uint64_t ServoLoop::undecodable(fri::DecodeStatus status) const noexcept {
   return undecodable_[static_cast<std::size_t>(status)].load(std::memory_order_relaxed);
 }
 
-Peer ServoLoop::peer() const noexcept {
-  const std::uint64_t packed = packed_peer_;
-  return {static_cast<std::uint32_t>(packed >> 16), static_cast<std::uint16_t>(packed)};
-}
+Peer ServoLoop::peer() const noexcept { return unpack(packed_peer_); }
+
+Peer ServoLoop::last_stranger() const noexcept { return unpack(packed_stranger_); }
 
 // -- the loop ---------------------------------------------------------------------
 
@@ -227,8 +194,9 @@ void ServoLoop::take_requests() noexcept {
 /// Whether the datagram is of the session's peer, or may become its first.
 bool ServoLoop::is_served(const Datagram& datagram) noexcept {
   if (has_peer_ && datagram.source == peer_) return true;
-  if (is_locked_) {
+  if (is_locked_ || (allowed_ != 0 && datagram.source.address != allowed_)) {
     add(Count::kForeign);
+    packed_stranger_ = pack(datagram.source);
     return false;
   }
   // A stranger takes over only with a message that can be read.
@@ -240,7 +208,7 @@ bool ServoLoop::is_served(const Datagram& datagram) noexcept {
     peer_ = datagram.source;
     packed_peer_ = pack(peer_);
     has_peer_ = true;
-    has_arrival_ = false;
+    has_arrival_ = owes_reply_ = false;
   }
   return true;
 }
@@ -289,16 +257,33 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
   // From MONITORING_READY on the link is good: nobody else is listened to.
   if (step.state == fri::SessionState::kIdle) is_locked_ = false;
   if (step.state >= fri::SessionState::kMonitoringReady) is_locked_ = true;
-  if (action == ServoCycle::Action::kSend) send(cycle_.reply(reply_.data()), false);
+  if (action == ServoCycle::Action::kSend) owes_reply_ = true;
+  if (action == ServoCycle::Action::kAnswer || step.state != step.previous) {
+    owes_reply_ = action == ServoCycle::Action::kSend;
+  }
   // In lockstep the learner waits for this message; by the clock the answer is first.
   if (action != ServoCycle::Action::kAnswer || cycle_.params().lockstep) publish();
   answer_if_granted();
   notice_events(taken_);
 }
 
+/// Whether a newer message waits, which the answer should be to: after a stall the
+/// cabinet takes an answer to the newest alone. In lockstep every answer counts.
+bool ServoLoop::is_stale() noexcept {
+  const bool is_newer_there =
+      !cycle_.params().lockstep && backlog_ < kMaxBacklog && socket_.has_next_of(peer_);
+  backlog_ = is_newer_there ? backlog_ + 1 : 0;
+  return is_newer_there;
+}
+
 void ServoLoop::answer_if_granted() noexcept {
   const ServoState& state = cycle_.state();
-  if (!state.is_waiting) return;
+  if (!(state.is_waiting || owes_reply_) || is_stale()) return;
+  if (owes_reply_) {
+    owes_reply_ = false;
+    send(cycle_.reply(reply_.data()), false);
+    return;
+  }
   orders_.update();
   const Order& order = orders_.value();
   const bool is_granted = order.motion == state.motion && state.tick < order.tick;
@@ -322,7 +307,7 @@ void ServoLoop::send(std::size_t size, bool is_active) noexcept {
 void ServoLoop::watch_silence(double now) noexcept {
   if (!has_peer_ || cycle_.state().is_waiting) return;
   if (now - last_heard_ < loop_.silence) return;
-  has_peer_ = is_locked_ = false;
+  has_peer_ = is_locked_ = owes_reply_ = false;
   add(Count::kSilences);
   cycle_.lose_session();
   publish();

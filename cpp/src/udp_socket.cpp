@@ -10,6 +10,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <stdexcept>
 #include <system_error>
 
 namespace dovetail {
@@ -58,6 +59,14 @@ std::string describe(const Peer& peer) {
   in_addr address{peer.address};
   inet_ntop(AF_INET, &address, text, sizeof text);
   return std::string(text) + ":" + std::to_string(ntohs(peer.port));
+}
+
+std::uint32_t address_number(const std::string& text) {
+  if (text.empty()) return 0;
+  in_addr address{};
+  if (inet_pton(AF_INET, text.c_str(), &address) == 1) return address.s_addr;
+  throw std::invalid_argument("servo peer is \"" + text +
+                              "\"; give an IPv4 address as in 192.170.10.2");
 }
 
 UdpSocket::UdpSocket(const std::string& address, std::uint16_t port) {
@@ -122,6 +131,15 @@ bool UdpSocket::receive(std::uint8_t* bytes, std::size_t capacity,
   datagram.waited = age_of(message);
 #endif
   return true;
+}
+
+bool UdpSocket::has_next_of(const Peer& source) const noexcept {
+  sockaddr_in from{};
+  socklen_t length = sizeof from;
+  std::uint8_t one;
+  const ssize_t size = recvfrom(descriptor_, &one, 1, MSG_PEEK | MSG_DONTWAIT,
+                                reinterpret_cast<sockaddr*>(&from), &length);
+  return size >= 0 && Peer{from.sin_addr.s_addr, from.sin_port} == source;
 }
 
 bool UdpSocket::send(const std::uint8_t* bytes, std::size_t size,

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Literal, TypeAlias
 from urllib.parse import parse_qsl, urlsplit
@@ -70,6 +71,8 @@ class FriAddress:
     """How long to wait for the cabinet [s]."""
     watchdog: float = 0.15
     """Time without a new target after which the arm is held [s]; wall clock only."""
+    peer: str | None = None
+    """The cabinet's IPv4 address: datagrams of no other are taken."""
     realtime: bool = False
     """Ask the system for real-time priority and locked memory."""
     margins: Literal["model", "hardware"] = "hardware"
@@ -247,7 +250,7 @@ def _choice(keys: Mapping[str, str], name: str, known: tuple[str, ...]) -> str:
 
 _FRI_KEYS = (
     *("version", "period", "clock", "control", "reset", "approach"),
-    *("timeout", "watchdog", "realtime", "margins"),
+    *("timeout", "watchdog", "realtime", "margins", "peer"),
     *("measured_sign", "commanded_sign", "external_sign", "commanded_is_total"),
 )
 _SIGNS = {"measured_sign": "-1", "commanded_sign": "-1", "external_sign": "1"}
@@ -285,6 +288,7 @@ def _fri(text: str) -> FriAddress:
         timeout=_time(keys, "timeout", FriAddress.timeout),
         watchdog=_time(keys, "watchdog", FriAddress.watchdog),
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
+        peer=_peer(keys),
         margins=_choice(keys, "margins", ("hardware", "model")),  # type: ignore[arg-type]
         commanded_is_total=_choice(keys, "commanded_is_total", ("no", "yes")) == "yes",
         **_signs(keys),
@@ -293,6 +297,18 @@ def _fri(text: str) -> FriAddress:
 
 def _time(keys: Mapping[str, str], name: str, usual: float) -> float:
     return parse_time(keys[name], f"arm {name}") if name in keys else usual
+
+
+def _peer(keys: Mapping[str, str]) -> str | None:
+    """Return the cabinet's address, which is a number: names can be forged."""
+    peer = keys.get("peer")
+    try:
+        return None if peer is None else str(IPv4Address(peer))
+    except ValueError as error:
+        raise ConfigError(
+            f"arm peer is {peer!r}; give the cabinet's IPv4 address, such as "
+            "192.170.10.2"
+        ) from error
 
 
 def _signs(keys: Mapping[str, str]) -> dict[str, int]:

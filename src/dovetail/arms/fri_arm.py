@@ -64,6 +64,7 @@ class FriArm:
         processor: int | None = None,
         log_folder: str | Path | None = "fri-logs",
         silence: float | None = None,
+        peer: str | None = None,
         **servo: Any,
     ) -> None:
         """Listen for the cabinet; nothing moves before `reset`.
@@ -88,6 +89,8 @@ class FriArm:
             log_folder: Where the last 10 s of motions that end go; None for nowhere.
             silence: Without a datagram for so long the session is over [s]; by default
                 1 s, 5 s in lockstep.
+            peer: The cabinet's IPv4 address: no other is served; None serves whoever
+                speaks first.
             **servo: Any other field of `_core.ServoParams`, as measured_sign.
 
         Raises:
@@ -116,7 +119,7 @@ class FriArm:
         self._chain = robot.chain()
         self._servo = self._make_servo(
             bind, osc, watchdog or WatchdogConfig(), realtime, processor, log_folder,
-            silence, servo,
+            silence, peer, servo,
         )  # fmt: skip
         self._seed: int | None = None
         self._motion = 0
@@ -134,12 +137,13 @@ class FriArm:
         processor: int | None,
         log_folder: str | Path | None,
         silence: float | None,
+        peer: str | None,
         settings: dict[str, Any],
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
         loop, servo = _core.LoopParams(), _core.ServoParams()
-        loop.address, loop.port = bind
+        (loop.address, loop.port), loop.peer = bind, peer or ""
         loop.priority = _PRIORITY if realtime else 0
         loop.lock_memory = realtime
         loop.processor = -1 if processor is None else processor

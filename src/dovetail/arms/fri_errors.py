@@ -61,6 +61,13 @@ def connection_error(
             "reaches the cabinet",
             "no_cabinet",
         )
+    if counts["foreign"] == counts["received"]:
+        return ArmError(
+            f"{counts['received']} datagrams came, the last from "
+            f"{servo.last_stranger}, and none from the cabinet's address, which peer= "
+            "pins: correct peer=, or find out who sends",
+            "foreign",
+        )
     loss = find_loss(servo, state)
     if loss is not None:
         return ArmError(loss.text, loss.reason, state)

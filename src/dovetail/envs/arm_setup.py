@@ -241,6 +241,7 @@ def build_fri_arm(
         timeout=address.timeout,
         watchdog=watchdog or WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,
+        peer=address.peer,
         measured_sign=address.measured_sign,
         commanded_sign=address.commanded_sign,
         external_sign=address.external_sign,
