@@ -7,7 +7,7 @@ tare's own way counts, too.
 
     python benchmarks/period_table.py --tries 60 --workers 2
 
-A single cell: `--period 1 --twin hard --push 30`. The twin `none` is MuJoCo alone, and
+A single cell: `--period 1ms --twin hard --push 30`. The twin `none` is MuJoCo alone, and
 `stiff` the same with contacts of 2 ms at every period; `--margins` chooses those of the
 limits. Below 0 is inside. Rows are printed as they come; `--json FILE` keeps every try.
 """
@@ -244,7 +244,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     known = (*IDEAL, *list_twins())
     parser.add_argument("--policy", default="peg_square")
-    parser.add_argument("--period", type=float, nargs="+", default=PERIODS, help="[ms]")
+    parser.add_argument(
+        "--period",
+        type=lambda text: float(text.removesuffix("ms")),
+        nargs="+",
+        default=PERIODS,
+        help="[ms]: 1ms, 2.5ms",
+    )
     default = ["none", "easy", "medium", "hard"]
     parser.add_argument("--twin", nargs="+", choices=known, default=default)
     parser.add_argument("--push", type=float, nargs="+", default=[0, 30], help="[N]")
