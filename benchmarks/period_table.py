@@ -7,7 +7,7 @@ tare's own way counts, too.
 
     python benchmarks/period_table.py --tries 60 --workers 2
 
-A single cell: `--period 1ms --twin hard --push 30`. The twin `none` is MuJoCo alone, and
+A single cell: `--period 1ms --twin hard --push 30`. `none` is MuJoCo alone, and
 `stiff` the same with contacts of 2 ms at every period; `--margins` chooses those of the
 limits. Below 0 is inside. Rows are printed as they come; `--json FILE` keeps every try.
 """
