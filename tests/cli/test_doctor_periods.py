@@ -14,15 +14,9 @@ from dovetail.scene import SceneConfig
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
-TOO_QUICK = pytest.mark.xfail(
-    strict=True, reason="the disturbance estimate is too quick for 5 ms of delay"
-)
 
 
-@pytest.mark.parametrize(
-    ("twin", "period"),
-    [("medium", 0.002), pytest.param("medium", 0.001, marks=TOO_QUICK)],
-)
+@pytest.mark.parametrize(("twin", "period"), [("medium", 0.001)])
 def test_a_twin_passes_every_check(twin, period):
     plant = TwinPlant(load_twin(twin), SceneConfig())
     plant.reset(plant.robot.inverse_kinematics(START, Q_SEED), HOLE)
