@@ -24,6 +24,7 @@ from dovetail.arms.reset_motion import TICK
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig, check_period
+from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
@@ -150,6 +151,7 @@ class FriArm:
         loop.log_folder = "" if log_folder is None else str(log_folder)
         loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         servo.period = self.period
+        servo.observer_gain = observer_gain(self.period)
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
         for name, value in settings.items():
