@@ -10,6 +10,10 @@ namespace {
 
 using Eigen::Quaterniond;
 
+constexpr double kLargestPosture = 2.0;  // way back to a posture that is used [rad]
+constexpr TaskSpec kNoFreeAxis{AxisMode::kForce, AxisMode::kForce, AxisMode::kForce,
+                               AxisMode::kForce, AxisMode::kForce, AxisMode::kForce};
+
 /// delta = swing * twist, the twist about world z, the swing's axis level.
 struct SwingTwist {
   Quaterniond twist = Quaterniond::Identity();
@@ -102,6 +106,7 @@ OperationalSpace::OperationalSpace(const OscParams& params,
     damping_[i] = is_impedance(task[i])
                       ? 2.0 * params.damping_ratio[i] * std::sqrt(params.stiffness[i])
                       : params.force_damping[i];
+    has_free_ = has_free_ || task[i] == AxisMode::kFree;
   }
 }
 
@@ -168,40 +173,62 @@ Vec7 OperationalSpace::joint_acceleration(const Vec7& q, const Vec7& dq,
   return K * (q_d - q) - D * dq;
 }
 
-void OperationalSpace::evaluate(const ChainTerms& terms, const Mat7& M,
-                                const Cholesky<7>& M_factor, const Vec7& dq,
-                                const Vec6& f_star, OscTerms& out) const noexcept {
-  out.J.noalias() = scale_.asDiagonal() * terms.J;
-  out.f = scale_.cwiseProduct(f_star);
-  if (params_.use_jdot) out.f -= scale_.cwiseProduct(terms.dJdq);
+Vec7 OperationalSpace::posture_acceleration(const Vec7& q,
+                                            const Vec7& q_d) const noexcept {
+  Vec7 error = q_d - q;
+  clamp_norm(error, kLargestPosture);
+  return params_.posture_stiffness * error;
+}
 
+/// Lambda of J with zero rows for free axes; true where no eigenvalue was faded.
+bool OperationalSpace::task_inertia(const Mat67& J, const Cholesky<7>& M_factor,
+                                    const TaskSpec& task, Mat6& Lambda) const noexcept {
   // A = Y^T Y with Y = L^-1 J^T. Free rows are zero: a one on the diagonal keeps A
   // regular and decouples them.
-  Eigen::Matrix<double, 7, 6> Y = out.J.transpose();
+  Eigen::Matrix<double, 7, 6> Y = J.transpose();
   M_factor.solve_lower(Y);
   Mat6 A;
   A.noalias() = Y.transpose() * Y;
   double free_rows = 0.0;
   for (int i = 0; i < 6; ++i) {
-    if (task_[i] != AxisMode::kFree) continue;
+    if (task[i] != AxisMode::kFree) continue;
     A(i, i) = 1.0;
     free_rows += 1.0;
   }
   Cholesky<6> A_factor;
-  out.exact = A_factor.factor(A);
-  if (out.exact) {
-    out.Lambda = A_factor.inverse();
+  bool exact = A_factor.factor(A);
+  if (exact) {
+    Lambda = A_factor.inverse();
     // |A^-1|_F <= 1/s0: every eigenvalue is at least s0
-    const double s0 = params_.s0;
-    out.exact = (out.Lambda.squaredNorm() - free_rows) * s0 * s0 <= 1.0;
+    exact = (Lambda.squaredNorm() - free_rows) * params_.s0 * params_.s0 <= 1.0;
   }
-  if (!out.exact) out.Lambda = faded_inverse(A, params_.s0);
+  if (!exact) Lambda = faded_inverse(A, params_.s0);
   for (int i = 0; i < 6; ++i) {
-    if (task_[i] == AxisMode::kFree) out.Lambda(i, i) = 0.0;
+    if (task[i] == AxisMode::kFree) Lambda(i, i) = 0.0;
   }
+  return exact;
+}
 
-  const Vec6 task_force = out.Lambda * (out.f + params_.k_null * (out.J * dq));
-  out.u0.noalias() = out.J.transpose() * task_force - params_.k_null * (M * dq);
+void OperationalSpace::evaluate(const ChainTerms& terms, const Mat7& M,
+                                const Cholesky<7>& M_factor, const Vec7& dq,
+                                const Vec6& f_star, const Vec7& posture,
+                                OscTerms& out) const noexcept {
+  out.J.noalias() = scale_.asDiagonal() * terms.J;
+  out.f = scale_.cwiseProduct(f_star);
+  if (params_.use_jdot) out.f -= scale_.cwiseProduct(terms.dJdq);
+  out.exact = task_inertia(out.J, M_factor, task_, out.Lambda);
+
+  Vec7 null = -params_.k_null * dq;
+  if (!has_free_) null += posture;
+  const Vec6 task_force = out.Lambda * (out.f - out.J * null);
+  out.u0.noalias() = out.J.transpose() * task_force + M * null;
+  if (has_free_ && params_.posture_stiffness > 0.0) {
+    Mat67 J = terms.J;
+    J.bottomRows<3>() *= params_.length_scale;
+    Mat6 Lambda;
+    task_inertia(J, M_factor, kNoFreeAxis, Lambda);
+    out.u0 += M * posture - J.transpose() * (Lambda * (J * posture)).eval();
+  }
   if (params_.use_coriolis) out.u0 += terms.c;
 }
 

@@ -13,6 +13,7 @@ import numpy as np
 from dovetail import _core
 from dovetail.arms.address import FriAddress
 from dovetail.arms.watchdog import WatchdogConfig
+from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
 from dovetail.envs.arm_setup import (
@@ -77,7 +78,7 @@ def run_arm_checks(address: FriAddress, ask: Ask | None) -> Iterator[Check]:
         DovetailError: The arm cannot be had, or was stopped.
     """
     scene = SceneConfig()
-    period = address.period or 0.005
+    period = address.period or DEFAULT_PERIOD
     is_hardware = address.margins == "hardware"
     osc, limits = make_settings(
         scene,

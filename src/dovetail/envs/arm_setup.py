@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from dovetail.arms.address import (
+    FRI_NAME,
     ArmAddress,
     FriAddress,
     GrpcAddress,
@@ -16,8 +17,14 @@ from dovetail.arms.address import (
 from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.period import (
+    DEFAULT_PERIOD,
+    FRI_PERIODS,
+    require_period,
+)
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
+from dovetail.envs.usual import FORCE_DAMPING, NEAR_SPEED
 from dovetail.envs.workspace import Walls
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
@@ -32,8 +39,6 @@ WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
 """Speed limit of the TCP per axis [m/s]."""
-NEAR_SPEED = 0.02
-"""The same where contact is near [m/s]."""
 
 
 def build_arm(
@@ -43,8 +48,8 @@ def build_arm(
     *,
     plant: str = "mujoco",
     twin: TwinConfig | str | Path | None = None,
-    period: float = 0.005,
-    force_damping: float | Sequence[float] = 40.0,
+    period: float = DEFAULT_PERIOD,
+    force_damping: float | Sequence[float] = FORCE_DAMPING,
     near_speed: float = NEAR_SPEED,
     walls: Walls = (WALLS_MIN, WALLS_MAX),
     scheme: str = "qp",
@@ -73,6 +78,7 @@ def build_arm(
         ConfigError: An unknown address or name, or a setting out of range.
         MissingDependencyError: What the address needs is not installed.
     """
+    period = require_period(period)
     address = parse_address(arm) if isinstance(arm, str) else arm
     if engine is not None and twin is None and not isinstance(address, TwinAddress):
         raise ConfigError(
@@ -105,6 +111,7 @@ def build_arm(
             dynamics=dynamics,
         )
     if not isinstance(address, (FriAddress, GrpcAddress)):
+        require_period(address.period, "the arm's control period")
         return address
     if dynamics is not None:
         raise ConfigError(
@@ -129,7 +136,7 @@ def make_settings(
     walls: Walls,
     scheme: str,
     *,
-    is_hardware: bool = False,
+    is_hardware: bool = True,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits of a task's controller.
 
@@ -198,9 +205,7 @@ def build_local_arm(
     if twin is None:
         body = make_plant(plant, scene, dynamics or DynamicsConfig())
     else:
-        config = load_twin(twin)
-        config.require_delay(period)
-        body = cast("Plant", TwinPlant(config, scene, engine=engine))
+        body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
     return LocalArm(body, scene.robot(), osc, limits, task, period)
 
 
@@ -214,6 +219,7 @@ def build_fri_arm(
     watchdog: "WatchdogConfig | None" = None,
 ) -> Arm:
     """Build the arm behind a cabinet, real or simulated."""
+    require_period(period, FRI_NAME, FRI_PERIODS)
     from dovetail.arms.fri_arm import FriArm
     from dovetail.arms.watchdog import WatchdogConfig
 
