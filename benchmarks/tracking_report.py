@@ -79,14 +79,23 @@ def print_exceptions(results: dict[str, dict]) -> None:
 
 
 def print_markdown(results: dict[str, dict]) -> None:
-    """Print one table per metric: rows are plants and laws, columns axes."""
+    """Print one table per metric: rows are plants, columns axes, in a cell each law."""
     for metric, (words, unit, _, _) in UNITS.items():
-        print(f"\n| {words} [{unit}] | law | " + " | ".join(AXES) + " |")
-        print("|---" * 8 + "|")
+        print(f"\n| {words} [{unit}] | " + " | ".join(AXES) + " |")
+        print("|---" * 7 + "|")
         for plant, row in results.items():
-            for name, found in row.items():
-                numbers = ["diverged"] * 6
+            cells = [["diverged"] * 6 for _ in row]
+            for cell, found in zip(cells, row.values(), strict=True):
                 if "diverged" not in found:
-                    numbers = [f"{v:.2g}" for v in in_units(metric, found[metric])]
-                print(f"| {plant} | {name} | " + " | ".join(numbers) + " |")
+                    cell[:] = [short(v) for v in in_units(metric, found[metric])]
+            joined = (" / ".join(cell) for cell in zip(*cells, strict=True))
+            print(f"| {plant} | " + " | ".join(joined) + " |")
+    print("\nin each cell: " + " / ".join(next(iter(results.values()))))
     print_exceptions(results)
+
+
+def short(value: float) -> str:
+    """Return two digits, in words where the goal was never reached."""
+    if math.isinf(value):
+        return "never"
+    return f"{value:.0f}" if value >= 10.0 else f"{value:.1f}".removesuffix(".0")
