@@ -33,7 +33,7 @@ METRICS: dict[str, tuple[str, float, str]] = {
 }
 """What each worst value is, above which number it counts, and its unit."""
 LIMITS = {
-    "proven": {"position": 0.0, "speed": 1.0, "grown": 0.0},
+    "proven": {"position": 0.0, "speed": 1.0, "grown": 0.0, "contact": 5.0},
     "full": {"position": 0.02, "speed": 1.10, "contact": 5.0},
 }
 """What must hold in each range: no try above these."""
