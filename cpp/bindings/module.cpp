@@ -181,11 +181,12 @@ void bind_parameters(nb::module_& m) {
 
 void bind_data(nb::module_& m) {
   nb::class_<Target>(m, "Target", "One policy command, held until the next one.")
+      .def(nb::init<const Target&>(), "other"_a, "A copy.")
       .def(
           "__init__",
           [](Target* self, const Vec6& f_star, const Vec3& position_d,
              const Vec4& quat_wxyz_d, bool joint_mode, const Vec7& q_d) {
-            new (self) Target;
+            new (self) Target{};
             self->f_star = f_star;
             self->position_d = position_d;
             self->quat_wxyz_d = quat_wxyz_d;
@@ -200,6 +201,13 @@ void bind_data(nb::module_& m) {
           "Force axes, and added to pose and hold axes [m/s2, rad/s2], world, (6,).")
       .def_rw("position_d", &Target::position_d, "Pose axes: TCP position [m], (3,).")
       .def_rw("quat_wxyz_d", &Target::quat_wxyz_d, "Pose axes: TCP rotation, (4,).")
+      .def_rw(
+          "velocity_d", &Target::velocity_d,
+          "Feed-forward of pose and force axes [m/s, rad/s], world, shape (6,): the "
+          "desired pose moves on for 0.1 s.")
+      .def_rw("acceleration_d", &Target::acceleration_d,
+              "Feed-forward of pose and force axes [m/s2, rad/s2], world, shape (6,).")
+      .def_rw("age", &Target::age, "Time since it was made [s]; its holder counts.")
       .def_rw("near_plane", &Target::near_plane,
               "Unit normal n and d [m]: where n . p < d the speed limit is dx_near.")
       .def_rw("f_tare", &Target::f_tare,

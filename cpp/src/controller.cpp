@@ -51,6 +51,7 @@ Interval not_empty(Interval interval, double v) noexcept {
 bool is_same(const Target& a, const Target& b) noexcept {
   return a.joint == b.joint && a.stay == b.stay && a.f_star == b.f_star &&
          a.position_d == b.position_d && a.quat_wxyz_d == b.quat_wxyz_d &&
+         a.velocity_d == b.velocity_d && a.acceleration_d == b.acceleration_d &&
          a.near_plane == b.near_plane && a.q_d == b.q_d;
 }
 

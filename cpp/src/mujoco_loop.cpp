@@ -153,8 +153,10 @@ void MujocoLoop::begin_row(RowWriter& row, const Vec7& tau,
 
 void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
                      int steps, double* log) {
+  Target held = target;
   for (int i = 0; i < cycles; ++i) {
-    const StepResult result = controller.step(q_, dq_, target);
+    const StepResult result = controller.step(q_, dq_, held);
+    held.age += controller.period();
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
     begin_row(row, result.tau, controller.tool());
     apply(result.tau, steps);

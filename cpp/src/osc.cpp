@@ -20,6 +20,10 @@ struct SwingTwist {
   Vec3 swing = Vec3::Zero();  // rotation vector [rad], z component zero
 };
 
+Quaterniond quaternion(const Vec4& wxyz) noexcept {
+  return Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+}
+
 Vec3 rotation_vector(Quaterniond quat) noexcept {
   if (quat.w() < 0.0) quat.coeffs() = -quat.coeffs();
   const double length = quat.vec().norm();
@@ -78,6 +82,20 @@ double twist_about_z(const Mat3& R) noexcept {
   return std::remainder(2.0 * std::atan2(quat.z(), quat.w()), 2.0 * M_PI);
 }
 
+DesiredMotion desired_motion(const Target& target) noexcept {
+  const double t = std::min(target.age, kPathTime);
+  const Vec6 way = t * target.velocity_d + (0.5 * t * t) * target.acceleration_d;
+  const Quaterniond quat =
+      rotation_from_vector(way.tail<3>()) * quaternion(target.quat_wxyz_d);
+  DesiredMotion motion{target.position_d + way.head<3>(),
+                       Vec4(quat.w(), quat.x(), quat.y(), quat.z()), Vec6::Zero(),
+                       Vec6::Zero()};
+  if (target.age >= kPathTime) return motion;
+  motion.velocity = target.velocity_d + t * target.acceleration_d;
+  motion.acceleration = target.acceleration_d;
+  return motion;
+}
+
 OperationalSpace::OperationalSpace(const OscParams& params,
                                    const TaskSpec& task) noexcept
     : params_(params), task_(task) {
@@ -94,15 +112,12 @@ OperationalSpace::OperationalSpace(const OscParams& params,
 
 void OperationalSpace::reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   p_hold_ = p_hold;
-  R_hold_ = Quaterniond(quat_hold[0], quat_hold[1], quat_hold[2], quat_hold[3])
-                .normalized()
-                .toRotationMatrix();
+  R_hold_ = quaternion(quat_hold).normalized().toRotationMatrix();
 }
 
 Mat3 OperationalSpace::desired_rotation(const Mat3& R,
-                                        const Target& target) const noexcept {
-  const Vec4& d = target.quat_wxyz_d;
-  const Quaterniond quat_d = Quaterniond(d[0], d[1], d[2], d[3]).normalized();
+                                        const Vec4& quat_wxyz) const noexcept {
+  const Quaterniond quat_d = quaternion(quat_wxyz).normalized();
   const Quaterniond quat_hold(R_hold_);
   const SwingTwist wanted = split_about_z(quat_d * quat_hold.conjugate());
   const SwingTwist measured = split_about_z(Quaterniond(R) * quat_hold.conjugate());
@@ -121,13 +136,15 @@ Mat3 OperationalSpace::desired_rotation(const Mat3& R,
 Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
                                             const Vec6& twist,
                                             const Target& target) const noexcept {
+  const DesiredMotion wanted = desired_motion(target);
   Vec6 error = Vec6::Zero();
   for (int i = 0; i < 3; ++i) {
-    if (task_[i] == AxisMode::kPose) error[i] = target.position_d[i] - p[i];
+    if (task_[i] == AxisMode::kPose) error[i] = wanted.position[i] - p[i];
     if (task_[i] == AxisMode::kHold) error[i] = p_hold_[i] - p[i];
   }
   if (is_impedance(task_[3]) || is_impedance(task_[4]) || is_impedance(task_[5])) {
-    const Vec3 e = rotation_vector(desired_rotation(R, target) * R.transpose());
+    const Vec3 e =
+        rotation_vector(desired_rotation(R, wanted.quat_wxyz) * R.transpose());
     for (int i = 0; i < 3; ++i) {
       if (is_impedance(task_[3 + i])) error[3 + i] = e[i];
     }
@@ -139,9 +156,12 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
   for (int i = 0; i < 6; ++i) {
     if (task_[i] == AxisMode::kFree) continue;
     const double limit = i < 3 ? params_.f_clamp_linear : params_.f_clamp_angular;
+    const bool is_path = task_[i] != AxisMode::kHold;  // what is held stands still
+    const double velocity = is_path ? wanted.velocity[i] : 0.0;
+    const double acceleration = is_path ? wanted.acceleration[i] : 0.0;
     const double drive = params_.stiffness[i] * error[i] +  // error 0 on force axes
-                         std::clamp(target.f_star[i], -limit, limit);
-    f[i] = std::clamp(drive - damping_[i] * twist[i], -limit, limit);
+                         std::clamp(target.f_star[i], -limit, limit) + acceleration;
+    f[i] = std::clamp(drive - damping_[i] * (twist[i] - velocity), -limit, limit);
   }
   return f;
 }

@@ -193,6 +193,9 @@ void check_target(const Target& target) {
   require_each("f_tare", target.f_tare, "m/s2 or rad/s2", kTarget);
   require_each("position_d", target.position_d, "m", kTarget);
   require_unit("quat_wxyz_d", target.quat_wxyz_d);
+  require_each("velocity_d", target.velocity_d, "m/s or rad/s", kTarget);
+  require_each("acceleration_d", target.acceleration_d, "m/s2 or rad/s2", kTarget);
+  require("age", target.age, "s", {0.0, kLargestTarget, false, "0 to 1e9 s"});
   require_each("q_d", target.q_d, "rad", kAngle);
   require_each("near_plane", Vec3(target.near_plane.head<3>()), "", kTarget);
   if (is_plane(target.near_plane)) return;

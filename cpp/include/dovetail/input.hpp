@@ -67,7 +67,10 @@ template <typename Vector>
   return is_within(target.f_star, kLargestTarget) &&
          is_within(target.f_tare, kLargestTarget) &&
          is_pose(target.position_d, target.quat_wxyz_d) &&
-         is_plane(target.near_plane) && is_configuration(target.q_d);
+         is_within(target.velocity_d, kLargestTarget) &&
+         is_within(target.acceleration_d, kLargestTarget) && target.age >= 0.0 &&
+         target.age <= kLargestTarget && is_plane(target.near_plane) &&
+         is_configuration(target.q_d);
 }
 
 }  // namespace dovetail

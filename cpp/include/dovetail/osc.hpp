@@ -11,6 +11,21 @@
 
 namespace dovetail {
 
+/// How long the desired pose of a Target moves on by its feed-forward [s]: two policy
+/// steps of 50 ms. A Target that is late must not run away.
+constexpr double kPathTime = 0.1;
+
+/// Where a Target wants the tool at its age.
+struct DesiredMotion {
+  Vec3 position;      ///< of pose axes [m]
+  Vec4 quat_wxyz;     ///< of pose axes, unit
+  Vec6 velocity;      ///< [m/s, rad/s]
+  Vec6 acceleration;  ///< [m/s2, rad/s2]
+};
+
+/// The Target's path: constant acceleration, ended after `kPathTime`.
+[[nodiscard]] DesiredMotion desired_motion(const Target& target) noexcept;
+
 /// The task at one state; rows of free axes are zero throughout.
 struct OscTerms {
   Mat67 J;      ///< task Jacobian, rotation rows scaled by L
@@ -60,7 +75,7 @@ class OperationalSpace {
   const TaskSpec& task() const noexcept { return task_; }
 
  private:
-  Mat3 desired_rotation(const Mat3& R, const Target& target) const noexcept;
+  Mat3 desired_rotation(const Mat3& R, const Vec4& quat_wxyz) const noexcept;
   bool task_inertia(const Mat67& J, const Cholesky<7>& M_factor, const TaskSpec& task,
                     Mat6& Lambda) const noexcept;
 

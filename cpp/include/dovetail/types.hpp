@@ -125,6 +125,13 @@ struct Target {
   Vec6 f_star = Vec6::Zero();
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
   Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation, unit
+  /// Feed-forward, world axes [m/s, rad/s] and [m/s2, rad/s2]: how the desired pose
+  /// moves on while the Target is held, for `kPathTime` from its making; then that pose
+  /// stands still. On force axes what damping pulls towards, and a further f*; hold and
+  /// free axes have none.
+  Vec6 velocity_d = Vec6::Zero();
+  Vec6 acceleration_d = Vec6::Zero();
+  double age = 0.0;  ///< time since it was made [s]: whoever holds it counts
   /// Where contact is near: at TCP positions p with n . p < d the speed limit is
   /// `dx_near` (which says for what). Unit normal n, then d [m], world axes;
   /// d = -infinity: nowhere.

@@ -252,7 +252,6 @@ def _fri(text: str) -> FriAddress:
             "arm reset=place needs control=HOST:PORT, the control port of a simulated "
             "cabinet; a real arm starts its episodes with reset=move"
         )
-    order = ("hardware", "model") if control is None else ("model", "hardware")
     return FriAddress(
         host=host,
         port=port,
@@ -264,7 +263,7 @@ def _fri(text: str) -> FriAddress:
         timeout=_time(keys, "timeout", FriAddress.timeout),
         watchdog=_time(keys, "watchdog", FriAddress.watchdog),
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
-        margins=_choice(keys, "margins", order),  # type: ignore[arg-type]
+        margins=_choice(keys, "margins", ("hardware", "model")),  # type: ignore[arg-type]
         commanded_is_total=_choice(keys, "commanded_is_total", ("no", "yes")) == "yes",
         **_signs(keys),
     )

@@ -136,7 +136,7 @@ def make_settings(
     walls: Walls,
     scheme: str,
     *,
-    is_hardware: bool = False,
+    is_hardware: bool = True,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits of a task's controller.
 

@@ -215,7 +215,8 @@ def _describe(
     """Return what `recording.json` holds."""
     address = parse_address(config.arm)
     is_hardware = (
-        isinstance(address, (FriAddress, GrpcAddress)) and address.margins == "hardware"
+        not isinstance(address, (FriAddress, GrpcAddress))
+        or address.margins == "hardware"
     )
     return {
         "format": FORMAT,
