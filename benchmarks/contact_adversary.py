@@ -46,7 +46,7 @@ class Attack:
     period: float
     span: str = "proven"
     seed: int = 0
-    is_hardware: bool = False
+    is_hardware: bool = True
     task: str | None = None
     policy: str | None = None
     overrides: tuple[tuple[str, float], ...] = ()
@@ -277,7 +277,11 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--range", choices=tuple(RANGES), default="proven", dest="span")
-    parser.add_argument("--hardware", action="store_true", help="margins of hardware")
+    parser.add_argument(
+        "--exact-margins",
+        action="store_true",
+        help="margins for an arm that is as its model, not the environments'",
+    )
     parser.add_argument("--task", choices=TASKS)
     parser.add_argument("--policy", choices=POLICIES)
     parser.add_argument(
@@ -308,7 +312,7 @@ def main(arguments: Sequence[str]) -> None:
         period=args.period,
         span=args.span,
         seed=args.seed,
-        is_hardware=args.hardware,
+        is_hardware=not args.exact_margins,
         task=args.task,
         policy=args.policy,
         overrides=tuple((name, float(number)) for name, number in pairs),

@@ -104,7 +104,7 @@ class Trial:
         period: float,
         seed: tuple[int, ...],
         *,
-        is_hardware: bool = False,
+        is_hardware: bool = True,
         overrides: tuple[tuple[str, float], ...] = (),
     ) -> None:
         """Build twin and controller.
@@ -327,6 +327,7 @@ class Trial:
             | {
                 "diverged": diverged,
                 "ended": int((flags & ENDED).any()),
+                f"ended: {self.controller.end[0]}": int((flags & ENDED).any()),
                 "implausible": int((flags & IMPLAUSIBLE).any()),
                 "unsafe": unsafe,
                 "qp_early": early,
