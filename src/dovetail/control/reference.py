@@ -30,6 +30,9 @@ PATH_TIME = 0.1
 SURPRISE = 0.25
 """What the disturbance estimate takes of one measurement at most, over tau_max."""
 
+LARGEST, HELD = 0.3, 0.12
+"""Most that is taken for a disturbance; of it a hold acts against; over tau_max."""
+
 POSTURE_MAX, STAY_MAX = 2.0, 0.02
 """Longest way back that is used: to the posture [rad], to where an axis stays [m]."""
 
@@ -68,7 +71,8 @@ class ReferenceController:
             lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u - self.r  # mean speed
             most = SURPRISE * lim.tau_max
             share = 1.0 - np.exp(-lim.estimate_rate * dt)
-            self.r = self.r + share * np.clip(lost, -most, most)
+            r = self.r + share * np.clip(lost, -most, most)
+            self.r = np.clip(r, -LARGEST * lim.tau_max, LARGEST * lim.tau_max)
         # Model  M a + h = u  half a period ahead; the arm does a + push
         q_model = q + 0.5 * dt * dq if lim.mid_interval else q
         M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
@@ -89,7 +93,8 @@ class ReferenceController:
         if target.joint_mode:  # a spring in each joint, what pushes is held against
             K, zeta = osc.joint_stiffness, osc.joint_damping_ratio
             spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
-            self.posture, a0 = None, np.clip(spring - push, lb, ub)
+            held = np.clip(self.r, -HELD * lim.tau_max, HELD * lim.tau_max)
+            self.posture, a0 = None, np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
