@@ -39,6 +39,7 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   dq_ = dq_seen_ = dq;
   since_ = 0.0;
   implausible_ = agreed_ = 0;
+  is_fresh_ = true;
 }
 
 /// Whether a joint can have come from there in the time; notes the one that cannot.
@@ -63,6 +64,10 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const Vec7 q_next = q_ + elapsed * dq_ + (0.5 * elapsed * elapsed) * a;
   const Vec7 dq_next = (dq_ + elapsed * a).cwiseMax(-dq_max_).cwiseMin(dq_max_);
   const bool is_number = is_configuration(q) && is_speed(dq);
+  // The state of a reset, taken in the same cycle: no old sample.
+  const bool is_start = is_fresh_ && is_number && q == q_seen_ && dq == dq_seen_;
+  is_fresh_ = false;
+  if (is_start) return;
   const bool is_repeated =
       is_number && q == q_seen_ && elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
   const Vec7 kick = kKickShare * tau_max_.cwiseQuotient(inertia);

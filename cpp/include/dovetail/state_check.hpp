@@ -20,7 +20,7 @@ class StateCheck {
   /// \param limits  speed limits and motor torques count
   explicit StateCheck(const LimitParams& limits) noexcept;
 
-  /// Starts at q [rad], moving at dq [rad/s].
+  /// Starts at q [rad], moving at dq [rad/s]. The same sample taken next is this one.
   void reset(const Vec7& q, const Vec7& dq) noexcept;
 
   /// Takes a sample `elapsed` [s] after the last one.
@@ -51,6 +51,7 @@ class StateCheck {
   double since_ = 0.0;  // time since a sample was believed [s]
   int implausible_ = 0;
   int agreed_ = 0;
+  bool is_fresh_ = true;  // nothing was taken since the reset
   int joint_ = 0;
 };
 

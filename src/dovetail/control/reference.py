@@ -1,6 +1,8 @@
 """The controller in NumPy: one cycle as equations, in the order of Khatib 1987.
 
-The C++ controller is compared with it. It takes checked settings and finite input.
+The C++ controller is compared with it. It takes checked settings and finite input. What
+judges the input and the motion is not in it: StateCheck, which does not believe
+measurements that cannot be, and LastLine, which ends what no Target explains.
 """
 
 from typing import TYPE_CHECKING
@@ -9,8 +11,9 @@ import numpy as np
 
 from dovetail import poses
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.reference_bounds import intervals, under_push
 from dovetail.control.reference_qp import solve_qp
-from dovetail.control.task_spec import FREE, HOLD, POSE, TaskSpec
+from dovetail.control.task_spec import FORCE, FREE, HOLD, POSE, TaskSpec
 from dovetail.types import Array
 
 if TYPE_CHECKING:
@@ -23,6 +26,18 @@ NEAR_TIME = 0.04
 
 PATH_TIME = 0.1
 """How long a Target's desired pose moves on by its feed-forward [s]."""
+
+SURPRISE = 0.25
+"""What the disturbance estimate takes of one measurement at most, over tau_max."""
+
+LARGEST, HELD = 0.3, 0.12
+"""Most that is taken for a disturbance; of it a hold acts against; over tau_max."""
+
+POSTURE_MAX, STAY_MAX = 2.0, 0.02
+"""Longest way back that is used: to the posture [rad], to where an axis stays [m]."""
+
+STAY_SPEED = 0.01
+"""An axis that stays is held where it comes to be slower than this [m/s]."""
 
 
 class ReferenceController:
@@ -39,52 +54,60 @@ class ReferenceController:
         self.D = np.where(self.is_servo, D, osc.force_damping)
 
     def reset(self, q: Array, position_hold: Array, quat_hold: Array) -> None:
-        """Latch the pose that hold axes keep, and forget the disturbance."""
+        """Latch the pose that hold axes keep; forget disturbance and posture."""
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
         self.r = np.zeros(7)
+        self.posture: Array | None = None
+        self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
         self.last: tuple[Array, ...] | None = None
 
     def step(self, q: Array, dq: Array, target: "_core.Target") -> tuple[Array, ...]:
         """Return overlay torque [Nm], its acceleration and the wanted one [rad/s2]."""
         chain, osc, lim, dt = self.chain, self.osc, self.limits, self.dt
-        # Disturbance  r += beta (M ddq + h - u)  of the interval that has just ended
+        # Disturbance  r += share (M ddq + h - u - r)  of the interval that has ended
         if self.last is not None:
             M, h, dq_last, u = self.last
             ddq = (dq - dq_last) / dt
-            lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u  # at the mean speed
-            self.r = self.r + lim.beta * lost
-        # Model  M a + h = u,  half a period ahead
+            lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u - self.r  # mean speed
+            most = SURPRISE * lim.tau_max
+            share = 1.0 - np.exp(-lim.estimate_rate * dt)
+            r = self.r + share * np.clip(lost, -most, most)
+            self.r = np.clip(r, -LARGEST * lim.tau_max, LARGEST * lim.tau_max)
+        # Model  M a + h = u  half a period ahead; the arm does a + push
         q_model = q + 0.5 * dt * dq if lim.mid_interval else q
         M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
         Minv: Array = np.asarray(np.linalg.inv(M), dtype=np.float64)
         c = chain.coriolis(q_model, dq)
-        h = c + lim.damping * dq - self.r
+        h = c + lim.damping * dq
         J_tool, dJdq = chain.jacobian(q_model), chain.jacobian_dot_dq(q_model, dq)
-        # Task  u0 = J^T Lambda (f* - dJ dq) + N M (-k dq),  N = I - J^T Lambda J M^-1
-        (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
-        f = self.desired_acceleration(p, R, twist, target) - osc.use_jdot * dJdq
-        wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
-        cl, cu = self.intervals(p, twist[:3], *wall, lim.delta_x)
-        if lim.walls:  # ask for no more than the tool's limits allow
-            drift = (dJdq - J_tool @ Minv @ (h - osc.use_coriolis * c))[:3]
-            low, high = self.near_interval(p, twist, target.near_plane)
-            if lim.scheme == "qp":
-                low, high = np.maximum(low, cl), np.minimum(high, cu)
-            f[:3] = np.maximum(np.minimum(f[:3], high - drift), low - drift)
-        J = self.scale[:, None] * J_tool
-        Lambda = faded_inverse(J @ Minv @ J.T, osc.s0)
-        N = np.eye(7) - J.T @ Lambda @ J @ Minv
-        u0 = J.T @ Lambda @ (self.scale * f) + N @ M @ (-osc.k_null * dq)
-        a0 = Minv @ (u0 + osc.use_coriolis * c - h)
+        push = Minv @ self.r
+        push_x = J_tool[:3] @ push
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
+        (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
-        lb, ub = self.intervals(q, dq, *joint)
-        if target.joint_mode:  # a spring in each joint instead
-            K, zeta = osc.joint_stiffness, osc.joint_damping_ratio
-            a0 = np.clip(K * (target.q_d - q) - 2 * zeta * np.sqrt(K) * dq, lb, ub)
-        rows = (J_tool[:3], dJdq[:3], cl, cu) if lim.walls else None
+        wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
+        lb, ub = intervals(lim, dt, q, dq, push, *joint)
+        cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall, lim.delta_x)
         g = chain.gravity(q)
         lo, hi = -lim.tau_max - g, lim.tau_max - g
+        if target.joint_mode:  # a spring in each joint, what pushes is held against
+            K, zeta = osc.joint_stiffness, osc.joint_damping_ratio
+            spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
+            held = np.clip(self.r, -HELD * lim.tau_max, HELD * lim.tau_max)
+            self.posture, a0 = None, np.clip(spring - Minv @ held, lb, ub)
+        else:  # Khatib's law
+            f = self.desired_acceleration(p, R, twist, target)
+            f[:3] += self.stay(p, twist, target.stay)
+            f -= osc.use_jdot * dJdq
+            if lim.walls:  # ask for no more than the tool's limits allow
+                drift = (dJdq - J_tool @ Minv @ (h - osc.use_coriolis * c))[:3]
+                low, high = self.near_interval(p, twist, push_x, target)
+                if lim.scheme == "qp":
+                    low, high = np.maximum(low, cl), np.minimum(high, cu)
+                f[:3] = np.maximum(np.minimum(f[:3], high - drift), low - drift)
+            u0 = self.task_torque(q, dq, f, J_tool, M, Minv)
+            a0 = Minv @ (u0 + osc.use_coriolis * c - h)
+        rows = (J_tool[:3], dJdq[:3], cl, cu) if lim.walls else None
         if lim.scheme == "qp":
             a = solve_qp(M, a0, lb, ub, rows, (M, h, lo, hi), lim.rho)
         else:
@@ -94,7 +117,38 @@ class ReferenceController:
             a = blend(np.clip(a, lb, ub), np.clip(0.0, lb, ub), M, h, lo, hi)
         u = np.clip(M @ a + h, lo, hi)
         self.last = (M, h, dq, u)
-        return u, a, a0
+        return u, a + push, a0 + push
+
+    def task_torque(
+        self, q: Array, dq: Array, f: Array, J_tool: Array, M: Array, Minv: Array
+    ) -> Array:
+        """J^T Lambda f* + N M (-k dq) + N_tool M (posture),  N = I - J^T Lambda J M^-1.
+
+        The posture moves no row of the whole tool, those of free axes included.
+        """
+        osc = self.osc
+        self.posture = q if self.posture is None else self.posture
+        way = self.posture - q
+        way = way * (POSTURE_MAX / max(POSTURE_MAX, float(np.linalg.norm(way))))
+
+        def projected(J: Array, a: Array) -> tuple[Array, Array]:
+            Lambda = faded_inverse(J @ Minv @ J.T, osc.s0)
+            return Lambda, M @ a - J.T @ Lambda @ J @ a
+
+        J = self.scale[:, None] * J_tool
+        J_all = np.repeat([1.0, osc.length_scale], 3)[:, None] * J_tool
+        Lambda, damping = projected(J, -osc.k_null * dq)
+        _, posture = projected(J_all, osc.posture_stiffness * way)
+        return J.T @ Lambda @ (self.scale * f) + damping + posture
+
+    def stay(self, p: Array, twist: Array, bits: int) -> Array:
+        """Return the springs of force axes that are held where they came to rest."""
+        asked = (bits >> np.arange(3) & 1 == 1) & (self.modes[:3] == FORCE)
+        self.is_staying &= asked
+        self.anchor = np.where(self.is_staying, self.anchor, p)
+        self.is_staying |= asked & (np.abs(twist[:3]) < STAY_SPEED)
+        way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
+        return asked * self.osc.stiffness[:3] * way
 
     def desired_acceleration(
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
@@ -129,32 +183,22 @@ class ReferenceController:
         turn = poses.quat_multiply(swing, about_z[1])
         return poses.quat_multiply(turn, self.quat_hold)
 
-    def near_interval(self, p: Array, twist: Array, plane: Array) -> tuple[Array, ...]:
+    def near_interval(
+        self, p: Array, twist: Array, push_x: Array, target: "_core.Target"
+    ) -> tuple[Array, ...]:
         """Speed dx_near below the plane, above it what can be braked to in time."""
-        lim, fall = self.limits, min(plane[:3] @ twist[:3], 0.0)
-        height = max(plane[:3] @ p - plane[3] + NEAR_TIME * fall, 0.0)
+        lim, v, plane = self.limits, twist[:3], target.near_plane
+        height = max(plane[:3] @ p - plane[3] + NEAR_TIME * min(plane[:3] @ v, 0.0), 0)
         near = np.sqrt(lim.dx_near**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
-        return (-near - twist[:3]) / NEAR_TIME, (near - twist[:3]) / NEAR_TIME
+        tare = target.f_tare[:3]
+        push = push_x + tare  # weight is held already
 
-    def intervals(
-        self, x: Array, v: Array, x_min: Array, x_max: Array, v_max: Array,
-        a_max: Array, eta: float, delta: float,
-    ) -> tuple[Array, Array]:  # fmt: skip
-        """Accelerations [lb, ub] from which each coordinate can still stop in time."""
-        kind, dt, T = self.limits.bounds, self.dt, self.limits.kappa * self.dt
+        def below(limit: Array, push: Array, v: Array) -> Array:
+            sides = zip(limit, push, v, strict=True)
+            return np.array([under_push(lim, *side, held=0.0) for side in sides])
 
-        def upper(d: float, v: float, speed: float, V: float, A: float) -> float:
-            if kind == "viability":
-                V = (1.0 - self.limits.delta_v) * V
-                return viable(d - delta, v, V, A, T, eta * A)
-            speed = speed if kind == "paper-printed" else v  # printed: position there
-            a = min(2.0 * (d - v * dt) / dt**2, (V - speed) / dt, A)
-            return a if kind == "paper-printed" else max(a, -A)
-
-        ub = np.array([*map(upper, x_max - x, v, x, v_max, a_max)])
-        lb = -np.array([*map(upper, x - x_min, -v, -x, v_max, a_max)])  # by mirror
-        side = np.where(v >= 0.0, ub, lb)  # not viable: the side moved towards wins
-        return np.where(lb > ub, side, lb), np.where(lb > ub, side, ub)
+        high = below((near - v) / NEAR_TIME, push, v) + tare
+        return -below((near + v) / NEAR_TIME, -push, -v) + tare, high
 
 
 def desired_motion(target: "_core.Target") -> tuple[Array, ...]:
@@ -165,17 +209,6 @@ def desired_motion(target: "_core.Target") -> tuple[Array, ...]:
     turn = poses.quat_from_vector(way[3:])
     quat = poses.quat_multiply(turn, target.quat_wxyz_d)
     return target.position_d + way[:3], quat, is_moving * (v + a * t), is_moving * a
-
-
-def viable(d: float, v: float, V: float, A: float, T: float, brake: float) -> float:
-    """Largest a over T after which braking still stops within d (Del Prete 2018)."""
-    pos = 2.0 * (d - v * T) / T**2
-    if v > 0.0 and pos <= -v / T:  # turning point inside the interval
-        pos = min(-(v**2) / (2.0 * d), -v / T) if d > 0.0 else -np.inf
-    b, c = T * (2.0 * v + brake * T), v**2 - 2.0 * brake * (d - v * T)
-    disc = b**2 - 4.0 * T**2 * c
-    stop = max((-b + np.sqrt(disc)) / (2.0 * T**2), -v / T) if disc >= 0 else -v / T
-    return max(min(pos, stop, (V - v) / T, A), -A)
 
 
 def faded_inverse(A: Array, s0: float) -> Array:

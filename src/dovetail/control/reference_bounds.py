@@ -1,0 +1,63 @@
+"""Bounds of the acceleration that may be asked for: the reference's third part."""
+
+import numpy as np
+
+from dovetail.control.config import LimitConfig
+from dovetail.types import Array
+
+HOLD_WIDTH = 1e-3
+"""Least way behind a margin on which a push comes to be held against [rad or m]."""
+
+
+def intervals(
+    lim: LimitConfig, dt: float, x: Array, v: Array, push: Array, x_min: Array,
+    x_max: Array, v_max: Array, a_max: Array, eta: float, delta: float,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Accelerations [lb, ub] from which, pushed, each coordinate still stops in time.
+
+    `push` comes on top of what is asked for [rad/s2 or m/s2].
+    """
+    T = lim.kappa * dt
+
+    def upper(
+        d: float, v: float, push: float, speed: float, V: float, A: float
+    ) -> float:
+        if lim.bounds == "viability":
+            d, V, full = d - delta, (1.0 - lim.delta_v) * V, A + max(push, 0.0)
+            a = max(viable(d, v, V, full, T, eta * A), -A)
+            beyond = min(2.0 * (d - v * T) / T**2, (V - v) / T)  # the limit already
+            a = min(a, max(beyond, -lim.authority * A))
+            if not lim.passive:
+                return min(a, A) - push
+            held = min(max(-d / max(delta, HOLD_WIDTH), 0.0), 1.0)
+            return min(under_push(lim, a, push, v, held), A + max(-push, 0.0))
+        is_printed = lim.bounds == "paper-printed"
+        speed = speed if is_printed else v  # printed: position there
+        a = min(2.0 * (d - v * dt) / dt**2, (V - speed) / dt, A)
+        return (a if is_printed else max(a, -A)) - push
+
+    ub = np.array([*map(upper, x_max - x, v, push, x, v_max, a_max)])
+    lb = -np.array([*map(upper, x - x_min, -v, -push, -x, v_max, a_max)])  # by mirror
+    side = np.where(v >= 0.0, ub, lb)  # not viable: the side moved towards wins
+    return np.where(lb > ub, side, lb), np.where(lb > ub, side, ub)
+
+
+def viable(d: float, v: float, V: float, A: float, T: float, brake: float) -> float:
+    """Largest a over T after which braking still stops within d (Del Prete 2018)."""
+    pos = 2.0 * (d - v * T) / T**2
+    if v > 0.0 and pos <= -v / T:  # turning point inside the interval
+        pos = min(-(v**2) / (2.0 * d), -v / T) if d > 0.0 else -np.inf
+    b, c = T * (2.0 * v + brake * T), v**2 - 2.0 * brake * (d - v * T)
+    disc = b**2 - 4.0 * T**2 * c
+    stop = max((-b + np.sqrt(disc)) / (2.0 * T**2), -v / T) if disc >= 0 else -v / T
+    return min(pos, stop, (V - v) / T, A)
+
+
+def under_push(
+    lim: LimitConfig, limit: float, push: float, v: float, held: float
+) -> float:
+    """Return what may be asked for below a limit: against a push only braking."""
+    if push <= 0.0 or not lim.passive:
+        return limit - push
+    braking = -lim.brake_rate * max(v, 0.0) - held * push
+    return min(limit, max(limit - push, braking))
