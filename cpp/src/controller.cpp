@@ -16,6 +16,10 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Of tau_max: what the disturbance estimate takes of one measurement at most.
 constexpr double kLargestSurprise = 0.25;
+// Of tau_max: the most that is taken for a disturbance, and the most of it that a hold
+// acts against. A hold in contact is an integrator that would push ever harder.
+constexpr double kLargestEstimate = 0.3;
+constexpr double kLargestHeld = 0.12;
 
 // After the last line: a hold that is stable with any delay there is.
 constexpr double kEndStiffness = 50.0;  // [1/s2]
@@ -120,6 +124,8 @@ void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   const Vec7 lost =
       terms_.M * change / elapsed + h_ + viscous - tau_last_ - disturbance_;
   disturbance_ += share * lost.cwiseMax(-most).cwiseMin(most);
+  const Vec7 largest = kLargestEstimate * limits_.tau_max;
+  disturbance_ = disturbance_.cwiseMax(-largest).cwiseMin(largest);
   if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
   weight_ += std::min(kWeightRate * elapsed, 1.0) * (disturbance_ - weight_);
 }
@@ -133,6 +139,8 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   Minv_ = factor_.inverse();
   h_ = terms_.c + limits_.damping.cwiseProduct(dq);
   push_.noalias() = Minv_ * disturbance_;
+  const Vec7 most = kLargestHeld * limits_.tau_max;
+  held_.noalias() = Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
   push_x_.noalias() = terms_.J.topRows<3>() * push_;
   lo_ = -limits_.tau_max - tool_.g;
   hi_ = limits_.tau_max - tool_.g;
@@ -331,7 +339,7 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 asked = (braking() - push_).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const Vec7 asked = (braking() - held_).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   const StepResult result = hold(asked + push_, bias());
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
@@ -378,7 +386,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
   has_posture_ = false;
-  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - push_;
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held_;
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
@@ -398,7 +406,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
     q_end_ = q;
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
-  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - push_;
+  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held_;
   result = StepResult{};
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   has_posture_ = false;

@@ -258,3 +258,33 @@ def test_a_contact_is_as_stiff_at_every_period(contact_time):
         peaks.append(max(forces))
     assert min(peaks) > 50.0
     assert max(peaks) < 1.3 * min(peaks)  # the step hits the block in another phase
+
+
+def test_closed_brakes_stop_the_arm_and_hold_it_under_a_wrong_gravity(make):
+    plant = make(gravity_residual=(2.0, -2.0, 3.0))
+    brakes = plant.robot.tau_max
+    plant.reset(Q_BENT, HOLE)
+    for _ in range(40):
+        plant.apply(np.zeros(7), DT)
+    assert np.abs(plant.read()[1]).max() > 0.5
+    plant.close_brakes(brakes)
+    for _ in range(20):
+        plant.apply(np.zeros(7), 0.001)
+    held, dq = plant.read()
+    assert np.abs(dq).max() < 5e-3
+    for _ in range(200):
+        plant.apply(np.zeros(7), DT)
+    np.testing.assert_allclose(plant.read()[0], held, atol=5e-4)
+    plant.open_brakes()
+    for _ in range(40):
+        plant.apply(np.zeros(7), DT)
+    assert np.abs(plant.read()[0] - held).max() > 1e-3
+
+
+def test_a_reset_opens_the_brakes(make):
+    plant = make()
+    plant.reset(Q_BENT, HOLE)
+    plant.close_brakes(plant.robot.tau_max)
+    plant.reset(Q_BENT, HOLE)
+    plant.apply(np.full(7, 5.0), DT)
+    assert np.abs(plant.read()[1]).max() > 0.01

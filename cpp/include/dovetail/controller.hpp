@@ -116,6 +116,7 @@ class Controller {
   Vec7 h_;        // c + D dq
   Vec7 push_;     // M^-1 r: what pushes, as an acceleration [rad/s2]
   Vec3 push_x_;   // the same at the TCP [m/s2]
+  Vec7 held_;     // the part of it that holds act against [rad/s2]
   Vec7 lo_, hi_;  // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;

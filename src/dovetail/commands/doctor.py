@@ -5,7 +5,13 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from dovetail.arms.address import FriAddress, parse_address
+from dovetail.arms.address import (
+    FriAddress,
+    PlantAddress,
+    TwinAddress,
+    parse_address,
+    parse_time,
+)
 from dovetail.doctor import Check, run_checks
 from dovetail.errors import ConfigError
 
@@ -17,9 +23,16 @@ class Doctor:
     """Check this installation, or with --arm a robot at its first power-on."""
 
     arm: str | None = None
-    """Arm to check in place of the installation: fri://HOST:PORT?KEY=VALUE&..."""
+    """Arm to check in place of the installation: fri://HOST:PORT?KEY=VALUE&..., or a
+    simulated one, as mujoco or twin:medium."""
     yes: bool = False
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
+    delay: str = "10ms"
+    """Largest delay of the loop that is declared for this arm, with its unit."""
+    payload_error: float = 0.5
+    """Largest mass that its load data are declared to miss [kg]."""
+    period: str = "5ms"
+    """Control period of a simulated arm, with its unit; fri:// has its own key."""
 
     def run(self, console: Console) -> int:
         """Print every check; return 1 if something essential is broken."""
@@ -40,14 +53,23 @@ class Doctor:
 
     def _check_arm(self, text: str) -> Iterator[Check]:
         from dovetail.arm_checks import run_arm_checks
+        from dovetail.feel.proven import Declared
+        from dovetail.local_arm_checks import run_local_checks
 
         address = parse_address(text)
+        declared = Declared(
+            delay=parse_time(self.delay, "--delay"), payload_error=self.payload_error
+        )
+        if isinstance(address, (PlantAddress, TwinAddress)):
+            return run_local_checks(
+                address, parse_time(self.period, "--period"), declared
+            )
         if not isinstance(address, FriAddress):
             raise ConfigError(
-                f"the doctor checks arms behind FRI, not {text!r}; give "
-                "fri://HOST:PORT?KEY=VALUE&..."
+                f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "
+                "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
-        return run_arm_checks(address, None if self.yes else _ask)
+        return run_arm_checks(address, None if self.yes else _ask, declared)
 
 
 def _ask(question: str) -> bool:

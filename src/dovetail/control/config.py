@@ -35,7 +35,7 @@ _RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57
 _RATE_MAX = 60.0  # 1/s
 _DELTA_Q = (2e-3, 3e-3, 5e-3)  # rad, exact model
 _DELTA_V = (0.01, 0.02, 0.05)
-_DELTA_Q_HARDWARE = (12e-3, 15e-3, 30e-3)  # rad; all that is declared at once
+_DELTA_Q_HARDWARE = (12e-3, 18e-3, 45e-3)  # rad; all that is declared at once
 _DELTA_V_HARDWARE = (0.15, 0.18, 0.30)
 _DELTA_X = (5e-3, 5e-3, 10e-3)  # m; docs/safety.md
 _DELTA_X_HARDWARE = (15e-3, 15e-3, 20e-3)
@@ -72,7 +72,7 @@ class OscConfig:
         default_factory=_all(6, 0.0)
     )
     """Damping of force axes [1/s]; 0 is the paper: f* accelerates to the limits."""
-    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.5
+    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.25
     """Largest rotation error used [rad], so that a jump of theta is no torque step."""
     error_clamp_position: Annotated[float, Range(1e-4, 2.0, "m")] = 0.1
     """Largest position error used [m]."""

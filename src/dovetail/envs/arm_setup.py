@@ -5,6 +5,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
+import numpy as np
+
 from dovetail.arms.address import (
     FRI_NAME,
     ArmAddress,
@@ -38,7 +40,8 @@ WALLS_MIN = (0.38, -0.22, 0.03)
 WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
-"""Speed limit of the TCP per axis [m/s]."""
+"""Speed limit of the TCP [m/s], T1's: all three axes together keep it, at a share of
+1/sqrt(3) each."""
 
 
 def build_arm(
@@ -155,7 +158,7 @@ def make_settings(
         hardware=is_hardware,
         x_min=walls[0],
         x_max=walls[1],
-        dx_max=[SPEED_MAX] * 3,
+        dx_max=[SPEED_MAX / np.sqrt(3.0)] * 3,
         dx_near=near_speed,
         scheme=scheme,
     )
@@ -234,9 +237,11 @@ def build_fri_arm(
         clock=address.clock,
         control=address.control,
         reset=address.reset,
+        approach=address.approach,
         timeout=address.timeout,
         watchdog=watchdog or WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,
+        peer=address.peer,
         measured_sign=address.measured_sign,
         commanded_sign=address.commanded_sign,
         external_sign=address.external_sign,
