@@ -132,7 +132,9 @@ def _rebuild(env: Any, cell: Cell) -> None:
             dx_max=old.limits.dx_max,
             dx_near=old.limits.dx_near,
         )
-    plant = EncoderPlant(old.plant, old.period) if cell.encoders else old.plant
+    plant: Any = old.plant
+    if cell.encoders:
+        plant = EncoderPlant(plant, old.period)
     arm = LocalArm(plant, old.robot, old.osc, limits, old.task, old.period)
     env.arm = arm
     env._tare._arm = arm  # there is no option for this

@@ -27,7 +27,7 @@ def play(**options):
 
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_arm_moves_as_one_in_this_process_at_every_period(simulation, period):
-    address = f"grpc://{simulation.address}?margins=model&period={1e3 * period:g}ms"
+    address = f"grpc://{simulation.address}?period={1e3 * period:g}ms"
     remote, here = play(arm=address), play(period=period)
     assert len(remote) == len(here) == round(3 * 0.05 / period)
     columns = slice(COLUMN["time"], COLUMN["q7"] + 1)
@@ -39,7 +39,7 @@ def test_a_service_that_offers_one_period_refuses_any_other(scene):
     with ArmServer(LocalBuilder("mujoco", plant, 0.0025), "127.0.0.1:0") as server:
         address = f"grpc://{server.address}"
         with pytest.raises(ConfigError) as error:
-            play(arm=f"{address}?margins=model", period=0.001)
+            play(arm=address, period=0.001)
         assert "commanded every 2.5 ms, the learner asks for 1 ms" in str(error.value)
         assert "add period=2.5ms to the learner's address" in str(error.value)
-        assert len(play(arm=f"{address}?margins=model&period=2.5ms")) == 60
+        assert len(play(arm=f"{address}?period=2.5ms")) == 60
