@@ -222,13 +222,14 @@ def _lose(
     if len(stops) != 1 or samples[-1].clock < lost:
         raise NoMotionError(cabinet.status())
     (stop,) = stops
+    period = cabinet.config.period
+    begin = stop["time"] - (cabinet.config.stop_misses - 1) * period
+    first = _index(samples, begin)  # the arm, as the first command is missing
     if cabinet.config.clock == "wall":
-        first = next(i for i, s in enumerate(samples) if s.clock >= lost) - 1
-    else:
-        # The arm's time runs faster than a signal: from the first missing command.
-        misses = cabinet.config.stop_misses - 1
-        begin = stop["time"] - misses * cabinet.config.period
-        first = next(i for i, s in enumerate(samples) if s.time >= begin - 1e-9)
+        # A signal takes its time: a client that still answers is not lost.
+        lost = max(lost, samples[_index(samples, begin - period)].clock)
+        first = next(i for i, s in enumerate(samples) if s.clock >= lost)
+        first = max(first - 1, 0)
     points = np.array([s.position for s in samples])
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     times = np.diff([s.time for s in samples])
@@ -238,10 +239,15 @@ def _lose(
         duration = samples[rest].clock - lost
     else:
         duration = arm_rest
-    ended = next(i for i, s in enumerate(samples) if s.time >= stop["time"] - 1e-9)
+    ended = _index(samples, stop["time"])
     way, after = float(steps[first:].sum()), float(steps[ended:].sum())
     fastest = samples[first].joint_speed
     return Loss(speed, fastest, duration, arm_rest, way, after, stop["reason"])
+
+
+def _index(samples: list[Sample], time: float) -> int:
+    """Return the first sample at or after one of the arm's times [s]."""
+    return next(i for i, s in enumerate(samples) if s.time >= time - 1e-9)
 
 
 def lose_once(
