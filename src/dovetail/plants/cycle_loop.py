@@ -33,9 +33,10 @@ def run_cycles(
     for i in range(cycles):
         result = controller.step(q, dq, held)
         held.age += period
-        position, rotation = chain.pose(q)
+        q_believed, dq_believed = controller.believed
+        position, rotation = chain.pose(q_believed)
         quat = quat_from_matrix(rotation)
-        twist = chain.jacobian(q) @ dq
+        twist = chain.jacobian(q_believed) @ dq_believed
         tau = result.tau
         plant.apply(tau, period)
         log[i] = (
