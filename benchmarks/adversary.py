@@ -10,9 +10,12 @@ true limits (no margin) every millisecond or less.
 (so gravity is compensated wrongly), 80 % of damping and rotor inertia modelled, 0.3 Nm
 of dry friction, noise on the measured speed, one period of delay, pushes of 30 N
 on the TCP for a quarter of a second, in steps or with ``--push-rise``.
+
+``--contact`` attacks in contact, on random twins with delay: `contact_adversary`.
 """
 
 import argparse
+import sys
 import time
 from dataclasses import dataclass, field, replace
 
@@ -296,6 +299,11 @@ def print_report(settings: Settings, report: Report, seconds: float) -> None:
 
 def main() -> None:
     """Run the command line."""
+    if "--contact" in sys.argv[1:]:
+        import contact_adversary
+
+        contact_adversary.main([a for a in sys.argv[1:] if a != "--contact"])
+        return
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cycles", type=int, default=1_000_000)
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
@@ -312,6 +320,9 @@ def main() -> None:
     parser.add_argument("--exact-sjs", action="store_true")
     parser.add_argument("--home", action="store_true", help="start tool down")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--contact", action="store_true", help="attack in contact; has its own --help"
+    )
     args = parser.parse_args()
     settings = Settings(
         period=args.period,

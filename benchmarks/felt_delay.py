@@ -34,7 +34,7 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
         force_damping=0.0,
         near_speed=NEAR_SPEED,
     )
-    osc, limits = quiet(arm.osc, arm.limits, period)
+    osc, limits = quiet(arm.osc, arm.limits)
     felt = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, period)
     q = arm.robot.inverse_kinematics(START, Q_SEED)
     felt.reset(q, HOLE)

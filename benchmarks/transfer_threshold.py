@@ -71,7 +71,7 @@ def measure(twin: str, kind: str, fraction: float, folder: Path, policy: str) ->
     folder.mkdir(parents=True, exist_ok=True)
     shutil.rmtree(folder / "evaluation", ignore_errors=True)  # of a run cut short
     quiet, path = Console(quiet=True), folder / "twin.toml"
-    between = graded(load_twin(twin), kind, fraction).with_whole_delay(0.005)
+    between = graded(load_twin(twin), kind, fraction)
     path.write_text(between.to_toml())
     recording = record(
         RecordConfig(arm=f"twin:{path}", out=folder / "recording"), quiet

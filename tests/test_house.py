@@ -19,6 +19,7 @@ LAYERS = (
         "errors",
         "files",
         "page",
+        "durations",
         "kinematics",
         "iiwa14",
         "robot",

@@ -4,7 +4,10 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
 
+#include "bind_attack.hpp"
 #include "bind_cycle_log.hpp"
 #include "bind_fri.hpp"
 #include "bind_limits.hpp"
@@ -133,6 +136,8 @@ void bind_parameters(nb::module_& m) {
       .def_rw("f_clamp_linear", &OscParams::f_clamp_linear, "Largest |f*| [m/s2].")
       .def_rw("f_clamp_angular", &OscParams::f_clamp_angular, "Largest |f*| [rad/s2].")
       .def_rw("k_null", &OscParams::k_null, "Null-space damping [1/s].")
+      .def_rw("posture_stiffness", &OscParams::posture_stiffness,
+              "Null-space stiffness [1/s2].")
       .def_rw("length_scale", &OscParams::length_scale, "L of rotation rows [m/rad].")
       .def_rw("s0", &OscParams::s0, "Eigenvalue fade threshold [1/kg].")
       .def_rw("joint_stiffness", &OscParams::joint_stiffness, "Joint targets [1/s2].")
@@ -160,7 +165,12 @@ void bind_parameters(nb::module_& m) {
       .def_rw("delta_x", &LimitParams::delta_x, "Wall margin [m].")
       .def_rw("s0_wall", &LimitParams::s0_wall, "Fade threshold of SCS [1/kg].")
       .def_rw("rho", &LimitParams::rho, "Weight of the wall slack.")
-      .def_rw("beta", &LimitParams::beta, "Gain of the disturbance estimate.")
+      .def_rw("estimate_rate", &LimitParams::estimate_rate,
+              "Bandwidth of the disturbance estimate [1/s].")
+      .def_rw("passive", &LimitParams::passive, "Limiters brake and do no more.")
+      .def_rw("brake_rate", &LimitParams::brake_rate, "Of that braking [1/s].")
+      .def_rw("last_line", &LimitParams::last_line, "Ends what no Target explains.")
+      .def_rw("authority", &LimitParams::authority, "Most braking over ddq_max.")
       .def_rw("damping", &LimitParams::damping, "Modelled friction [Nms/rad].")
       .def_rw("armature", &LimitParams::armature, "Modelled rotor inertia [kg m2].")
       .def_rw("mid_interval", &LimitParams::mid_interval, "Model at q + dq dt / 2.")
@@ -171,12 +181,17 @@ void bind_parameters(nb::module_& m) {
 
 void bind_data(nb::module_& m) {
   nb::class_<Target>(m, "Target", "One policy command, held until the next one.")
+      .def(nb::init<const Target&>(), "other"_a, "A copy.")
       .def(
           "__init__",
           [](Target* self, const Vec6& f_star, const Vec3& position_d,
              const Vec4& quat_wxyz_d, bool joint_mode, const Vec7& q_d) {
-            new (self) Target{f_star,     position_d, quat_wxyz_d, Target{}.near_plane,
-                              joint_mode, q_d};
+            new (self) Target{};
+            self->f_star = f_star;
+            self->position_d = position_d;
+            self->quat_wxyz_d = quat_wxyz_d;
+            self->joint = joint_mode;
+            self->q_d = q_d;
           },
           "f_star"_a = Vec6(Vec6::Zero()), "position_d"_a = Vec3(Vec3::Zero()),
           "quat_wxyz_d"_a = Vec4(1.0, 0.0, 0.0, 0.0), "joint_mode"_a = false,
@@ -186,8 +201,19 @@ void bind_data(nb::module_& m) {
           "Force axes, and added to pose and hold axes [m/s2, rad/s2], world, (6,).")
       .def_rw("position_d", &Target::position_d, "Pose axes: TCP position [m], (3,).")
       .def_rw("quat_wxyz_d", &Target::quat_wxyz_d, "Pose axes: TCP rotation, (4,).")
+      .def_rw(
+          "velocity_d", &Target::velocity_d,
+          "Feed-forward of pose and force axes [m/s, rad/s], world, shape (6,): the "
+          "desired pose moves on for 0.1 s.")
+      .def_rw("acceleration_d", &Target::acceleration_d,
+              "Feed-forward of pose and force axes [m/s2, rad/s2], world, shape (6,).")
+      .def_rw("age", &Target::age, "Time since it was made [s]; its holder counts.")
       .def_rw("near_plane", &Target::near_plane,
               "Unit normal n and d [m]: where n . p < d the speed limit is dx_near.")
+      .def_rw("f_tare", &Target::f_tare,
+              "How much of f_star holds the tool's weight [m/s2, rad/s2], (6,).")
+      .def_rw("stay", &Target::stay,
+              "Force axes X Y Z (bits 0 to 2) held where they are: nothing is asked.")
       .def_rw("joint_mode", &Target::joint, "Go to q_d; task axes are not used.")
       .def_rw("q_d", &Target::q_d, "Desired configuration [rad], shape (7,).");
   nb::class_<Flags>(m, "Flags",
@@ -206,13 +232,16 @@ void bind_data(nb::module_& m) {
       .def_ro("qp_early", &Flags::qp_early, "The QP stopped early: safe answer.")
       .def_ro("target_late", &Flags::target_late, "No fresh Target: held.")
       .def_ro("stopped", &Flags::stopped, "A watchdog's stop: braked, then held.")
+      .def_ro("implausible", &Flags::implausible, "A measurement was not believed.")
+      .def_ro("ended", &Flags::ended, "The last line ended the motion: damped hold.")
       .def_ro("displaced", &Flags::displaced, "|a - a0| [rad/s2].")
       .def_prop_ro(
           "packed", &pack_flags,
           "All in one int: bits 0-6 joint_position, 7-13 joint_velocity, 14-20 "
           "joint_acceleration, 21-27 torque, 28-30 wall_position, 31-33 "
           "wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced, 40 "
-          "bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped.");
+          "bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped, 45 "
+          "implausible, 46 ended.");
   nb::class_<StepResult>(m, "StepResult", "What one cycle gave.")
       .def_ro("tau", &StepResult::tau, "Overlay torque, gravity excluded [Nm].")
       .def_ro("a", &StepResult::a, "Commanded joint acceleration [rad/s2].")
@@ -257,14 +286,15 @@ void bind_controller(nb::module_& m) {
       .def(
           "reset",
           [](Controller& self, const Vec7& q, const Vec3& position_hold,
-             const Vec4& quat_hold) {
-            check_configuration(q);
+             const Vec4& quat_hold, const Vec7& dq) {
+            check_state(q, dq);
             check_hold(position_hold, quat_hold);
-            self.reset(q, position_hold, quat_hold);
+            self.reset(q, position_hold, quat_hold, dq);
           },
-          "q"_a, "position_hold"_a, "quat_hold"_a,
-          "Start afresh at rest at q [rad]; hold axes keep this TCP position [m] and "
-          "rotation (wxyz). Raises ValueError naming the element that is out of range.")
+          "q"_a, "position_hold"_a, "quat_hold"_a, "dq"_a = Vec7(Vec7::Zero()),
+          "Start afresh at q [rad], moving at dq [rad/s]; hold axes keep this TCP "
+          "position [m] and rotation (wxyz). Raises ValueError naming the element that "
+          "is out of range.")
       .def(
           "step",
           [](Controller& self, const Vec7& q, const Vec7& dq, const Target& target,
@@ -289,6 +319,7 @@ void bind_controller(nb::module_& m) {
             check_state(q, dq);
             check_target(target);
             Controller probe = self;  // a copy: the disturbance estimate stays as it is
+            probe.believe(q, dq);
             static_cast<void>(probe.step(q, dq, target));
             return model_of(probe);
           },
@@ -299,6 +330,15 @@ void bind_controller(nb::module_& m) {
           "ValueError naming the element that is out of range.")
       .def_prop_ro("limits", &Controller::limits, nb::rv_policy::copy,
                    "A copy of the limits that are enforced.")
+      .def_prop_ro(
+          "end",
+          [](const Controller& self) {
+            const LastLine& end = self.end();
+            return std::tuple(std::string(name(end.cause())), end.joint(), end.value(),
+                              end.limit());
+          },
+          "What the last line ended the motion for: cause (none, oscillation, energy or "
+          "speed), joint (0 to 6, or -1), value and what was allowed [SI].")
       .def_prop_ro("period", &Controller::period, "Control period [s].")
       .def_prop_ro("disturbance", &Controller::disturbance, nb::rv_policy::copy,
                    "Estimated external torque [Nm], shape (7,).");
@@ -344,6 +384,7 @@ NB_MODULE(_core, m) {
   bind_limits(m);
   bind_controller(m);
   bind_rigid_plant(m);
+  bind_attack(m);
   bind_cycle_log(m);
   bind_mujoco(m);
   bind_replay(m);

@@ -7,6 +7,9 @@
 namespace dovetail {
 namespace {
 
+// Way behind a limit's margin on which a push comes to be held against [rad] or [m].
+constexpr double kHoldWidth = 1e-3;
+
 struct Bound {
   double value;
   BoundCause cause;
@@ -41,19 +44,33 @@ double stopping_bound(double d, double v, double T, double brake) noexcept {
 }
 
 /// Upper bound by viability; the lower one is this one mirrored.
-Bound viability_upper(double d, double v, double v_max, double a_max, double T,
-                      double brake) noexcept {
-  // Common case, no root: full acceleration over T is still viable.
-  const double v_end = v + a_max * T;
-  const double room = d - v * T - 0.5 * a_max * T * T;
+Bound viability_upper(double d, double v, double v_max, double a_max, double push,
+                      const BoundsParams& params) noexcept {
+  const double T = params.kappa * params.dt;
+  const double brake = params.eta * a_max;
+  // Common case, no root: full acceleration and the push over T are still viable.
+  // What pushes away from the limit may be resisted beyond a_max.
+  const double a_full = a_max + std::max(push, 0.0);
+  const double a_most = a_max + std::max(-push, 0.0);
+  const double v_end = v + a_full * T;
+  const double room = d - v * T - 0.5 * a_full * T * T;
   const double v_brake = std::max(v_end, 0.0);
   if (d >= 0.0 && v_end <= v_max && 2.0 * brake * room >= v_brake * v_brake) {
-    return {a_max, BoundCause::kAcceleration};
+    return {params.passive ? a_most : a_max - push, BoundCause::kAcceleration};
   }
   const double position =
       std::min(position_bound(d, v, T), stopping_bound(d, v, T, brake));
-  Bound bound = smallest(position, (v_max - v) / T, a_max);
+  const double speed = (v_max - v) / T;
+  Bound bound = smallest(position, speed, a_full);
   bound.value = std::max(bound.value, -a_max);
+  // Beyond the limit already: brake harder, but softly for a loop with delay.
+  const double beyond = std::min(2.0 * (d - v * T) / (T * T), speed);
+  bound.value = std::min(bound.value, std::max(beyond, -params.authority * a_max));
+  if (!params.passive) return {std::min(bound.value, a_max) - push, bound.cause};
+  const double width = std::max(params.delta_x, kHoldWidth);
+  const double held = std::clamp(-d / width, 0.0, 1.0);
+  bound.value = under_push(bound.value, push, v, held, params.brake_rate);
+  if (bound.value >= a_most) return {a_most, BoundCause::kAcceleration};
   return bound;
 }
 
@@ -81,29 +98,35 @@ Interval join(const Bound& lower, const Bound& upper, double v) noexcept {
 }  // namespace
 
 Interval acceleration_bounds(double x, double v, double x_min, double x_max,
-                             double v_max, double a_max,
-                             const BoundsParams& params) noexcept {
+                             double v_max, double a_max, const BoundsParams& params,
+                             double push) noexcept {
   const double dt = params.dt;
   if (params.kind == BoundsKind::kPaperPrinted) {
     // The printed speed bound has x where v is meant; kept as it is.
     const Bound upper = paper_upper(x_max - x, v, v_max - x, a_max, dt);
     const Bound lower = paper_upper(x - x_min, -v, v_max + x, a_max, dt);
-    return {-lower.value, upper.value, lower.cause, upper.cause};
+    return {-lower.value - push, upper.value - push, lower.cause, upper.cause};
   }
   if (params.kind == BoundsKind::kPaperCorrected) {
     Bound upper = paper_upper(x_max - x, v, v_max - v, a_max, dt);
     Bound lower = paper_upper(x - x_min, -v, v_max + v, a_max, dt);
     upper.value = std::max(upper.value, -a_max);
     lower.value = std::max(lower.value, -a_max);
-    return join(lower, upper, v);
+    const Interval both = join(lower, upper, v);
+    return {both.lb - push, both.ub - push, both.lb_cause, both.ub_cause};
   }
-  const double T = params.kappa * dt;
-  const double brake = params.eta * a_max;
   const double speed = (1.0 - params.delta_v) * v_max;
   const double room_up = x_max - x - params.delta_x;
   const double room_down = x - x_min - params.delta_x;
-  return join(viability_upper(room_down, -v, speed, a_max, T, brake),
-              viability_upper(room_up, v, speed, a_max, T, brake), v);
+  return join(viability_upper(room_down, -v, speed, a_max, -push, params),
+              viability_upper(room_up, v, speed, a_max, push, params), v);
+}
+
+double under_push(double limit, double push, double v, double held,
+                  double brake_rate) noexcept {
+  if (push <= 0.0) return limit - push;
+  const double braking = -brake_rate * std::max(v, 0.0) - held * push;
+  return std::min(limit, std::max(limit - push, braking));
 }
 
 }  // namespace dovetail

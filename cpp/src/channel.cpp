@@ -10,7 +10,8 @@ namespace dovetail {
 
 namespace {
 
-constexpr double kMaxDelay = 0.1;  // [s]
+constexpr double kMaxDelay = 0.1;   // [s]
+constexpr double kRounding = 1e-9;  // of a step: delay over step may be 3.9999...
 
 void require(const char* name, double value, double max, const char* unit) {
   if (value >= 0.0 && value <= max) return;
@@ -92,12 +93,17 @@ Vec7 Channel::send(const Vec7& tau) noexcept {
 
 Vec7 Channel::receive(const Vec7& sent, double h) noexcept {
   if (params_.delay == 0.0) return sent;
-  const int steps =
-      std::min(static_cast<int>(std::lround(params_.delay / h)), kCapacity - 1);
+  // Of the step's time, the share `rest` still belongs to the command before.
+  const double whole = std::floor(params_.delay / h + kRounding);
+  const double rest = std::max(0.0, params_.delay / h - whole);
+  const int steps = std::min(static_cast<int>(whole), kCapacity - 2);
   line_[static_cast<std::size_t>(head_)] = sent;
-  const int read = (head_ - steps + kCapacity) % kCapacity;
+  const auto& late =
+      line_[static_cast<std::size_t>((head_ - steps + kCapacity) % kCapacity)];
+  const auto& later =
+      line_[static_cast<std::size_t>((head_ - steps - 1 + kCapacity) % kCapacity)];
   head_ = (head_ + 1) % kCapacity;
-  return line_[static_cast<std::size_t>(read)];
+  return rest < kRounding ? late : Vec7((1.0 - rest) * late + rest * later);
 }
 
 void Channel::measure(Vec7& q, Vec7& dq) noexcept {

@@ -14,6 +14,24 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Of tau_max: what the disturbance estimate takes of one measurement at most.
+constexpr double kLargestSurprise = 0.25;
+// Of tau_max: the most that is taken for a disturbance, and the most of it that a hold
+// acts against. A hold in contact is an integrator that would push ever harder.
+constexpr double kLargestEstimate = 0.3;
+constexpr double kLargestHeld = 0.12;
+
+// After the last line: a hold that is stable with any delay there is.
+constexpr double kEndStiffness = 50.0;  // [1/s2]
+constexpr double kEndDamping = 15.0;    // [1/s]
+constexpr double kEndRate = 10.0;       // of the disturbance estimate [1/s]
+constexpr double kWeightRate = 5.0;     // of its slow part [1/s]
+constexpr double kRestSpeed = 0.02;     // [rad/s]
+
+// An axis that stays is held where it comes to be slower than this [m/s].
+constexpr double kStaySpeed = 0.01;
+constexpr double kStayError = 0.02;  // largest way back that is used [m]
+
 // Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
 constexpr double kNearTime = 0.04;
 
@@ -33,6 +51,14 @@ Interval not_empty(Interval interval, double v) noexcept {
   return interval;
 }
 
+/// Whether a Target asks for nothing new.
+bool is_same(const Target& a, const Target& b) noexcept {
+  return a.joint == b.joint && a.stay == b.stay && a.f_star == b.f_star &&
+         a.position_d == b.position_d && a.quat_wxyz_d == b.quat_wxyz_d &&
+         a.velocity_d == b.velocity_d && a.acceleration_d == b.acceleration_d &&
+         a.near_plane == b.near_plane && a.q_d == b.q_d;
+}
+
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
 }  // namespace
@@ -44,9 +70,13 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
       limits_((check_limits(limits), limits)),
       period_((check_period(period), period)),
       joint_params_{limits.bounds, period,         limits.kappa,
-                    limits.eta,    limits.delta_q, limits.delta_v},
+                    limits.eta,    limits.delta_q, limits.delta_v,
+                    limits.authority, limits.passive, limits.brake_rate},
       wall_params_{limits.bounds,   period,         limits.kappa,
-                   limits.eta_wall, limits.delta_x, limits.delta_v} {
+                   limits.eta_wall, limits.delta_x, limits.delta_v,
+                   limits.authority, limits.passive, limits.brake_rate},
+      check_(limits),
+      last_line_(limits) {
   const auto walls_off = Vec3::Constant(kInfinity);
   bounds_.cl = -walls_off;
   bounds_.cu = walls_off;
@@ -55,31 +85,49 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
   reset(Vec7::Zero(), Vec3::Zero(), Vec4(1.0, 0.0, 0.0, 0.0));
 }
 
-void Controller::reset(const Vec7& q, const Vec3& p_hold,
-                       const Vec4& quat_hold) noexcept {
+void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
+                       const Vec7& dq) noexcept {
   hold_at(p_hold, quat_hold);
   disturbance_.setZero();
+  weight_.setZero();
   dq_last_.setZero();
   tau_last_.setZero();
+  a_last_.setZero();
+  a0_last_.setZero();
+  staying_ = 0;
+  last_line_.reset();
+  is_at_rest_ = false;
   has_last_ = false;
-  has_start_ = is_configuration(q);
-  if (has_start_) update_model(q, Vec7::Zero());
+  has_start_ = is_configuration(q) && is_speed(dq);
+  if (!has_start_) return;
+  check_.reset(q, dq);
+  update_model(q, dq);
 }
 
 void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   has_hold_ = is_pose(p_hold, quat_hold);
   if (has_hold_) osc_.reset(p_hold, quat_hold);
+  has_posture_ = false;
 }
 
-/// r += beta (M ddq + h0 - u - r) over the interval that has just ended; terms_ and h_
-/// still hold that interval's model, and h0 = h_ + r.
+/// r += share (M ddq + h - u - r) over the interval that has just ended, whose model
+/// terms_ and h_ still hold. What one cycle adds is bounded: no sample throws the arm.
 void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
-  if (!has_last_ || limits_.beta == 0.0) return;
+  if (!has_last_ || limits_.estimate_rate == 0.0) return;
+  const bool is_ended = last_line_.cause() != EndCause::kNone;
+  const double rate =
+      is_ended ? std::min(kEndRate, limits_.estimate_rate) : limits_.estimate_rate;
+  const double share = 1.0 - std::exp(-rate * elapsed);
   const Vec7 change = dq - dq_last_;
   const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
-  disturbance_ +=
-      limits_.beta * (terms_.M * change / elapsed + h_ + viscous - tau_last_);
+  const Vec7 most = kLargestSurprise * limits_.tau_max;
+  const Vec7 lost =
+      terms_.M * change / elapsed + h_ + viscous - tau_last_ - disturbance_;
+  disturbance_ += share * lost.cwiseMax(-most).cwiseMin(most);
+  const Vec7 largest = kLargestEstimate * limits_.tau_max;
+  disturbance_ = disturbance_.cwiseMax(-largest).cwiseMin(largest);
   if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
+  weight_ += std::min(kWeightRate * elapsed, 1.0) * (disturbance_ - weight_);
 }
 
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
@@ -89,7 +137,11 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   terms_.M.diagonal() += limits_.armature;
   factor_.factor(terms_.M);
   Minv_ = factor_.inverse();
-  h_ = terms_.c + limits_.damping.cwiseProduct(dq) - disturbance_;
+  h_ = terms_.c + limits_.damping.cwiseProduct(dq);
+  push_.noalias() = Minv_ * disturbance_;
+  const Vec7 most = kLargestHeld * limits_.tau_max;
+  held_.noalias() = Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
+  push_x_.noalias() = terms_.J.topRows<3>() * push_;
   lo_ = -limits_.tau_max - tool_.g;
   hi_ = limits_.tau_max - tool_.g;
 }
@@ -98,7 +150,8 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
     const Interval joint = not_empty(
         acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
-                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_),
+                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_,
+                            push_[i]),
         dq[i]);
     bounds_.lb[i] = joint.lb;
     bounds_.ub[i] = joint.ub;
@@ -110,7 +163,8 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
     const double speed = tool_.twist[i];
     const Interval wall = not_empty(
         acceleration_bounds(tool_.p[i], speed, limits_.x_min[i], limits_.x_max[i],
-                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_),
+                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_,
+                            push_x_[i]),
         speed);
     bounds_.cl[i] = wall.lb;
     bounds_.cu[i] = wall.ub;
@@ -168,6 +222,12 @@ double Controller::near_speed(int axis, const Target& target) const noexcept {
   return std::sqrt(limits_.dx_near * limits_.dx_near + 2.0 * brake * room);
 }
 
+/// `under_push` of a limit that nothing is held against at.
+double Controller::below(double limit, double push, double speed) const noexcept {
+  if (!limits_.passive) return limit - push;
+  return under_push(limit, push, speed, 0.0, limits_.brake_rate);
+}
+
 /// Asks the tool for no more than its limits allow. The QP, which knows no axes but the
 /// limited one, would pay for the rest with the other axes and the rotation; and near
 /// contact its interval is too short for a loop with delay.
@@ -182,8 +242,11 @@ void Controller::keep_inside(const Target& target, Vec6& f_star,
   for (int i = 0; i < 3; ++i) {
     if (osc_.task()[i] == AxisMode::kFree) continue;
     const double near = near_speed(i, target);
-    double low = (-near - tool_.twist[i]) / kNearTime;
-    double high = (near - tool_.twist[i]) / kNearTime;
+    const double speed = tool_.twist[i];
+    const double push = push_x_[i] + target.f_tare[i];  // weight is held already
+    const double tare = target.f_tare[i];
+    double high = below((near - speed) / kNearTime, push, speed) + tare;
+    double low = -below((near + speed) / kNearTime, -push, -speed) + tare;
     const std::uint8_t axis = bit(i);
     if (f_star[i] > high - drift[i] || f_star[i] < low - drift[i]) {
       result.flags.wall_velocity |= axis;
@@ -207,7 +270,8 @@ void Controller::limit_by_qp(StepResult& result) noexcept {
   const QpResult qp =
       solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc, djc, bounds_.cl,
                 bounds_.cu, h_, lo_, hi_, limits_.rho});
-  result.a = qp.a;
+  result.a = qp.a + push_;
+  result.a0 += push_;
   result.tau = qp.tau;
   result.flags.torque = qp.torque;
   result.flags.wall_displaced = qp.wall_displaced;
@@ -234,12 +298,13 @@ void Controller::limit_by_cascade(StepResult& result) noexcept {
   result.flags.qp_early = !joints.ok;
   const Vec7 a_safe = Vec7::Zero().cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   const TorqueBlend blend = blend_torque(joints.a, a_safe, terms_.M, h_, lo_, hi_);
-  result.a = blend.a;
+  result.a = blend.a + push_;
+  result.a0 += push_;
   result.tau = blend.tau;
   result.flags.torque = blend.limited;
   result.flags.unsafe = blend.unsafe;
   if (!limits_.walls) return;
-  const Vec3 ddx = Jc * result.a + djc;
+  const Vec3 ddx = Jc * blend.a + djc;
   for (int i = 0; i < 3; ++i) {
     if (ddx[i] > bounds_.cu[i] + kWallTolerance ||
         ddx[i] < bounds_.cl[i] - kWallTolerance) {
@@ -269,41 +334,59 @@ StepResult Controller::hold(const Vec7& a, const Vec7& h) const noexcept {
   return result;
 }
 
-/// Without a measurement: slow down along the last known motion, as the model predicts
-/// it, until the arm rests; then the torque is zero and gravity compensation holds it.
-StepResult Controller::brake_blindly() noexcept {
-  const StepResult result = hold(braking(), limits_.damping.cwiseProduct(dq_last_));
-  dq_last_ += period_ * result.a;
-  has_last_ = false;
-  return result;
-}
-
-/// With one: slow down inside the joints' limits, against what pushes.
+/// Slow down inside the joints' limits, against what pushes.
 StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 a = braking().cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  const StepResult result = hold(a, h_);
+  const Vec7 asked = (braking() - held_).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const StepResult result = hold(asked + push_, bias());
+  a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
   has_last_ = true;
   return result;
 }
 
+/// Springs to where the tool came to rest, on force axes that are asked for nothing.
+void Controller::stay(const Target& target, Vec6& f_star) noexcept {
+  for (int i = 0; i < 3; ++i) {
+    const std::uint8_t axis = bit(i);
+    if (!(target.stay & axis) || osc_.task()[i] != AxisMode::kForce) {
+      staying_ &= ~static_cast<unsigned>(axis);
+      continue;
+    }
+    if (!(staying_ & axis)) {
+      anchor_[i] = tool_.p[i];
+      if (std::abs(tool_.twist[i]) < kStaySpeed) staying_ |= axis;
+    }
+    const double error = std::clamp(anchor_[i] - tool_.p[i], -kStayError, kStayError);
+    f_star[i] += osc_.params().stiffness[i] * error;
+  }
+}
+
 /// a0 = M^-1 (u0 - h)
-void Controller::follow_task(const Vec7& dq, const Target& target,
+void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target,
                              StepResult& result) noexcept {
+  if (!has_posture_) posture_ = q;
+  has_posture_ = true;
   Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
+  stay(target, f_star);
+  const Vec3 asked = f_star.head<3>();
   if (limits_.walls) keep_inside(target, f_star, result);
-  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star, task_terms_);
+  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star,
+                osc_.posture_acceleration(q, posture_), task_terms_);
+  const Vec3 cut = f_star.head<3>() - asked;
+  limiter_power_ =
+      (task_terms_.Lambda.topLeftCorner<3, 3>() * cut).dot(tool_.twist.head<3>());
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
 }
 
 /// a0 = K (q_d - q) - D dq, each joint inside its own interval: one that cannot follow
-/// must not draw the others along.
+/// must not draw the others along. What pushes is held against.
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
-  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d);
+  has_posture_ = false;
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held_;
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
@@ -316,33 +399,41 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
                  true};
 }
 
-StepResult Controller::step(const Vec7& q, const Vec7& dq, const Target& target,
-                            double elapsed) noexcept {
-  if (!is_configuration(q) || !is_speed(dq)) {
-    chain_.tool_motion(q, dq, tool_);  // for the log; braking does not look at it
-    return brake_blindly();
+/// Held where the motion ended, softly: what it was about is not known here.
+void Controller::follow_end(const Vec7& q, const Vec7& dq,
+                            StepResult& result) noexcept {
+  if (!is_at_rest_) {
+    q_end_ = q;
+    is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
-  const bool is_time = std::isfinite(elapsed);
-  update_disturbance(dq, is_time && elapsed > kShortestTime ? elapsed : period_);
-  if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time) return brake(q, dq);
-  update_model(q, dq);
-  update_bounds(q, dq);
+  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held_;
+  result = StepResult{};
+  result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  has_posture_ = false;
+}
 
-  StepResult result;
-  if (target.joint) {
-    follow_joints(q, dq, target, result);
-  } else {
-    follow_task(dq, target, result);
-  }
+void Controller::limit(StepResult& result) noexcept {
   if (limits_.scheme == Scheme::kQp) {
     limit_by_qp(result);
   } else {
     limit_by_cascade(result);
   }
-  if (!is_finite(result)) {
-    disturbance_.setZero();  // where it could stay
-    return brake(q, dq);
-  }
+}
+
+/// Shows the cycle to the last line: what a new Target changes is explained by it.
+bool Controller::is_explained(const Target& target, const Vec7& dq,
+                              const StepResult& result, double elapsed) noexcept {
+  const bool is_new = !has_last_ || !is_same(target, target_last_);
+  target_last_ = target;
+  const Vec7 explained = is_new ? Vec7(result.a0 - a0_last_) : Vec7(Vec7::Zero());
+  // Less braking than was asked for is no drive: the arm must be driven, too.
+  const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
+  const double driven = dq.dot(result.tau - h_);
+  const double power = target.joint ? 0.0 : std::min(added, driven);
+  return !last_line_.check({dq, explained, power, elapsed});
+}
+
+StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
   const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
   if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
     result.flags.unsafe = true;
@@ -351,7 +442,56 @@ StepResult Controller::step(const Vec7& q, const Vec7& dq, const Target& target,
   result.flags.displaced = (result.a - result.a0).norm();
   dq_last_ = dq;
   tau_last_ = result.tau;
+  a_last_ = result.a;
+  a0_last_ = result.a0;
   has_last_ = true;
+  return result;
+}
+
+StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
+                            const Target& target, double elapsed) noexcept {
+  const bool is_time = std::isfinite(elapsed) && elapsed < kLongestTime;
+  const double since = is_time && elapsed > kShortestTime ? elapsed : period_;
+  check_.take(q_measured, dq_measured, a_last_, terms_.M.diagonal(), since);
+  const Vec7& q = check_.q();
+  const Vec7& dq = check_.dq();
+  const bool is_number = is_configuration(q_measured) && is_speed(dq_measured);
+  const bool is_believed = check_.implausible() == 0;
+  const bool is_ended = last_line_.cause() != EndCause::kNone;
+  if (is_believed) update_disturbance(dq, since);
+  StepResult result;
+  if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time ||
+      check_.implausible() > 1) {
+    result = brake(q, dq);
+  } else {
+    update_model(q, dq);
+    update_bounds(q, dq);
+    if (is_ended) {
+      follow_end(q, dq, result);
+    } else if (target.joint) {
+      follow_joints(q, dq, target, result);
+    } else {
+      follow_task(q, dq, target, result);
+    }
+    limit(result);
+    if (!is_finite(result)) {
+      disturbance_.setZero();  // where it could stay
+      result = brake(q, dq);
+    } else {
+      if (!is_ended && !is_explained(target, dq, result, since)) {
+        disturbance_ = weight_;
+        is_at_rest_ = false;
+        update_model(q, dq);
+        update_bounds(q, dq);
+        follow_end(q, dq, result);
+        limit(result);
+      }
+      result = finish(dq, result);
+    }
+  }
+  result.flags.implausible = !is_believed;
+  result.flags.bad_input = result.flags.bad_input || !is_number;
+  result.flags.ended = last_line_.cause() != EndCause::kNone;
   return result;
 }
 

@@ -3,6 +3,7 @@
 #include <dlfcn.h>
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
@@ -65,7 +66,11 @@ void MujocoLoop::reset() noexcept {
   channel_.reset();
   force_.setZero();
   peak_.setZero();
+  tau_held_.setZero();
+  elapsed_ = 0.0;
   measure();
+  past_q_.fill(q_);
+  past_dq_.fill(dq_);
 }
 
 void MujocoLoop::measure() noexcept {
@@ -114,8 +119,17 @@ void MujocoLoop::apply(const Vec7& tau, int steps) {
     if (compensate_gravity_) {
       applied += nominal_.gravity(Eigen::Map<const Vec7>(data_->qpos));
     }
+    if (probe_ != nullptr) {
+      Eigen::Map<Vec3>(data_->xfrc_applied + std::ptrdiff_t{6} * probe_body_) =
+          probe_->force(Eigen::Map<const Vec7>(data_->qpos),
+                        Eigen::Map<const Vec7>(data_->qvel));
+    }
     step_(model_, data_);
     sum_contact_force();
+    if (probe_ != nullptr) {
+      probe_->look(Eigen::Map<const Vec7>(data_->qpos),
+                   Eigen::Map<const Vec7>(data_->qvel), force_, h);
+    }
     const double size = force_.squaredNorm();
     if (size > largest) {
       largest = size;
@@ -126,23 +140,64 @@ void MujocoLoop::apply(const Vec7& tau, int steps) {
   measure();
 }
 
+void MujocoLoop::begin_row(RowWriter& row, const Vec7& tau,
+                           const ToolMotion& motion) const noexcept {
+  row.put_number(data_->time);
+  row.put(q_);
+  row.put(dq_);
+  row.put(tau);
+  row.put(motion.p);
+  row.put(quat_wxyz(motion.R));
+  row.put(motion.twist);
+}
+
 void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
                      int steps, double* log) {
+  Target held = target;
   for (int i = 0; i < cycles; ++i) {
-    const StepResult result = controller.step(q_, dq_, target);
-    const ToolMotion& motion = controller.tool();
+    const StepResult result = controller.step(q_, dq_, held);
+    held.age += controller.period();
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
-    row.put_number(data_->time);
-    row.put(q_);
-    row.put(dq_);
-    row.put(result.tau);
-    row.put(motion.p);
-    row.put(quat_wxyz(motion.R));
-    row.put(motion.twist);
+    begin_row(row, result.tau, controller.tool());
     apply(result.tau, steps);
     row.put(peak_);
     row.put(target.f_star.head<3>());
     row.put_number(static_cast<double>(pack_flags(result.flags)));
+  }
+}
+
+void MujocoLoop::remember() noexcept {
+  past_head_ = (past_head_ + 1) % past_q_.size();
+  past_q_[past_head_] = q_;
+  past_dq_[past_head_] = dq_;
+}
+
+void MujocoLoop::run_faulty(Controller& controller, const Target& target, int cycles,
+                            int steps, const std::int8_t* faults, double* log) {
+  for (int i = 0; i < cycles; ++i) {
+    const int fault = faults[i];
+    remember();
+    Flags flags;
+    if (fault < 0) {
+      if (fault == kLost) elapsed_ += controller.period();
+    } else {
+      const std::size_t age = std::min(fault, kOldest);
+      const std::size_t at = (past_head_ + past_q_.size() - age) % past_q_.size();
+      const StepResult result = controller.step(past_q_[at], past_dq_[at], target,
+                                                controller.period() + elapsed_);
+      elapsed_ = 0.0;
+      tau_held_ = result.tau;
+      flags = result.flags;
+      if (probe_ != nullptr) {
+        probe_->command(result.tau + nominal_.gravity(past_q_[at]), flags);
+      }
+    }
+    RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
+    begin_row(row, tau_held_, controller.tool());
+    apply(tau_held_, steps);
+    row.put(peak_);
+    row.put(target.f_star.head<3>());
+    row.put_number(static_cast<double>(pack_flags(flags)));
   }
 }
 

@@ -10,11 +10,19 @@ namespace {
 
 using Eigen::Quaterniond;
 
+constexpr double kLargestPosture = 2.0;  // way back to a posture that is used [rad]
+constexpr TaskSpec kNoFreeAxis{AxisMode::kForce, AxisMode::kForce, AxisMode::kForce,
+                               AxisMode::kForce, AxisMode::kForce, AxisMode::kForce};
+
 /// delta = swing * twist, the twist about world z, the swing's axis level.
 struct SwingTwist {
   Quaterniond twist = Quaterniond::Identity();
   Vec3 swing = Vec3::Zero();  // rotation vector [rad], z component zero
 };
+
+Quaterniond quaternion(const Vec4& wxyz) noexcept {
+  return Quaterniond(wxyz[0], wxyz[1], wxyz[2], wxyz[3]);
+}
 
 Vec3 rotation_vector(Quaterniond quat) noexcept {
   if (quat.w() < 0.0) quat.coeffs() = -quat.coeffs();
@@ -74,6 +82,20 @@ double twist_about_z(const Mat3& R) noexcept {
   return std::remainder(2.0 * std::atan2(quat.z(), quat.w()), 2.0 * M_PI);
 }
 
+DesiredMotion desired_motion(const Target& target) noexcept {
+  const double t = std::min(target.age, kPathTime);
+  const Vec6 way = t * target.velocity_d + (0.5 * t * t) * target.acceleration_d;
+  const Quaterniond quat =
+      rotation_from_vector(way.tail<3>()) * quaternion(target.quat_wxyz_d);
+  DesiredMotion motion{target.position_d + way.head<3>(),
+                       Vec4(quat.w(), quat.x(), quat.y(), quat.z()), Vec6::Zero(),
+                       Vec6::Zero()};
+  if (target.age >= kPathTime) return motion;
+  motion.velocity = target.velocity_d + t * target.acceleration_d;
+  motion.acceleration = target.acceleration_d;
+  return motion;
+}
+
 OperationalSpace::OperationalSpace(const OscParams& params,
                                    const TaskSpec& task) noexcept
     : params_(params), task_(task) {
@@ -84,20 +106,18 @@ OperationalSpace::OperationalSpace(const OscParams& params,
     damping_[i] = is_impedance(task[i])
                       ? 2.0 * params.damping_ratio[i] * std::sqrt(params.stiffness[i])
                       : params.force_damping[i];
+    has_free_ = has_free_ || task[i] == AxisMode::kFree;
   }
 }
 
 void OperationalSpace::reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   p_hold_ = p_hold;
-  R_hold_ = Quaterniond(quat_hold[0], quat_hold[1], quat_hold[2], quat_hold[3])
-                .normalized()
-                .toRotationMatrix();
+  R_hold_ = quaternion(quat_hold).normalized().toRotationMatrix();
 }
 
 Mat3 OperationalSpace::desired_rotation(const Mat3& R,
-                                        const Target& target) const noexcept {
-  const Vec4& d = target.quat_wxyz_d;
-  const Quaterniond quat_d = Quaterniond(d[0], d[1], d[2], d[3]).normalized();
+                                        const Vec4& quat_wxyz) const noexcept {
+  const Quaterniond quat_d = quaternion(quat_wxyz).normalized();
   const Quaterniond quat_hold(R_hold_);
   const SwingTwist wanted = split_about_z(quat_d * quat_hold.conjugate());
   const SwingTwist measured = split_about_z(Quaterniond(R) * quat_hold.conjugate());
@@ -116,13 +136,15 @@ Mat3 OperationalSpace::desired_rotation(const Mat3& R,
 Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
                                             const Vec6& twist,
                                             const Target& target) const noexcept {
+  const DesiredMotion wanted = desired_motion(target);
   Vec6 error = Vec6::Zero();
   for (int i = 0; i < 3; ++i) {
-    if (task_[i] == AxisMode::kPose) error[i] = target.position_d[i] - p[i];
+    if (task_[i] == AxisMode::kPose) error[i] = wanted.position[i] - p[i];
     if (task_[i] == AxisMode::kHold) error[i] = p_hold_[i] - p[i];
   }
   if (is_impedance(task_[3]) || is_impedance(task_[4]) || is_impedance(task_[5])) {
-    const Vec3 e = rotation_vector(desired_rotation(R, target) * R.transpose());
+    const Vec3 e =
+        rotation_vector(desired_rotation(R, wanted.quat_wxyz) * R.transpose());
     for (int i = 0; i < 3; ++i) {
       if (is_impedance(task_[3 + i])) error[3 + i] = e[i];
     }
@@ -134,9 +156,12 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
   for (int i = 0; i < 6; ++i) {
     if (task_[i] == AxisMode::kFree) continue;
     const double limit = i < 3 ? params_.f_clamp_linear : params_.f_clamp_angular;
+    const bool is_path = task_[i] != AxisMode::kHold;  // what is held stands still
+    const double velocity = is_path ? wanted.velocity[i] : 0.0;
+    const double acceleration = is_path ? wanted.acceleration[i] : 0.0;
     const double drive = params_.stiffness[i] * error[i] +  // error 0 on force axes
-                         std::clamp(target.f_star[i], -limit, limit);
-    f[i] = std::clamp(drive - damping_[i] * twist[i], -limit, limit);
+                         std::clamp(target.f_star[i], -limit, limit) + acceleration;
+    f[i] = std::clamp(drive - damping_[i] * (twist[i] - velocity), -limit, limit);
   }
   return f;
 }
@@ -148,40 +173,62 @@ Vec7 OperationalSpace::joint_acceleration(const Vec7& q, const Vec7& dq,
   return K * (q_d - q) - D * dq;
 }
 
-void OperationalSpace::evaluate(const ChainTerms& terms, const Mat7& M,
-                                const Cholesky<7>& M_factor, const Vec7& dq,
-                                const Vec6& f_star, OscTerms& out) const noexcept {
-  out.J.noalias() = scale_.asDiagonal() * terms.J;
-  out.f = scale_.cwiseProduct(f_star);
-  if (params_.use_jdot) out.f -= scale_.cwiseProduct(terms.dJdq);
+Vec7 OperationalSpace::posture_acceleration(const Vec7& q,
+                                            const Vec7& q_d) const noexcept {
+  Vec7 error = q_d - q;
+  clamp_norm(error, kLargestPosture);
+  return params_.posture_stiffness * error;
+}
 
+/// Lambda of J with zero rows for free axes; true where no eigenvalue was faded.
+bool OperationalSpace::task_inertia(const Mat67& J, const Cholesky<7>& M_factor,
+                                    const TaskSpec& task, Mat6& Lambda) const noexcept {
   // A = Y^T Y with Y = L^-1 J^T. Free rows are zero: a one on the diagonal keeps A
   // regular and decouples them.
-  Eigen::Matrix<double, 7, 6> Y = out.J.transpose();
+  Eigen::Matrix<double, 7, 6> Y = J.transpose();
   M_factor.solve_lower(Y);
   Mat6 A;
   A.noalias() = Y.transpose() * Y;
   double free_rows = 0.0;
   for (int i = 0; i < 6; ++i) {
-    if (task_[i] != AxisMode::kFree) continue;
+    if (task[i] != AxisMode::kFree) continue;
     A(i, i) = 1.0;
     free_rows += 1.0;
   }
   Cholesky<6> A_factor;
-  out.exact = A_factor.factor(A);
-  if (out.exact) {
-    out.Lambda = A_factor.inverse();
+  bool exact = A_factor.factor(A);
+  if (exact) {
+    Lambda = A_factor.inverse();
     // |A^-1|_F <= 1/s0: every eigenvalue is at least s0
-    const double s0 = params_.s0;
-    out.exact = (out.Lambda.squaredNorm() - free_rows) * s0 * s0 <= 1.0;
+    exact = (Lambda.squaredNorm() - free_rows) * params_.s0 * params_.s0 <= 1.0;
   }
-  if (!out.exact) out.Lambda = faded_inverse(A, params_.s0);
+  if (!exact) Lambda = faded_inverse(A, params_.s0);
   for (int i = 0; i < 6; ++i) {
-    if (task_[i] == AxisMode::kFree) out.Lambda(i, i) = 0.0;
+    if (task[i] == AxisMode::kFree) Lambda(i, i) = 0.0;
   }
+  return exact;
+}
 
-  const Vec6 task_force = out.Lambda * (out.f + params_.k_null * (out.J * dq));
-  out.u0.noalias() = out.J.transpose() * task_force - params_.k_null * (M * dq);
+void OperationalSpace::evaluate(const ChainTerms& terms, const Mat7& M,
+                                const Cholesky<7>& M_factor, const Vec7& dq,
+                                const Vec6& f_star, const Vec7& posture,
+                                OscTerms& out) const noexcept {
+  out.J.noalias() = scale_.asDiagonal() * terms.J;
+  out.f = scale_.cwiseProduct(f_star);
+  if (params_.use_jdot) out.f -= scale_.cwiseProduct(terms.dJdq);
+  out.exact = task_inertia(out.J, M_factor, task_, out.Lambda);
+
+  Vec7 null = -params_.k_null * dq;
+  if (!has_free_) null += posture;
+  const Vec6 task_force = out.Lambda * (out.f - out.J * null);
+  out.u0.noalias() = out.J.transpose() * task_force + M * null;
+  if (has_free_ && params_.posture_stiffness > 0.0) {
+    Mat67 J = terms.J;
+    J.bottomRows<3>() *= params_.length_scale;
+    Mat6 Lambda;
+    task_inertia(J, M_factor, kNoFreeAxis, Lambda);
+    out.u0 += M * posture - J.transpose() * (Lambda * (J * posture)).eval();
+  }
   if (params_.use_coriolis) out.u0 += terms.c;
 }
 

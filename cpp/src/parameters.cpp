@@ -27,7 +27,7 @@ constexpr Range kAnyFinite{-kInfinity, kInfinity, true, "a finite number"};
 constexpr Range kPositive{0.0, kInfinity, true, "a finite number above 0"};
 constexpr Range kNotNegative{0.0, kInfinity, false, "a finite number, 0 or above"};
 constexpr Range kShare{0.0, 1.0, true, "above 0 and at most 1"};
-constexpr Range kGain{0.0, 1.0, false, "0 to 1"};
+constexpr Range kRate{0.0, 1e3, false, "0 to 1000"};
 constexpr Range kAngle{-kLargestAngle, kLargestAngle, false, "-1000 to 1000 rad"};
 constexpr Range kSpeed{-kLargestSpeed, kLargestSpeed, false, "-1000 to 1000 rad/s"};
 constexpr Range kTarget{-kLargestTarget, kLargestTarget, false, "-1e9 to 1e9"};
@@ -127,6 +127,7 @@ void check_osc(const OscParams& osc) {
   require("f_clamp_linear", osc.f_clamp_linear, "m/s2", kPositive);
   require("f_clamp_angular", osc.f_clamp_angular, "rad/s2", kPositive);
   require("k_null", osc.k_null, "1/s", kNotNegative);
+  require("posture_stiffness", osc.posture_stiffness, "1/s2", kNotNegative);
   require("length_scale", osc.length_scale, "m/rad", kPositive);
   require("s0", osc.s0, "1/kg", kPositive);
   require("joint_stiffness", osc.joint_stiffness, "1/s2", kNotNegative);
@@ -144,7 +145,9 @@ void check_limits(const LimitParams& limits) {
   require("delta_q", limits.delta_q, "rad", kNotNegative);
   require("delta_v", limits.delta_v, "", {0.0, 0.99, false, "0 to 0.99"});
   require_order("q_min", limits.q_min, "q_max", limits.q_max, limits.delta_q, "rad");
-  require("beta", limits.beta, "", kGain);
+  require("estimate_rate", limits.estimate_rate, "1/s", kRate);
+  require("brake_rate", limits.brake_rate, "1/s", kRate);
+  require("authority", limits.authority, "", {1.0, 100.0, false, "1 to 100"});
   require_each("damping", limits.damping, "Nms/rad", kNotNegative);
   require_each("armature", limits.armature, "kg m2", kNotNegative);
   require("s0_wall", limits.s0_wall, "1/kg", kPositive);
@@ -187,8 +190,12 @@ void check_hold(const Vec3& p_hold, const Vec4& quat_hold) {
 
 void check_target(const Target& target) {
   require_each("f_star", target.f_star, "m/s2 or rad/s2", kTarget);
+  require_each("f_tare", target.f_tare, "m/s2 or rad/s2", kTarget);
   require_each("position_d", target.position_d, "m", kTarget);
   require_unit("quat_wxyz_d", target.quat_wxyz_d);
+  require_each("velocity_d", target.velocity_d, "m/s or rad/s", kTarget);
+  require_each("acceleration_d", target.acceleration_d, "m/s2 or rad/s2", kTarget);
+  require("age", target.age, "s", {0.0, kLargestTarget, false, "0 to 1e9 s"});
   require_each("q_d", target.q_d, "rad", kAngle);
   require_each("near_plane", Vec3(target.near_plane.head<3>()), "", kTarget);
   if (is_plane(target.near_plane)) return;

@@ -37,6 +37,11 @@ struct RowSet {
     tolerance = kTolerance + 1e-12 * problem.a0.cwiseAbs().maxCoeff();
   }
 
+  /// False where a row or a bound is NaN: it compares false, and would count as met.
+  [[nodiscard]] bool is_comparable() const noexcept {
+    return !(value.hasNaN() || lower.hasNaN() || upper.hasNaN());
+  }
+
   [[nodiscard]] bool is_inside() const noexcept {
     return ((value - upper).array() <= tolerance).all() &&
            ((lower - value).array() <= tolerance).all();
@@ -236,6 +241,16 @@ Vec7 clip(const Vec7& a, const QpProblem& problem) noexcept {
   return a.cwiseMax(problem.lb).cwiseMin(problem.ub);
 }
 
+/// clip(0) where a bound that is NaN is none; without that `cwiseMax` may hand it on.
+Vec7 rest(const QpProblem& problem) noexcept {
+  Vec7 a = Vec7::Zero();
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (problem.lb[i] > a[i]) a[i] = problem.lb[i];
+    if (problem.ub[i] < a[i]) a[i] = problem.ub[i];
+  }
+  return a;
+}
+
 /// The largest step from clip(0) towards `a`, both in the box, inside the torque rows.
 Vec7 safe_answer(const Vec7& a, const QpProblem& problem) noexcept {
   const Vec7 a_safe = clip(Vec7::Zero(), problem);
@@ -293,16 +308,17 @@ Outcome attempt(const QpProblem& problem, const RowSet& rows,
 
 QpResult solve_qp(const QpProblem& problem) noexcept {
   QpResult result;
-  if (!problem.a0.allFinite()) {
-    result.ok = false;
-    result.a = clip(Vec7::Zero(), problem);
-    report(problem, result);
-    return result;
-  }
   const RowSet rows(problem);
-  if (rows.is_inside()) {
+  const bool is_wish = problem.a0.allFinite();
+  if (is_wish && rows.is_inside()) {
     result.a = clip(problem.a0, problem);
     result.tau = problem.M * result.a + problem.h;
+    return result;
+  }
+  if (!is_wish || !rows.is_comparable()) {
+    result.ok = false;
+    result.a = rest(problem);
+    report(problem, result);
     return result;
   }
   if (attempt<12>(problem, rows, result) == Outcome::kInfeasible) {

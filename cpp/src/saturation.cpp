@@ -106,6 +106,22 @@ SaturationResult accumulate(const Vec7& a0, const Mat7& Minv, const Vec7& lb,
   }
 }
 
+/// False where something is NaN: it compares false, and would count as inside.
+bool is_comparable(const Vec7& a0, const Vec7& lb, const Vec7& ub) noexcept {
+  return !(a0.hasNaN() || lb.hasNaN() || ub.hasNaN());
+}
+
+/// What both stages answer then: 0 inside the bounds that are numbers.
+SaturationResult rest(const Vec7& lb, const Vec7& ub) noexcept {
+  SaturationResult result{Vec7::Zero()};
+  result.ok = false;
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (lb[i] > result.a[i]) result.a[i] = lb[i];
+    if (ub[i] < result.a[i]) result.a[i] = ub[i];
+  }
+  return result;
+}
+
 void clamp_result(const Vec7& lb, const Vec7& ub, SaturationResult& result) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
     result.a[i] = clamp_to(result.a[i], lb[i], ub[i]);
@@ -210,6 +226,7 @@ SaturationResult scs(const Vec7& a0, const Mat7& Minv, const Mat37& Jc, const Ve
 
 SaturationResult sjs(const Vec7& a0, const Mat7& Minv, const Vec7& lb,
                      const Vec7& ub) noexcept {
+  if (!is_comparable(a0, lb, ub)) return rest(lb, ub);
   HeldJoints held;
   SaturationResult result = accumulate(a0, Minv, lb, ub, held);
   if (held.count > 0) clamp_result(lb, ub, result);
@@ -219,6 +236,7 @@ SaturationResult sjs(const Vec7& a0, const Mat7& Minv, const Vec7& lb,
 
 SaturationResult sjs_exact(const Vec7& a0, const Mat7& Minv, const Vec7& lb,
                            const Vec7& ub) noexcept {
+  if (!is_comparable(a0, lb, ub)) return rest(lb, ub);
   HeldJoints held;
   SaturationResult result = accumulate(a0, Minv, lb, ub, held);
   if (held.count == 0) {

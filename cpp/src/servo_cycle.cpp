@@ -264,7 +264,9 @@ Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
   state_.is_held = verdict != Verdict::kFollow;
   if (verdict == Verdict::kFollow) {
     state_.is_at_rest = false;
-    return order.target;
+    Target followed = order.target;
+    followed.age += target_age_;
+    return followed;
   }
   if (!state_.is_at_rest && is_configuration(state_.q)) {
     q_hold_ = state_.q;

@@ -113,9 +113,22 @@ BOOST_AUTO_TEST_CASE(a_bad_element_of_a_target_is_a_damped_hold) {
     for (const bool is_joint : {false, true}) {
       spoil(at_rest, &Target::f_star, is_joint);
       spoil(at_rest, &Target::position_d, is_joint);
+      spoil(at_rest, &Target::velocity_d, is_joint);
+      spoil(at_rest, &Target::acceleration_d, is_joint);
       spoil(at_rest, &Target::q_d, is_joint);
       spoil(at_rest, &Target::near_plane, is_joint);
       spoil(at_rest, &Target::quat_wxyz_d, is_joint);
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_bad_age_of_a_target_is_a_damped_hold) {
+  for (const Scheme scheme : kSchemes) {
+    Controller at_rest = controller(scheme);
+    for (const double bad : {kNaN, kInfinity, -kInfinity, -1e-9, 1e300}) {
+      Target wrong = target;
+      wrong.age = bad;
+      require_one_hold(at_rest, q, Vec7::Zero(), wrong);
     }
   }
 }

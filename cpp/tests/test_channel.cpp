@@ -32,14 +32,37 @@ BOOST_AUTO_TEST_CASE(an_ideal_channel_changes_nothing) {
   BOOST_TEST(dq == Vec7(-tau));
 }
 
-BOOST_AUTO_TEST_CASE(a_command_arrives_after_the_delay_rounded_to_steps) {
-  for (const double h : {0.001, 0.0025, 0.003}) {
+BOOST_AUTO_TEST_CASE(a_command_arrives_after_whole_steps_unchanged) {
+  for (const double h : {0.0001, 0.001, 0.0025, 0.005}) {
     Channel channel = make(0.005, 0.0);
     const int late = static_cast<int>(std::lround(0.005 / h));
     for (int k = 1; k <= 3000; ++k) {  // past the end of the ring, too
       const Vec7 received = channel.receive(Vec7::Constant(k), h);
       BOOST_REQUIRE_EQUAL(received[3], std::max(0, k - late));
     }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_ramp_is_late_by_the_delay_whatever_the_step) {
+  for (const double delay : {0.0004, 0.005, 0.0073, 0.1}) {
+    for (const double h : {0.0001, 0.001, 0.002, 0.0025}) {
+      Channel channel = make(delay, 0.0);
+      for (int k = 1; k <= 3000; ++k) {
+        const Vec7 received = channel.receive(Vec7::Constant(k * h), h);
+        if (k * h < delay + h) continue;  // some of it is from before the first
+        BOOST_REQUIRE_SMALL(received[3] - (k * h - delay), 1e-9);
+      }
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(the_impulse_of_a_jump_is_late_by_the_delay) {
+  for (const double h : {0.001, 0.002, 0.0025}) {
+    Channel channel = make(0.005, 0.0);
+    double impulse = 0.0;  // [Nms] of 1 Nm from time 0 to 60 ms
+    const int steps = static_cast<int>(std::lround(0.06 / h));
+    for (int k = 0; k < steps; ++k) impulse += h * channel.receive(Vec7::Ones(), h)[3];
+    BOOST_TEST(std::abs(impulse - (0.06 - 0.005)) < 1e-12);
   }
 }
 

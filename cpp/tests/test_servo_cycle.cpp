@@ -150,6 +150,39 @@ BOOST_AUTO_TEST_CASE(lost_messages_count_as_time) {
   BOOST_TEST(cycle.log().copy(0, 21, servo_columns().size(), rows.data()));
 }
 
+BOOST_AUTO_TEST_CASE(the_path_of_a_target_moves_on_with_the_time_of_its_cycles) {
+  const double rate = 0.5;  // [rad/s] about world z
+  const auto turned = [&](bool is_renewed) {
+    Loop loop;
+    loop.activate();
+    const Vec4 start = loop.order.target.quat_wxyz_d;
+    loop.order.target.velocity_d[5] = rate;
+    RigidPlant plant(chain, chain, {});
+    plant.reset(loop.cabinet.q, Vec7::Zero());
+    double age = 0.0;
+    for (int k = 0; k < 12; ++k) {
+      const int lost = k % 4 == 3 ? 1 : 0;
+      loop.lose(lost);
+      if (k > 0) age += kPeriod * (1 + lost);
+      if (is_renewed) {
+        const double half = 0.5 * rate * age;
+        const Eigen::Quaterniond turn(std::cos(half), 0.0, 0.0, std::sin(half));
+        const auto quat =
+            turn * Eigen::Quaterniond(start[0], start[1], start[2], start[3]);
+        loop.order.target.quat_wxyz_d << quat.w(), quat.x(), quat.y(), quat.z();
+        loop.new_target();
+      }
+      loop.cabinet.q = plant.q();
+      loop.exchange();
+      plant.apply(vector(*loop.command->tau), kPeriod);
+    }
+    return plant.q();
+  };
+  const Vec7 held = turned(false);
+  BOOST_TEST((held - cabinet.q).cwiseAbs().maxCoeff() > 0.01);
+  BOOST_TEST((held - turned(true)).norm() < 1e-9);
+}
+
 BOOST_AUTO_TEST_CASE(doubled_and_late_messages_change_nothing) {
   activate();
   exchange();

@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
+from dovetail.control.period import format_period
 
 LOOPBACK = "127.0.0.1"
 
@@ -30,12 +31,12 @@ def make_cabinet(plant, port, period, **settings):
 
 
 @contextmanager
-def lockstep_address(plant, **settings):
-    """Run a lockstep cabinet at 5 ms over the plant; yields its arm's address."""
+def lockstep_address(plant, *, period=0.005, **settings):
+    """Run a lockstep cabinet over the plant; yields its arm's address."""
     port = free_port()
-    with make_cabinet(plant, port, 0.005, clock="lockstep", **settings) as running:
+    with make_cabinet(plant, port, period, clock="lockstep", **settings) as running:
         yield (
-            f"fri://{LOOPBACK}:{port}?period=5ms&clock=lockstep"
+            f"fri://{LOOPBACK}:{port}?period={format_period(period)}&clock=lockstep"
             f"&control={running.control_address}"
         )
     plant.close()

@@ -11,11 +11,11 @@ from dovetail.arms.address import (
     is_simulated_here,
     parse_address,
     parse_endpoint,
-    parse_time,
     places_hole,
 )
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
+from dovetail.durations import parse_time
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.errors import ConfigError
@@ -101,7 +101,7 @@ def test_a_service_on_this_machine_needs_no_certificate():
     assert address == GrpcAddress(text=text, host="127.0.0.1", port=50051)
     assert parse_address("grpc://localhost").port == 50051
     assert parse_address("grpc://localhost?margins=model").margins == "model"
-    assert parse_address("grpc://localhost?period=1ms").period == 0.001
+    assert parse_address("grpc://localhost?period=2.5ms").period == 0.0025
 
 
 def test_certificates_are_files(tmp_path):
@@ -133,8 +133,9 @@ def test_certificates_are_files(tmp_path):
         ("fri://0.0.0.0?period=-1ms", "a number above 0"),
         ("fri://0.0.0.0?period=nanms", "a number above 0"),
         ("fri://0.0.0.0?period=infs", "a number above 0"),
-        ("fri://0.0.0.0?period=10ms", "10 ms; allowed: whole milliseconds, 1 to 5 ms"),
-        ("fri://0.0.0.0?period=1.5ms", "whole milliseconds"),
+        ("fri://0.0.0.0?period=10ms", "10 ms; allowed: 1, 2 and 5 ms; take 5ms"),
+        ("fri://0.0.0.0?period=3ms", "policy step of 50 ms is no multiple; allowed"),
+        ("fri://0.0.0.0?period=2.5ms", "2.5 ms, and FRI knows whole milliseconds"),
         ("fri://0.0.0.0?clock=cpu", "known: wall, lockstep"),
         ("fri://0.0.0.0?reset=place", "needs control=HOST:PORT"),
         ("fri://0.0.0.0?control=x", "give HOST:PORT"),
@@ -148,7 +149,7 @@ def test_certificates_are_files(tmp_path):
             "unknown keys: token; known keys: ca, cert, key, period, margins",
         ),
         ("grpc://a:1", "needs certificates"),
-        ("grpc://localhost?period=10ms", "allowed: whole milliseconds, 1 to 5 ms"),
+        ("grpc://localhost?period=10ms", "allowed: 1, 2, 2.5 and 5 ms; take 5ms"),
         ("grpc://a:1?cert=x", "gives cert without key"),
         ("grpc://a:1?ca=/nowhere", "arm ca '/nowhere' is no file"),
     ],

@@ -7,11 +7,11 @@ import pytest
 from dovetail.cabinet.config import (
     CabinetConfig,
     Endpoint,
-    parse_duration,
     parse_endpoint,
 )
 from dovetail.cabinet.protocol import IoDirection, IoType
 from dovetail.cabinet.signals import Signal, SignalTable, parse_signal
+from dovetail.durations import parse_duration
 from dovetail.errors import ConfigError
 
 

@@ -166,8 +166,11 @@ def test_osc_terms_refuses_by_element(controller, q_home, target):
         good = np.array(getattr(target, name))
         if good.dtype != float:
             continue
-        setattr(target, name, np.where(np.arange(len(good)) == 1, np.nan, good))
-        with pytest.raises(ValueError, match=rf"^{name}\[1\] is nan"):
+        element, where = (1, r"\[1\]") if good.ndim else ((), "")
+        bad = good.copy()
+        bad[element] = np.nan
+        setattr(target, name, bad)
+        with pytest.raises(ValueError, match=rf"^{name}{where} is nan"):
             controller.osc_terms(q_home, dq, target)
         setattr(target, name, good)
 

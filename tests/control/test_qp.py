@@ -94,3 +94,34 @@ def test_a_wish_that_is_no_number_gives_the_safe_answer(robot, rng, bad):
     result = _core.solve_qp(**p)
     assert not result.ok
     np.testing.assert_array_equal(result.a, np.clip(0.0, p["lb"], p["ub"]))
+
+
+@pytest.mark.parametrize("name", ["lb", "ub", "cl", "cu", "lo", "hi", "h", "djc", "Jc"])
+def test_a_bound_that_is_no_number_gives_the_safe_answer(robot, rng, name):
+    """A NaN compares false: a row with one counted as met, and ok said True."""
+    for p in random_problems(robot, rng, 50):
+        safe = np.clip(0.0, p["lb"], p["ub"])
+        array = p[name] = np.array(p[name])
+        array.flat[rng.integers(array.size)] = np.nan
+        if name in ("lb", "ub"):
+            safe = np.fmin(np.fmax(0.0, p["lb"]), p["ub"])
+        result = _core.solve_qp(**p)
+        assert not result.ok
+        np.testing.assert_array_equal(result.a, safe)
+
+
+@pytest.mark.parametrize("stage", ["sjs", "sjs_exact"])
+@pytest.mark.parametrize("name", ["a0", "lb", "ub"])
+def test_a_box_that_is_no_number_gives_rest(robot, rng, stage, name):
+    p = next(random_problems(robot, rng, 1))
+    box = {"a0": p["a0"], "lb": p["lb"], "ub": p["ub"]}
+    box[name][2] = np.nan
+    result = getattr(_core, stage)(Minv=np.linalg.inv(p["M"]), **box)
+    assert not result.ok
+    safe = np.fmin(np.fmax(0.0, box["lb"]), box["ub"])
+    np.testing.assert_array_equal(result.a, safe)
+
+
+def test_python_and_c_stop_after_the_same_number_of_changes():
+    """Python's default was 60 where the controller's is 100."""
+    assert "max_iter: int = 100" in str(_core.solve_qp.__doc__)

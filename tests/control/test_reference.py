@@ -31,6 +31,10 @@ def random_target(rng, robot, q, action):
         joint_mode=bool(rng.random() < 0.25),
         q_d=q + rng.normal(0.0, 0.02 * action, 7),
     )
+    if rng.random() < 0.5:
+        target.velocity_d = rng.normal(0.0, 0.3, 6)
+        target.acceleration_d = rng.normal(0.0, 0.1 * action, 6)
+        target.age = rng.uniform(0.0, 0.15)  # a path of 0.1 s, and beyond
     if rng.uniform() < 0.5:
         offset = normal @ pose.position + rng.normal(0.0, 0.01)
         target.near_plane = np.append(normal, offset)

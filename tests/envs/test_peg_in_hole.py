@@ -281,7 +281,7 @@ def test_the_walls_hold_every_start_and_hole(real):
             )
             for value in (np.nan, -1.0, largest)
         ),
-        ({"period": 0.5}, "control period is 0.5 s"),
+        ({"period": 0.5}, "control period is 500 ms; allowed: 1, 2, 2.5 and 5 ms"),
         ({"twin": "nice"}, "no twin 'nice'; shipped twins: "),
     ],
 )

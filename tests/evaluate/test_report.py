@@ -40,6 +40,7 @@ def report(rng):
     return Report(
         title="peg_square on twin <medium>",
         ground="twin medium (mujoco)",
+        period=0.005,
         rows=summarise(outcomes, ["A", "B"]),
         outcomes=outcomes,
         config={"tries": 1, "twin": "medium"},

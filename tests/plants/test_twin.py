@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig, TwinPlant, list_twins, load_twin
@@ -205,38 +205,29 @@ def test_a_description_is_text():
         replace(IDEAL, description=3)
 
 
-@pytest.mark.parametrize(
-    ("delay", "period", "is_shown"),
-    [
-        (0.0, 0.005, True),
-        (0.005, 0.005, True),
-        (0.0024, 0.005, True),
-        (0.001, 0.001, True),
-        (0.001, 0.005, False),
-        (0.0013, 0.005, False),
-        (0.0035, 0.005, False),
-    ],
-)
-def test_a_delay_that_physics_steps_do_not_show_is_refused(delay, period, is_shown):
-    twin = replace(IDEAL, command_delay=delay)
-    assert (
-        twin.with_whole_delay(period).command_delay == pytest.approx(delay, rel=0.2)
-        or not is_shown
-    )
-    if is_shown:
-        twin.require_delay(period)
-        return
-    with pytest.raises(ConfigError, match=r"whole physics steps of 2\.5 ms to within"):
-        PegInHoleEnv(twin=twin, period=period)
-
-
 @pytest.mark.parametrize("name", list_twins())
-@pytest.mark.parametrize("period", [0.001, 0.0025, 0.005])
-def test_the_shipped_twins_delays_are_simulated_as_they_are(name, period):
-    twin = load_twin(name)
-    assert twin.with_whole_delay(period).command_delay == pytest.approx(
-        twin.command_delay, abs=1e-12
-    )
+@pytest.mark.parametrize("period", PERIODS)
+def test_a_twins_delay_is_the_same_at_every_period(name, period):
+    """A torque that rises is late by the delay: so is the speed it gives."""
+    silent = {"torque_noise": 0.0, "velocity_noise": 0.0, "position_noise": 0.0}
+    free = {"coulomb": (0.0,) * 7, "gravity_residual": (0.0,) * 3}
+    twin = replace(load_twin(name), **silent, **free)
+
+    def gained(delay, slope):
+        """Return the speed of A7 after 50 ms of a torque that rises [rad/s]."""
+        moved = replace(twin, command_delay=delay, damping=(0.0,) * 7)
+        plant = TwinPlant(moved, SceneConfig())
+        plant.reset(Q_BENT, HOLE)
+        for k in range(round(0.05 / period)):
+            plant.apply(slope * period * (k + 0.5) * np.eye(7)[6], period)
+        return plant.read()[1][6]
+
+    def impulse(delay):
+        return gained(delay, 10.0) - gained(delay, 0.0)  # without the weight's part
+
+    late, delay = impulse(twin.command_delay), twin.command_delay
+    expected = (0.05 - delay) ** 2 / 0.05**2  # the integral of a ramp
+    assert late / impulse(0.0) == pytest.approx(expected, abs=2e-3)
 
 
 def test_unknown_twin_lists_the_shipped_ones():

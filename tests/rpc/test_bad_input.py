@@ -11,7 +11,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.messages import write_pose
 from dovetail.rpc.settings import Settings, write_settings
-from dovetail.rpc.version import own_version
+from dovetail.rpc.version import PROTOCOL, own_version
 
 from .conftest import HOLE, refused
 
@@ -74,6 +74,10 @@ def setting(message, name):
         ("target.near_plane[nx]", "near_plane", [-INF, 0.0, 0.0, 0.0]),
         ("target.near_plane[offset]", "near_plane", [0.0, 0.0, 1.0, INF]),
         ("target.near_plane[offset]", "near_plane", [0.0, 0.0, 1.0, NAN]),
+        ("target.velocity_d", "velocity_d", [0.0] * 5),
+        ("target.velocity_d[C]", "velocity_d", [0.0] * 3 + [INF] + [0.0] * 2),
+        ("target.acceleration_d", "acceleration_d", [0.0] * 7),
+        ("target.acceleration_d[X]", "acceleration_d", [NAN] + [0.0] * 5),
         ("target.q_d", "q_d", [0.0] * 6),
         ("target.q_d[A7]", "q_d", [0.0] * 6 + [NAN]),
     ],
@@ -83,6 +87,13 @@ def test_wrong_targets(ready, builder, step_request, path, name, values):
     problem = refused(ready.step, step_request)
     assert paths(problem) == [path]
     assert path in problem.text
+    assert "step" not in builder.arm.calls
+
+
+@pytest.mark.parametrize("age", [-1e-3, NAN, INF, 2e9])
+def test_wrong_ages(ready, builder, step_request, age):
+    step_request.target.age = age
+    assert paths(refused(ready.step, step_request)) == ["target.age"]
     assert "step" not in builder.arm.calls
 
 
@@ -263,7 +274,7 @@ def test_an_error_in_the_stream_does_not_end_it(ready, builder, step_request, le
     ],
 )
 def test_another_version_is_refused_naming_both(stub, name, message):
-    for protocol, package in ((0, ""), (2, "9.9.9")):
+    for protocol, package in ((0, ""), (PROTOCOL + 1, "9.9.9")):
         request = message(version=pb.Version(protocol=protocol, package=package))
         text = refused(getattr(stub, name), request).text
         assert f"client speaks protocol {protocol} (dovetail {package}" in text

@@ -72,11 +72,11 @@ def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
 def test_everything_of_a_target_arrives(joint_mode, rng):
     target = _core.Target()
     names = [name for name in dir(target) if not name.startswith("_")]
-    for name in set(names) - {"joint_mode"}:
+    for name in set(names) - {"joint_mode", "age"}:
         setattr(target, name, rng.normal(size=getattr(target, name).shape))
     target.quat_wxyz_d = TOOL_DOWN
     target.near_plane = np.array([0.6, 0.0, 0.8, rng.normal()])
-    target.joint_mode = joint_mode
+    target.joint_mode, target.age = joint_mode, 0.03
     if not joint_mode:
         target.q_d = np.zeros(7)  # not used, not sent
     message, fields = pb.Target(), FieldReader()
@@ -256,14 +256,14 @@ def test_a_service_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr(version, "PROTOCOL", 7)
     own = version.own_version()
     monkeypatch.setattr("dovetail.rpc.client.own_version", lambda: own)
-    monkeypatch.setattr(version, "PROTOCOL", 1)
-    with pytest.raises(ConfigError, match=r"client speaks protocol 7 .*speaks 1 \("):
+    monkeypatch.setattr(version, "PROTOCOL", 2)
+    with pytest.raises(ConfigError, match=r"client speaks protocol 7 .*speaks 2 \("):
         connect(server)
 
 
 def test_a_learner_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr("dovetail.rpc.client.require_version", refuse_as_client)
-    with pytest.raises(ConfigError, match=r"service speaks protocol 1 .*speaks 7"):
+    with pytest.raises(ConfigError, match=r"service speaks protocol 2 .*speaks 7"):
         connect(server)
 
 

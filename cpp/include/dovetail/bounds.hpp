@@ -25,6 +25,11 @@ struct BoundsParams {
   double eta = 0.6;      ///< share of a_max planned for braking, (0, 1]
   double delta_x = 0.0;  ///< position margin [rad] or [m]
   double delta_v = 0.0;  ///< speed margin, as a share of v_max
+  /// Most that may brake what is beyond its limit already, over a_max, >= 1.
+  double authority = 1.0;
+  /// Against a push the bound only brakes (docs/control.md, Passive limits).
+  bool passive = true;
+  double brake_rate = 60.0;  ///< of that braking [1/s]: what the loop's delay allows
 };
 
 /// Accelerations lb <= a <= ub [rad/s2] or [m/s2]. Always lb <= ub, except
@@ -36,8 +41,9 @@ struct Interval {
   BoundCause ub_cause = BoundCause::kAcceleration;
 };
 
-/// Largest and smallest acceleration, held for one period, from which the
+/// Largest and smallest acceleration that may be asked for, so that with the push the
 /// coordinate can still stop inside its limits.
+/// \param push            estimated acceleration by what the model does not know
 /// \param x, v            position [rad, m] and speed
 /// \param x_min, x_max    position limits, margin not yet taken off
 /// \param v_max, a_max    speed and acceleration limits, both > 0
@@ -45,6 +51,17 @@ struct Interval {
 /// or bounds of the wrong side: reject them before.
 [[nodiscard]] Interval acceleration_bounds(double x, double v, double x_min,
                                            double x_max, double v_max, double a_max,
-                                           const BoundsParams& params) noexcept;
+                                           const BoundsParams& params,
+                                           double push = 0.0) noexcept;
+
+/// The most that may be asked for below `limit`, which bounds the sum with the push.
+///
+/// A push away from the limit leaves more room. One towards it takes room, but only as
+/// braking: never below `-brake_rate v`, and at rest only by the share of the push that
+/// `held` allows. So the estimate of a contact cannot push the arm into it.
+/// \param v     speed towards the limit
+/// \param held  share of the push that may be held against at rest, 0 to 1
+[[nodiscard]] double under_push(double limit, double push, double v, double held,
+                                double brake_rate) noexcept;
 
 }  // namespace dovetail

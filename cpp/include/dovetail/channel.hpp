@@ -32,8 +32,9 @@ class Channel {
   /// The command as it leaves the controller: tau + noise [Nm]. Once per command.
   Vec7 send(const Vec7& tau) noexcept;
 
-  /// The command that acts during one physics step of h [s]: the one sent `delay`
-  /// ago, rounded to whole steps; zero before the first arrives.
+  /// The command that acts during one physics step of h [s]: the mean over the step of
+  /// what was sent `delay` before, zero before the first arrives. The impulse is exact
+  /// for any delay; where it is no whole number of steps, a change takes one to come.
   Vec7 receive(const Vec7& sent, double h) noexcept;
 
   /// Adds the encoders' noise to a true state [rad, rad/s].

@@ -7,12 +7,15 @@
 #include "dovetail/bounds.hpp"
 #include "dovetail/chain.hpp"
 #include "dovetail/cholesky.hpp"
+#include "dovetail/last_line.hpp"
 #include "dovetail/osc.hpp"
+#include "dovetail/state_check.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
 
-/// Intervals of one cycle; the walls' are infinite where walls are off.
+/// Intervals of one cycle, of what may be asked for: the push comes on top. The walls'
+/// are infinite where walls are off.
 struct CycleBounds {
   Vec7 lb, ub;  ///< joints [rad/s2]
   Vec3 cl, cu;  ///< TCP axes [m/s2]
@@ -28,11 +31,15 @@ class Controller {
   Controller(const ChainParams& chain, const OscParams& osc, const LimitParams& limits,
              const TaskSpec& task, double period);
 
-  /// Starts afresh at q [rad] at rest: forgets the disturbance, latches the pose that
-  /// hold axes keep: TCP position [m] and rotation (wxyz). With a q or a pose that is
-  /// none (see input.hpp) every cycle is a damped hold and `bad_input`, until a good
-  /// one.
-  void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold) noexcept;
+  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets the disturbance and what
+  /// the last line saw, latches the pose that hold axes keep: TCP position [m] and
+  /// rotation (wxyz). With a q or a pose that is none (see input.hpp) every cycle is a
+  /// damped hold and `bad_input`, until a good one.
+  void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
+             const Vec7& dq = Vec7::Zero()) noexcept;
+
+  /// Takes a state for true whatever was before, and changes nothing else.
+  void believe(const Vec7& q, const Vec7& dq) noexcept { check_.reset(q, dq); }
 
   /// One cycle. The torque is the overlay u: the lowest level adds gravity, and
   /// |u + g(q)| <= tau_max always. Input that is none (see input.hpp), or a torque that
@@ -52,13 +59,17 @@ class Controller {
   /// no pose acts as in `reset`.
   void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
+  /// What the last line saw, if anything.
+  const LastLine& end() const noexcept { return last_line_; }
+  const StateCheck& state() const noexcept { return check_; }
   /// Estimated external torque r [Nm] (docs/control.md, Disturbance estimate).
   const Vec7& disturbance() const noexcept { return disturbance_; }
   const OscTerms& osc_terms() const noexcept { return task_terms_; }
   const CycleBounds& bounds() const noexcept { return bounds_; }
   const Mat7& inertia() const noexcept { return terms_.M; }
   const Mat7& inverse_inertia() const noexcept { return Minv_; }
-  const Vec7& bias() const noexcept { return h_; }
+  /// c + D dq - r [Nm]: tau = M a + bias for the `a` of a cycle.
+  Vec7 bias() const noexcept { return h_ - disturbance_; }
   /// Tool at the last step's measurement, by the model.
   const ToolMotion& tool() const noexcept { return tool_; }
   const Chain& chain() const noexcept { return chain_; }
@@ -69,19 +80,25 @@ class Controller {
   void update_disturbance(const Vec7& dq, double elapsed) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
+  double below(double limit, double push, double speed) const noexcept;
   double near_speed(int axis, const Target& target) const noexcept;
   void keep_inside(const Target& target, Vec6& f_star,
                    StepResult& result) const noexcept;
-  void follow_task(const Vec7& dq, const Target& target, StepResult& result) noexcept;
+  void follow_task(const Vec7& q, const Vec7& dq, const Target& target, StepResult& result) noexcept;
   void follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                      StepResult& result) noexcept;
   void limit_by_qp(StepResult& result) noexcept;
   void limit_by_cascade(StepResult& result) noexcept;
   void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;
   void mark_walls(unsigned upper, unsigned lower, Flags& flags) const noexcept;
+  void stay(const Target& target, Vec6& f_star) noexcept;
+  void follow_end(const Vec7& q, const Vec7& dq, StepResult& result) noexcept;
+  void limit(StepResult& result) noexcept;
+  bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
+                    double elapsed) noexcept;
+  StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
   StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
-  StepResult brake_blindly() noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
   Chain chain_;
@@ -96,7 +113,10 @@ class Controller {
   ToolMotion tool_;   // at the measured state
   Cholesky<7> factor_;
   Mat7 Minv_;
-  Vec7 h_;        // c + D dq - r
+  Vec7 h_;        // c + D dq
+  Vec7 push_;     // M^-1 r: what pushes, as an acceleration [rad/s2]
+  Vec3 push_x_;   // the same at the TCP [m/s2]
+  Vec7 held_;     // the part of it that holds act against [rad/s2]
   Vec7 lo_, hi_;  // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;
@@ -104,9 +124,25 @@ class Controller {
   bool has_start_ = false;  // the last reset had a configuration
   bool has_hold_ = false;   // the last pose to hold was one
 
+  bool has_posture_ = false;  // since the task began
+  Vec7 posture_ = Vec7::Zero();
+
+  unsigned staying_ = 0;  // force axes that are held, bits
+  Vec3 anchor_ = Vec3::Zero();
+
+  StateCheck check_;
+  LastLine last_line_;
+  double limiter_power_ = 0.0;  // of what is cut from f* [W]
+  bool is_at_rest_ = false;     // after the end
+  Vec7 q_end_ = Vec7::Zero();
+
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally
   Vec7 disturbance_ = Vec7::Zero();
+  Vec7 weight_ = Vec7::Zero();  // the disturbance's slow part [Nm]
+  Vec7 a_last_ = Vec7::Zero();
+  Vec7 a0_last_ = Vec7::Zero();
+  Target target_last_;
   Vec7 dq_last_ = Vec7::Zero();
   Vec7 tau_last_ = Vec7::Zero();
 };

@@ -24,6 +24,8 @@ constexpr double kUnitTolerance = 2e-3;
 
 // Below it a time between two cycles is none [s]: a division by it may overflow.
 constexpr double kShortestTime = 1e-6;
+// Beyond it the arm was not controlled in between [s].
+constexpr double kLongestTime = 10.0;
 
 template <typename Vector>
 [[nodiscard]] bool is_within(const Vector& v, double limit) noexcept {
@@ -63,8 +65,12 @@ template <typename Vector>
 /// Every field of a Target, those that the task does not use included.
 [[nodiscard]] inline bool is_usable(const Target& target) noexcept {
   return is_within(target.f_star, kLargestTarget) &&
+         is_within(target.f_tare, kLargestTarget) &&
          is_pose(target.position_d, target.quat_wxyz_d) &&
-         is_plane(target.near_plane) && is_configuration(target.q_d);
+         is_within(target.velocity_d, kLargestTarget) &&
+         is_within(target.acceleration_d, kLargestTarget) && target.age >= 0.0 &&
+         target.age <= kLargestTarget && is_plane(target.near_plane) &&
+         is_configuration(target.q_d);
 }
 
 }  // namespace dovetail

@@ -8,6 +8,7 @@
 #include <mujoco/mjdata.h>
 #include <mujoco/mjmodel.h>
 
+#include <array>
 #include <cstdint>
 #include <string>
 
@@ -15,9 +16,16 @@
 #include "dovetail/channel.hpp"
 #include "dovetail/controller.hpp"
 #include "dovetail/cycle_log.hpp"
+#include "dovetail/step_probe.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
+
+/// What goes wrong with a control cycle, for tests: an age n of 1 to `kOldest` hands
+/// the controller the state of n cycles ago; kLost does not call it, so that the last
+/// torque holds, and tells the next call how long; kLostUntold does not tell.
+constexpr int kOldest = 7;
+constexpr std::int8_t kLost = -1, kLostUntold = -2;
 
 class MujocoLoop {
  public:
@@ -44,6 +52,18 @@ class MujocoLoop {
   void run(Controller& controller, const Target& target, int cycles, int steps,
            double* log);
 
+  /// The same with one fault per cycle, 0 for none. A lost cycle leaves the row of its
+  /// torque too, flags 0.
+  void run_faulty(Controller& controller, const Target& target, int cycles, int steps,
+                  const std::int8_t* faults, double* log);
+
+  /// Lets a probe act and look in every physics step; null for none. It must outlive
+  /// this. \param body  MuJoCo's body whose centre of mass is the TCP
+  void attach_probe(StepProbe* probe, int body) noexcept {
+    probe_ = probe;
+    probe_body_ = body;
+  }
+
   void set_channel(const Channel& channel) noexcept { channel_ = channel; }
   void seed(std::uint64_t seed) noexcept { channel_.seed(seed); }
 
@@ -59,6 +79,9 @@ class MujocoLoop {
 
  private:
   void measure() noexcept;
+  void remember() noexcept;
+  void begin_row(RowWriter& row, const Vec7& tau,
+                 const ToolMotion& motion) const noexcept;
   void sum_contact_force() noexcept;
   void require_finite() const;
 
@@ -73,10 +96,18 @@ class MujocoLoop {
   Channel channel_;
   bool compensate_gravity_;
   int tool_body_ = 0;
+  StepProbe* probe_ = nullptr;
+  int probe_body_ = 0;
   Vec7 q_ = Vec7::Zero();
   Vec7 dq_ = Vec7::Zero();
   Vec3 force_ = Vec3::Zero();  // of the last physics step
   Vec3 peak_ = Vec3::Zero();   // largest of the last command
+
+  // what faulty cycles need: measured states, newest at past_head_, and what is held
+  std::array<Vec7, kOldest + 1> past_q_, past_dq_;
+  std::size_t past_head_ = 0;
+  Vec7 tau_held_ = Vec7::Zero();
+  double elapsed_ = 0.0;  // told to the next call beside its own period [s]
 };
 
 }  // namespace dovetail

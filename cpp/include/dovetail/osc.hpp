@@ -11,6 +11,21 @@
 
 namespace dovetail {
 
+/// How long the desired pose of a Target moves on by its feed-forward [s]: two policy
+/// steps of 50 ms. A Target that is late must not run away.
+constexpr double kPathTime = 0.1;
+
+/// Where a Target wants the tool at its age.
+struct DesiredMotion {
+  Vec3 position;      ///< of pose axes [m]
+  Vec4 quat_wxyz;     ///< of pose axes, unit
+  Vec6 velocity;      ///< [m/s, rad/s]
+  Vec6 acceleration;  ///< [m/s2, rad/s2]
+};
+
+/// The Target's path: constant acceleration, ended after `kPathTime`.
+[[nodiscard]] DesiredMotion desired_motion(const Target& target) noexcept;
+
 /// The task at one state; rows of free axes are zero throughout.
 struct OscTerms {
   Mat67 J;      ///< task Jacobian, rotation rows scaled by L
@@ -39,11 +54,18 @@ class OperationalSpace {
                                           const Vec6& twist,
                                           const Target& target) const noexcept;
 
-  /// u0 = J^T Lambda (f* - dJ dq) + N M (-k dq) and what it is made of.
+  /// u0 = J^T Lambda (f* - dJ dq) + N M (posture - k dq) and what it is made of. The
+  /// posture acts where no row of the whole tool is moved, those of free axes included.
   /// \param terms   chain at the model's configuration
   /// \param M, M_factor  joint inertia with armature, and its Cholesky factor
+  /// \param posture  what the redundant joint is asked for [rad/s2]
   void evaluate(const ChainTerms& terms, const Mat7& M, const Cholesky<7>& M_factor,
-                const Vec7& dq, const Vec6& f_star, OscTerms& out) const noexcept;
+                const Vec7& dq, const Vec6& f_star, const Vec7& posture,
+                OscTerms& out) const noexcept;
+
+  /// Stiffness times the way back to q_d, which is shortened [rad/s2].
+  [[nodiscard]] Vec7 posture_acceleration(const Vec7& q,
+                                          const Vec7& q_d) const noexcept;
 
   /// K (q_d - q) - 2 zeta sqrt(K) dq [rad/s2], for joint targets.
   [[nodiscard]] Vec7 joint_acceleration(const Vec7& q, const Vec7& dq,
@@ -53,12 +75,15 @@ class OperationalSpace {
   const TaskSpec& task() const noexcept { return task_; }
 
  private:
-  Mat3 desired_rotation(const Mat3& R, const Target& target) const noexcept;
+  Mat3 desired_rotation(const Mat3& R, const Vec4& quat_wxyz) const noexcept;
+  bool task_inertia(const Mat67& J, const Cholesky<7>& M_factor, const TaskSpec& task,
+                    Mat6& Lambda) const noexcept;
 
   OscParams params_;
   TaskSpec task_;
   Vec6 scale_;    // per row: 0 free, 1 linear, L angular
   Vec6 damping_;  // D per row [1/s]
+  bool has_free_ = false;
   Vec3 p_hold_ = Vec3::Zero();
   Mat3 R_hold_ = Mat3::Identity();
 };

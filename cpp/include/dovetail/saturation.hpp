@@ -15,7 +15,8 @@ struct SaturationResult {
   std::uint8_t upper = 0;  ///< rows held at their upper bound
   std::uint8_t lower = 0;  ///< rows held at their lower bound
   int passes = 0;          ///< linear solves made, 0 if nothing saturated
-  bool ok = true;          ///< false: pass limit reached (sjs_exact only)
+  /// False: pass limit reached (sjs_exact only), or a NaN: then a is 0 in the box.
+  bool ok = true;
 };
 
 /// Saturation in Cartesian space: the acceleration nearest to a0 in the M norm

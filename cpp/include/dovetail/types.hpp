@@ -67,7 +67,9 @@ struct OscParams {
   double error_clamp_position = 0.1;         ///< [m]
   double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
   double f_clamp_angular = 200.0;    ///< largest |f*| per rotation axis [rad/s2]
-  double k_null = 5.0;               ///< null-space damping k [1/s]
+  double k_null = 10.0;              ///< null-space damping k [1/s]
+  /// Null-space stiffness towards the configuration where the task began [1/s2].
+  double posture_stiffness = 50.0;
   double length_scale = 0.15;        ///< L, scales rotation rows [m/rad]
   double s0 = 0.005;                 ///< eigenvalue fade threshold [1/kg]
   double joint_stiffness = 100.0;    ///< K of joint targets [1/s2]
@@ -100,7 +102,14 @@ struct LimitParams {
   double delta_x = 0.005;              ///< wall margin [m]
   double s0_wall = 1e-3;               ///< eigenvalue fade threshold of SCS [1/kg]
   double rho = 1e6;                    ///< weight of the wall slack in the QP
-  double beta = 0.3;                   ///< gain of the disturbance estimate, 0 is off
+  double estimate_rate = 60.0;  ///< of the disturbance estimate [1/s], 0 is off
+  /// Limiters brake against what the estimate says, and do no more; without, a contact
+  /// is a feedback (docs/control.md, Passive limits). Off only to show that.
+  bool passive = true;
+  double brake_rate = 60.0;  ///< of that braking [1/s]
+  double authority = 4.0;    ///< most braking beyond a limit, over ddq_max
+  /// Ends a motion that no Target explains (last_line.hpp).
+  bool last_line = true;
   Vec7 damping = Vec7::Zero();         ///< D_hat in the prediction [Nms/rad]
   Vec7 armature = Vec7::Zero();        ///< rotor inertia in the prediction [kg m2]
   bool mid_interval = true;            ///< evaluate the model at q + v dt / 2
@@ -116,10 +125,21 @@ struct Target {
   Vec6 f_star = Vec6::Zero();
   Vec3 position_d = Vec3::Zero();        ///< pose axes: desired TCP position [m]
   Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation, unit
+  /// Feed-forward, world axes [m/s, rad/s] and [m/s2, rad/s2]: how the desired pose
+  /// moves on while the Target is held, for `kPathTime` from its making; then that pose
+  /// stands still. On force axes what damping pulls towards, and a further f*; hold and
+  /// free axes have none.
+  Vec6 velocity_d = Vec6::Zero();
+  Vec6 acceleration_d = Vec6::Zero();
+  double age = 0.0;  ///< time since it was made [s]: whoever holds it counts
   /// Where contact is near: at TCP positions p with n . p < d the speed limit is
   /// `dx_near` (which says for what). Unit normal n, then d [m], world axes;
   /// d = -infinity: nowhere.
   Vec4 near_plane{0.0, 0.0, 0.0, -std::numeric_limits<double>::infinity()};
+  /// How much of `f_star` holds the tool's weight, see envs/tare.py.
+  Vec6 f_tare = Vec6::Zero();
+  /// Force axes X Y Z (bits 0 to 2) on which nothing is asked: held where they are.
+  std::uint8_t stay = 0;
   bool joint = false;       ///< go to q_d; the task axes are not used
   Vec7 q_d = Vec7::Zero();  ///< desired configuration [rad]
 };
@@ -139,13 +159,16 @@ struct Flags {
   bool qp_early = false;     ///< the QP stopped early; its safe answer was used
   bool target_late = false;  ///< no fresh Target (a servo loop's watchdog): held
   bool stopped = false;      ///< a watchdog's stop: braked, then held
+  bool implausible = false;  ///< a measurement that cannot be one was not believed
+  bool ended = false;        ///< the last line ended the motion: damped hold
   double displaced = 0.0;    ///< |a - a0| [rad/s2]
 };
 
 /// All masks and switches of Flags in one number, exact in a double: bits 0-6
 /// joint_position, 7-13 joint_velocity, 14-20 joint_acceleration, 21-27 torque, 28-30
 /// wall_position, 31-33 wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced,
-/// 40 bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped.
+/// 40 bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped, 45 implausible, 46
+/// ended.
 constexpr std::int64_t pack_flags(const Flags& flags) noexcept {
   const auto mask = [](std::uint8_t bits, int shift) {
     return static_cast<std::int64_t>(bits) << shift;
@@ -155,7 +178,8 @@ constexpr std::int64_t pack_flags(const Flags& flags) noexcept {
          mask(flags.wall_position, 28) | mask(flags.wall_velocity, 31) |
          mask(flags.wall_acceleration, 34) | mask(flags.wall_displaced, 37) |
          mask(flags.bad_input, 40) | mask(flags.unsafe, 41) | mask(flags.qp_early, 42) |
-         mask(flags.target_late, 43) | mask(flags.stopped, 44);
+         mask(flags.target_late, 43) | mask(flags.stopped, 44) |
+         mask(flags.implausible, 45) | mask(flags.ended, 46);
 }
 
 struct StepResult {

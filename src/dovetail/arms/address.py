@@ -1,12 +1,18 @@
 """Where an arm is, in one word: `mujoco`, `twin:medium`, `fri://0.0.0.0:30200`, ..."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 from urllib.parse import parse_qsl, urlsplit
 
+from dovetail.control.period import (
+    FRI_PERIODS,
+    PERIODS,
+    format_period,
+    require_period,
+)
+from dovetail.durations import parse_time
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import PLANTS
 
@@ -18,8 +24,7 @@ FRI_VERSIONS = {"1.14": "1.15", "1.15": "1.15", "1.16": "1.15", "2.5": "2.5"} | 
     "2.7": "2.7"
 }
 """Known FRI versions, and the one whose wire format each has."""
-FRI_PERIODS = (0.001, 0.005)
-"""Shortest and longest time between two commands [s] that the limits are proven for."""
+FRI_NAME = "control period of an arm behind FRI"
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
 
 
@@ -50,7 +55,8 @@ class FriAddress:
     version: Literal["1.15", "2.5", "2.7"] = "1.15"
     """Wire format; the messages themselves do not name it."""
     period: float | None = None
-    """Time between two commands [s]: send period times receive multiplier."""
+    """Time between two commands [s]: send period times receive multiplier, one of
+    FRI_PERIODS."""
     clock: Literal["wall", "lockstep"] = "wall"
     """Lockstep: a simulated cabinet waits for the learner."""
     control: str | None = None
@@ -159,26 +165,27 @@ def with_approach(text: str) -> str:
     return f"{text}{'&' if '?' in text else '?'}approach=yes"
 
 
-def parse_time(text: str, name: str) -> float:
-    """Return a time [s] from a number with its unit, such as 5ms or 0.005s.
+def period_of(address: ArmAddress | None, asked: float | None, usual: float) -> float:
+    """Return the control period [s] at which an arm is commanded.
 
     Args:
-        text: The number and ms or s.
-        name: What it is, for messages.
+        address: Of the arm, which may give the period; None is a simulation here.
+        asked: What is asked for beside the address [s], if anything.
+        usual: Where neither says anything [s].
+
+    Raises:
+        ConfigError: The two differ, or a period that the arm cannot have.
     """
-    for unit, factor in (("ms", 1e-3), ("s", 1.0)):
-        if text.endswith(unit):
-            try:
-                value = float(text.removesuffix(unit)) * factor
-            except ValueError:
-                break
-            if math.isfinite(value) and value > 0.0:
-                return value
-            break
-    raise ConfigError(
-        f"{name} is {text!r}; give a number above 0 with its unit, ms or s, such as "
-        "5ms or 0.005s"
-    )
+    own = getattr(address, "period", None)
+    if asked is not None and own not in (None, asked):
+        raise ConfigError(
+            f"period is {format_period(asked)} and the arm's address says "
+            f"{format_period(own)}; give one of them"
+        )
+    period = own or asked or usual
+    if isinstance(address, FriAddress):
+        return require_period(period, FRI_NAME, FRI_PERIODS)
+    return require_period(period, "period")
 
 
 def parse_endpoint(text: str, name: str) -> tuple[str, int]:
@@ -266,12 +273,11 @@ def _fri(text: str) -> FriAddress:
             "arm reset=place needs control=HOST:PORT, the control port of a simulated "
             "cabinet; a real arm starts its episodes with reset=move"
         )
-    order = ("hardware", "model") if control is None else ("model", "hardware")
     return FriAddress(
         host=host,
         port=port,
         version=version,  # type: ignore[arg-type]
-        period=_period(keys),
+        period=_period(keys, FRI_PERIODS),
         clock=clock,  # type: ignore[arg-type]
         control=control,
         reset=reset,  # type: ignore[arg-type]
@@ -279,7 +285,7 @@ def _fri(text: str) -> FriAddress:
         timeout=_time(keys, "timeout", FriAddress.timeout),
         watchdog=_time(keys, "watchdog", FriAddress.watchdog),
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
-        margins=_choice(keys, "margins", order),  # type: ignore[arg-type]
+        margins=_choice(keys, "margins", ("hardware", "model")),  # type: ignore[arg-type]
         commanded_is_total=_choice(keys, "commanded_is_total", ("no", "yes")) == "yes",
         **_signs(keys),
     )
@@ -298,24 +304,18 @@ def _signs(keys: Mapping[str, str]) -> dict[str, int]:
     return signs
 
 
-def _period(keys: Mapping[str, str]) -> float | None:
+def _period(keys: Mapping[str, str], allowed: tuple[float, ...]) -> float | None:
     if "period" not in keys:
         return None
     period = parse_time(keys["period"], "arm period")
-    low, high = FRI_PERIODS
-    is_whole = abs(period * 1e3 - round(period * 1e3)) < 1e-9
-    if not is_whole or not low <= period <= high + 1e-12:
-        raise ConfigError(
-            f"arm period is {1e3 * period:g} ms; allowed: whole milliseconds, "
-            f"{1e3 * low:g} to {1e3 * high:g} ms (send period times receive multiplier)"
-        )
-    return round(period * 1e3) / 1e3
+    return require_period(period, "arm period", allowed)
 
 
 def _grpc(text: str) -> GrpcAddress:
     host, port, keys = _split(text, GRPC_PORT)
     _require_known(text, keys, ("ca", "cert", "key", "period", "margins"))
-    margins, period = _choice(keys, "margins", ("hardware", "model")), _period(keys)
+    margins = _choice(keys, "margins", ("hardware", "model"))
+    period = _period(keys, PERIODS)
     keys = {name: keys[name] for name in ("ca", "cert", "key") if name in keys}
     if ("cert" in keys) != ("key" in keys):
         given, needed = ("cert", "key") if "cert" in keys else ("key", "cert")

@@ -83,10 +83,12 @@ class LocalArm:
     ) -> tuple[Array, Vec7, Vec7]:
         """Run the cycles one by one, with what disturbs them in between."""
         rows = []
+        held = _core.Target(target)
         q, dq = self.plant.read()
         for _ in range(cycles):
             self._disturbance.before_cycle(self.plant, self.period)
-            row, q, dq = self._run(target, 1)
+            row, q, dq = self._run(held, 1)
+            held.age += self.period
             self._disturbance.after_cycle(self.plant)
             rows.append(row)
         return np.vstack(rows), q, dq

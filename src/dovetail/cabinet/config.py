@@ -1,18 +1,16 @@
-"""Settings of the cabinet, and how addresses and durations are written."""
+"""Settings of the cabinet, and how addresses are written."""
 
 import math
-import re
 from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from dovetail.cabinet.protocol import VERSIONS
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.signals import Signal, require_signals, require_transformations
+from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.errors import ConfigError
 from dovetail.types import JOINTS
 
-_UNITS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "min": 60.0}
-_DURATION = re.compile(r"([0-9.eE+-]+)\s*(us|ms|s|min)")
 _RANGES: dict[str, tuple[float, float, str]] = {
     "mirror_tolerance": (0.0, math.pi, "rad"),
     "axis_delta_max": (0.0, math.pi, "rad"),
@@ -65,32 +63,13 @@ def parse_endpoint(text: str, name: str) -> Endpoint:
     return Endpoint(host, int(port))
 
 
-def parse_duration(text: str, name: str) -> float:
-    """Read a duration with its unit, as 5ms or 0.2s, in seconds.
-
-    Raises:
-        ConfigError: It is not a number with the unit us, ms, s or min.
-    """
-    match = _DURATION.fullmatch(text.strip())
-    try:
-        value = float(match[1]) * _UNITS[match[2]] if match else math.nan
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ConfigError(
-            f"{name} is {text!r}; give a number and its unit, us, ms, s or min, as in "
-            "5ms"
-        )
-    return value
-
-
 @dataclass(frozen=True, kw_only=True)
 class CabinetConfig:
     """Everything about a cabinet but the arm behind it."""
 
     version: str = "1.15"
     """Wire version: 1.15 (1.14 to 1.16), 2.5 or 2.7; client and cabinet must agree."""
-    period: float = 0.005
+    period: float = DEFAULT_PERIOD
     """Send period [s], 1 to 100 ms in whole ms."""
     receive_multiplier: int = 1
     """The client answers every so many messages."""

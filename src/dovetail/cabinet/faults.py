@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from dovetail.cabinet.config import parse_duration
 from dovetail.cabinet.protocol import Quality, SafetyState
+from dovetail.durations import parse_duration
 from dovetail.errors import ConfigError
 
 DIRECTIONS = ("both", "to_client", "from_client")

@@ -14,11 +14,14 @@ from rich.live import Live
 from rich.text import Text
 
 from dovetail.cabinet.cabinet import Cabinet as Server
-from dovetail.cabinet.config import CabinetConfig, parse_duration, parse_endpoint
+from dovetail.cabinet.config import CabinetConfig, parse_endpoint
 from dovetail.cabinet.faults import parse_faults, read_script
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
+from dovetail.control.period import DEFAULT_PERIOD, FRI_PERIODS
+from dovetail.control.period_option import Period
+from dovetail.durations import parse_duration
 from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
@@ -44,8 +47,9 @@ class Cabinet:
     """Plain plant in place of a twin: mujoco or bullet."""
     version: str = "1.15"
     """FRI version on the wire: 1.15 (1.14 to 1.16), 2.5 or 2.7."""
-    period: str = "5ms"
-    """Send period, whole ms from 1ms to 100ms."""
+    period: Period = DEFAULT_PERIOD
+    """Send period: whole milliseconds, 1ms to 100ms. An arm of dovetail takes 1ms, 2ms
+    and 5ms, the multiplier counted."""
     multiplier: int = 1
     """Receive multiplier: the client answers every so many messages."""
     client: str = "127.0.0.1:30200"
@@ -128,7 +132,7 @@ class Cabinet:
             control = parse_endpoint(self.control, "--control")
         return CabinetConfig(
             version=self.version,
-            period=parse_duration(self.period, "--period"),
+            period=self.period,
             receive_multiplier=self.multiplier,
             client=parse_endpoint(self.client, "--client"),
             bind=parse_endpoint(f"{self.bind}:{self.port}", "--bind and --port"),
@@ -162,7 +166,6 @@ class Cabinet:
             plant = make_plant(self.plant, scene, DynamicsConfig())
         else:
             twin = load_twin(self.twin or "medium")
-            twin.require_delay(parse_duration(self.period, "--period"))
             plant = cast("Plant", TwinPlant(twin, scene))
         above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
         start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
@@ -199,6 +202,14 @@ def _prepare_process() -> None:
 
 def _announce(server: Server, console: Console) -> None:
     config = server.config
+    answers = config.period_ms * config.receive_multiplier
+    if answers not in [round(1e3 * period) for period in FRI_PERIODS]:
+        console.print(
+            f"cabinet: wants a command every {answers} ms, which other clients can "
+            "give; dovetail's arms take 1, 2 and 5 ms",
+            soft_wrap=True,
+            highlight=False,
+        )
     console.print(
         f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
         f"UDP {server.address} to client {config.client}; control "

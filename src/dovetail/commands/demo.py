@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from dovetail.commands.evaluate import print_files
+from dovetail.control.period_option import Period
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
 
@@ -18,6 +19,8 @@ class Demo:
     """Policy: the name of a shipped one, or a file."""
     twin: str = "medium"
     """Twin to try on: the name of a shipped one, or a .toml file."""
+    period: Period | None = None
+    """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
     tries: int = 20
     """Tries at each of the three hole poses."""
     workers: int = 1
@@ -30,6 +33,7 @@ class Demo:
         config = EvaluationConfig(
             policy=self.policy,
             twin=self.twin,
+            period=self.period,
             tries=self.tries,
             workers=self.workers,
             out=self.out or dated_folder("demo-results"),

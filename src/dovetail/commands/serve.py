@@ -16,9 +16,12 @@ from dovetail.arms.address import (
     PlantAddress,
     TwinAddress,
     parse_address,
+    period_of,
     places_hole,
 )
 from dovetail.arms.arm import Arm
+from dovetail.control.period import require_period
+from dovetail.control.period_option import Period
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.scene import PegShape, SceneConfig
@@ -38,6 +41,9 @@ class Serve:
     """Arm: mujoco, bullet, twin:NAME or fri://HOST:PORT?KEY=VALUE&..."""
     twin: str | None = None
     """Twin to offer: the same as --arm twin:NAME."""
+    period: Period | None = None
+    """Control period that a learner has to ask for: 1ms, 2ms, 2.5ms or 5ms; default the
+    one in the arm's address, or else whichever it asks for."""
     peg: PegShape = "square"
     """Shape of peg and hole: square, triangle or round."""
     clearance: float = 0.0005
@@ -115,14 +121,15 @@ def _builder(settings: Serve) -> "ArmBuilder":
     scene = SceneConfig(peg=settings.peg, clearance=settings.clearance)
     if isinstance(address, FriAddress):
         return _fri_builder(settings.arm, address, scene)
+    period = None if settings.period is None else require_period(settings.period)
     if isinstance(address, PlantAddress):
         plant = make_plant(address.engine, scene, DynamicsConfig())
-        return LocalBuilder(address.engine, plant)
+        return LocalBuilder(address.engine, plant, period)
     assert isinstance(address, TwinAddress)
     from dovetail.plants.twin import TwinPlant, load_twin
 
     twin = cast("Plant", TwinPlant(load_twin(address.twin), scene))
-    return LocalBuilder(f"twin:{address.twin}", twin)
+    return LocalBuilder(f"twin:{address.twin}", twin, period)
 
 
 def _address(settings: Serve) -> ArmAddress:
@@ -137,6 +144,9 @@ def _address(settings: Serve) -> ArmAddress:
             f"the arm at {text} is served already: learners can use that address; "
             "give mujoco, bullet, twin:NAME or fri://HOST:PORT"
         )
+    if isinstance(address, FriAddress) and settings.period is not None:
+        period = period_of(address, settings.period, settings.period)
+        address = replace(address, period=period)
     if not settings.realtime:
         return address
     if not isinstance(address, FriAddress):
@@ -149,16 +159,10 @@ def _address(settings: Serve) -> ArmAddress:
 
 def _fri_builder(name: str, address: FriAddress, scene: SceneConfig) -> "ArmBuilder":
     from dovetail.envs.arm_setup import build_fri_arm
-    from dovetail.rpc.builders import RebuiltArm
+    from dovetail.rpc.builders import RebuiltArm, require_offered
 
     def make(s: "Settings") -> Arm:
-        if address.period not in (None, s.period):
-            period = f"{1e3 * address.period:g} ms"
-            raise ConfigError(
-                f"the arm at {name} is commanded every {period}, the learner asks for "
-                f"{1e3 * s.period:g} ms: add period={period.replace(' ', '')} to the "
-                "learner's address, grpc://HOST:PORT?period=..."
-            )
+        require_offered(name, address.period, s)
         return build_fri_arm(address, scene, s.osc, s.limits, s.task, s.period)
 
     return RebuiltArm(

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 import numpy as np
 
 from dovetail.control.available import REFERENCE, available_acceleration
+from dovetail.control.proven import DECLARED
 from dovetail.control.ranges import Range, check_ranges
 from dovetail.control.task_spec import AXES
 from dovetail.errors import ConfigError
@@ -29,13 +30,16 @@ PERIOD_MIN, PERIOD_MAX = 1e-4, 5e-3
 _TASK_AXES, _XYZ = tuple(AXES), ("X", "Y", "Z")
 _PERIODS = (1e-3, 2e-3, 5e-3)
 _INTERVAL = (5e-3, 8e-3, 10e-3)  # kappa * period [s], kappa 5 / 4 / 2
+_INTERVAL_RATIO = 2.5  # time in which limits act, over delay and period
+_RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57 on
+_RATE_MAX = 60.0  # 1/s
 _DELTA_Q = (2e-3, 3e-3, 5e-3)  # rad, exact model
 _DELTA_V = (0.01, 0.02, 0.05)
-_DELTA_Q_HARDWARE = (5e-3, 5e-3, 40e-3)  # rad, combined mismatch and 30 N pushes
-_DELTA_V_HARDWARE = (0.10, 0.15, 0.30)  # 0.05 and 0.08 hold only where pushes rise
+_DELTA_Q_HARDWARE = (12e-3, 15e-3, 30e-3)  # rad; all that is declared at once
+_DELTA_V_HARDWARE = (0.15, 0.18, 0.30)
 _DELTA_X = (5e-3, 5e-3, 10e-3)  # m; docs/safety.md
-_DELTA_X_HARDWARE = (10e-3, 10e-3, 30e-3)
-_K_ROTATION = (400.0, 400.0, 200.0)  # 1/s2
+_DELTA_X_HARDWARE = (15e-3, 15e-3, 20e-3)
+_K_ROTATION = (200.0, 200.0, 200.0)  # 1/s2
 
 
 def _all(count: int, value: float) -> Callable[[], Array]:
@@ -76,8 +80,11 @@ class OscConfig:
     """Largest f* on a translation axis [m/s2]."""
     f_clamp_angular: Annotated[float, Range(1e-3, 1e4, "rad/s2")] = 200.0
     """Largest f* on a rotation axis [rad/s2]."""
-    k_null: Annotated[float, Range(0.0, 100.0, "1/s")] = 5.0
+    k_null: Annotated[float, Range(0.0, 100.0, "1/s")] = 10.0
     """Null-space damping k [1/s]; it can only take energy out."""
+    posture_stiffness: Annotated[float, Range(0.0, 1e3, "1/s2")] = 50.0
+    """Null-space stiffness towards the configuration where the task began [1/s2]:
+    without it the elbow falls where gravity compensation is wrong."""
     length_scale: Annotated[float, Range(1e-2, 10.0, "m/rad")] = 0.15
     """Length L that weighs rotation rows in the task inertia [m/rad]."""
     s0: Annotated[float, Range(1e-6, 10.0, "1/kg")] = 0.005
@@ -160,8 +167,26 @@ class LimitConfig:
     """Wall mobility below which SCS fades a wall out [1/kg]."""
     rho: Annotated[float, Range(1.0, 1e9, "1")] = 1e6
     """Weight of the wall slack in the QP [1]: walls yield to joints only."""
-    beta: Annotated[float, Range(0.0, 0.9, "1")] = 0.3
-    """Gain of the disturbance estimate [1]; 0 is off, 1 is unstable with delay."""
+    delay: Annotated[float, Range(0.0, 0.05, "s")] = 0.0
+    """Largest delay between a measurement and the torque it leads to, the control
+    period not counted [s]: margins, intervals and rates are made for it."""
+    mass_error: Annotated[float, Range(0.0, 0.5, "1")] = 0.0
+    """Largest error of a link's mass, as a share [1]; margins are made for it."""
+    payload_error: Annotated[float, Range(0.0, 5.0, "kg")] = 0.0
+    """Largest error of the payload's mass [kg]; margins are made for it."""
+    estimate_rate: Annotated[float, Range(0.0, 1e3, "1/s")] = 60.0
+    """Bandwidth of the disturbance estimate [1/s]; 0 is off. A loop with a delay bears
+    about 0.9 over delay and period."""
+    passive: bool = True
+    """Limiters only brake against what the estimate says. Off, a contact is a feedback
+    that grows; it can be off to show that."""
+    brake_rate: Annotated[float, Range(0.0, 1e3, "1/s")] = 60.0
+    """Rate of that braking [1/s]."""
+    last_line: bool = True
+    """End a motion that no Target explains: an oscillation, a limiter that drives, a
+    joint beyond its speed limit. Off only to show what it ends."""
+    authority: Annotated[float, Range(1.0, 100.0, "1")] = 4.0
+    """Most braking beyond a limit, over ddq_max and ddx_max [1]."""
     damping: Annotated[Vec7, Range(0.0, 100.0, "Nms/rad", JOINTS)] = field(
         default_factory=_all(7, 0.0)
     )
@@ -202,7 +227,7 @@ class LimitConfig:
 
     @classmethod
     def for_period(
-        cls, robot: "Robot", period: float, *, hardware: bool = False, **overrides: Any
+        cls, robot: "Robot", period: float, *, hardware: bool = True, **overrides: Any
     ) -> Self:
         """Return the limits of a robot at a control period, as measured to hold.
 
@@ -212,8 +237,10 @@ class LimitConfig:
         Args:
             robot: Its limits, and its payload for ddq_max.
             period: Control period [s], 0.1 to 5 ms.
-            hardware: Margins for model mismatch and 30 N pushes, not an exact model.
-            **overrides: Any field, for example x_min and x_max.
+            hardware: An arm with what `proven.DECLARED` says in delay and errors, and
+                pushes of 30 N; without, one that is exactly as its model.
+            **overrides: Any field, for example x_min and x_max. A delay or an error
+                that is declared here changes the margins.
 
         Raises:
             ConfigError: Period out of range, or the payload leaves too little torque.
@@ -223,7 +250,22 @@ class LimitConfig:
         interval = max(5 * period if row == 0 else 0.0, 2 * period)
         if row:
             interval = float(np.interp(period, _PERIODS, _INTERVAL))
+        declared = {
+            name: float(overrides.get(name, value if hardware else 0.0))
+            for name, value in DECLARED.items()
+        }
+        lag = declared["delay"] + period
+        interval = max(interval, _INTERVAL_RATIO * lag)
+        rate = min(_RATE_MAX, _RATE_RATIO / lag)
+        share = max(declared[name] / value for name, value in DECLARED.items())
+
+        def margin(exact: tuple[float, ...], all_wrong: tuple[float, ...]) -> float:
+            return exact[row] + min(share, 2.0) * (all_wrong[row] - exact[row])
+
         settings: dict[str, Any] = {
+            **declared,
+            "estimate_rate": rate,
+            "brake_rate": rate,
             "q_min": robot.q_min,
             "q_max": robot.q_max,
             "dq_max": robot.dq_max,
@@ -231,9 +273,9 @@ class LimitConfig:
             "x_min": [0.40, -0.20, 0.02],
             "x_max": [0.80, 0.20, 0.40],
             "kappa": interval / period,
-            "delta_q": (_DELTA_Q_HARDWARE if hardware else _DELTA_Q)[row],
-            "delta_v": (_DELTA_V_HARDWARE if hardware else _DELTA_V)[row],
-            "delta_x": (_DELTA_X_HARDWARE if hardware else _DELTA_X)[row],
+            "delta_q": margin(_DELTA_Q, _DELTA_Q_HARDWARE),
+            "delta_v": margin(_DELTA_V, _DELTA_V_HARDWARE),
+            "delta_x": margin(_DELTA_X, _DELTA_X_HARDWARE),
             "damping": 0.5,
             "armature": 0.1,
         } | overrides
@@ -251,7 +293,7 @@ class LimitConfig:
 
         params = _core.LimitParams()
         for f in fields(self):
-            if f.name not in ("scheme", "bounds"):
+            if f.name not in ("scheme", "bounds", *DECLARED):
                 setattr(params, f.name, getattr(self, f.name))
         params.scheme = _core.Scheme(SCHEMES.index(self.scheme))
         params.bounds = _core.BoundsKind(BOUNDS.index(self.bounds))

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 NEAR_TIME = 0.04
 """Time in which a speed near contact is corrected [s]."""
 
+PATH_TIME = 0.1
+"""How long a Target's desired pose moves on by its feed-forward [s]."""
+
 
 class ReferenceController:
     """Operational-space control below every limit."""
@@ -96,22 +99,25 @@ class ReferenceController:
     def desired_acceleration(
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
     ) -> Array:
-        """f* = action - D xdot, and + K e on pose and hold axes."""
+        """f* = action + xddot_d - D (xdot - xdot_d), + K e on pose and hold axes."""
         osc, quat = self.osc, poses.quat_from_matrix(R)
-        p_d = np.where(self.modes[:3] == POSE, target.position_d, self.p_hold)
-        e_rot = poses.rotation_error(self.desired_rotation(quat, target), quat)
+        p_path, quat_path, v_d, a_d = desired_motion(target)
+        v_d, a_d = (self.modes != HOLD) * v_d, (self.modes != HOLD) * a_d
+        p_d = np.where(self.modes[:3] == POSE, p_path, self.p_hold)
+        e_rot = poses.rotation_error(self.desired_rotation(quat, quat_path), quat)
         e = self.is_servo * np.append(p_d - p, e_rot)
         clamps = np.array([osc.error_clamp_position, osc.error_clamp_rotation])
         lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
         e *= np.repeat(clamps / np.maximum(clamps, lengths), 3)  # direction kept
         most = np.repeat([osc.f_clamp_linear, osc.f_clamp_angular], 3)
         action = np.clip(target.f_star, -most, most)
-        return np.clip(osc.stiffness * e + action - self.D * twist, -most, most)
+        drive = osc.stiffness * e + action + a_d
+        return np.clip(drive - self.D * (twist - v_d), -most, most)
 
-    def desired_rotation(self, quat: Array, target: "_core.Target") -> Array:
+    def desired_rotation(self, quat: Array, quat_d: Array) -> Array:
         """Swing and twist about world z, each from the target, hold or measurement."""
         from_hold = poses.quat_conjugate(self.quat_hold)
-        quat_d = poses.quat_normalized(target.quat_wxyz_d)
+        quat_d = poses.quat_normalized(quat_d)
         wanted = poses.swing_twist(poses.quat_multiply(quat_d, from_hold))
         measured = poses.swing_twist(poses.quat_multiply(quat, from_hold))
         held = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -149,6 +155,16 @@ class ReferenceController:
         lb = -np.array([*map(upper, x - x_min, -v, -x, v_max, a_max)])  # by mirror
         side = np.where(v >= 0.0, ub, lb)  # not viable: the side moved towards wins
         return np.where(lb > ub, side, lb), np.where(lb > ub, side, ub)
+
+
+def desired_motion(target: "_core.Target") -> tuple[Array, ...]:
+    """Pose, velocity and acceleration of a path that ends after PATH_TIME."""
+    t, is_moving = min(target.age, PATH_TIME), target.age < PATH_TIME
+    v, a = target.velocity_d, target.acceleration_d
+    way = v * t + 0.5 * a * t**2
+    turn = poses.quat_from_vector(way[3:])
+    quat = poses.quat_multiply(turn, target.quat_wxyz_d)
+    return target.position_d + way[:3], quat, is_moving * (v + a * t), is_moving * a
 
 
 def viable(d: float, v: float, V: float, A: float, T: float, brake: float) -> float:

@@ -1,6 +1,7 @@
 """Build the arm of an environment: in this process, or behind an address."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from dovetail.arms.address import (
+    FRI_NAME,
     ArmAddress,
     FriAddress,
     GrpcAddress,
@@ -18,8 +20,14 @@ from dovetail.arms.address import (
 from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.period import (
+    DEFAULT_PERIOD,
+    FRI_PERIODS,
+    require_period,
+)
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
+from dovetail.envs.usual import FORCE_DAMPING, NEAR_SPEED
 from dovetail.envs.workspace import Walls
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
@@ -33,10 +41,7 @@ WALLS_MIN = (0.38, -0.22, 0.03)
 WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
-"""Speed limit of the TCP [m/s], T1's: per axis in a simulation. On hardware all three
-axes together keep it, at a share of 1/sqrt(3) each."""
-NEAR_SPEED = 0.02
-"""The same where contact is near [m/s]."""
+"""Speed limit of the TCP per axis [m/s]; all axes together keep it on a robot."""
 
 
 def build_arm(
@@ -46,8 +51,8 @@ def build_arm(
     *,
     plant: str = "mujoco",
     twin: TwinConfig | str | Path | None = None,
-    period: float = 0.005,
-    force_damping: float | Sequence[float] = 40.0,
+    period: float = DEFAULT_PERIOD,
+    force_damping: float | Sequence[float] = FORCE_DAMPING,
     near_speed: float = NEAR_SPEED,
     walls: Walls = (WALLS_MIN, WALLS_MAX),
     scheme: str = "qp",
@@ -76,6 +81,7 @@ def build_arm(
         ConfigError: An unknown address or name, or a setting out of range.
         MissingDependencyError: What the address needs is not installed.
     """
+    period = require_period(period)
     address = parse_address(arm) if isinstance(arm, str) else arm
     if engine is not None and twin is None and not isinstance(address, TwinAddress):
         raise ConfigError(
@@ -108,6 +114,7 @@ def build_arm(
             dynamics=dynamics,
         )
     if not isinstance(address, (FriAddress, GrpcAddress)):
+        require_period(address.period, "the arm's control period")
         return address
     if dynamics is not None:
         raise ConfigError(
@@ -132,7 +139,7 @@ def make_settings(
     walls: Walls,
     scheme: str,
     *,
-    is_hardware: bool = False,
+    is_hardware: bool = True,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits of a task's controller.
 
@@ -151,7 +158,7 @@ def make_settings(
         hardware=is_hardware,
         x_min=walls[0],
         x_max=walls[1],
-        dx_max=[SPEED_MAX / np.sqrt(3.0) if is_hardware else SPEED_MAX] * 3,
+        dx_max=[SPEED_MAX] * 3,
         dx_near=near_speed,
         scheme=scheme,
     )
@@ -201,9 +208,7 @@ def build_local_arm(
     if twin is None:
         body = make_plant(plant, scene, dynamics or DynamicsConfig())
     else:
-        config = load_twin(twin)
-        config.require_delay(period)
-        body = cast("Plant", TwinPlant(config, scene, engine=engine))
+        body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
     return LocalArm(body, scene.robot(), osc, limits, task, period)
 
 
@@ -217,9 +222,12 @@ def build_fri_arm(
     watchdog: "WatchdogConfig | None" = None,
 ) -> Arm:
     """Build the arm behind a cabinet, real or simulated."""
+    require_period(period, FRI_NAME, FRI_PERIODS)
     from dovetail.arms.fri_arm import FriArm
     from dovetail.arms.watchdog import WatchdogConfig
 
+    if address.margins == "hardware":  # T1's limit is one of the velocity's norm
+        limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
     return FriArm(
         scene.robot(),
         osc,

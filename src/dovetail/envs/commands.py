@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 ACTION_AXES = ("X", "Y", "Z", "A", "B", "C")
 """Order of the action's numbers; axes that the policy does not command are skipped."""
 
-
 _TRANSLATION = ("X", "Y", "Z")
 _SETTINGS = {
     "f_scale": Range(0.0, 100.0, "m/s2", _TRANSLATION),

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
+from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD
 from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, build_arm
+from dovetail.envs import usual
+from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.hole_pose import HOLE_POSES, HolePose, insertion
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
@@ -41,8 +43,6 @@ from dovetail.poses import Pose, matrix_from_quat, quat_multiply
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec3, Vec4, Vec7
 
-POLICY_PERIOD = 0.05
-"""Time between two actions [s]."""
 _NEAR = Range(0.0, 1.0, "m")
 
 
@@ -117,7 +117,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: Mode of each axis; None is in `defaults`.
         stack: Number of past (observation, action) pairs to append.
         twin: A twin, its name or its file, to use in place of the plain plant.
-        period: Control period [s].
+        period: Control period [s]: 0.001, 0.002, 0.0025 or 0.005.
         max_steps: Episode length [policy steps of 50 ms].
         f_scale: f* at action 1 on X Y Z [m/s2], one number or three.
         f_scale_angular: f* at action 1 on A B C [rad/s2].
@@ -175,17 +175,17 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         task: str | None = None,
         stack: int = 0,
         twin: TwinConfig | str | Path | None = None,
-        period: float = 0.005,
+        period: float = DEFAULT_PERIOD,
         max_steps: int = 200,
-        f_scale: float | Sequence[float] = 4.0,
-        f_scale_angular: float = 20.0,
-        force_damping: float | Sequence[float] = 40.0,
+        f_scale: float | Sequence[float] = usual.F_SCALE,
+        f_scale_angular: float = usual.F_SCALE_ANGULAR,
+        force_damping: float | Sequence[float] = usual.FORCE_DAMPING,
         tare: bool = False,
-        near_speed: float = NEAR_SPEED,
-        near_press: float = 1.5,
-        near_distance: float = 0.01,
-        theta_range: float = 0.2,
-        position_range: float = 0.05,
+        near_speed: float = usual.NEAR_SPEED,
+        near_press: float = usual.NEAR_PRESS,
+        near_distance: float = usual.NEAR_DISTANCE,
+        theta_range: float = usual.THETA_RANGE,
+        position_range: float = usual.POSITION_RANGE,
         scheme: str = "qp",
         engine: str | None = None,
         dynamics: DynamicsConfig | None = None,

@@ -15,6 +15,7 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState
+from dovetail.control.period import POLICY_PERIOD as STEP_TIME
 from dovetail.control.task_spec import FORCE, HOLD, POSE, TaskSpec
 from dovetail.envs.commands import CommandMap, per_axis
 from dovetail.envs.workspace import Walls
@@ -26,8 +27,6 @@ SPEED = 0.015
 """Speed along each axis [m/s]: below the speed limit near contact."""
 LEG_STEPS = 10
 """Policy steps of one way."""
-STEP_TIME = 0.05
-"""Time between two commands [s]: that of a policy."""
 TRAVEL = LEG_STEPS * SPEED * STEP_TIME
 """How far the tool goes along each axis, and comes back [m]."""
 DAMPING_MIN = 20.0

@@ -26,11 +26,15 @@ from rich.table import Table
 
 from dovetail.arms.address import (
     SCHEMES,
+    ArmAddress,
     is_simulated_here,
     parse_address,
+    period_of,
     places_hole,
     with_approach,
 )
+from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.period_option import Period
 from dovetail.envs.hole_pose import HolePose
 from dovetail.envs.registered import environment_class
 from dovetail.errors import ConfigError, DovetailError, PolicyError
@@ -39,6 +43,7 @@ from dovetail.evaluate.origin import (
     command_line,
     describe_settings,
     name_ground,
+    other_period,
     provenance,
     shared_engine,
 )
@@ -72,6 +77,9 @@ class EvaluationConfig:
     hole: tuple[float, float, float, float] | None = None
     """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
     three poses, which an arm must be able to put the hole at."""
+    period: Period | None = None
+    """Control period: 1ms, 2ms, 2.5ms or 5ms; default the one in the arm's address, or
+    else the policy's training's."""
     peg: str | None = None
     """Shape of peg and hole: square, triangle or round; default the policy's."""
     clearance: float | None = None
@@ -161,8 +169,11 @@ def environment_options(
         if Path(config.twin).suffix == ".toml":
             options["twin"] = str(Path(config.twin).expanduser().absolute())
         load_twin(options["twin"])
-    if config.arm is not None:
-        options["arm"] = _usable(config, config.arm)
+    arm = None if config.arm is None else parse_address(config.arm)
+    trained = options.get("period", DEFAULT_PERIOD)
+    options["period"] = period_of(arm, config.period, trained)
+    if arm is not None:
+        options["arm"] = _usable(config, arm)
     options["tare"] = config.tare and options.get("tare", True)
     is_searching = config.perturbation().search != "none"
     if config.max_steps is not None:
@@ -172,9 +183,8 @@ def environment_options(
     return options
 
 
-def _usable(config: EvaluationConfig, text: str) -> str:
+def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
     """Return the address, or refuse what an arm outside this process cannot do."""
-    arm = parse_address(text)
     config.perturbation().require_possible(arm)
     if not is_simulated_here(arm) and config.workers > 1:
         raise ConfigError(
@@ -182,6 +192,7 @@ def _usable(config: EvaluationConfig, text: str) -> str:
             "needs 1"
         )
     _require_hole(config, can_place=places_hole(arm))
+    text = str(config.arm)
     return with_approach(text) if config.approach else text
 
 
@@ -244,6 +255,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             f"{1e3 * scene.clearance:g} mm clearance per side",
             *perturbation.describe(),
             f"on {ground}",
+            f"control period {1e3 * options['period']:g} ms",
         ]
         title, names = ", ".join(parts), [pose.name for pose in poses]
         outcomes = _show(trials, len(jobs), title, names, console)
@@ -251,7 +263,16 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     report = Report(
         title=title,
         ground=ground,
-        note=shared_engine(config, policy.metadata),
+        period=options["period"],
+        note="; ".join(
+            filter(
+                None,
+                (
+                    other_period(options["period"], policy.metadata),
+                    shared_engine(config, policy.metadata),
+                ),
+            )
+        ),
         rows=rows,
         outcomes=outcomes,
         config=describe_settings(replace(config, out=folder), options, poses),

@@ -16,6 +16,7 @@ from dovetail.arms.address import (
     TwinAddress,
     parse_address,
 )
+from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD, format_period
 from dovetail.envs.hole_pose import HolePose
 from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.export import commit, versions
@@ -63,6 +64,22 @@ def shared_engine(config: "EvaluationConfig", policy: Mapping[str, Any]) -> str:
     )
 
 
+def other_period(period: float, policy: Mapping[str, Any]) -> str:
+    """Say that the policy was trained at another control period; empty where not.
+
+    Args:
+        period: Control period of the tries [s].
+        policy: The policy's description.
+    """
+    trained = policy["env"].get("period", DEFAULT_PERIOD)
+    if period == trained:
+        return ""
+    return (
+        f"the control period is {1e3 * period:g} ms, the policy's training had "
+        f"{1e3 * trained:g} ms; its steps are {1e3 * POLICY_PERIOD:g} ms at both"
+    )
+
+
 def describe_settings(
     config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[HolePose]
 ) -> dict[str, Any]:
@@ -90,6 +107,8 @@ def command_line(config: "EvaluationConfig") -> str:
         if (value := getattr(config, name)) is not None:
             values = value if isinstance(value, tuple) else [value]
             words += [f"--{name}", *map(str, values)]
+    if config.period is not None:
+        words += ["--period", format_period(config.period)]
     for f in fields(Perturbation):
         if (value := getattr(config, f.name)) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]

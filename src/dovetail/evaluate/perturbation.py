@@ -14,9 +14,9 @@ from dovetail.arms.address import (
     GrpcAddress,
     places_hole,
 )
+from dovetail.control.period import POLICY_PERIOD
 from dovetail.envs.hole_pose import UPRIGHT
 from dovetail.envs.hole_tracker import CoveredHole
-from dovetail.envs.peg_in_hole import POLICY_PERIOD
 from dovetail.envs.randomisation import RandomisationConfig
 from dovetail.envs.registered import environment_class
 from dovetail.envs.search import SearchConfig, SpiralSearch

@@ -18,6 +18,8 @@ class Report:
     """What was tried."""
     ground: str
     """Where: "twin medium (mujoco)" or "simulation (mujoco)"; a twin is no robot."""
+    period: float
+    """Control period of the arm [s]."""
     rows: Sequence[Row]
     """The transfer table, its last row over all poses."""
     outcomes: Sequence[Outcome]
@@ -38,6 +40,7 @@ class Report:
         content = {
             "title": self.title,
             "ground": self.ground,
+            "control period [s]": self.period,
             "note": self.note,
             "rows": [asdict(row) for row in self.rows],
             "tries": [outcome.numbers() for outcome in self.outcomes],
@@ -58,7 +61,8 @@ class Report:
         low, high = total.interval
         lead = (
             f'<p class="lead"><span class="rate">{total.successes}/{total.tries}'
-            f"</span>inserted on {text(self.ground)}; the true rate is between "
+            f"</span>inserted on {text(self.ground)} at a control period of "
+            f"{1e3 * self.period:g} ms; the true rate is between "
             f"{100 * low:.1f} % and {100 * high:.1f} % (Wilson 95 %).</p>"
         )
         parts = [

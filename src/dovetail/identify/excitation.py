@@ -2,13 +2,12 @@
 
 import numpy as np
 
+from dovetail.control.period import POLICY_PERIOD
 from dovetail.errors import ConfigError
 from dovetail.types import Array
 
 AXES = 4
 """Commanded axes of the task XYZ:force A:pose BC:hold."""
-POLICY_PERIOD = 0.05
-"""Time between two actions [s]."""
 FREQUENCIES = (0.8, 1.2, 1.6, 2.4, 3.2)
 """Frequencies of the excitation [Hz]: whole periods in 50 steps, so that the tool
 stays near its start, and at most a third of the policy's Nyquist frequency, 10 Hz."""

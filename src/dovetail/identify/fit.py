@@ -127,7 +127,6 @@ def fit(config: FitConfig, console: Console) -> FitResult:
     wall_time = time.monotonic() - begin + earlier
     warnings = _warnings(parameters, outset, vector, population.deaths)
     model = parameters.to_model(vector, config.plant)
-    model = model.with_whole_delay(recording.period)  # as it was simulated
     result = FitResult(
         _describe(model, recording, after),
         vector,

@@ -1,5 +1,6 @@
 """A delay that the error in free motion hardly shows, and that a policy trips over."""
 
+import math
 from dataclasses import replace
 
 from dovetail.identify.replay import Replay
@@ -13,8 +14,8 @@ LONGEST = 0.03
 def hidden_delay(replay: Replay, model: TwinConfig) -> float:
     """Return by how much later than the model the arm obeys [s].
 
-    It is the delay, of all whole physics steps up to `LONGEST`, with which the model
-    meets the log best, minus the model's own; everything else stays as it is. Delays
+    It is the one of all whole physics steps, to a delay of 0 to `LONGEST` in all, with
+    which the model meets the log best; everything else stays as it is. Delays
     that matter (20 ms) stand out where little else is left; a short one can hide behind
     friction that was not fitted. A whole grid, because the effect is not monotone.
 
@@ -24,8 +25,10 @@ def hidden_delay(replay: Replay, model: TwinConfig) -> float:
     """
     period = replay.recording.period
     step = period / physics_steps(period, DynamicsConfig().physics_dt)
-    count = round(LONGEST / step)
-    tried = [step * i for i in range(count + 1)]
-    errors = [replay.rms(replace(model, command_delay=delay)) for delay in tried]
-    best = tried[errors.index(min(errors))]
-    return best - step * round(model.command_delay / step)
+    own = model.command_delay
+    first, last = -math.floor(own / step + 1e-9), math.floor((LONGEST - own) / step)
+    later = [step * i for i in range(first, last + 1)]
+    errors = [
+        replay.rms(replace(model, command_delay=max(0.0, own + t))) for t in later
+    ]
+    return later[errors.index(min(errors))]

@@ -44,7 +44,7 @@ def linearise(
     """Take the residual and its Jacobian by central differences.
 
     The half width is half a percent of the range, and one physics step for the command
-    delay, which is simulated in whole steps. At a bound the difference is one-sided.
+    delay, which bends at whole steps. At a bound the difference is one-sided.
 
     Args:
         replay: The log, and the engine that plays it.

@@ -246,7 +246,7 @@ def _approach(
         if is_last or rms_of(error) < EXACT:
             break
         fine = _fine_slopes(errors, point, error, active)
-        # A delay moves in whole physics steps: a fine change of it is none.
+        # Where a limit holds the arm, a fine change may be none.
         is_moved = np.abs(fine).max(axis=0) > 0.0
         jacobian = jacobian.copy()
         jacobian[:, active] = np.where(is_moved, fine, jacobian[:, active])

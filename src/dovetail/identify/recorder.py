@@ -18,14 +18,26 @@ from dovetail.arms.address import (
     FriAddress,
     GrpcAddress,
     parse_address,
+    period_of,
     places_hole,
 )
-from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN
+from dovetail.control.config import LimitConfig
+from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.period_option import Period
+from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
 from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.envs.randomisation import (
     RandomisationConfig,
     is_clear_of_block,
     tool_down,
+)
+from dovetail.envs.usual import (
+    F_SCALE_ANGULAR,
+    FORCE_DAMPING,
+    NEAR_DISTANCE,
+    NEAR_SPEED,
+    POSITION_RANGE,
+    THETA_RANGE,
 )
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
@@ -44,8 +56,6 @@ from dovetail.robot import Robot
 from dovetail.scene import PegShape
 from dovetail.types import Array, Vec7
 
-NEAR_DISTANCE = 0.01
-"""How far above the hole's mouth the tool's speed is limited [m], as for a policy."""
 CONTACT_FORCE = 0.1
 """Contact force from which the peg counts as in contact [N]."""
 PLAY = 0.002
@@ -79,10 +89,10 @@ class RecordConfig:
     f_scale: float = 8.0
     """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
     0.2 m/s of the 0.25 m/s allowed."""
-    force_damping: float = 40.0
+    force_damping: float = FORCE_DAMPING
     """Damping of X Y Z [1/s]."""
-    period: float = 0.005
-    """Control period [s]; an address may give its own."""
+    period: Period = DEFAULT_PERIOD
+    """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
     peg: PegShape = "square"
     """Shape of the peg in the gripper: square, triangle or round."""
     clearance: float = 0.0005
@@ -110,12 +120,14 @@ def record(
     _require_hole(config, can_place=places_hole(address))
     x, y, z, yaw = config.hole or DEFAULT_HOLE
     hole = (x, y, z, yaw)
+    usual = RecordConfig.period
+    asked = None if config.period == usual else config.period
     height = _start_height(config, z)
     env = PegInHoleEnv(
         config.arm,
         peg=config.peg,
         clearance=config.clearance,
-        period=config.period,
+        period=period_of(address, asked, usual),
         max_steps=config.steps + 1,
         f_scale=config.f_scale,
         force_damping=config.force_damping,
@@ -203,7 +215,8 @@ def _describe(
     """Return what `recording.json` holds."""
     address = parse_address(config.arm)
     is_hardware = (
-        isinstance(address, (FriAddress, GrpcAddress)) and address.margins == "hardware"
+        not isinstance(address, (FriAddress, GrpcAddress))
+        or address.margins == "hardware"
     )
     return {
         "format": FORMAT,
@@ -217,15 +230,15 @@ def _describe(
         "arm": config.arm,
         "commands": {
             "f_scale": config.f_scale,
-            "f_scale_angular": 20.0,
-            "theta_range": 0.2,
-            "position_range": 0.05,
+            "f_scale_angular": F_SCALE_ANGULAR,
+            "theta_range": THETA_RANGE,
+            "position_range": POSITION_RANGE,
         },
         "controller": {
             "force_damping": config.force_damping,
             "near_speed": NEAR_SPEED,
             "walls": [list(WALLS_MIN), list(WALLS_MAX)],
-            "scheme": "qp",
+            "scheme": LimitConfig.scheme,
             "is_hardware": is_hardware,
         },
         "excitation": {

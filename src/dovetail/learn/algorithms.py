@@ -77,8 +77,7 @@ def make_vec_env(config: TrainConfig) -> Any:
     if not (config.model or config.randomise_dynamics or config.arm):
         options["tare"] = False  # the nominal model compensates all of its weight
     if config.model_file is not None:
-        twin = config.model_file.twin.with_whole_delay(config.period)
-        options |= {"twin": twin, "engine": config.plant}
+        options |= {"twin": config.model_file.twin, "engine": config.plant}
 
     def make() -> Any:
         env = gym.make(config.env, disable_env_checker=True, **options)

@@ -12,9 +12,13 @@ from dovetail.arms.address import (
     FriAddress,
     is_simulated_here,
     parse_address,
+    period_of,
     places_hole,
 )
+from dovetail.control.period import DEFAULT_PERIOD, format_period, require_period
+from dovetail.control.period_option import Period
 from dovetail.control.task_spec import TaskSpec
+from dovetail.envs import usual
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
 from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.envs.registered import environment_class
@@ -92,13 +96,14 @@ class TrainConfig:
     force A:pose BC:hold" in peg in hole, "X:force A:pose YZBC:hold" for the clip."""
     stack: int = 0
     """Number of past (observation, action) pairs in the observation."""
-    period: float = 0.005
-    """Control period [s]; an action acts for 50 ms."""
-    f_scale: tuple[float, ...] = (4.0,)
+    period: Period = DEFAULT_PERIOD
+    """Control period: 1ms, 2ms, 2.5ms or 5ms; an action acts for 50 ms at any of them.
+    An arm's address may give its own."""
+    f_scale: tuple[float, ...] = (usual.F_SCALE,)
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
-    f_scale_angular: float = 20.0
+    f_scale_angular: float = usual.F_SCALE_ANGULAR
     """f* at action 1 on A B C [rad/s2]."""
-    force_damping: tuple[float, ...] = (40.0,)
+    force_damping: tuple[float, ...] = (usual.FORCE_DAMPING,)
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
     speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
     f_scale, no tare."""
@@ -107,16 +112,16 @@ class TrainConfig:
     misses, and take it off what the policy commands: in training with `model`,
     `randomise_dynamics` or `arm`, as there is none in the nominal model; and wherever
     the policy is evaluated."""
-    near_speed: float = 0.02
+    near_speed: float = usual.NEAR_SPEED
     """Speed limit of the tool per axis where contact is near [m/s]."""
-    near_press: float = 1.5
+    near_press: float = usual.NEAR_PRESS
     """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
     the tool can stand on the rim."""
-    near_distance: float = 0.01
+    near_distance: float = usual.NEAR_DISTANCE
     """How far above the hole's mouth that begins [m]."""
-    theta_range: float = 0.2
+    theta_range: float = usual.THETA_RANGE
     """Rotation at action 1 on pose axes A B C [rad]."""
-    position_range: float = 0.05
+    position_range: float = usual.POSITION_RANGE
     """Displacement at action 1 on pose axes X Y Z [m]."""
     max_steps: int = 200
     """Actions per episode."""
@@ -184,6 +189,7 @@ class TrainConfig:
                 raise ConfigError(f"{name} is {value}; allowed: {low:g} to {high:g}")
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
+        object.__setattr__(self, "period", require_period(self.period, "period"))
         self.entropy_coefficient()
         _ = self.environment
         object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
@@ -260,6 +266,9 @@ class TrainConfig:
     def _require_arm(self, text: str) -> None:
         """Refuse what the one arm cannot do."""
         arm = parse_address(text)
+        usual = TrainConfig.period
+        asked = None if self.period == usual else self.period
+        object.__setattr__(self, "period", period_of(arm, asked, usual))
         if self.seeds > 1 and not is_simulated_here(arm):
             raise ConfigError(
                 f"seeds is {self.seeds}, but there is one arm at {text}; train one "
@@ -346,6 +355,8 @@ class TrainConfig:
             option = _OPTIONS.get(name, name).replace("_", "-")
             if name == "model":
                 words += ["--model", str(self.model)]
+            elif name == "period":
+                words += ["--period", format_period(value)]
             elif isinstance(value, bool):
                 words.append(f"--{option}" if value else f"--no-{option}")
             else:

@@ -1,21 +1,17 @@
 """The control cycle over any plant, in Python: the reference of the C++ loop."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from dovetail import _core
 from dovetail.plants.plant import CYCLE_COLUMNS, Plant
 from dovetail.poses import quat_from_matrix
 from dovetail.types import Array, Vec7
 
-if TYPE_CHECKING:
-    from dovetail import _core
-
 
 def run_cycles(
     plant: Plant,
-    controller: "_core.Controller",
-    target: "_core.Target",
+    controller: _core.Controller,
+    target: _core.Target,
     cycles: int,
     period: float,
     start: float,
@@ -32,9 +28,11 @@ def run_cycles(
     """
     log = np.empty((cycles, len(CYCLE_COLUMNS)))
     chain = plant.robot.chain()
+    held = _core.Target(target)
     q, dq = plant.read()
     for i in range(cycles):
-        result = controller.step(q, dq, target)
+        result = controller.step(q, dq, held)
+        held.age += period
         position, rotation = chain.pose(q)
         quat = quat_from_matrix(rotation)
         twist = chain.jacobian(q) @ dq

@@ -11,10 +11,10 @@ from dovetail.poses import quat_from_matrix, quat_multiply
 from dovetail.robot import Robot
 from dovetail.scene import Primitive, SceneConfig
 
-# The time constant is DynamicsConfig.contact_time, set on the compiled model; refsafe
-# raises it to twice the step. With the shortest, this impedance lets 30 N press a wall
-# in by 3 um; closer to 1, a peg in a corner chatters. Fewer line-search iterations
-# than this let the solver stop early and throw the arm.
+# The time constant is DynamicsConfig.contact_time, set on the compiled model, and at
+# least twice the step. With 5 ms this impedance lets 30 N press a wall in by 3 um;
+# closer to 1, a peg in a corner chatters. Fewer line-search iterations than this let
+# the solver stop early and throw the arm.
 _SOLREF = "0.002 1"
 _SOLIMP = "0.95 0.99 0.0001 0.5 2"
 

@@ -202,7 +202,9 @@ class MujocoPlant:
         """Set the physics step for this control period and return their number."""
         if not self._is_ready:
             raise PlantError("plant was not reset since it was built or configured")
-        steps = physics_steps(period, self.dynamics.physics_dt)
+        # MuJoCo (refsafe) would make contacts softer than two steps show.
+        longest = min(self.dynamics.physics_dt, 0.5 * self.dynamics.contact_time)
+        steps = physics_steps(period, longest)
         self.model.opt.timestep = period / steps
         return steps
 

@@ -59,10 +59,11 @@ class DynamicsConfig:
     """Rotor inertia at each joint [kg m2]."""
     contact_friction: float = 0.3
     """Sliding friction coefficient of peg and gripper on block and table [1]."""
-    contact_time: float = 0.002
+    contact_time: float = 0.005
     """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the peg on the
-    stiffness k of joints, gripper and surfaces. MuJoCo's contacts cannot be shorter
-    than two physics steps; Bullet's always end within one, whatever this says."""
+    stiffness k of joints, gripper and surfaces. It is the same at every control period:
+    MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
+    step, whatever this says."""
     physics_dt: float = 0.0025
     """Largest physics step [s]; a control period is split into equal steps."""
 

@@ -5,7 +5,6 @@ result on a twin says "twin", never "robot".
 """
 
 import difflib
-import math
 import tomllib
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -18,7 +17,6 @@ from dovetail.plants.plant import (
     DynamicsConfig,
     Plant,
     make_plant,
-    physics_steps,
 )
 from dovetail.poses import Pose
 from dovetail.types import JOINTS, Array, Vec3, Vec7
@@ -41,8 +39,6 @@ _LISTS = {
     **dict.fromkeys(("mass_scale", "damping", "coulomb", "armature"), JOINTS),
     "gravity_residual": ("x", "y", "z"),
 }
-_DELAY_ERROR = 0.2
-"""How far the simulated delay may be from the one asked for, as a share of it [1]."""
 _DYNAMICS = (
     "inertia",
     "mass_scale",
@@ -78,8 +74,8 @@ class TwinConfig:
     armature: tuple[float, ...]
     """Rotor inertia at each joint [kg m2]."""
     command_delay: float
-    """Delay of the torque command [s]: whole physics steps, 2.5 ms at a control period
-    of 5 ms."""
+    """Delay of the torque command [s], the same at every control period: where it is no
+    whole number of physics steps, a change of the torque takes one step to come."""
     torque_noise: float
     """Standard deviation of the torque, per joint and command [Nm]."""
     position_noise: float
@@ -126,33 +122,6 @@ class TwinConfig:
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
         return DynamicsConfig(**{name: getattr(self, name) for name in _DYNAMICS})
-
-    def with_whole_delay(self, period: float) -> "TwinConfig":
-        """Return the twin with the delay that is simulated at a control period [s].
-
-        A delay is a whole number of physics steps; what was fitted is any number.
-        """
-        return replace(self, command_delay=self._simulated_delay(period))
-
-    def require_delay(self, period: float) -> None:
-        """Refuse a delay that physics steps do not show at a control period [s].
-
-        Raises:
-            ConfigError: It would be another by more than `_DELAY_ERROR` of it.
-        """
-        delay, simulated = self.command_delay, self._simulated_delay(period)
-        if abs(simulated - delay) > _DELAY_ERROR * delay + 1e-9:
-            step = period / physics_steps(period, self.dynamics().physics_dt)
-            raise ConfigError(
-                f"twin command_delay is {1e3 * delay:g} ms, which at a control period "
-                f"of {1e3 * period:g} ms would be simulated as {1e3 * simulated:g} ms; "
-                f"allowed: 0, or whole physics steps of {1e3 * step:g} ms to within "
-                f"{100 * _DELAY_ERROR:.0f} %; change it, or the control period"
-            )
-
-    def _simulated_delay(self, period: float) -> float:
-        step = period / physics_steps(period, self.dynamics().physics_dt)
-        return step * math.floor(self.command_delay / step + 0.5)
 
     def to_toml(self) -> str:
         """Write the twin as the text of a file that `load_twin` reads."""

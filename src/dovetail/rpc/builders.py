@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
+from dovetail.control.period import format_period
+from dovetail.errors import ConfigError
 from dovetail.plants.plant import Plant
 from dovetail.rpc.settings import Settings
 
@@ -13,19 +15,41 @@ if TYPE_CHECKING:
     from dovetail.scene import SceneConfig
 
 
+def require_offered(name: str, period: float | None, settings: Settings) -> None:
+    """Refuse a learner's control period that is not the one offered.
+
+    Args:
+        name: Address of the arm.
+        period: What is offered [s]; None is any.
+        settings: What the learner asks for.
+
+    Raises:
+        ConfigError: Names both, and what the learner has to add.
+    """
+    if period not in (None, settings.period):
+        raise ConfigError(
+            f"the arm at {name} is commanded every {1e3 * period:g} ms, the learner "
+            f"asks for {1e3 * settings.period:g} ms: add "
+            f"period={format_period(period)} to the learner's address, "
+            "grpc://HOST:PORT?period=..."
+        )
+
+
 class LocalBuilder:
     """A new controller for each learner's settings, over the same simulation."""
 
     is_real_time = False
     places_hole = True
 
-    def __init__(self, name: str, plant: Plant) -> None:
+    def __init__(self, name: str, plant: Plant, period: float | None = None) -> None:
         """Own a plant.
 
         Args:
             name: Address of the arm.
             plant: Where the torques go; closed with the builder.
+            period: The only control period that is offered [s]; None is any.
         """
+        self._period = period
         self.name = name
         self.scene: SceneConfig | None = plant.scene
         self.robot: Robot = plant.scene.robot()
@@ -33,6 +57,7 @@ class LocalBuilder:
 
     def build(self, settings: Settings) -> Arm:
         """Return an arm with these settings."""
+        require_offered(self.name, self._period, settings)
         return LocalArm(
             self._plant,
             self.robot,

@@ -84,7 +84,12 @@ class FieldReader:
         if not message.HasField(name):
             self.refuse(path, "missing", _range(unit, *allowed))
             return math.nan
-        value = getattr(message, name)
+        return self.scalar(path, getattr(message, name), unit, allowed)
+
+    def scalar(
+        self, path: str, value: float, unit: str, allowed: tuple[float, float]
+    ) -> float:
+        """Read a number that is always there."""
         self._check(path, value, unit, *allowed)
         return value
 

@@ -19,9 +19,12 @@ if TYPE_CHECKING:
 DURATION_MAX = 10.0
 """Longest step [s]: a learner that asks for more has mistaken the unit."""
 
+AGE_MAX = 1e9
+"""Oldest Target that a controller takes [s]."""
+
 _ROW = np.dtype("<f8")
 _COLUMNS = len(CYCLE_COLUMNS)
-_SIZES = [6, 3, 4, 4]
+_SIZES = ([6, 3, 4, 4, 0, 0], [6, 3, 4, 4, 6, 6])  # without and with feed-forward
 
 
 def write_target(target: _core.Target, message: pb.Target) -> None:
@@ -30,6 +33,11 @@ def write_target(target: _core.Target, message: pb.Target) -> None:
     message.position_d.extend(target.position_d.tolist())
     message.quat_wxyz_d.extend(target.quat_wxyz_d.tolist())
     message.near_plane.extend(target.near_plane.tolist())
+    velocity, acceleration = target.velocity_d.tolist(), target.acceleration_d.tolist()
+    if any(velocity) or any(acceleration):
+        message.velocity_d.extend(velocity)
+        message.acceleration_d.extend(acceleration)
+    message.age = target.age
     if target.joint_mode:
         message.q_d.extend(target.q_d.tolist())
 
@@ -47,6 +55,14 @@ def read_target(message: pb.Target, fields: FieldReader) -> _core.Target:
     )
     if message.near_plane:
         target.near_plane = _read_plane(message.near_plane[:], fields)
+    for name, unit in (
+        ("velocity_d", "m/s or rad/s"),
+        ("acceleration_d", "m/s2 or rad/s2"),
+    ):
+        if values := getattr(message, name):
+            path = f"target.{name}"
+            setattr(target, name, fields.vector(path, values, TASK_AXES, unit))
+    target.age = fields.scalar("target.age", message.age, "s", (0.0, AGE_MAX))
     if message.q_d:
         target.q_d = fields.vector("target.q_d", message.q_d, JOINTS, "rad")
         target.joint_mode = True
@@ -61,15 +77,18 @@ def _read_right_target(message: pb.Target) -> _core.Target | None:
     """
     f_star, position = message.f_star[:], message.position_d[:]
     quat, plane = message.quat_wxyz_d[:], message.near_plane[:]
-    if [len(f_star), len(position), len(quat), len(plane)] != _SIZES or message.q_d:
+    velocity, acceleration = message.velocity_d[:], message.acceleration_d[:]
+    parts = (f_star, position, quat, plane, velocity, acceleration)
+    if [len(part) for part in parts] not in _SIZES or message.q_d:
         return None
-    numbers = f_star + position + quat + plane
+    numbers = f_star + position + quat + velocity + acceleration
     is_nowhere = plane[3] == -math.inf
-    finite = numbers[:-1] if is_nowhere else numbers
+    finite = numbers + (plane[:3] if is_nowhere else plane)
     length = sum([x * x for x in quat])
     normal = 1.0 if is_nowhere else sum([x * x for x in plane[:3]])
     if not (
         math.isfinite(sum(finite))
+        and 0.0 <= message.age <= AGE_MAX
         and abs(length - 1.0) <= LENGTH_TOLERANCE
         and abs(normal - 1.0) <= LENGTH_TOLERANCE
     ):
@@ -78,7 +97,10 @@ def _read_right_target(message: pb.Target) -> _core.Target | None:
     target = _core.Target(
         f_star=array[:6], position_d=array[6:9], quat_wxyz_d=array[9:13]
     )
-    target.near_plane = array[13:]
+    target.near_plane = np.array(plane)
+    target.age = message.age
+    if velocity:
+        target.velocity_d, target.acceleration_d = array[13:19], array[19:]
     return target
 
 

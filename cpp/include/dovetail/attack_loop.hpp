@@ -1,0 +1,75 @@
+/// Controller and exact rigid arm in one loop, under an adversary that chooses every
+/// Target and spoils what the controller is told: for searches over millions of cycles.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "dovetail/controller.hpp"
+#include "dovetail/rigid_plant.hpp"
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// One wrong number in one message: added to what was measured.
+struct WrongNumber {
+  int cycle;
+  int element;   ///< 0 to 6: q of A1 to A7 [rad], 7 to 13: dq [rad/s]
+  double error;  ///< [rad] or [rad/s]; may be NaN or infinite
+};
+
+/// What an adversary does in one episode.
+struct Attack {
+  std::vector<Target> targets;  ///< each is held for `cycles_per_target`
+  int cycles_per_target = 1;
+  /// Per cycle: how many cycles old the state is that arrives. 0 is fresh, kLost: no
+  /// message came, the torque stays and the next cycle knows the time that passed.
+  std::vector<int> age;
+  std::vector<WrongNumber> wrong;  ///< in the order of their cycles
+  bool is_observed = false;  ///< dq from positions, as behind FRI, not as measured
+
+  static constexpr int kLost = -1;
+};
+
+/// A largest value and where it was seen.
+struct Worst {
+  double value;
+  int cycle = -1;
+  int element = -1;  ///< joint 0 to 6, or axis 0 to 2
+};
+
+/// Largest excess over the limits, their margins not taken off (negative: room left),
+/// and largest torque steps.
+struct AttackResult {
+  static constexpr double kNever = -1e9;
+
+  Worst position{kNever};  ///< of a joint limit [rad]
+  Worst speed{kNever};     ///< of a joint's speed limit [rad/s]
+  Worst wall{kNever};      ///< of a wall by the TCP [m]
+  /// The same where the TCP would come to rest, braked from then on as planned [m]:
+  /// what a search climbs before a wall is passed.
+  Worst reach{kNever};
+  Worst tool_speed{kNever};      ///< of the TCP's speed limit per axis [m/s]
+  Worst torque{kNever};          ///< of a motor's torque, gravity included [Nm]
+  Worst step{kNever};            ///< torque from cycle to cycle [Nm]
+  Worst step_after_bad{kNever};  ///< the same within kAfterBad cycles of a bad sample
+  /// The same, less what a controller does that got the true state instead [Nm].
+  Worst step_by_bad{kNever};
+  int bad_cycles = 0;
+
+  static constexpr int kAfterBad = 20;
+};
+
+/// Columns of a trace: one row per cycle.
+///
+/// q, dq (true, 7 each), tau (7), TCP position and velocity (3 each), excess of wall,
+/// joint position and joint speed over the cycle, packed flags.
+constexpr int kAttackColumns = 31;
+
+/// Runs one episode from the plant's state; both are copies, nothing is left behind.
+/// \param looks  how often a period the true state is judged
+/// \param trace  room for age.size() rows of kAttackColumns numbers, or null
+AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& attack,
+                        int looks, double* trace);
+
+}  // namespace dovetail

@@ -1,0 +1,73 @@
+/// The last line: sees motion that no Target explains, whatever its cause, and ends it.
+///
+/// Three things are watched, from the measured motion and the torques alone
+/// (docs/control.md, Last line):
+///   oscillation  a joint's speed swings to and fro, faster than 7 Hz, more widely than
+///                the Target's changes explain, and does not decay;
+///   energy       limiters do positive work: passive ones never do;
+///   speed        a joint is beyond its speed limit.
+/// Once seen, it stays seen until `reset`.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// What ended the motion.
+enum class EndCause : std::uint8_t { kNone, kOscillation, kEnergy, kSpeed };
+
+[[nodiscard]] const char* name(EndCause cause) noexcept;
+
+/// One cycle as the last line sees it.
+struct LastLineInput {
+  const Vec7& dq;           ///< measured [rad/s]
+  const Vec7& explained;    ///< change of acceleration by a new Target [rad/s2]
+  double limiter_power;     ///< power that limiters put into the arm [W]
+  double elapsed;           ///< since the last cycle [s]
+};
+
+/// One thread. Nothing allocates or throws.
+class LastLine {
+ public:
+  explicit LastLine(const LimitParams& limits) noexcept;
+
+  void reset() noexcept;
+  /// True from the cycle on in which something was seen.
+  bool check(const LastLineInput& input) noexcept;
+
+  EndCause cause() const noexcept { return cause_; }
+  int joint() const noexcept { return joint_; }      ///< 0 to 6; energy has none: -1
+  double value() const noexcept { return value_; }   ///< swing, work or speed [SI]
+  double limit() const noexcept { return limit_; }   ///< what was allowed [SI]
+
+ private:
+  /// The swings of one joint's speed about its slow part.
+  struct Swing {
+    double slow = 0.0;     // the slow part [rad/s]
+    double extreme = 0.0;  // since the last turn [rad/s]
+    double turn = 0.0;     // value of the last turn [rad/s]
+    double width = 0.0;    // of the last swing [rad/s]
+    double since = 0.0;    // time since the last turn [s]
+    double excused = 0.0;  // swing that the Target explains [rad/s]
+    double least = 0.0;    // width from which the last swing counted [rad/s]
+    int direction = 1;
+    int count = 0;
+  };
+
+  bool swings(int joint, const LastLineInput& input) noexcept;
+  void end(EndCause cause, int joint, double value, double limit) noexcept;
+
+  Vec7 dq_max_;
+  bool is_on_;
+  std::array<Swing, 7> swing_;
+  double work_ = 0.0;  // that limiters did of late [J]
+  EndCause cause_ = EndCause::kNone;
+  int joint_ = -1;
+  double value_ = 0.0;
+  double limit_ = 0.0;
+};
+
+}  // namespace dovetail

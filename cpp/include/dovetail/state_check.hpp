@@ -1,0 +1,57 @@
+/// Whether a measured state can be one: what no joint can do in the time is not believed.
+///
+/// The state is predicted with the acceleration that the last cycle expected. A sample
+/// beyond what speed limit and motors allow is implausible: the prediction stands for
+/// it. A plausible one moves the believed state by a bounded amount in a cycle, so that
+/// one wrong sample is worth a bounded torque. A sample that repeats the one before, bit
+/// by bit, while the arm moves is an old one: the prediction stands for it, too.
+///
+/// Samples that agree with one another but not with the prediction are the arm after
+/// all: after `kAgreed` of them they are believed.
+#pragma once
+
+#include "dovetail/types.hpp"
+
+namespace dovetail {
+
+/// One thread. Nothing allocates or throws.
+class StateCheck {
+ public:
+  /// \param limits  speed limits and motor torques count
+  explicit StateCheck(const LimitParams& limits) noexcept;
+
+  /// Starts at q [rad], moving at dq [rad/s].
+  void reset(const Vec7& q, const Vec7& dq) noexcept;
+
+  /// Takes a sample `elapsed` [s] after the last one.
+  /// \param a        acceleration expected since then [rad/s2]
+  /// \param inertia  diagonal of the joint inertia, rotors included [kg m2]
+  void take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& inertia,
+            double elapsed) noexcept;
+
+  const Vec7& q() const noexcept { return q_; }    ///< believed [rad]
+  const Vec7& dq() const noexcept { return dq_; }  ///< believed [rad/s]
+  /// Implausible samples in a row; 0 where the last one was believed.
+  int implausible() const noexcept { return implausible_; }
+  /// The joint that made the last one so, 0 to 6.
+  int joint() const noexcept { return joint_; }
+
+  /// Samples in a row that must agree with one another before they are believed.
+  static constexpr int kAgreed = 8;
+
+ private:
+  bool is_reachable(const Vec7& q, const Vec7& dq, const Vec7& q_from,
+                    const Vec7& dq_from, const Vec7& kick, double elapsed) noexcept;
+
+  Vec7 dq_max_, tau_max_;
+  Vec7 q_ = Vec7::Zero();
+  Vec7 dq_ = Vec7::Zero();
+  Vec7 q_seen_ = Vec7::Zero();  // the last sample, believed or not
+  Vec7 dq_seen_ = Vec7::Zero();
+  double since_ = 0.0;  // time since a sample was believed [s]
+  int implausible_ = 0;
+  int agreed_ = 0;
+  int joint_ = 0;
+};
+
+}  // namespace dovetail

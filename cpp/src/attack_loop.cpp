@@ -1,0 +1,189 @@
+#include "dovetail/attack_loop.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "dovetail/cycle_log.hpp"
+#include "dovetail/velocity_observer.hpp"
+
+namespace dovetail {
+namespace {
+
+constexpr double kBlownUp = 1e3;  // [rad, rad/s]: nothing after it means anything
+
+/// Keeps the largest element; a NaN counts as infinitely large.
+template <typename Vector>
+void keep(Worst& worst, const Vector& values, int cycle) noexcept {
+  for (int i = 0; i < values.size(); ++i) {
+    const double value = std::isnan(values[i]) ? kBlownUp : values[i];
+    if (value > worst.value) worst = {value, cycle, i};
+  }
+}
+
+/// A controller, its arm, and what it made of the last message.
+struct Side {
+  Controller controller;
+  RigidPlant plant;
+  std::optional<VelocityObserver> observer;
+  Vec7 tau = Vec7::Zero();
+  Vec7 a = Vec7::Zero();
+  double elapsed = 0.0;  // since the last message [s]
+  Flags flags;
+
+  void step(const Vec7& q, Vec7 dq, const Target& target) noexcept {
+    elapsed += controller.period();
+    if (observer) dq = observer->update(q, a, elapsed);
+    const StepResult result = controller.step(q, dq, target, elapsed);
+    tau = result.tau;
+    a = result.a;
+    flags = result.flags;
+    elapsed = 0.0;
+  }
+};
+
+struct State {
+  Vec7 q, dq;
+};
+
+/// Compares the true state with the limits.
+class Judge {
+ public:
+  Judge(const Controller& controller, bool has_walls) noexcept
+      : chain_(controller.chain()),
+        limits_(controller.limits()),
+        walls_(has_walls),
+        brake_(2.0 * limits_.eta_wall * limits_.ddx_max) {}
+
+  void look(const RigidPlant& plant, int cycle, AttackResult& result) noexcept {
+    const Vec7& q = plant.q();
+    chain_.tool_motion(q, plant.dq(), tool_);
+    const Vec7 position = (q - limits_.q_max).cwiseMax(limits_.q_min - q);
+    const Vec7 speed = plant.dq().cwiseAbs() - limits_.dq_max;
+    keep(result.position, position, cycle);
+    keep(result.speed, speed, cycle);
+    worst_position_ = std::max(worst_position_, position.maxCoeff());
+    worst_speed_ = std::max(worst_speed_, speed.maxCoeff());
+    if (!walls_) return;
+    const Vec3 wall = (tool_.p - limits_.x_max).cwiseMax(limits_.x_min - tool_.p);
+    const Vec3 over = tool_.twist.head<3>().cwiseAbs() - limits_.dx_max;
+    keep(result.wall, wall, cycle);
+    const Vec3 out = tool_.twist.head<3>().cwiseMax(0.0);
+    const Vec3 back = (-tool_.twist.head<3>()).cwiseMax(0.0);
+    const Vec3 reach =
+        (tool_.p - limits_.x_max + out.cwiseProduct(out).cwiseQuotient(brake_))
+            .cwiseMax(limits_.x_min - tool_.p +
+                      back.cwiseProduct(back).cwiseQuotient(brake_));
+    keep(result.reach, reach, cycle);
+    keep(result.tool_speed, over, cycle);
+    worst_wall_ = std::max(worst_wall_, wall.maxCoeff());
+  }
+
+  void motor(const RigidPlant& plant, const Vec7& tau, int cycle,
+             AttackResult& result) const noexcept {
+    const Vec7 total = tau + chain_.gravity(plant.q());
+    keep(result.torque, Vec7(total.cwiseAbs() - limits_.tau_max), cycle);
+  }
+
+  /// The row of the cycle that ends; the next one starts anew.
+  void write(const State& state, const Side& side, double* row) noexcept {
+    ToolMotion tool;
+    chain_.tool_motion(state.q, state.dq, tool);
+    RowWriter writer{row};
+    writer.put(state.q);
+    writer.put(state.dq);
+    writer.put(side.tau);
+    writer.put(tool.p);
+    writer.put(Vec3(tool.twist.head<3>()));
+    writer.put_number(worst_wall_);
+    writer.put_number(worst_position_);
+    writer.put_number(worst_speed_);
+    writer.put_number(static_cast<double>(pack_flags(side.flags)));
+    worst_wall_ = worst_position_ = worst_speed_ = AttackResult::kNever;
+  }
+
+ private:
+  const Chain& chain_;
+  const LimitParams limits_;
+  bool walls_;
+  Vec3 brake_;  // twice the planned one [m/s2]
+  ToolMotion tool_;
+  double worst_wall_ = AttackResult::kNever;
+  double worst_position_ = AttackResult::kNever;
+  double worst_speed_ = AttackResult::kNever;
+};
+
+bool is_lost(const State& state) noexcept {
+  return !(state.q.cwiseAbs().maxCoeff() < kBlownUp) ||
+         !(state.dq.cwiseAbs().maxCoeff() < kBlownUp);
+}
+
+}  // namespace
+
+AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& attack,
+                        int looks, double* trace) {
+  AttackResult result;
+  const double period = controller.period();
+  Side side{controller, plant, {}};
+  if (attack.is_observed) {
+    side.observer.emplace(period);
+    side.observer->reset(plant.q());
+  }
+  std::optional<Side> clean;  // goes on from before the last bad sample, undeceived
+  Judge judge(controller, controller.limits().walls);
+  std::vector<State> past;
+  past.reserve(attack.age.size());
+  auto wrong = attack.wrong.begin();
+  int since_bad = AttackResult::kAfterBad;
+  const int cycles = static_cast<int>(attack.age.size());
+  for (int k = 0; k < cycles; ++k) {
+    past.push_back({side.plant.q(), side.plant.dq()});
+    const State& now = past.back();
+    if (is_lost(now)) break;
+    const int age = std::min(attack.age[k], k);
+    State seen = past[k - std::max(age, 0)];
+    bool is_bad = age != 0;
+    for (; wrong != attack.wrong.end() && wrong->cycle <= k; ++wrong) {
+      if (wrong->cycle < k) continue;
+      double& number =
+          wrong->element < 7 ? seen.q[wrong->element] : seen.dq[wrong->element - 7];
+      number += wrong->error;
+      is_bad = true;
+    }
+    if (is_bad) {
+      ++result.bad_cycles;
+      if (since_bad > 0) clean.emplace(side);  // a burst is one event
+      since_bad = 0;
+    } else if (++since_bad > AttackResult::kAfterBad) {
+      clean.reset();
+    }
+    const Target& target = attack.targets[std::min<std::size_t>(
+        k / attack.cycles_per_target, attack.targets.size() - 1)];
+    const Vec7 before = side.tau;
+    if (age < 0) {
+      side.elapsed += period;
+    } else {
+      side.step(seen.q, seen.dq, target);
+    }
+    const Vec7 change = side.tau - before;
+    if (k > 0) keep(result.step, Vec7(change.cwiseAbs()), k);
+    if (clean) {
+      const Vec7 clean_before = clean->tau;
+      clean->step(clean->plant.q(), clean->plant.dq(), target);
+      const Vec7 by_bad = change - (clean->tau - clean_before);
+      keep(result.step_after_bad, Vec7(change.cwiseAbs()), k);
+      keep(result.step_by_bad, Vec7(by_bad.cwiseAbs()), k);
+      clean->plant.apply(clean->tau, period);
+    }
+    judge.motor(side.plant, side.tau, k, result);
+    const State start = now;
+    for (int i = 0; i < looks; ++i) {
+      side.plant.apply(side.tau, period / looks);
+      judge.look(side.plant, k, result);
+    }
+    if (trace != nullptr) judge.write(start, side, trace + k * kAttackColumns);
+  }
+  return result;
+}
+
+}  // namespace dovetail

@@ -1,0 +1,86 @@
+"""The adversary in contact: a short run per period, and every case that it ever found.
+
+`contact_cases.json` holds tries that once broke the controller. Those within the proven
+range must keep every joint limit and must not grow; the others stay within what holds
+out to the full range.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+CASES = json.loads((Path(__file__).parent / "contact_cases.json").read_text())
+PERIODS = [0.001, 0.002, 0.0025, 0.005]
+PROMISED = False
+"""Set to True with the controller that breaks these promises no more."""
+MODULES = (
+    "contact_choices",
+    "contact_scene",
+    "contact_policies",
+    "contact_trial",
+    "contact_adversary",
+)
+
+
+promise = pytest.mark.skipif(not PROMISED, reason="not yet promised")
+
+
+@pytest.fixture(scope="module")
+def adversary():
+    sys.path.insert(0, str(BENCHMARKS))
+    import contact_adversary
+
+    yield contact_adversary
+    sys.path.remove(str(BENCHMARKS))
+    for name in MODULES:
+        sys.modules.pop(name, None)
+
+
+def broken(adversary, outcome, span):
+    """Return what was exceeded, with its value."""
+    limits = adversary.LIMITS[span]
+    return {k: outcome.worst[k] for k, v in limits.items() if outcome.worst[k] > v}
+
+
+@promise
+@pytest.mark.parametrize("period", PERIODS)
+def test_few_tries_in_the_proven_range_break_no_joint_limit(adversary, period):
+    attack = adversary.Attack(period=period, seed=11)
+    for index in range(6):
+        outcome = attack.run(index)
+        assert not broken(adversary, outcome, "proven"), index
+
+
+@promise
+@pytest.mark.parametrize("case", CASES, ids=[case["name"] for case in CASES])
+def test_no_case_that_was_found_is_lost_again(adversary, case):
+    attack = adversary.Attack(
+        period=case["period"], span=case["span"], is_hardware=case["is_hardware"]
+    )
+    outcome = attack.run_vector(np.array(case["vector"]), tuple(case["seed"]))
+    assert not broken(adversary, outcome, case["span"]), case["cause"]
+
+
+def test_a_try_is_the_same_whatever_ran_before(adversary):
+    attack = adversary.Attack(period=0.005, seed=3)
+    attack.run(4)
+    first = attack.run(5)
+    attack.run(6)
+    second = attack.run(5)
+    np.testing.assert_array_equal(first.trace, second.trace)
+    assert first.worst == second.worst
+
+
+def test_a_controller_without_margins_is_caught(adversary):
+    """What a far too quick estimate does on a late twin is seen by every metric."""
+    attack = adversary.Attack(
+        period=0.001, seed=3, overrides=(("estimate_rate", 900.0),)
+    )
+    outcomes = [attack.run(index) for index in range(3)]
+    assert max(o.worst["speed"] for o in outcomes) > 1.0
+    assert max(o.worst["position"] for o in outcomes) > 0.0
+    assert max(o.worst["sustained"] for o in outcomes) > 0.3  # rad/s
