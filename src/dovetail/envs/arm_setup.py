@@ -226,7 +226,7 @@ def build_fri_arm(
     from dovetail.arms.fri_arm import FriArm
     from dovetail.arms.watchdog import WatchdogConfig
 
-    if address.margins == "hardware":  # T1's limit is one of the velocity's norm
+    if address.control is None:  # a robot: T1's limit is one of the velocity's norm
         limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
     return FriArm(
         scene.robot(),

@@ -72,8 +72,7 @@ class EvaluationConfig:
     arm: str | None = None
     """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     approach: bool = False
-    """Let an arm behind fri:// move to the first start from farther than 0.15 m or
-    0.5 rad: slowly, up, across and down."""
+    """Let an arm behind fri:// go to its first start from afar, slowly."""
     hole: tuple[float, float, float, float] | None = None
     """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
     three poses, which an arm must be able to put the hole at."""
@@ -192,8 +191,7 @@ def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
             "needs 1"
         )
     _require_hole(config, can_place=places_hole(arm))
-    text = str(config.arm)
-    return with_approach(text) if config.approach else text
+    return with_approach(str(config.arm)) if config.approach else str(config.arm)
 
 
 def _require_hole(config: EvaluationConfig, *, can_place: bool) -> None:
