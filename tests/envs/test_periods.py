@@ -19,9 +19,6 @@ GROUNDS = (None, "easy", "medium", "hard")
 STEPS = 5
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 Q_START = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
-TOO_QUICK = pytest.mark.xfail(
-    strict=True, reason="the disturbance estimate is too quick for 10 ms of delay"
-)
 
 
 def play(env):
@@ -70,11 +67,7 @@ def test_a_twin_is_the_same_arm_at_every_period(ground, period, usual_tare):
 
 @pytest.mark.parametrize("ground", GROUNDS)
 @pytest.mark.parametrize("period", FRI_PERIODS)
-def test_an_arm_over_fri_is_the_same_at_every_period(
-    ground, period, usual_tare, request
-):
-    if (ground, period) == ("hard", 0.001):
-        request.applymarker(TOO_QUICK)
+def test_an_arm_over_fri_is_the_same_at_every_period(ground, period, usual_tare):
     scene = SceneConfig()
     if ground is None:
         plant = make_plant("mujoco", scene, DynamicsConfig())
