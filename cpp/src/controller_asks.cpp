@@ -137,7 +137,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
   const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held_;
-  result = StepResult{};
+  result.flags = Flags{};
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   has_posture_ = false;
 }

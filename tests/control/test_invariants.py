@@ -29,7 +29,8 @@ FAR = {
     "ddq_max": 1000.0,
     "tau_max": 1e4,
     "walls": False,
-    "beta": 0.0,
+    "estimate_rate": 0.0,
+    "last_line": False,
 }
 
 
@@ -39,10 +40,11 @@ def far(robot) -> LimitConfig:
     return LimitConfig.for_period(robot, PERIOD, **FAR)
 
 
-def controller_at(robot, limits, task, q, **osc):
+def controller_at(robot, limits, task, q, dq=None, **osc):
     controller = make_controller(robot, OscConfig(**osc), limits, task, PERIOD)
     pose = robot.tool_pose(q)
-    controller.reset(q, pose.position, pose.quat_wxyz)
+    dq = np.zeros(7) if dq is None else dq
+    controller.reset(q, pose.position, pose.quat_wxyz, dq=dq)
     return controller
 
 
@@ -55,7 +57,7 @@ def random_terms(robot, limits, rng, count, task=TASK, **osc):
             f_star=rng.uniform(-10, 10, 6),
             quat_wxyz_d=quat_normalized(rng.normal(size=4)),
         )
-        controller = controller_at(robot, limits, task, q, **osc)
+        controller = controller_at(robot, limits, task, q, dq, **osc)
         yield controller.osc_terms(q, dq, target), dq
 
 
@@ -83,6 +85,30 @@ def test_2_eigenvalues_of_the_null_space_projector_lie_in_0_1(robot, far, rng, t
 def test_3_null_space_damping_never_adds_energy(robot, far, rng):
     for t, dq in random_terms(robot, far, rng, 300, s0=0.2):
         assert dq @ t["N"] @ t["M"] @ (-5.0 * dq) <= 1e-9
+
+
+def test_3_the_posture_moves_no_axis_of_the_tool_and_pulls_back(robot, far, rng):
+    pulled = 0
+    for task in (TASK, "XYZABC:force", "ZA:force"):
+        for _ in range(60):
+            q = rng.uniform(0.8 * robot.q_min, 0.8 * robot.q_max)
+            away = rng.uniform(-0.3, 0.3, 7)
+            added = []
+            for stiffness in (0.0, 50.0):
+                controller = controller_at(
+                    robot, far, task, q, s0=1e-4, posture_stiffness=stiffness
+                )
+                controller.step(q, np.zeros(7), _core.Target())  # latches q
+                added.append(controller.osc_terms(q + away, np.zeros(7)))
+            u = added[1]["u0"] - added[0]["u0"]
+            middle = q + away  # at rest the model is evaluated here
+            rows = robot.chain().jacobian(middle) @ added[0]["Minv"] @ u
+            singular = np.linalg.svd(robot.chain().jacobian(middle))[1][-1]
+            if singular > 0.05:
+                assert np.abs(rows).max() < 1e-8
+                assert u @ -away > 0.0
+                pulled += 1
+    assert pulled > 100
 
 
 @pytest.mark.parametrize("s0", [0.02, 0.5])
@@ -293,7 +319,7 @@ def adversary(rng, f_max, robot, q):
 @pytest.mark.slow
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
 def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, period):
-    limits = LimitConfig.for_period(robot, period)
+    limits = LimitConfig.for_period(robot, period, hardware=False)
     chain, osc = robot.chain(), OscConfig.for_period(period)
     plant = _core.RigidPlant(chain, damping=limits.damping, armature=limits.armature)
     controller = make_controller(robot, osc, limits, TASK, period)
@@ -336,7 +362,9 @@ def test_15_torque_is_affine_in_the_action_without_saturation(robot, far, rng):
         f, g = rng.uniform(-most, most, (2, 6))
         share = rng.uniform(-1, 2)
         torques = [
-            controller_at(robot, far, TASK, q).step(q, dq, _core.Target(f_star=f_star))
+            controller_at(robot, far, TASK, q, dq).step(
+                q, dq, _core.Target(f_star=f_star)
+            )
             for f_star in (f, g, share * f + (1 - share) * g)
         ]
         assert not any(result.flags.packed for result in torques)
@@ -362,12 +390,14 @@ def test_16_turning_the_base_turns_f_and_scaling_the_mass_scales_the_torque(
         heavy = Robot(**{**facts, "mass": s * robot.mass, "inertia": s * robot.inertia})
         task, osc = "XYZ:force ABC:hold", {"s0": 1e-5}
         target = _core.Target(f_star=f)
-        tau = controller_at(robot, limits, task, q, **osc).step(q, dq, target).tau
+        tau = controller_at(robot, limits, task, q, dq, **osc).step(q, dq, target).tau
         both = np.concatenate([R @ f[:3], R @ f[3:]])
-        other = controller_at(turned, limits, task, q, **osc)
+        other = controller_at(turned, limits, task, q, dq, **osc)
         turned_tau = other.step(q, dq, _core.Target(f_star=both)).tau
         np.testing.assert_allclose(turned_tau, tau, atol=1e-7)
-        scaled = controller_at(heavy, limits, task, q, **osc).step(q, dq, target).tau
+        scaled = (
+            controller_at(heavy, limits, task, q, dq, **osc).step(q, dq, target).tau
+        )
         np.testing.assert_allclose(scaled, s * tau, rtol=1e-7, atol=1e-7)
 
 
@@ -377,7 +407,7 @@ def test_17_force_axes_without_force_never_add_energy(robot, far, rng):
         q = rng.uniform(robot.q_min, robot.q_max)
         dq = rng.uniform(-robot.dq_max, robot.dq_max)
         task = rng.choice(["XYZABC:force", "XYZ:force", "ZA:force"])
-        controller = controller_at(robot, far, task, q)
+        controller = controller_at(robot, far, task, q, dq)
         result = controller.step(q, dq, _core.Target())
         if result.flags.packed == 0:
             assert dq @ result.tau <= 1e-9

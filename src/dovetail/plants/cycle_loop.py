@@ -33,10 +33,9 @@ def run_cycles(
     for i in range(cycles):
         result = controller.step(q, dq, held)
         held.age += period
-        q_believed, dq_believed = controller.believed
-        position, rotation = chain.pose(q_believed)
+        position, rotation = chain.pose(q)
         quat = quat_from_matrix(rotation)
-        twist = chain.jacobian(q_believed) @ dq_believed
+        twist = chain.jacobian(q) @ dq
         tau = result.tau
         plant.apply(tau, period)
         log[i] = (
