@@ -271,7 +271,7 @@ def replay(attack: Attack, index: int, folder: Path | None) -> Outcome:
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
-        prog="adversary.py --contact", description=__doc__.splitlines()[0]
+        prog="adversary.py --contact", description="Attack the controller in contact."
     )
     parser.add_argument("--cycles", type=int, default=1_000_000)
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")

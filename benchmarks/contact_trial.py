@@ -21,6 +21,7 @@ import numpy as np
 from contact_choices import Array, Choices
 from contact_policies import ACTION, TASK, Commander
 from contact_scene import EVERYWHERE, NOWHERE, Start, make_start, walls_of
+from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.control.config import LimitConfig, OscConfig
@@ -247,7 +248,7 @@ class Trial:
             self.joint_actions = int(rng.integers(2, 11))
         return kind
 
-    def _faults(self, cycles: int) -> Array:
+    def _faults(self, cycles: int) -> NDArray[np.int8]:
         """Return bursts of up to five lost, repeated or late cycles."""
         faults = np.zeros(cycles, dtype=np.int8)
         rate = self.choices.fault_rate
@@ -278,6 +279,7 @@ class Trial:
 
     def _expect(self, target: _core.Target) -> None:
         """Tell the judge the resting push."""
+        joint, f = np.zeros(7), np.zeros(6)
         if target.joint_mode:
             joint = self.osc.joint_stiffness * (target.q_d - self.latched_q)
             joint = np.clip(joint, -self.limits.ddq_max, self.limits.ddq_max)
@@ -340,7 +342,7 @@ class Trial:
         )
 
 
-_NO_FAULTS = np.zeros(1000, dtype=np.int8)
+_NO_FAULTS: NDArray[np.int8] = np.zeros(1000, dtype=np.int8)
 
 
 def _oscillations(vibration: Array) -> tuple[float, float]:
