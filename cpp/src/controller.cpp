@@ -18,7 +18,7 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kLargestSurprise = 0.25;
 // Of tau_max: the most that is taken for a disturbance, and the most of it that a hold
 // acts against. A hold in contact is an integrator that would push ever harder.
-constexpr double kLargestEstimate = 0.3;
+constexpr double kLargestEstimate = 1.0;
 constexpr double kLargestHeld = 0.12;
 
 // After the last line the estimate is slow [1/s]; its slow part always is.

@@ -105,9 +105,10 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
   if (limits_.walls) keep_inside(target, f_star, result);
   osc_.evaluate(terms_, terms_.M, factor_, dq, f_star,
                 osc_.posture_acceleration(q, posture_), task_terms_);
+  // Axis by axis, as it was cut: through Lambda a brake of one would drive another.
   const Vec3 cut = f_star.head<3>() - asked;
-  limiter_power_ =
-      (task_terms_.Lambda.topLeftCorner<3, 3>() * cut).dot(tool_.twist.head<3>());
+  limiter_power_ = task_terms_.Lambda.diagonal().head<3>().cwiseProduct(cut).dot(
+      tool_.twist.head<3>());
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
 }
 
