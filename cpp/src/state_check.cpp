@@ -38,7 +38,7 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   q_ = q_seen_ = q;
   dq_ = dq_seen_ = dq;
   since_ = 0.0;
-  implausible_ = agreed_ = 0;
+  implausible_ = agreed_ = repeated_ = 0;
   is_fresh_ = true;
 }
 
@@ -68,8 +68,10 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const bool is_start = is_fresh_ && is_number && q == q_seen_ && dq == dq_seen_;
   is_fresh_ = false;
   if (is_start) return;
-  const bool is_repeated =
-      is_number && q == q_seen_ && elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
+  // An old sample, until too many say the same: then the arm does stand there.
+  const bool is_repeated = is_number && q == q_seen_ && repeated_ < kAgreed &&
+                           elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
+  repeated_ = is_number && q == q_seen_ ? repeated_ + 1 : 0;
   const Vec7 kick = kKickShare * tau_max_.cwiseQuotient(inertia);
   since_ += elapsed;
   if (is_repeated) {

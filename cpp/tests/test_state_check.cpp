@@ -98,6 +98,18 @@ BOOST_AUTO_TEST_CASE(
   BOOST_TEST((check.q() - q).norm() < 1e-12);
 }
 
+BOOST_AUTO_TEST_CASE(samples_that_go_on_to_repeat_are_no_old_ones) {
+  move();
+  take(q, dq);
+  const Vec7 seen = q;
+  for (int k = 0; k < StateCheck::kAgreed; ++k) take(seen, Vec7::Zero());
+  BOOST_TEST((check.q() - seen).norm() > 1e-3);  // the prediction went on
+  for (int k = 0; k < 100; ++k) take(seen, Vec7::Zero());
+  BOOST_TEST((check.q() - seen).norm() < 1e-9);
+  BOOST_TEST(check.dq().norm() < 1e-9);
+  BOOST_TEST(check.implausible() == 0);
+}
+
 BOOST_AUTO_TEST_CASE(at_rest_every_sample_is_a_repeated_one_and_is_taken) {
   dq.setZero();
   check.reset(q, dq);

@@ -184,6 +184,8 @@ def test_the_arm_comes_to_rest_while_the_measurement_is_gone(
     )
     plant.reset(q_home, np.array([0.4, -0.3, 0.4, 0.3, -0.5, 0.5, 0.5]))
     q, dq = plant.read()
+    pose = robot.tool_pose(q)
+    controller.reset(q, pose.position, pose.quat_wxyz, dq=dq)
     plant.apply(controller.step(q, dq, _core.Target()).tau, PERIOD)
     for _ in range(500):
         result = controller.step(np.full(7, np.nan), dq, _core.Target())

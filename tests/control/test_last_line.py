@@ -80,10 +80,15 @@ def test_the_declared_delay_gives_a_loop_that_needs_no_end(robot, q_home, period
 
 
 def test_switched_off_it_ends_nothing(robot, q_home):
-    loop = LateLoop(robot, q_home, 1e-3, estimate_rate=400.0, last_line=False)
-    flags, speeds = loop.run(2.0)
+    loops = [
+        LateLoop(robot, q_home, 1e-3, estimate_rate=400.0, last_line=is_on)
+        for is_on in (True, False)
+    ]
+    (_, ended), (flags, goes_on) = (loop.run(1.0) for loop in loops)
     assert not any(f.ended for f in flags)
-    assert speeds[-500:].max() > 0.2  # and it goes on
+    # Pushed on, the hold gives way, but smoothly.
+    assert np.abs(np.diff(ended[500:])).max() < 5e-3
+    assert np.abs(np.diff(goes_on[500:])).max() > 2e-2
 
 
 def test_an_implausible_sample_has_its_bit(robot, q_home):

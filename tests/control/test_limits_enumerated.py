@@ -92,7 +92,10 @@ def check_ddq_max(bench):
         assert not free.bits("joint_acceleration")
         held = bench.joint(bench.with_element("ddq_max", i, limit), i)
         assert held.bits("joint_acceleration") >> i & 1, f"ddq_max[A{i + 1}]"
-        assert np.abs(held.asked[:, i]).max() <= limit + SLACK, f"ddq_max[A{i + 1}]"
+        push = np.abs(held.a - held.asked)[:, i]  # may be resisted beyond the limit
+        over = np.abs(held.asked[:, i]) - limit - push
+        assert over.max() <= SLACK, f"ddq_max[A{i + 1}]"
+        assert push.max() < 0.1 * limit
         assert np.abs(held.a[:, i]).max() <= 1.1 * limit  # exact plant: no push
 
 
@@ -173,9 +176,10 @@ def peak_braking(run, name, values):
 def check_eta(bench):
     limits = bench.with_element("q_max", 0, bench.q[0] + 0.1)
     A = limits.ddq_max[0]
-    hard = peak_braking(r := bench.joint(limits, 0), "joint_position", r.a[:, 0])
-    soft_limits = replace(limits, eta=0.2)
-    soft = peak_braking(r := bench.joint(soft_limits, 0), "joint_position", r.a[:, 0])
+    run = bench.joint(limits, 0, cycles=600)
+    hard = peak_braking(run, "joint_position", run.a[:, 0])
+    run = bench.joint(replace(limits, eta=0.2), 0, cycles=600)
+    soft = peak_braking(run, "joint_position", run.a[:, 0])
     assert 0.4 * A < hard < 0.65 * A
     assert soft < 0.25 * A
 
@@ -305,9 +309,9 @@ def check_passive(bench):
     # Moving against a push: a limiter that takes the push off would drive the arm.
     powers = {}
     for passive in (True, False):
-        limits = replace(bench.loose, passive=passive, dx_near=0.3)
+        limits = replace(bench.loose, passive=passive, dx_near=0.02)
         run = bench.axis(
-            limits, 0, cycles=60, push=PUSHED, dq=moving_along_x(bench, -0.28),
+            limits, 0, cycles=60, push=PUSHED, dq=moving_along_x(bench, -0.1),
             **NEAR_CONTACT,
         )  # fmt: skip
         tau = run.motor - np.array([bench.chain.gravity(q) for q in run.q])

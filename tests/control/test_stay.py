@@ -8,7 +8,7 @@ from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 
 TASK = "XYZ:force ABC:hold"
-PUSH = np.array([6.0, -5.0, 4.0])  # N
+PUSH = np.array([2.4, -2.0, 2.0])  # N: 4 mm by K = 400 1/s2 and 1.6 kg at the tool
 ALL = 0b111
 
 
@@ -64,7 +64,7 @@ def test_it_lets_go_at_once_when_the_bit_is_cleared(robot, q_home):
     assert np.abs(asked[last]).max() < 0.01
     free = asked[last + 1]
     assert (np.sign(free) == np.sign(PUSH)).all()
-    assert np.abs(free).min() > 0.2
+    assert np.abs(free).min() > 0.1
     assert (np.sign(positions[-1] - positions[last]) == np.sign(PUSH)).all()
 
 

@@ -5,7 +5,8 @@
 /// beyond what speed limit and motors allow is implausible: the prediction stands for
 /// it. A plausible one moves the believed state by a bounded amount in a cycle, so that
 /// one wrong sample is worth a bounded torque. A sample that repeats the one before,
-/// bit by bit, while the arm moves is an old one: the prediction stands for it, too.
+/// bit by bit, while the arm moves is an old one: the prediction stands for it, too,
+/// but no more than `kAgreed` times in a row.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed.
@@ -52,6 +53,7 @@ class StateCheck {
   double since_ = 0.0;  // time since a sample was believed [s]
   int implausible_ = 0;
   int agreed_ = 0;
+  int repeated_ = 0;      // samples in a row that are the one before
   bool is_fresh_ = true;  // nothing was taken since the reset
   int joint_ = 0;
 };
