@@ -156,9 +156,11 @@ void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
   Target held = target;
   for (int i = 0; i < cycles; ++i) {
     const StepResult result = controller.step(q_, dq_, held);
+    ToolMotion motion;  // of what is measured, not of what the controller believes
+    controller.chain().tool_motion(q_, dq_, motion);
     held.age += controller.period();
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
-    begin_row(row, result.tau, controller.tool());
+    begin_row(row, result.tau, motion);
     apply(result.tau, steps);
     row.put(peak_);
     row.put(target.f_star.head<3>());
@@ -192,8 +194,10 @@ void MujocoLoop::run_faulty(Controller& controller, const Target& target, int cy
         probe_->command(result.tau + nominal_.gravity(past_q_[at]), flags);
       }
     }
+    ToolMotion motion;
+    controller.chain().tool_motion(q_, dq_, motion);
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
-    begin_row(row, tau_held_, controller.tool());
+    begin_row(row, tau_held_, motion);
     apply(tau_held_, steps);
     row.put(peak_);
     row.put(target.f_star.head<3>());

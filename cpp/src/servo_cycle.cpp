@@ -11,6 +11,9 @@
 namespace dovetail {
 namespace {
 
+// Measurements in a row that cannot be, from which on the arm is stopped.
+constexpr int kImplausibleMax = 3;
+
 using fri::Joints;
 using fri::MonitoringMessage;
 using fri::SessionState;
@@ -284,6 +287,20 @@ Vec7 ServoCycle::wanted_lean(const Order& order) const noexcept {
   return order.lean.cwiseMax(-kLeanMax).cwiseMin(kLeanMax);
 }
 
+/// What the controller saw and ended outlives this motion: a stop, until it is cleared.
+void ServoCycle::note_end(const Flags& flags) noexcept {
+  const StateCheck& check = controller_.state();
+  const LastLine& end = controller_.end();
+  if (check.implausible() >= kImplausibleMax) {
+    watchdog_.stop_for({StopReason::kImplausible,
+                        static_cast<std::int8_t>(check.joint()),
+                        static_cast<double>(check.implausible()), kImplausibleMax});
+  } else if (flags.ended) {
+    watchdog_.stop_for({StopReason::kLastLine, static_cast<std::int8_t>(end.joint()),
+                        end.value(), end.limit()});
+  }
+}
+
 std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   if (order.latch != latch_) {
     latch_ = order.latch;
@@ -293,6 +310,7 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   Flags flags;
   const Target target = choose_target(order, flags);
   StepResult result = controller_.step(state_.q, state_.dq, target, elapsed_);
+  note_end(result.flags);
   result.flags.target_late = flags.target_late;
   result.flags.stopped = flags.stopped;
   write_row(result, target);

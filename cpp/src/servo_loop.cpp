@@ -182,7 +182,7 @@ void ServoLoop::take_requests() noexcept {
   }
   if (clear_requested_.load(std::memory_order_relaxed) &&
       clear_requested_.exchange(false)) {
-    cycle_.watchdog().clear();
+    cycle_.clear();
   }
   if (diagnosis_requested_.load(std::memory_order_relaxed) &&
       diagnosis_requested_.exchange(false)) {

@@ -77,8 +77,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     dq_ = dq_next;
     return;
   }
-  const bool is_plausible =
-      is_number && is_reachable(q, dq, q_, dq_next, kick, since_);
+  const bool is_plausible = is_number && is_reachable(q, dq, q_, dq_next, kick, since_);
   // Not where it was expected: does it agree with the sample before?
   const bool agrees =
       is_number && is_reachable(q, dq, q_seen_, dq_seen_, kick, elapsed);

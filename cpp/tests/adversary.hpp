@@ -24,6 +24,8 @@ struct Violations {
   long unsafe = 0;
   long early = 0;
   long displaced = 0;
+  long ended = 0;        // by the last line
+  long implausible = 0;  // measurements not believed
   long cycles = 0;
 };
 
@@ -115,6 +117,8 @@ class Adversary {
     ++total_.cycles;
     total_.unsafe += result.flags.unsafe;
     total_.early += result.flags.qp_early;
+    total_.ended += result.flags.ended;
+    total_.implausible += result.flags.implausible;
     total_.displaced += result.flags.wall_displaced != 0;
   }
 

@@ -55,9 +55,9 @@ using SevenNumbers = const Vec7&;
 static_assert(noexcept(std::declval<Controller&>().step(
     std::declval<SevenNumbers>(), std::declval<SevenNumbers>(),
     std::declval<const Target&>())));
-static_assert(noexcept(std::declval<Controller&>().reset(std::declval<SevenNumbers>(),
-                                                         std::declval<const Vec3&>(),
-                                                         std::declval<const Vec4&>())));
+static_assert(noexcept(std::declval<Controller&>().reset(
+    std::declval<SevenNumbers>(), std::declval<const Vec3&>(),
+    std::declval<const Vec4&>(), std::declval<SevenNumbers>())));
 static_assert(noexcept(std::declval<ServoCycle&>().receive(
     std::declval<const std::uint8_t*>(), std::size_t{0})));
 static_assert(noexcept(std::declval<ServoCycle&>().answer(

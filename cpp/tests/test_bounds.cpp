@@ -63,6 +63,130 @@ Interval bounds(double x, double v, const Axis& axis, const BoundsParams& params
 
 }  // namespace
 
+BOOST_AUTO_TEST_CASE(under_a_push_a_bound_brakes_and_does_no_more) {
+  // The change that a push makes to what may be asked for, times the speed towards the
+  // limit, is never positive; at rest it is nothing before the margin is reached.
+  std::mt19937_64 rng(6);
+  const Axis axis;
+  int brakes = 0, holds = 0;
+  for (int k = 0; k < kSamples; ++k) {
+    const BoundsParams params = random_params(rng);
+    const double x = uniform(rng, -2.2, 3.1), v = uniform(rng, -1.8, 1.8);
+    const double push = uniform(rng, 0.0, 40.0);  // towards x_max
+    const double limit = uniform(rng, -15.0, 15.0);
+    const double value = under_push(limit, push, v, 0.0, params.brake_rate);
+    BOOST_REQUIRE(value <= limit);
+    BOOST_REQUIRE(value >= std::min(limit, -params.brake_rate * std::max(v, 0.0)));
+    if (v <= 0.0) BOOST_REQUIRE(value == std::min(limit, std::max(limit - push, 0.0)));
+    const double held = under_push(limit, push, v, 1.0, params.brake_rate);
+    BOOST_REQUIRE(held <= value && held >= limit - push - 1e-12);
+    const double away = under_push(limit, -push, v, 0.3, params.brake_rate);
+    BOOST_REQUIRE(away == limit + push);
+
+    const Interval still = acceleration_bounds(x, v, axis.x_min, axis.x_max, axis.v_max,
+                                               axis.a_max, params, 0.0);
+    const Interval pushed = acceleration_bounds(x, v, axis.x_min, axis.x_max,
+                                                axis.v_max, axis.a_max, params, push);
+    const double room = axis.x_max - x - params.delta_x;
+    BOOST_REQUIRE(pushed.lb <= pushed.ub);
+    if (room < 0.0) {
+      ++holds;  // behind the margin a push may be held against, and not beaten
+      BOOST_REQUIRE(pushed.ub >= std::min(still.ub - push - 1e-9,
+                                          -params.brake_rate * std::max(v, 0.0)));
+    } else if (pushed.ub < 0.0 && pushed.ub < still.ub - 1e-9) {
+      ++brakes;
+      BOOST_REQUIRE_MESSAGE(
+          v > 0.0 && pushed.ub >= -params.brake_rate * v - 1e-9,
+          "x " << x << " v " << v << " push " << push << " ub " << pushed.ub);
+    }
+  }
+  BOOST_TEST(brakes > kSamples / 1000);
+  BOOST_TEST(holds > kSamples / 100);
+}
+
+BOOST_AUTO_TEST_CASE(a_bound_is_continuous_in_the_push_and_in_its_sign) {
+  std::mt19937_64 rng(7);
+  for (int k = 0; k < kSamples / 10; ++k) {
+    const double limit = uniform(rng, -15.0, 15.0), v = uniform(rng, -1.5, 1.5);
+    const double held = uniform(rng, 0.0, 1.0), rate = uniform(rng, 0.0, 100.0);
+    const double push = k % 2 == 0 ? 0.0 : uniform(rng, 0.0, 40.0);
+    const double step = 1e-6;
+    const double here = under_push(limit, push - step, v, held, rate);
+    const double there = under_push(limit, push + step, v, held, rate);
+    BOOST_REQUIRE(std::abs(there - here) <= 2.0 * step + 1e-12);
+    const double faster = under_push(limit, push, v + step, held, rate);
+    const double now = under_push(limit, push, v, held, rate);
+    BOOST_REQUIRE(std::abs(faster - now) <= rate * step + 1e-12);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_push_is_held_against_at_a_limit_and_resisted_beyond_a_max) {
+  BoundsParams params;
+  params.delta_x = 0.002;
+  const Axis axis;
+  const auto at = [&](double behind, double v, double push) {
+    return acceleration_bounds(axis.x_max - params.delta_x + behind, v, axis.x_min,
+                               axis.x_max, axis.v_max, axis.a_max, params, push);
+  };
+  BOOST_TEST(at(-1e-9, 0.0, 10.0).ub > -1e-3);   // at rest before it: no push back
+  BOOST_TEST(at(0.002, 0.0, 10.0).ub <= -10.0);  // a margin's width behind: held
+  BOOST_TEST(at(0.001, 0.0, 10.0).ub <= -4.9);   // and half of it on the way
+  BOOST_TEST(at(-0.5, 0.0, -30.0).ub == 45.0);   // what pushes off may be resisted
+  BOOST_TEST(at(-0.5, 0.0, 30.0).lb == -45.0);
+  BOOST_TEST(at(-0.5, 0.0, 30.0).ub == 15.0);
+  params.passive = false;
+  BOOST_TEST(at(-0.5, 0.0, 30.0).ub == -15.0);  // the push is taken off, at rest too
+}
+
+BOOST_AUTO_TEST_CASE(authority_bounds_the_braking_of_what_is_beyond) {
+  const Axis axis;
+  for (const double authority : {1.0, 4.0}) {
+    BoundsParams params;
+    params.authority = authority;
+    std::mt19937_64 rng(8);
+    double hardest = 0.0;
+    for (int k = 0; k < kSamples / 10; ++k) {
+      const double x = uniform(rng, -2.5, 3.4), v = uniform(rng, -4.0, 4.0);
+      const Interval interval = bounds(x, v, axis, params);
+      BOOST_REQUIRE(interval.ub >= -authority * axis.a_max);
+      BOOST_REQUIRE(interval.lb <= authority * axis.a_max);
+      if (is_viable(x, v, axis, params, 0.0)) {
+        BOOST_REQUIRE(interval.ub >= -axis.a_max && interval.lb <= axis.a_max);
+      }
+      hardest = std::max(hardest, -interval.ub);
+    }
+    BOOST_TEST(hardest == authority * axis.a_max);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_pushed_double_integrator_stays_inside_its_limits) {
+  // The push is known at once and is inside what is planned for braking.
+  std::mt19937_64 rng(9);
+  const Axis axis;
+  int at_limit = 0;
+  for (int episode = 0; episode < 100; ++episode) {
+    BoundsParams params = random_params(rng);
+    params.delta_x = uniform(rng, 0.005, 0.02);
+    params.delta_v = 0.1;
+    params.authority = 4.0;
+    double x = 0.3, v = 0.0, wanted = 0.0, push = 0.0;
+    for (int k = 0; k < 4000; ++k) {
+      if (k % 40 == 0) wanted = uniform(rng, -60, 60);
+      if (k % 300 == 0) push = uniform(rng, -5, 5);
+      const Interval interval = acceleration_bounds(
+          x, v, axis.x_min, axis.x_max, axis.v_max, axis.a_max, params, push);
+      const double a = std::min(std::max(wanted, interval.lb), interval.ub) + push;
+      x += v * params.dt + 0.5 * a * params.dt * params.dt;
+      v += a * params.dt;
+      BOOST_REQUIRE_MESSAGE(x <= axis.x_max && x >= axis.x_min,
+                            "x " << x << " push " << push << " dt " << params.dt);
+      BOOST_REQUIRE(std::abs(v) <= axis.v_max);
+      at_limit += x > axis.x_max - params.delta_x - 1e-3;
+    }
+  }
+  BOOST_TEST(at_limit > 100);
+}
+
 BOOST_AUTO_TEST_CASE(any_choice_from_a_viable_state_stays_viable) {
   std::mt19937_64 rng(1);
   const Axis axis;

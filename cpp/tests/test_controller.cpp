@@ -43,7 +43,7 @@ struct Resting {
 
   StepResult first_step(const LimitParams& with, const Vec7& dq = Vec7::Zero()) {
     Controller controller = make_controller(with);
-    controller.reset(q, p, quat_of(R));
+    controller.reset(q, p, quat_of(R), dq);
     return controller.step(q, dq, target);
   }
 
@@ -68,6 +68,15 @@ std::string message_of(const std::function<void()>& build) {
   return "";
 }
 
+/// Whether braking with eta A stops joint i inside its margins.
+bool can_stop(const LimitParams& limits, int i, double q, double dq) {
+  const double room = dq > 0.0 ? limits.q_max[i] - q : q - limits.q_min[i];
+  const double way = dq * dq / (2.0 * limits.eta * limits.ddq_max[i]);
+  const double behind = std::min(limits.q_max[i] - q, q - limits.q_min[i]);
+  return std::min(room - way, behind) >= limits.delta_q &&
+         std::abs(dq) <= (1.0 - limits.delta_v) * limits.dq_max[i];
+}
+
 void require_no_violation(const Violations& result) {
   BOOST_TEST(result.joint_position_count == 0);
   BOOST_TEST(result.joint_speed_count == 0);
@@ -75,6 +84,8 @@ void require_no_violation(const Violations& result) {
   BOOST_TEST(result.joint_speed == 0.0);
   BOOST_TEST(result.torque < 1e-9);
   BOOST_TEST(result.unsafe == 0);
+  BOOST_TEST(result.ended == 0);        // a Target explains all of it
+  BOOST_TEST(result.implausible == 0);  // and an arm can do it
   BOOST_TEST(result.early == 0);
 }
 
@@ -142,27 +153,45 @@ BOOST_AUTO_TEST_CASE(acceleration_and_torque_stay_inside_whatever_the_input) {
   std::mt19937_64 random(3);
   for (const Scheme scheme : {Scheme::kQp, Scheme::kPaper}) {
     limits.scheme = scheme;
+    int harder = 0;
     Controller controller = make_controller(limits);
-    controller.reset(q, p, quat_of(R));
     for (int k = 0; k < 20000; ++k) {
       const Vec7 at = random_posture(random, limits, -0.1);
       const Vec7 dq = random_vector(random, 2.5);
       target.f_star = random_vector<Vec6>(random, 100.0);
       // without memory: jumps of the state are not the plant's doing
-      controller.reset(at, p, quat_of(R));
+      controller.reset(at, p, quat_of(R), dq);
       const StepResult result = controller.step(at, dq, target);
       ToolMotion motion;
       controller.chain().tool_motion(at, dq, motion);
       const Vec7 motor = (result.tau + motion.g).cwiseAbs();
       BOOST_REQUIRE((motor - limits.tau_max).maxCoeff() < 1e-9);
-      BOOST_REQUIRE((result.a.cwiseAbs() - limits.ddq_max).maxCoeff() < 1e-9);
+      for (int i = 0; i < kNumJoints; ++i) {
+        const double most = can_stop(limits, i, at[i], dq[i]) ? 1.0 : limits.authority;
+        BOOST_REQUIRE(std::abs(result.a[i]) < most * limits.ddq_max[i] + 1e-9);
+        harder += std::abs(result.a[i]) > limits.ddq_max[i] + 1e-9;
+      }
       BOOST_REQUIRE((result.a - controller.bounds().ub).maxCoeff() < 1e-9);
       BOOST_REQUIRE((controller.bounds().lb - result.a).maxCoeff() < 1e-9);
       if (result.flags.unsafe) continue;
       const Vec7 expected = controller.inertia() * result.a + controller.bias();
       BOOST_REQUIRE((result.tau - expected).norm() < 1e-5);
     }
+    BOOST_TEST(harder > 1000);
   }
+}
+
+BOOST_AUTO_TEST_CASE(one_cycle_of_a_jump_moves_the_estimate_by_a_bounded_amount) {
+  Controller controller = make_controller(free_limits());
+  controller.reset(q, p, quat_of(R));
+  static_cast<void>(controller.step(q, Vec7::Zero(), target));
+  Vec7 kicked = Vec7::Zero();
+  kicked[1] = 0.5;  // [rad/s] in 1 ms
+  static_cast<void>(controller.step(q, kicked, target));
+  const double share = 1.0 - std::exp(-limits.estimate_rate * kPeriod);
+  const double most = share * 0.25 * free_limits().tau_max[1];
+  BOOST_TEST(controller.disturbance().norm() > 0.0);
+  BOOST_TEST(controller.disturbance().cwiseAbs().maxCoeff() <= most * (1.0 + 1e-12));
 }
 
 BOOST_AUTO_TEST_CASE(disturbance_estimate_finds_an_outside_force) {
@@ -172,7 +201,7 @@ BOOST_AUTO_TEST_CASE(disturbance_estimate_finds_an_outside_force) {
   plant.reset(q, Vec7::Zero());
   const Vec3 push(6.0, -3.0, 2.0);
   plant.set_external_force(push);
-  for (int k = 0; k < 60; ++k) {
+  for (int k = 0; k < 150; ++k) {  // 9 time constants
     const StepResult result = controller.step(plant.q(), plant.dq(), target);
     plant.apply(result.tau, kPeriod);
   }
@@ -293,8 +322,8 @@ BOOST_AUTO_TEST_CASE(a_joint_target_becomes_a_damped_spring_in_each_joint) {
   osc.joint_stiffness = 49.0;
   osc.joint_damping_ratio = 0.5;
   Controller controller = make_controller(arm.limits, osc);
-  controller.reset(arm.q, arm.p, quat_of(arm.R));
   const Vec7 dq = Vec7::Constant(0.1);
+  controller.reset(arm.q, arm.p, quat_of(arm.R), dq);
   arm.target.joint = true;
   arm.target.q_d = arm.q + Vec7::Constant(0.05);
   const StepResult result = controller.step(arm.q, dq, arm.target);

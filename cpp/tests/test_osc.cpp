@@ -42,8 +42,9 @@ struct State {
     Minv = factor.inverse();
   }
 
-  void evaluate(const OperationalSpace& osc, const Vec6& f_star) {
-    osc.evaluate(terms, terms.M, factor, dq, f_star, out);
+  void evaluate(const OperationalSpace& osc, const Vec6& f_star,
+                const Vec7& posture = Vec7::Zero()) {
+    osc.evaluate(terms, terms.M, factor, dq, f_star, posture, out);
   }
 
   Mat7 null_space() const {
@@ -97,6 +98,41 @@ BOOST_AUTO_TEST_CASE(null_space_damping_never_adds_energy_and_eigenvalues_stay_i
     BOOST_TEST(state.dq.dot(N * state.terms.M * state.dq) > -1e-9);
   }
   BOOST_TEST(faded > 10);
+}
+
+BOOST_AUTO_TEST_CASE(the_posture_moves_no_axis_of_the_tool_free_ones_included) {
+  int exact = 0;
+  for (const TaskSpec& task : {kAllForce, kPegTask, kScrew}) {
+    const OperationalSpace osc(OscParams{}, task);
+    for (int k = 0; k < kStates; ++k) {
+      State state = draw();
+      const Vec7 posture = random_vector(random, 20.0);
+      const Vec6 f_star = random_vector<Vec6>(random, 5.0);
+      state.evaluate(osc, f_star);
+      const Vec7 without = state.out.u0;
+      state.evaluate(osc, f_star, posture);
+      const Vec7 added = state.out.u0 - without;
+      // Towards the posture, never from it: posture . N M posture >= 0.
+      BOOST_TEST(added.dot(posture) > -1e-9);
+      OperationalSpace whole(OscParams{}, kAllForce);
+      State all = state;
+      all.evaluate(whole, Vec6::Zero());
+      if (!all.out.exact) continue;
+      ++exact;
+      BOOST_TEST((state.terms.J * state.Minv * added).norm() < 1e-8);
+      BOOST_TEST(added.norm() > 1e-3);  // one joint is left
+    }
+  }
+  BOOST_TEST(exact > kStates);
+}
+
+BOOST_AUTO_TEST_CASE(the_way_back_to_a_posture_is_shortened) {
+  const OperationalSpace osc(OscParams{}, kAllForce);
+  const Vec7 near = random_vector(random, 0.1);
+  BOOST_TEST((osc.posture_acceleration(-near, near) - 100.0 * near).norm() < 1e-12);
+  const Vec7 far = Vec7::Constant(3.0);
+  const Vec7 back = osc.posture_acceleration(Vec7::Zero(), far);
+  BOOST_TEST((back - 50.0 * 2.0 * far.normalized()).norm() < 1e-9);
 }
 
 BOOST_AUTO_TEST_CASE(task_inertia_is_symmetric_positive_and_bounded) {
@@ -193,7 +229,7 @@ BOOST_AUTO_TEST_CASE(errors_and_f_star_are_clamped) {
   const Vec6 f =
       hold.desired_acceleration(Vec3::Zero(), Mat3::Identity(), Vec6::Zero(), Target{});
   BOOST_TEST(f[0] == osc_params.f_clamp_linear);
-  BOOST_TEST(std::abs(f[5] - 400.0 * 0.5) < 1e-9);
+  BOOST_TEST(std::abs(f[5] - 400.0 * osc_params.error_clamp_rotation) < 1e-9);
   const OperationalSpace force(osc_params, kAllForce);
   Target target;
   target.f_star.setConstant(-1e4);

@@ -24,6 +24,7 @@ from dovetail.arms.address import FriAddress
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
 from dovetail.envs.arm_setup import (
@@ -34,7 +35,6 @@ from dovetail.envs.arm_setup import (
     make_settings,
 )
 from dovetail.errors import ArmError
-from dovetail.feel.proven import Declared
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
 from dovetail.scene import SceneConfig
@@ -85,7 +85,7 @@ class Rest(NamedTuple):
 
 
 def run_arm_checks(
-    address: FriAddress, ask: Ask | None, declared: Declared | None = None
+    address: FriAddress, ask: Ask | None, declared: dict[str, float] | None = None
 ) -> Iterator[Check]:
     """Yield every check of an arm behind a cabinet as soon as it is done.
 
@@ -93,7 +93,7 @@ def run_arm_checks(
         address: Where the cabinet sends to.
         ask: Asks before the arm is moved; None asks nobody, and then only a simulated
             cabinet is pushed.
-        declared: What the arm's owner says of it.
+        declared: What the arm's owner says of it; None is `proven.DECLARED`.
 
     Raises:
         DovetailError: The arm cannot be had.
@@ -106,13 +106,13 @@ def run_arm_checks(
         return
     period = address.period or DEFAULT_PERIOD
     osc, limits = _settings(address, period)
-    arm = _build(address, *quiet(osc, limits, period), period)
+    arm = _build(address, *quiet(osc, limits), period)
     try:
         arm.connect()
         yield check_connection(arm, address)
         name = ""
         try:
-            for check in _checks_in_motion(arm, address, ask, declared or Declared()):
+            for check in _checks_in_motion(arm, address, ask, declared or DECLARED):
                 name = check.name
                 yield check
         except ArmError as error:
@@ -152,7 +152,7 @@ def _build(
 
 
 def _checks_in_motion(
-    arm: Any, address: FriAddress, ask: Ask | None, declared: Declared
+    arm: Any, address: FriAddress, ask: Ask | None, declared: dict[str, float]
 ) -> Iterator[Check]:
     yield check_period_proven(arm.period)
     rest = hold(arm, arm.monitoring().q, HOLD_TIME)

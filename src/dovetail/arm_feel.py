@@ -9,11 +9,11 @@ import numpy as np
 from dovetail import _core
 from dovetail.arms.arm import Arm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.proven import unproven
 from dovetail.doctor import Check
 from dovetail.errors import ArmError, PlantError
 from dovetail.feel.excitation import STIFFNESS
 from dovetail.feel.feeling import feel_arm
-from dovetail.feel.proven import Declared, period_problem
 from dovetail.feel.resting import TORQUE_RMS, measure_rest
 from dovetail.feel.spring import feel_spring
 from dovetail.feel_checks import (
@@ -41,13 +41,11 @@ AS_CONFIGURED = "rest, as tasks run"
 _SETTLE, _STEP = 0.5, 0.05
 
 
-def quiet(
-    osc: OscConfig, limits: LimitConfig, period: float
-) -> tuple[OscConfig, LimitConfig]:
+def quiet(osc: OscConfig, limits: LimitConfig) -> tuple[OscConfig, LimitConfig]:
     """Return settings with which an arm of any delay can be felt, wherever it is."""
     return (
         replace(osc, joint_stiffness=STIFFNESS),
-        replace(limits, walls=False, beta=QUIET_RATE * period),
+        replace(limits, walls=False, estimate_rate=QUIET_RATE),
     )
 
 
@@ -60,7 +58,7 @@ def feel_checks(
     arm: Any,
     q: Vec7,
     limits: LimitConfig,
-    declared: Declared,
+    declared: dict[str, float],
     *,
     sends_position: bool,
     integration_step: float,
@@ -93,9 +91,9 @@ def feel_checks(
 
 def check_period_proven(period: float) -> Check:
     """Say whether the limits were shown to hold at a period [s]."""
-    problem = period_problem(period)
-    if problem:
-        return Check("period", "broken", problem)
+    problems = unproven(period=period)
+    if problems:
+        return Check("period", "broken", problems[0])
     return Check("period", "ok", f"{1e3 * period:g} ms")
 
 

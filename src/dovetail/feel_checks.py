@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.control.proven import DECLARED, unproven
 from dovetail.doctor import Check
 from dovetail.feel.feeling import Feeling
 from dovetail.feel.missed_load import MissedLoad, explain_by_load
-from dovetail.feel.proven import Declared, delay_problem, payload_problem
 from dovetail.feel.resting import Resting
 from dovetail.feel.torque_balance import JointFit
 from dovetail.robot import Robot
@@ -19,6 +19,8 @@ from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 SPRING_MIN = 10.0
 """Stiffness that counts as one of the cabinet's [Nm/rad]."""
+DELAY_TOLERANCE = 5e-4
+"""How exactly a delay is measured [s]."""
 FIXED_MIN = 100.0
 """The same to a fixed position, where friction is mistaken for some [Nm/rad]."""
 GRAVITY_SHARE = 0.05
@@ -78,7 +80,7 @@ def describe_rest(resting: Resting) -> str:
     )
 
 
-def check_delay(feeling: Feeling, declared: Declared) -> Check:
+def check_delay(feeling: Feeling, declared: dict[str, float]) -> Check:
     """Compare the measured delay with the declared one."""
     delay = feeling.delay
     text = (
@@ -93,10 +95,16 @@ def check_delay(feeling: Feeling, declared: Declared) -> Check:
             f"{text}: outside what can be measured; something else than a delay is "
             "wrong: friction, brakes, or torques that do not arrive",
         )
-    problem = delay_problem(delay.delay, declared)
-    if problem:
-        return Check("delay", "broken", f"{text}: {problem}")
-    return Check("delay", "ok", f"{text}; declared: {1e3 * declared.delay:g} ms")
+    if delay.delay <= declared["delay"] + DELAY_TOLERANCE:
+        said = f"{text}; declared: {1e3 * declared['delay']:g} ms"
+        return Check("delay", "ok", said)
+    (problem,) = unproven(delay=delay.delay, declared=declared)
+    if delay.delay <= DECLARED["delay"]:
+        problem += (
+            f", or declare at least {1e3 * delay.delay:.1f} ms (allowed: 0 to "
+            f"{1e3 * DECLARED['delay']:g} ms)"
+        )
+    return Check("delay", "broken", f"{text}: {problem}")
 
 
 def check_spring(fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array) -> Check:
@@ -147,7 +155,7 @@ def check_fixed_spring(feeling: Feeling) -> Check | None:
 
 
 def check_gravity_error(
-    robot: Robot, q: Vec7, feeling: Feeling, declared: Declared
+    robot: Robot, q: Vec7, feeling: Feeling, declared: dict[str, float]
 ) -> Check:
     """Say what gravity compensation misses, and which load data would mend it."""
     error = np.array([fit.offset for fit in feeling.fits])
@@ -166,9 +174,9 @@ def check_gravity_error(
             f"motor's torque, allowed are {100 * GRAVITY_SHARE:g} %: correct the load "
             "data",
         )
-    problem = payload_problem(load.mass, declared)
-    if problem and _is_plausible(robot, load):
-        return Check("gravity error", "broken", f"{detail}: {problem}")
+    problems = unproven(payload_error=abs(load.mass), declared=declared)
+    if problems and _is_plausible(robot, load):
+        return Check("gravity error", "broken", f"{detail}: {problems[0]}")
     return Check("gravity error", "ok", detail)
 
 

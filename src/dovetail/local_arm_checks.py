@@ -19,7 +19,6 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
 from dovetail.envs.arm_setup import NEAR_SPEED, build_local_arm
 from dovetail.envs.randomisation import tool_down
-from dovetail.feel.proven import Declared
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
 from dovetail.poses import Pose, quat_about_z
@@ -31,7 +30,7 @@ Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 
 
 def run_local_checks(
-    address: PlantAddress | TwinAddress, period: float, declared: Declared
+    address: PlantAddress | TwinAddress, period: float, declared: dict[str, float]
 ) -> Iterator[Check]:
     """Yield every check of a simulated arm, over the table, as soon as it is done.
 
@@ -50,7 +49,7 @@ def run_local_checks(
     felt = LocalArm(
         arm.plant,
         arm.robot,
-        *quiet(arm.osc, limits, period),
+        *quiet(arm.osc, limits),
         arm.task,
         period,
     )

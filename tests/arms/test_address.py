@@ -44,7 +44,7 @@ def test_every_fri_key_is_read():
     address = parse_address(
         "fri://127.0.0.1:30205?version=2.7&period=2ms&clock=lockstep"
         "&control=127.0.0.1:30301&reset=place&timeout=3s&watchdog=100ms&realtime=yes"
-        "&peer=192.170.10.2"
+        "&margins=model&peer=192.170.10.2"
     )
     assert address == FriAddress(
         host="127.0.0.1",
@@ -209,4 +209,4 @@ def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
         build_arm(f"fri://0.0.0.0?{keys}", SceneConfig(), TASK)
-    assert built == [(0.10, 0.001), (0.01, 0.001), (0.01, 0.001)]
+    assert built == [(0.15, 0.001), (0.01, 0.001), (0.15, 0.001)]

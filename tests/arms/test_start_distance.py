@@ -6,11 +6,13 @@ import pytest
 from dovetail.arms.address import parse_address, with_approach
 from dovetail.arms.reset_motion import TICK, plan_reset
 from dovetail.arms.start_distance import require_near
-from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, make_settings
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.arm_setup import SPEED_MAX, build_fri_arm
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose
 
+from .loopback import free_port
 from .test_fri_session import HOLE, SCENE, START, TOOL_DOWN, make_arm
 
 ROBOT = SCENE.robot()
@@ -47,16 +49,17 @@ def test_the_tool_never_moves_faster_than_t1_allows(begin):
     assert speeds.max() < 0.2
 
 
-def test_on_hardware_all_axes_together_keep_the_speed_of_t1():
-    def speed(is_hardware):
-        walls = (WALLS_MIN, WALLS_MAX)
-        _, limits = make_settings(
-            SCENE, 0.001, 0.0, NEAR_SPEED, walls, "qp", is_hardware=is_hardware
-        )
-        return limits.dx_max
+def test_on_a_robot_all_axes_together_keep_the_speed_of_t1():
+    limits = LimitConfig.for_period(ROBOT, 0.005, dx_max=[SPEED_MAX] * 3)
 
-    assert np.linalg.norm(speed(True)) == pytest.approx(0.25)
-    assert speed(False).max() == pytest.approx(0.25)
+    def speed(keys):
+        address = parse_address(f"fri://127.0.0.1:{free_port()}{keys}")
+        arm = build_fri_arm(address, SCENE, OscConfig(), limits, "XYZABC:hold", 0.005)
+        arm.close()
+        return arm.limits.dx_max
+
+    assert np.linalg.norm(speed("")) == pytest.approx(0.25)
+    assert speed("?control=127.0.0.1:30301").max() == pytest.approx(0.25)
 
 
 def test_from_the_candle_an_arm_is_asked_for_its_way_and_then_goes_slowly():

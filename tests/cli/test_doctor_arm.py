@@ -13,11 +13,10 @@ from dovetail.arm_checks import run_arm_checks
 from dovetail.arm_feel import check_as_configured
 from dovetail.arms.address import parse_address
 from dovetail.cli import run
+from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.randomisation import tool_down
-from dovetail.errors import ConfigError
-from dovetail.feel.proven import Declared
 from dovetail.local_arm_checks import run_local_checks
 from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig, make_plant
 from dovetail.plants.twin import load_twin
@@ -67,7 +66,7 @@ def check_at(text, name):
 
 
 def local_checks(text, period, **declared):
-    found = run_local_checks(parse_address(text), period, Declared(**declared))
+    found = run_local_checks(parse_address(text), period, DECLARED | declared)
     return {check.name: check for check in found}
 
 
@@ -153,11 +152,13 @@ def test_a_simulated_arm_is_felt_without_a_cabinet():
 def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
     check = check_of(
         "delay",
-        run_local_checks(parse_address("twin:medium"), 0.005, Declared(delay=0.003)),
+        run_local_checks(
+            parse_address("twin:medium"), 0.005, DECLARED | {"delay": 0.003}
+        ),
     )
     assert check.status == "broken"
-    assert "declared are 3 ms: declare at least 5.0 ms" in check.detail
-    assert "(allowed: 0 to 10 ms)" in check.detail
+    assert "declared and shown to hold: 0 to 3 ms" in check.detail
+    assert "or declare at least 5.0 ms (allowed: 0 to 10 ms)" in check.detail
 
 
 def test_a_delay_outside_the_table_is_refused_whatever_is_declared(tmp_path):
@@ -165,18 +166,28 @@ def test_a_delay_outside_the_table_is_refused_whatever_is_declared(tmp_path):
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     check = check_of(
-        "delay", run_local_checks(parse_address(f"twin:{path}"), 0.005, Declared())
+        "delay", run_local_checks(parse_address(f"twin:{path}"), 0.005, DECLARED)
     )
     assert check.status == "broken"
-    assert "shown to hold up to 10 ms" in check.detail
-    with pytest.raises(ConfigError, match=r"delay is 15 ms.*0 to 10 ms"):
-        Declared(delay=0.015)
+    assert "unproven; declared and shown to hold: 0 to 10 ms" in check.detail
+
+
+def test_a_declaration_outside_the_table_is_refused(capsys):
+    assert run(["doctor", "--arm", "mujoco", "--delay", "15ms"]) == 2
+    error = capsys.readouterr().err
+    assert "delay is 15 ms" in error
+    assert "0 to 10 ms" in error
+    assert run(["doctor", "--arm", "mujoco", "--payload-error", "3"]) == 2
+    assert "0 to 1 kg" in capsys.readouterr().err
 
 
 def test_a_period_outside_the_table_is_named():
-    check = next(run_local_checks(parse_address("mujoco"), 0.004, Declared()))
+    check = next(run_local_checks(parse_address("mujoco"), 0.004, DECLARED))
     assert check.status == "broken"
-    assert "4 ms; they were at 1, 2, 2.5, 5 ms" in check.detail
+    assert (
+        "4 ms, for which the limits are unproven; shown to hold: 1, 2, 2.5, 5 ms"
+        in check.detail
+    )
 
 
 def test_an_arm_that_oscillates_at_rest_is_said_to_and_let_go_of(tmp_path):

@@ -19,6 +19,8 @@ class Run:
     dq: np.ndarray
     a: np.ndarray
     a0: np.ndarray
+    asked: np.ndarray  # without what pushes
+    asked_x: np.ndarray
     ddx: np.ndarray
     position: np.ndarray
     speed: np.ndarray
@@ -62,7 +64,7 @@ def run_loop(robot: Robot, q_home: np.ndarray):
         plant.reset(q, np.zeros(7) if dq is None else dq)
         plant.set_external_force(np.array(push, dtype=float))
         pose = robot.tool_pose(q)
-        controller.reset(q, pose.position, pose.quat_wxyz)
+        controller.reset(q, pose.position, pose.quat_wxyz, dq=plant.read()[1])
         rows: dict[str, list] = {name: [] for name in Run.__dataclass_fields__}
         for _ in range(cycles):
             q, dq = plant.read()
@@ -72,6 +74,10 @@ def run_loop(robot: Robot, q_home: np.ndarray):
             result = controller.step(q, dq, target)
             q_mid = q + 0.5 * period * dq
             drift = chain.jacobian_dot_dq(q_mid, dq)
+            M = chain.inertia_matrix(q_mid) + np.diag(limits.armature)
+            asked = result.a - np.linalg.solve(M, controller.disturbance)
+            rows["asked"].append(asked)
+            rows["asked_x"].append((chain.jacobian(q_mid) @ asked + drift)[:3])
             rows["q"].append(q)
             rows["dq"].append(dq)
             rows["a"].append(result.a)

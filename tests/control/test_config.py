@@ -7,6 +7,7 @@ import pytest
 
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.proven import DECLARED
 from dovetail.errors import ConfigError
 from dovetail.robot import Payload, iiwa14
 
@@ -21,32 +22,71 @@ def settings_of(config):
 @pytest.mark.parametrize(
     ("period", "kappa", "delta_q", "delta_v", "delta_x", "k_rotation"),
     [
-        (1e-3, 5, 2e-3, 0.01, 5e-3, 400),
-        (2e-3, 4, 3e-3, 0.02, 5e-3, 400),
-        (5e-3, 2, 5e-3, 0.05, 10e-3, 200),
+        (1e-3, 5, 2e-3, 0.01, 5e-3, 200),
+        (2e-3, 4, 3e-3, 0.02, 5e-3, 200),
+        (5e-3, 2.5, 5e-3, 0.05, 10e-3, 200),
     ],
 )
 def test_limits_at_a_tabulated_period_are_the_table(
     robot, period, kappa, delta_q, delta_v, delta_x, k_rotation
 ):
-    limits = LimitConfig.for_period(robot, period)
+    limits = LimitConfig.for_period(robot, period, hardware=False)
     assert limits.kappa == pytest.approx(kappa)
     assert (limits.delta_q, limits.delta_v) == (delta_q, delta_v)
-    assert (limits.eta, limits.beta, limits.delta_x) == (0.6, 0.3, delta_x)
+    assert (limits.eta, limits.delta_x) == (0.6, delta_x)
+    assert (limits.estimate_rate, limits.brake_rate) == (60.0, 60.0)
     assert OscConfig.for_period(period).stiffness[5] == k_rotation
 
 
+@pytest.mark.parametrize(
+    ("period", "interval", "rate", "delta_q", "delta_v", "delta_x"),
+    [
+        (1e-3, 27.5e-3, 60.0, 12e-3, 0.15, 15e-3),
+        (2e-3, 30e-3, 60.0, 18e-3, 0.18, 15e-3),
+        (5e-3, 37.5e-3, 50.0, 45e-3, 0.30, 20e-3),
+    ],
+)
+def test_an_arm_that_nothing_is_said_of_gets_all_that_is_declared(
+    robot, period, interval, rate, delta_q, delta_v, delta_x
+):
+    limits = LimitConfig.for_period(robot, period)
+    assert {name: getattr(limits, name) for name in DECLARED} == DECLARED
+    assert limits.kappa * period == pytest.approx(interval)
+    assert limits.estimate_rate == limits.brake_rate == pytest.approx(rate)
+    assert (limits.delta_q, limits.delta_v, limits.delta_x) == pytest.approx(
+        (delta_q, delta_v, delta_x)
+    )
+
+
+@pytest.mark.parametrize("name", DECLARED)
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0, 2.0])
+def test_margins_grow_with_the_largest_error_that_is_declared(robot, name, share):
+    exact = LimitConfig.for_period(robot, 2e-3, hardware=False)
+    worst = LimitConfig.for_period(robot, 2e-3)
+    value = {name: share * DECLARED[name]}
+    limits = LimitConfig.for_period(robot, 2e-3, hardware=False, **value)
+    for margin in ("delta_q", "delta_v", "delta_x"):
+        low, high = getattr(exact, margin), getattr(worst, margin)
+        expected = low + share * (high - low)
+        assert getattr(limits, margin) == pytest.approx(expected)
+    if name == "delay":  # what a loop with this delay bears
+        lag = 2e-3 + share * DECLARED[name]
+        assert limits.estimate_rate == pytest.approx(min(60.0, 0.75 / lag))
+        assert limits.kappa * 2e-3 >= 2.5 * lag - 1e-12
+
+
 def test_margins_between_tabulated_periods_are_those_of_the_longer_one(robot):
-    limits = LimitConfig.for_period(robot, 3e-3)
+    limits = LimitConfig.for_period(robot, 3e-3, hardware=False)
     assert (limits.delta_q, limits.delta_v) == (5e-3, 0.05)
     assert 8e-3 < limits.kappa * 3e-3 < 10e-3
-    assert LimitConfig.for_period(robot, 5e-4).kappa == pytest.approx(5.0)
+    short = LimitConfig.for_period(robot, 5e-4, hardware=False)
+    assert short.kappa == pytest.approx(5.0)
 
 
 def test_hardware_margins_are_wider(robot):
     for period in (1e-3, 2e-3, 5e-3):
-        simulated = LimitConfig.for_period(robot, period)
-        hardware = LimitConfig.for_period(robot, period, hardware=True)
+        simulated = LimitConfig.for_period(robot, period, hardware=False)
+        hardware = LimitConfig.for_period(robot, period)
         for name in ("delta_q", "delta_v", "delta_x"):
             assert getattr(hardware, name) > getattr(simulated, name)
 
@@ -134,7 +174,7 @@ def test_every_setting_reaches_the_cpp_parameters(robot):
     limits = LimitConfig.for_period(robot, 2e-3, scheme="paper", bounds="paper-printed")
     params = limits.params()
     for f in fields(limits):
-        if f.name in ("scheme", "bounds"):
+        if f.name in ("scheme", "bounds", *DECLARED):  # these make margins
             continue
         np.testing.assert_array_equal(getattr(params, f.name), getattr(limits, f.name))
     assert "paper" in str(params.scheme).lower()

@@ -29,6 +29,7 @@ FAR = {
     "tau_max": 1e4,
     "walls": False,
     "estimate_rate": 0.0,
+    "last_line": False,
     "kappa": 1.0,
 }
 
@@ -39,10 +40,11 @@ def far(robot) -> LimitConfig:
     return LimitConfig.for_period(robot, PERIOD, **FAR)
 
 
-def controller_at(robot, limits, task, q, dq, **osc):
+def controller_at(robot, limits, task, q, dq=None, **osc):
     controller = make_controller(robot, OscConfig(**osc), limits, task, PERIOD)
-    pose = robot.tool_pose(q)  # where it was a period ago: it finds what it expects
-    controller.reset(q - PERIOD * dq, pose.position, pose.quat_wxyz, dq)
+    pose = robot.tool_pose(q)
+    dq = np.zeros(7) if dq is None else dq
+    controller.reset(q, pose.position, pose.quat_wxyz, dq=dq)
     return controller
 
 
@@ -224,7 +226,7 @@ def adversary(rng, f_max, robot, q):
 @pytest.mark.slow
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
 def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, period):
-    limits = LimitConfig.for_period(robot, period)
+    limits = LimitConfig.for_period(robot, period, hardware=False)
     chain, osc = robot.chain(), OscConfig.for_period(period)
     plant = _core.RigidPlant(chain, damping=limits.damping, armature=limits.armature)
     controller = make_controller(robot, osc, limits, TASK, period)

@@ -299,7 +299,7 @@ def test_an_arm_of_another_task_is_refused(real):
     ("position", "message"),
     [
         ((0.9, 0.0, 0.1), "is too far by 0.088 m"),
-        ((0.6, 0.3, 0.1), "y = 0.3000 m, which is 0.0880 m outside"),
+        ((0.6, 0.3, 0.1), "y = 0.3000 m, which is 0.0980 m outside"),
         ((0.6, 0.0, 0.01), "raise the hole"),
     ],
 )
@@ -386,8 +386,8 @@ def test_a_floor_inside_the_margin_that_hardware_needs_is_refused_with_the_remed
         local.arm.robot, 0.005, hardware=True, x_min=WALLS_MIN, x_max=WALLS_MAX
     )
     local.arm.limits = limits
-    hole = Pose(np.array([0.56, 0.0, 0.085]), quat_about_z(0.0))
-    with pytest.raises(ConfigError, match=r"z = 0.0550 m.*1 or 2 ms, or margins=model"):
+    hole = Pose(np.array([0.56, 0.0, 0.075]), quat_about_z(0.0))
+    with pytest.raises(ConfigError, match=r"z = 0.0450 m.*1 or 2 ms, or margins=model"):
         local.reset(seed=0, options={"hole": hole})
     local.arm.limits = LimitConfig.for_period(local.arm.robot, 0.002, hardware=True)
     local.reset(seed=0, options={"hole": hole})

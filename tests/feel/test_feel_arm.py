@@ -33,7 +33,7 @@ def settings(period):
     osc, limits = make_settings(
         SCENE, period, 0.0, NEAR_SPEED, (WALLS_MIN, WALLS_MAX), "qp", is_hardware=True
     )
-    return quiet(osc, limits, period)
+    return quiet(osc, limits)
 
 
 def local(plant, period):

@@ -119,6 +119,11 @@ class ServoCycle {
   void lose_session() noexcept;
 
   Watchdog& watchdog() noexcept { return watchdog_; }
+  /// Ends a stop, also one of the controller's last line.
+  void clear() noexcept {
+    watchdog_.clear();
+    controller_.resume();
+  }
   const ServoState& state() const noexcept { return state_; }
   const fri::FriSession& session() const noexcept { return session_; }
   const RingLog& log() const noexcept { return log_; }
@@ -130,6 +135,7 @@ class ServoCycle {
   Action receive_active(const fri::SessionStep& step) noexcept;
   void begin_motion(const Vec7& q) noexcept;
   void end_motion() noexcept;
+  void note_end(const Flags& flags) noexcept;
   Target choose_target(const Order& order, Flags& flags) noexcept;
   Vec7 wanted_lean(const Order& order) const noexcept;
   void write_row(const StepResult& result, const Target& target) noexcept;

@@ -1,10 +1,11 @@
-/// Whether a measured state can be one: what no joint can do in the time is not believed.
+/// Whether a measured state can be one: what no joint can do in the time is not
+/// believed.
 ///
 /// The state is predicted with the acceleration that the last cycle expected. A sample
 /// beyond what speed limit and motors allow is implausible: the prediction stands for
 /// it. A plausible one moves the believed state by a bounded amount in a cycle, so that
-/// one wrong sample is worth a bounded torque. A sample that repeats the one before, bit
-/// by bit, while the arm moves is an old one: the prediction stands for it, too.
+/// one wrong sample is worth a bounded torque. A sample that repeats the one before,
+/// bit by bit, while the arm moves is an old one: the prediction stands for it, too.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed.

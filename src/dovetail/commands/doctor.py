@@ -10,9 +10,12 @@ from dovetail.arms.address import (
     PlantAddress,
     TwinAddress,
     parse_address,
-    parse_time,
 )
+from dovetail.control.period import DEFAULT_PERIOD, require_period
+from dovetail.control.period_option import Period
+from dovetail.control.proven import DECLARED, unproven
 from dovetail.doctor import Check, run_checks
+from dovetail.durations import parse_time
 from dovetail.errors import ConfigError
 
 _COLOURS = {"ok": "green", "missing": "yellow", "broken": "red"}
@@ -29,10 +32,11 @@ class Doctor:
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
     delay: str = "10ms"
     """Largest delay of the loop that is declared for this arm, with its unit."""
-    payload_error: float = 0.5
+    payload_error: float = DECLARED["payload_error"]
     """Largest mass that its load data are declared to miss [kg]."""
-    period: str = "5ms"
-    """Control period of a simulated arm, with its unit; fri:// has its own key."""
+    period: Period = DEFAULT_PERIOD
+    """Control period of a simulated arm: 1ms, 2ms, 2.5ms or 5ms; fri:// has its own
+    key."""
 
     def run(self, console: Console) -> int:
         """Print every check; return 1 if something essential is broken."""
@@ -53,16 +57,13 @@ class Doctor:
 
     def _check_arm(self, text: str) -> Iterator[Check]:
         from dovetail.arm_checks import run_arm_checks
-        from dovetail.feel.proven import Declared
         from dovetail.local_arm_checks import run_local_checks
 
         address = parse_address(text)
-        declared = Declared(
-            delay=parse_time(self.delay, "--delay"), payload_error=self.payload_error
-        )
+        declared = self._declared()
         if isinstance(address, (PlantAddress, TwinAddress)):
             return run_local_checks(
-                address, parse_time(self.period, "--period"), declared
+                address, require_period(self.period, "--period"), declared
             )
         if not isinstance(address, FriAddress):
             raise ConfigError(
@@ -70,6 +71,18 @@ class Doctor:
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
         return run_arm_checks(address, None if self.yes else _ask, declared)
+
+    def _declared(self) -> dict[str, float]:
+        declared = DECLARED | {
+            "delay": parse_time(self.delay, "--delay"),
+            "payload_error": self.payload_error,
+        }
+        problems = unproven(
+            delay=declared["delay"], payload_error=declared["payload_error"]
+        )
+        if problems:
+            raise ConfigError(f"declared: {'; '.join(problems)}")
+        return declared
 
 
 def _ask(question: str) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from dovetail.control.available import REFERENCE, available_acceleration
 from dovetail.control.proven import DECLARED
-from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.ranges import Range, check_ranges, in_range
 from dovetail.control.task_spec import AXES
 from dovetail.errors import ConfigError
 from dovetail.types import JOINTS, Array, Vec3, Vec6, Vec7
@@ -250,9 +250,14 @@ class LimitConfig:
         interval = max(5 * period if row == 0 else 0.0, 2 * period)
         if row:
             interval = float(np.interp(period, _PERIODS, _INTERVAL))
-        declared = {
-            name: float(overrides.get(name, value if hardware else 0.0))
+        given = {
+            name: overrides.get(name, value if hardware else 0.0)
             for name, value in DECLARED.items()
+        }
+        declared: dict[str, float] = {
+            f.name: in_range(f.name, given[f.name], f.type.__metadata__[0])
+            for f in fields(cls)
+            if f.name in given
         }
         lag = declared["delay"] + period
         interval = max(interval, _INTERVAL_RATIO * lag)

@@ -1,6 +1,7 @@
 """Build the arm of an environment: in this process, or behind an address."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
@@ -40,8 +41,7 @@ WALLS_MIN = (0.38, -0.22, 0.03)
 WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
-"""Speed limit of the TCP [m/s], T1's: all three axes together keep it, at a share of
-1/sqrt(3) each."""
+"""Speed limit of the TCP per axis [m/s]; all axes together keep it on a robot."""
 
 
 def build_arm(
@@ -158,7 +158,7 @@ def make_settings(
         hardware=is_hardware,
         x_min=walls[0],
         x_max=walls[1],
-        dx_max=[SPEED_MAX / np.sqrt(3.0)] * 3,
+        dx_max=[SPEED_MAX] * 3,
         dx_near=near_speed,
         scheme=scheme,
     )
@@ -226,6 +226,8 @@ def build_fri_arm(
     from dovetail.arms.fri_arm import FriArm
     from dovetail.arms.watchdog import WatchdogConfig
 
+    if address.control is None:  # a robot: T1's limit is one of the velocity's norm
+        limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
     return FriArm(
         scene.robot(),
         osc,
@@ -241,7 +243,6 @@ def build_fri_arm(
         timeout=address.timeout,
         watchdog=watchdog or WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,
-        peer=address.peer,
         measured_sign=address.measured_sign,
         commanded_sign=address.commanded_sign,
         external_sign=address.external_sign,

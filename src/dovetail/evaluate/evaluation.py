@@ -26,6 +26,7 @@ from rich.table import Table
 
 from dovetail.arms.address import (
     SCHEMES,
+    ArmAddress,
     is_simulated_here,
     parse_address,
     period_of,
@@ -71,8 +72,7 @@ class EvaluationConfig:
     arm: str | None = None
     """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     approach: bool = False
-    """Let an arm behind fri:// move to the first start from farther than 0.15 m or
-    0.5 rad: slowly, up, across and down."""
+    """Let an arm behind fri:// go to its first start from afar, slowly."""
     hole: tuple[float, float, float, float] | None = None
     """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
     three poses, which an arm must be able to put the hole at."""
@@ -171,8 +171,8 @@ def environment_options(
     arm = None if config.arm is None else parse_address(config.arm)
     trained = options.get("period", DEFAULT_PERIOD)
     options["period"] = period_of(arm, config.period, trained)
-    if config.arm is not None:
-        options["arm"] = _usable(config, config.arm)
+    if arm is not None:
+        options["arm"] = _usable(config, arm)
     options["tare"] = config.tare and options.get("tare", True)
     is_searching = config.perturbation().search != "none"
     if config.max_steps is not None:
@@ -182,9 +182,8 @@ def environment_options(
     return options
 
 
-def _usable(config: EvaluationConfig, text: str) -> str:
+def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
     """Return the address, or refuse what an arm outside this process cannot do."""
-    arm = parse_address(text)
     config.perturbation().require_possible(arm)
     if not is_simulated_here(arm) and config.workers > 1:
         raise ConfigError(
@@ -192,7 +191,7 @@ def _usable(config: EvaluationConfig, text: str) -> str:
             "needs 1"
         )
     _require_hole(config, can_place=places_hole(arm))
-    return with_approach(text) if config.approach else text
+    return with_approach(str(config.arm)) if config.approach else str(config.arm)
 
 
 def _require_hole(config: EvaluationConfig, *, can_place: bool) -> None:

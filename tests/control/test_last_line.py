@@ -1,0 +1,98 @@
+"""The last line in closed loop: a loop that a delay drives ends, and comes to rest.
+
+What it sees of one joint's motion is tested in cpp/tests/test_last_line.cpp.
+"""
+
+from collections import deque
+
+import numpy as np
+import pytest
+
+from dovetail import _core
+from dovetail.control.build import make_controller
+from dovetail.control.config import LimitConfig, OscConfig
+
+TASK = "XYZ:force ABC:hold"
+DELAY = 0.010  # s
+PUSH = np.array([20.0, 10.0, -10.0])  # N
+
+
+class LateLoop:
+    """The exact arm, whose torques arrive late, pushed from 0.1 s on."""
+
+    def __init__(self, robot, q, period, **settings):
+        wide = {"x_min": -2.0, "x_max": 2.0, "delay": DELAY, "hardware": False}
+        self.limits = LimitConfig.for_period(robot, period, **(wide | settings))
+        osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
+        self.controller = make_controller(robot, osc, self.limits, TASK, period)
+        self.plant = _core.RigidPlant(
+            robot.chain(), damping=self.limits.damping, armature=self.limits.armature
+        )
+        self.plant.reset(q, np.zeros(7))
+        pose = robot.tool_pose(q)
+        self.controller.reset(q, pose.position, pose.quat_wxyz)
+        self.period, self.time = period, 0.0
+        self.late = deque([np.zeros(7)] * round(DELAY / period))
+
+    def run(self, time):
+        """Return the flags and the joint speeds [rad/s] of each cycle."""
+        flags, speeds = [], []
+        for _ in range(round(time / self.period)):
+            self.time += self.period
+            is_pushed = 0.1 < self.time < 1.0
+            self.plant.set_external_force(PUSH if is_pushed else np.zeros(3))
+            q, dq = self.plant.read()
+            result = self.controller.step(q, dq, _core.Target())
+            flags.append(result.flags)
+            speeds.append(np.abs(dq).max())
+            self.late.append(result.tau)
+            self.plant.apply(self.late.popleft(), self.period)
+        return flags, np.array(speeds)
+
+
+@pytest.mark.parametrize("period", [1e-3, 5e-3])
+def test_an_estimate_that_is_too_quick_for_the_delay_is_ended(robot, q_home, period):
+    loop = LateLoop(robot, q_home, period, estimate_rate=400.0)
+    flags, _ = loop.run(4.0)
+    ended = [f.ended for f in flags]
+    assert any(ended)
+    first = ended.index(True)
+    assert all(ended[first:])
+    assert [f.packed >> 46 & 1 for f in flags] == ended
+    cause, joint, value, limit = loop.controller.end
+    assert cause in ("oscillation", "energy", "speed")
+    assert -1 <= joint <= 6
+    assert abs(value) > limit > 0.0
+    _, speeds = loop.run(0.5)
+    assert speeds.max() < 0.02  # at rest
+    pose = robot.tool_pose(loop.plant.read()[0])
+    loop.controller.reset(loop.plant.read()[0], pose.position, pose.quat_wxyz)
+    assert loop.controller.end[0] == "none"
+
+
+@pytest.mark.parametrize("period", [1e-3, 5e-3])
+def test_the_declared_delay_gives_a_loop_that_needs_no_end(robot, q_home, period):
+    loop = LateLoop(robot, q_home, period)
+    flags, speeds = loop.run(2.0)
+    assert not any(f.ended for f in flags)
+    assert speeds.max() > 0.02  # it was pushed
+    assert loop.controller.end == ("none", -1, 0.0, 0.0)
+
+
+def test_switched_off_it_ends_nothing(robot, q_home):
+    loop = LateLoop(robot, q_home, 1e-3, estimate_rate=400.0, last_line=False)
+    flags, speeds = loop.run(2.0)
+    assert not any(f.ended for f in flags)
+    assert speeds[-500:].max() > 0.2  # and it goes on
+
+
+def test_an_implausible_sample_has_its_bit(robot, q_home):
+    loop = LateLoop(robot, q_home, 1e-3)
+    jumped = q_home + 0.5 * np.eye(7)[2]
+    flags = loop.controller.step(jumped, np.zeros(7), _core.Target()).flags
+    assert flags.implausible
+    assert flags.packed >> 45 & 1
+    assert not flags.bad_input  # one is bridged, the second is a damped hold
+    flags = loop.controller.step(jumped, np.zeros(7), _core.Target()).flags
+    assert flags.packed >> 45 & 1
+    assert flags.bad_input
