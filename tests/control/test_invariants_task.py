@@ -38,6 +38,7 @@ def far(robot) -> LimitConfig:
         tau_max=1e4,
         walls=False,
         estimate_rate=0.0,
+        last_line=False,
         mid_interval=False,
     )
 
@@ -119,6 +120,30 @@ def test_3_null_space_damping_never_adds_energy(robot, far, rng, task):
     assert taken > 150  # W: and it does take some out
 
 
+def test_3_the_posture_moves_no_axis_of_the_tool_and_pulls_back(robot, far, rng):
+    pulled = 0
+    for task in (TASK, "XYZABC:force", "ZA:force"):
+        for _ in range(60):
+            q = rng.uniform(0.8 * robot.q_min, 0.8 * robot.q_max)
+            away = rng.uniform(-0.3, 0.3, 7)
+            added = []
+            for stiffness in (0.0, 50.0):
+                osc = OscConfig(s0=1e-4, posture_stiffness=stiffness)
+                controller = make_controller(robot, osc, far, task, PERIOD)
+                start(controller, robot, q, np.zeros(7))
+                controller.step(q, np.zeros(7), _core.Target())  # latches q
+                added.append(controller.osc_terms(q + away, np.zeros(7)))
+            u = added[1]["u0"] - added[0]["u0"]
+            middle = q + away  # at rest the model is evaluated here
+            rows = robot.chain().jacobian(middle) @ added[0]["Minv"] @ u
+            singular = np.linalg.svd(robot.chain().jacobian(middle))[1][-1]
+            if singular > 0.05:
+                assert np.abs(rows).max() < 1e-8
+                assert u @ -away > 0.0
+                pulled += 1
+    assert pulled > 100
+
+
 @pytest.mark.parametrize("s0", [0.02, 0.5])
 def test_4_task_inertia_is_symmetric_positive_and_bounded(robot, far, rng, s0):
     """Column i of Lambda, by J^T, is the torque of a unit of f* on axis i."""
@@ -179,7 +204,8 @@ def test_the_arm_accelerates_as_the_controller_meant(robot, far, rng):
     """
     tight = LimitConfig.for_period(
         robot, PERIOD, q_min=-10.0, q_max=10.0, dq_max=20.0, ddq_max=0.1,
-        tau_max=1e4, walls=False, estimate_rate=0.0, mid_interval=False,
+        tau_max=1e4, walls=False, estimate_rate=0.0, last_line=False,
+        mid_interval=False,
     )  # fmt: skip
     plant = _core.RigidPlant(
         robot.chain(), damping=tight.damping, armature=tight.armature
