@@ -14,7 +14,7 @@ largest without wrong samples. Cycles in which the Target changes are left out o
 import argparse
 import itertools
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,7 @@ class Tally:
     push: float = 0.0
     broken: int = 0
     blown_up: int = 0
-    worst: tuple = field(default_factory=tuple)
+    worst: str = ""
 
 
 class Case:
@@ -149,12 +149,21 @@ class Case:
                     tally.step_clean = max(tally.step_clean, step)
                 elif left > 0 and step > tally.step:
                     tally.step = step
-                    tally.worst = (round(1e3 * float(np.abs(error).max()), 1), is_bad)
+                    tally.worst = self.describe(errors, k, left, result.flags)
             arm.plant.apply(tau, self.period)
             tally.push = max(
                 tally.push, float(np.linalg.norm(arm.plant.contact_force_peak()))
             )
             tally.broken += self.is_broken()
+
+    def describe(self, errors: Array, k: int, left: int, flags: _core.Flags) -> str:
+        """Say which spike it was, how long ago, and what the controller thought."""
+        last = k - (AFTER + 1 - left)
+        bad = errors[max(0, last - LONGEST) : last + 1].any(axis=1)
+        count = int(bad.sum())
+        size = 1e3 * float(np.abs(errors[last]).max())
+        names = [n for n in ("implausible", "bad_input", "ended") if getattr(flags, n)]
+        return f"{size:.1f} mrad x {count}, {k - last} later {' '.join(names)}"
 
     def is_broken(self) -> bool:
         """Return whether the arm is outside a limit, margins not taken off."""
@@ -183,7 +192,7 @@ def main() -> None:
         begin = time.perf_counter()
         print(
             f"{1e3 * period:g} ms: plant, situation, velocity    spikes  "
-            "step [Nm]  without  worst [mrad, now]  limits broken [cycles]  contact [N]"
+            "step [Nm]  without    broken  contact [N]  worst step"
         )
         total = 0
         for plant, scene, path in kinds:
@@ -197,8 +206,8 @@ def main() -> None:
             blown_up = f" (blown up {tally.blown_up})" if tally.blown_up else ""
             print(
                 f"{case.name:38s} {tally.spikes:6d} {tally.step:10.1f} "
-                f"{tally.step_clean:8.1f}  {tally.worst!s:>14s} {tally.broken:10d}"
-                f"{blown_up} {tally.push:8.0f}"
+                f"{tally.step_clean:8.1f} {tally.broken:9d} {tally.push:12.0f}  "
+                f"{tally.worst}{blown_up}"
             )
             case.arm.close()
         print(f"{total} spikes, {time.perf_counter() - begin:.0f} s")

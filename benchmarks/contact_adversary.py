@@ -33,7 +33,7 @@ METRICS: dict[str, tuple[str, float, str]] = {
 }
 """What each worst value is, above which number it counts, and its unit."""
 LIMITS = {
-    "proven": {"position": 0.0, "speed": 1.0, "grown": 0.0},
+    "proven": {"position": 0.0, "speed": 1.0, "grown": 0.0, "contact": 5.0},
     "full": {"position": 0.02, "speed": 1.10, "contact": 5.0},
 }
 """What must hold in each range: no try above these."""
@@ -46,7 +46,7 @@ class Attack:
     period: float
     span: str = "proven"
     seed: int = 0
-    is_hardware: bool = False
+    is_hardware: bool = True
     task: str | None = None
     policy: str | None = None
     overrides: tuple[tuple[str, float], ...] = ()
@@ -221,8 +221,31 @@ def print_causes(attack: Attack, tally: Tally) -> None:
     print(", ".join(f"{name} {r:+.2f}" for r, name in rows[:8]))
 
 
-def replay(attack: Attack, index: int, folder: Path | None) -> None:
-    """Run one try alone; print it, or write its trace as CSV."""
+def add_case(path: Path, attack: Attack, case: dict[str, Any]) -> None:
+    """Write a try into the file of cases, in place of one of its name.
+
+    Args:
+        path: JSON file, made where there is none.
+        attack: What the try was part of.
+        case: Its "name", "cause", "seed", "worst" and "vector".
+    """
+    cases = json.loads(path.read_text()) if path.exists() else []
+    kept = [c for c in cases if c["name"] != case["name"]]
+    entry = case | {
+        "period": attack.period,
+        "span": attack.span,
+        "is_hardware": attack.is_hardware,
+        "worst": {k: float(f"{v:.4g}") for k, v in case["worst"].items()},
+        "vector": [round(float(x), 6) for x in case["vector"]],
+    }
+    # JSON knows no infinity: a try without contact has no worst of it.
+    entry["worst"] = {k: v for k, v in entry["worst"].items() if np.isfinite(v)}
+    lines = ",\n".join(" " + json.dumps(c) for c in [*kept, entry])
+    path.write_text(f"[\n{lines}\n]\n")
+
+
+def replay(attack: Attack, index: int, folder: Path | None) -> Outcome:
+    """Run one try alone; print it, and write its trace as CSV if asked to."""
     from dovetail.plants.plant import CYCLE_COLUMNS
 
     outcome = attack.run(index)
@@ -242,18 +265,23 @@ def replay(attack: Attack, index: int, folder: Path | None) -> None:
             f"{row[0]:7.3f}  {np.abs(row[8:15]).max():15.3f}  "
             f"{np.abs(row[15:22]).max():13.1f}  {np.linalg.norm(row[35:38]):11.1f}  {p}"
         )
+    return outcome
 
 
 def parse(arguments: Sequence[str]) -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(
-        prog="adversary.py --contact", description=__doc__.splitlines()[0]
+        prog="adversary.py --contact", description="Attack the controller in contact."
     )
     parser.add_argument("--cycles", type=int, default=1_000_000)
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--range", choices=tuple(RANGES), default="proven", dest="span")
-    parser.add_argument("--hardware", action="store_true", help="margins of hardware")
+    parser.add_argument(
+        "--exact-margins",
+        action="store_true",
+        help="margins for an arm that is as its model, not the environments'",
+    )
     parser.add_argument("--task", choices=TASKS)
     parser.add_argument("--policy", choices=POLICIES)
     parser.add_argument(
@@ -271,7 +299,8 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
     parser.add_argument("--evaluations", type=int, default=1000)
     parser.add_argument("--aim", default="any", help="what the search makes worst")
     parser.add_argument("--file", type=Path, help="of the search, to go on with")
-    parser.add_argument("--cases", type=Path, help="file that keeps what is found")
+    parser.add_argument("--cases", type=Path, help="keeps what is found or replayed")
+    parser.add_argument("--cause", default="unknown", help="of what is kept")
     return parser.parse_args(arguments)
 
 
@@ -283,13 +312,22 @@ def main(arguments: Sequence[str]) -> None:
         period=args.period,
         span=args.span,
         seed=args.seed,
-        is_hardware=args.hardware,
+        is_hardware=not args.exact_margins,
         task=args.task,
         policy=args.policy,
         overrides=tuple((name, float(number)) for name, number in pairs),
     )
     if args.replay is not None:
-        replay(attack, args.replay, args.trace)
+        outcome = replay(attack, args.replay, args.trace)
+        if args.cases is not None:
+            case = {
+                "name": f"{args.cause}-{args.replay}-{1e3 * args.period:g}ms",
+                "cause": args.cause,
+                "seed": [args.seed, args.replay, 1],
+                "worst": outcome.worst,
+                "vector": attack.vector(args.replay),
+            }
+            add_case(args.cases, attack, case)
         return
     if args.search:
         from contact_search import search

@@ -59,6 +59,7 @@ class Commander:
     def fill(self, target: _core.Target, number: int, q: Array, dq: Array) -> None:
         """Write action `number` for a measured state."""
         target.near_plane = self.near_plane
+        target.f_tare = self.tare
         if self.choices.policy == "shipped":
             self._fill_shipped(target, q, dq)
             return

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from cmaes import CMA
-from contact_adversary import LIMITS, Attack, plain
+from contact_adversary import LIMITS, Attack, add_case, plain
 from contact_choices import NUM_KINDS, RANGES, SIZE, Array, choose
 from contact_trial import SUSTAINED
 
@@ -132,28 +132,6 @@ def run_vector(task: tuple[Attack, Array, tuple[int, ...]]) -> dict[str, float]:
     return plain(attack.run_vector(vector, seed))["worst"]
 
 
-def case_of(attack: Attack, found: Found, name: str, cause: str) -> dict[str, Any]:
-    """Return a find as an entry of the file of cases."""
-    return {
-        "name": name,
-        "cause": cause,
-        "period": attack.period,
-        "span": attack.span,
-        "is_hardware": attack.is_hardware,
-        "seed": list(found.seed),
-        "worst": {k: float(f"{v:.4g}") for k, v in found.worst.items()},
-        "vector": [round(float(x), 5) for x in found.vector],
-    }
-
-
-def add_case(path: Path, case: dict[str, Any]) -> None:
-    """Write a find into the file of cases, in place of one of its name."""
-    cases = json.loads(path.read_text()) if path.exists() else []
-    cases = [c for c in cases if c["name"] != case["name"]] + [case]
-    lines = ",\n".join(" " + json.dumps(c) for c in cases)
-    path.write_text(f"[\n{lines}\n]\n")
-
-
 def search(
     attack: Attack,
     aim: str,
@@ -181,5 +159,15 @@ def search(
         if cases is not None and broken:
             name = f"{choices.task}-{choices.policy}-{1e3 * attack.period:g}ms"
             name += f"-{attack.span}-{'-'.join(broken)}-{attack.seed}-{number}"
-            add_case(cases, case_of(attack, found, name, ", ".join(broken)))
+            add_case(
+                cases,
+                attack,
+                {
+                    "name": name,
+                    "cause": "search",
+                    "seed": list(found.seed),
+                    "worst": found.worst,
+                    "vector": found.vector.tolist(),
+                },
+            )
             print(json.dumps(choices.plain()))

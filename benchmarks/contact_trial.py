@@ -21,6 +21,7 @@ import numpy as np
 from contact_choices import Array, Choices
 from contact_policies import ACTION, TASK, Commander
 from contact_scene import EVERYWHERE, NOWHERE, Start, make_start, walls_of
+from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.control.config import LimitConfig, OscConfig
@@ -46,7 +47,7 @@ PHYSICS_DT = 1e-3  # s: contacts of 2 ms need it, and the judge looks as often
 SPRING_MASS = 5.0  # kg, for its damping ratio
 ARMATURE = 0.1  # kg m2, the model's
 GROWTH, GROWN, SUSTAINED = 1.2, 0.1, 0.3  # 1, rad/s, rad/s
-ENDED = 1 << 45 if hasattr(_core.Flags, "ended") else 0
+IMPLAUSIBLE, ENDED = 1 << 45, 1 << 46  # of pack_flags in types.hpp
 CLEARANCE_STEP = 1e-4  # m: plants are built once each
 
 
@@ -67,7 +68,10 @@ def settings_of(
         "qp",
         is_hardware=is_hardware,
     )
-    return osc, replace(limits, **dict(overrides))  # type: ignore[arg-type]
+    others: dict[str, Any] = {
+        name: type(getattr(limits, name))(number) for name, number in overrides
+    }
+    return osc, replace(limits, **others)
 
 
 @lru_cache(maxsize=16)
@@ -101,7 +105,7 @@ class Trial:
         period: float,
         seed: tuple[int, ...],
         *,
-        is_hardware: bool = False,
+        is_hardware: bool = True,
         overrides: tuple[tuple[str, float], ...] = (),
     ) -> None:
         """Build twin and controller.
@@ -211,11 +215,11 @@ class Trial:
             target.joint_mode = False
             self.events.append(f"{number * ACTION:.2f} s: task again")
         if rng.random() < choices.change_rate * ACTION:
-            kind = self._reconfigure(target, q)
+            kind = self._reconfigure(target, q, dq)
             self.events.append(f"{number * ACTION:.2f} s: {kind}")
         self.commander.fill(target, number, q, dq)
 
-    def _reconfigure(self, target: _core.Target, q: Array) -> str:
+    def _reconfigure(self, target: _core.Target, q: Array, dq: Array) -> str:
         """Change what is held, where the near plane is, or go for a configuration."""
         rng, controller = self.rng, self.controller
         pose = self.robot.tool_pose(q)
@@ -233,9 +237,8 @@ class Trial:
             self.hold = pose if kind == "hold here" else moved
             controller.hold_at(*self.hold)
         elif kind.startswith("reset"):
-            q_reset = q if kind == "reset here" else near_q
-            self.hold = self.robot.tool_pose(q_reset)
-            controller.reset(q_reset, *self.hold)
+            self.hold = pose if kind == "reset here" else moved
+            controller.reset(q, *self.hold, dq)
         elif kind == "near plane":
             planes = (NOWHERE, EVERYWHERE, self.start.near_plane)
             self.commander.near_plane = planes[rng.integers(3)]
@@ -245,7 +248,7 @@ class Trial:
             self.joint_actions = int(rng.integers(2, 11))
         return kind
 
-    def _faults(self, cycles: int) -> Array:
+    def _faults(self, cycles: int) -> NDArray[np.int8]:
         """Return bursts of up to five lost, repeated or late cycles."""
         faults = np.zeros(cycles, dtype=np.int8)
         rate = self.choices.fault_rate
@@ -276,6 +279,7 @@ class Trial:
 
     def _expect(self, target: _core.Target) -> None:
         """Tell the judge the resting push."""
+        joint, f = np.zeros(7), np.zeros(6)
         if target.joint_mode:
             joint = self.osc.joint_stiffness * (target.q_d - self.latched_q)
             joint = np.clip(joint, -self.limits.ddq_max, self.limits.ddq_max)
@@ -295,6 +299,13 @@ class Trial:
         force = min(forces[0], 2.0 * forces[1]) + self.choices.push
         self.asked.append(force)
         self.judge.set_resting(max(self.asked[-10:]))
+
+    def _end(self) -> list[str]:
+        """Return why the last line ended the motion, if it did."""
+        cause, joint, value, limit = self.controller.end
+        if cause == "none":
+            return []
+        return [f"ended: {cause}, joint {joint + 1}, {value:.3g} over {limit:.3g}"]
 
     def _outcome(self, trace: Array, vibration: Array, diverged: int) -> Outcome:
         judge = self.judge
@@ -318,6 +329,8 @@ class Trial:
             | {
                 "diverged": diverged,
                 "ended": int((flags & ENDED).any()),
+                f"ended: {self.controller.end[0]}": int((flags & ENDED).any()),
+                "implausible": int((flags & IMPLAUSIBLE).any()),
                 "unsafe": unsafe,
                 "qp_early": early,
                 "bad_input": bad,
@@ -325,11 +338,11 @@ class Trial:
             },
             cycles=len(trace),
             trace=trace,
-            events=self.events,
+            events=[*self.events, *self._end()],
         )
 
 
-_NO_FAULTS = np.zeros(1000, dtype=np.int8)
+_NO_FAULTS: NDArray[np.int8] = np.zeros(1000, dtype=np.int8)
 
 
 def _oscillations(vibration: Array) -> tuple[float, float]:

@@ -10,7 +10,8 @@ messages arrive late, repeated or not at all; with `--states bad` some have wron
 numbers, too, in any field, from 1e-5 to 1e3 rad, NaN and infinity. What is sought is
 the largest excess of one kind over the true limits, margins not taken off. The worst
 episode of every search is written to a file and can be run again, also against another
-controller. A search whose file is there is not run again.
+controller. A search whose file is there is not run again. With OPENBLAS_NUM_THREADS=1
+in the environment the workers do not wait for one another's linear algebra.
 """
 
 import argparse
@@ -44,7 +45,6 @@ SMALLEST, LARGEST = 1e-5, 1e3  # rad, rad/s: sizes of wrong numbers
 LONGEST = 5  # cycles that a state is late, repeated or lost
 RANDOM_SHARE = 0.3  # of a search's episodes, before it evolves the best of them
 REACH = 0.5  # weight of `reach` beside the excess over a wall
-INFEASIBLE = 1e3  # cost of a start that is none, plus how far it is out
 
 OBJECTIVES = {
     "wall": ("wall", 1e3, "mm"),
@@ -178,9 +178,8 @@ def run_search(search: Search) -> tuple[float, dict, int]:
     def cost(centre: Array, genes: Array) -> float:
         nonlocal best, run
         episode = decode(search, centre, genes)
-        room = attacked.room(episode.q)
-        if room < 0.0:
-            return INFEASIBLE - room
+        while attacked.room(episode.q) < 0.0:  # back towards a start that is one
+            episode.q = 0.5 * (episode.q + centre)
         run += 1
         worst, _ = attacked.run(episode)
         value = value_of(search, worst)

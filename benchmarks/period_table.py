@@ -7,7 +7,7 @@ tare's own way counts, too.
 
     python benchmarks/period_table.py --tries 60 --workers 2
 
-A single cell: `--period 1 --twin hard --push 30`. The twin `none` is MuJoCo alone, and
+A single cell: `--period 1ms --twin hard --push 30`. `none` is MuJoCo alone, and
 `stiff` the same with contacts of 2 ms at every period; `--margins` chooses those of the
 limits. Below 0 is inside. Rows are printed as they come; `--json FILE` keeps every try.
 """
@@ -34,6 +34,7 @@ from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.evaluate.transfer import wilson_interval
 from dovetail.evaluate.trials import Job, plan_trials
 from dovetail.learn.policy import Policy, find_policy
+from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.plants.twin import list_twins
 
@@ -65,6 +66,8 @@ class Cell(NamedTuple):
     """Largest push [N]."""
     margins: str
     """Of the limits: "model" or "hardware"."""
+    encoders: bool
+    """Whether velocities come from positions, as behind FRI."""
     policy: str
 
 
@@ -110,24 +113,29 @@ def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
         options["twin"] = cell.twin
     perturbation = Perturbation(push=cell.push)
     env = make_perturbed(policy.metadata["env_id"], perturbation, options)
-    if cell.margins == "hardware":
-        _widen(env.unwrapped)
+    if cell.margins == "hardware" or cell.encoders:
+        _rebuild(env.unwrapped, cell)
     return policy, env
 
 
-def _widen(env: Any) -> None:
-    """Give an environment's arm the margins of hardware; the judge keeps its own."""
+def _rebuild(env: Any, cell: Cell) -> None:
+    """Give an environment's arm other margins or encoders; the judge keeps its own."""
     old = env.arm
-    limits = LimitConfig.for_period(
-        old.robot,
-        old.period,
-        hardware=True,
-        x_min=old.limits.x_min,
-        x_max=old.limits.x_max,
-        dx_max=old.limits.dx_max,
-        dx_near=old.limits.dx_near,
-    )
-    arm = LocalArm(old.plant, old.robot, old.osc, limits, old.task, old.period)
+    limits = old.limits
+    if cell.margins == "hardware":
+        limits = LimitConfig.for_period(
+            old.robot,
+            old.period,
+            hardware=True,
+            x_min=old.limits.x_min,
+            x_max=old.limits.x_max,
+            dx_max=old.limits.dx_max,
+            dx_near=old.limits.dx_near,
+        )
+    plant: Any = old.plant
+    if cell.encoders:
+        plant = EncoderPlant(plant, old.period)
+    arm = LocalArm(plant, old.robot, old.osc, limits, old.task, old.period)
     env.arm = arm
     env._tare._arm = arm  # there is no option for this
 
@@ -244,17 +252,26 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     known = (*IDEAL, *list_twins())
     parser.add_argument("--policy", default="peg_square")
-    parser.add_argument("--period", type=float, nargs="+", default=PERIODS, help="[ms]")
+    parser.add_argument(
+        "--period",
+        type=lambda text: float(text.removesuffix("ms")),
+        nargs="+",
+        default=PERIODS,
+        help="[ms]: 1ms, 2.5ms",
+    )
     default = ["none", "easy", "medium", "hard"]
     parser.add_argument("--twin", nargs="+", choices=known, default=default)
     parser.add_argument("--push", type=float, nargs="+", default=[0, 30], help="[N]")
     parser.add_argument("--margins", choices=("model", "hardware"), default="model")
+    parser.add_argument(
+        "--encoders", action="store_true", help="no measured velocity, as behind FRI"
+    )
     parser.add_argument("--tries", type=int, default=60, help="of each cell")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path, help="file for every try")
     given = parser.parse_args()
     cells = [
-        Cell(twin, period, push, given.margins, given.policy)
+        Cell(twin, period, push, given.margins, given.encoders, given.policy)
         for push, twin, period in product(given.push, given.twin, given.period)
     ]
     print("| " + " | ".join(TITLES) + " |\n|" + "---|" * len(TITLES), flush=True)

@@ -10,7 +10,11 @@ velocity and acceleration; robosuite's goal, which has neither, is renewed every
     python benchmarks/tracking.py --robosuite PYTHON --out tracking.json
 
 PYTHON is an interpreter with robosuite (pip install robosuite==1.5.2 mujoco==3.3.0).
-Without it our controller runs alone.
+Without it our controller runs alone. "tared" is ours with a constant f* beside it: what
+the disturbance estimate said after holding for 1.5 s. `--experiment` adds a law that is
+not shipped: ours, with f* of rotations clipped at 20 rad/s2, and what the estimate says
+taken out all the time, slowly (0.2 s). Both give at most 4 m/s2 and 20 rad/s2.
+`--report FILE` prints the tables of docs/tracking.md from what was written.
 """
 
 import argparse
@@ -23,7 +27,7 @@ from pathlib import Path
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from tracking_report import print_exceptions, print_table
+from tracking_report import print_exceptions, print_markdown, print_table
 
 from dovetail import _core, poses
 from dovetail.control.build import make_controller
@@ -38,6 +42,7 @@ from dovetail.robot import Robot
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec6, Vec7
 
+OURS = ("ours", "tared", "experiment")
 TWINS = ("plain", "easy", "medium", "hard")
 PERIODS = (0.001, 0.005)
 CENTRE = Pose(np.array([0.6, 0.0, 0.22]), np.array([0.0, 1.0, 0.0, 0.0]))
@@ -47,6 +52,7 @@ STEP = np.repeat([0.05, 0.3], 3)  # m, rad
 SETTLE, WATCH, HOLD = 1.0, 1.5, 10.0  # s
 RENEWED = 0.05  # s, our Target
 RADIUS, SPEED = 0.05, 0.1  # m, m/s
+TARE, SLOW, MOST = 1.5, 0.2, np.repeat([4.0, 20.0], 3)  # s, s, m/s2 and rad/s2
 LEVEL, STEEP = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 1.0]) / np.sqrt(2.0)
 
 
@@ -77,33 +83,32 @@ class Law(Protocol):
 class Ours:
     """The project's controller, all axes in one mode."""
 
-    def __init__(self, robot: Robot, period: float, mode: str, slow: float) -> None:
+    def __init__(
+        self, robot: Robot, period: float, mode: str, kind: str = "ours"
+    ) -> None:
         """Build it.
 
         Args:
             robot: The nominal arm.
             period: Control period [s].
             mode: "pose" or "hold".
-            slow: Time constant [s] of an experiment, 0 is off: what the disturbance
-                estimate says of the task is taken out, slowly and within bounds.
+            kind: "ours", "tared" or "experiment", see the module.
         """
+        changed = {"f_clamp_angular": 20.0} if kind == "experiment" else {}
+        osc = OscConfig.for_period(period, **changed)
         limits = LimitConfig.for_period(robot, period)
-        osc = OscConfig.for_period(period)
-        task = f"XYZABC:{mode}"
-        self.controller = make_controller(robot, osc, limits, task, period)
-        self.robot, self.chain, self.period, self.slow = (
-            robot,
-            robot.chain(),
-            period,
-            slow,
-        )
+        self.controller = make_controller(robot, osc, limits, f"XYZABC:{mode}", period)
+        self.chain, self.period = robot.chain(), period
+        self.kind, self.lost = kind, np.zeros(6)
         self.armature = np.diag(limits.armature)
 
     def reset(self, q: Vec7) -> None:
         """Begin at rest at q [rad]; that is the pose to hold, too."""
         self.controller.reset(q, CENTRE.position, CENTRE.quat_wxyz)
         self.target, self.renewed = _core.Target(), -1.0
-        self.lost = np.zeros(6)
+        self.is_learning = self.kind == "experiment"
+        if self.is_learning:
+            self.lost = np.zeros(6)
 
     def torque(self, time: float, q: Vec7, dq: Vec7, path: Path6) -> Vec7:
         """Return the overlay torque [Nm] of one cycle."""
@@ -115,18 +120,27 @@ class Ours:
             self.target.velocity_d = wanted.velocity
             self.target.acceleration_d = wanted.acceleration
         self.target.age = age
-        if self.slow:
-            self.target.f_star = -self.pushed(q)
+        if self.is_learning:
+            self.follow_estimate(q)
+        self.target.f_star = -self.lost
         return self.controller.step(q, dq, self.target).tau
 
-    def pushed(self, q: Vec7) -> Vec6:
-        """Return what the estimate r does to the task [m/s2, rad/s2], filtered."""
+    def follow_estimate(self, q: Vec7) -> None:
+        """Filter what the estimate r does to the task [m/s2, rad/s2]."""
         M = self.chain.inertia_matrix(q) + self.armature
         now = self.chain.jacobian(q) @ np.linalg.solve(M, self.controller.disturbance)
-        self.lost += self.period / self.slow * (now - self.lost)
-        most = np.repeat([2.0, 10.0], 3)
-        self.lost = np.clip(self.lost, -most, most)
-        return self.lost
+        self.lost = self.lost + self.period / SLOW * (now - self.lost)
+        self.lost = np.clip(self.lost, -MOST, MOST)
+
+    def tare(self, plant: Plant, q: Vec7) -> None:
+        """Hold for a while and keep what the estimate says."""
+        self.lost = np.zeros(6)
+        self.reset(plant.read()[0])
+        self.is_learning = True
+        for cycle in range(round(TARE / self.period)):
+            torque = self.torque(cycle * self.period, *plant.read(), still)
+            plant.apply(torque, self.period)
+        plant.reset(q, HOLE)
 
 
 class Robosuite:
@@ -227,6 +241,8 @@ def run(
     """
     plant.seed(1)
     plant.reset(q, HOLE)
+    if isinstance(law, Ours) and law.kind == "tared":
+        law.tare(plant, q)
     law.reset(plant.read()[0])
     way, errors = [], []
     for cycle in range(round(seconds / period)):
@@ -246,6 +262,11 @@ def step_of(axis: int) -> Path6:
     quat = poses.quat_multiply(poses.quat_from_vector(move[3:]), CENTRE.quat_wxyz)
     after = Wanted(CENTRE.position + move[:3], quat)
     return lambda time: after if time > SETTLE - 1e-9 else Wanted(*CENTRE)
+
+
+def still(_: float) -> Wanted:
+    """Return the pose to hold."""
+    return Wanted(*CENTRE)
 
 
 def circle(time: float) -> Wanted:
@@ -290,8 +311,9 @@ def measure(plant: Plant, law: Law, held: Law, period: float, q: Vec7) -> dict:
     errors = errors[round(0.25 * turn / period) :]
     found["circle_rms"] = np.sqrt((errors**2).mean(axis=0)).tolist()
     found["circle_max"] = np.abs(errors).max(axis=0).tolist()
-    way, _ = run(plant, held, period, lambda _: Wanted(*CENTRE), HOLD, q)
-    found["drift"] = np.abs(way).max(axis=0).tolist()
+    way, _ = run(plant, held, period, still, HOLD, q)
+    found["held"] = np.abs(way).max(axis=0).tolist()
+    found["drift"] = np.abs(way[-round(0.3 / period) :].mean(axis=0)).tolist()
     return found
 
 
@@ -307,9 +329,13 @@ def main() -> None:
     parser.add_argument("--robosuite", metavar="PYTHON", help="interpreter with it")
     parser.add_argument("--twins", nargs="+", default=TWINS, choices=TWINS)
     parser.add_argument("--periods", nargs="+", type=float, default=PERIODS)
-    parser.add_argument("--slow", type=float, nargs="*", default=[], metavar="S")
+    parser.add_argument("--experiment", action="store_true", help="a law not shipped")
     parser.add_argument("--out", type=Path, help="write the numbers here, as JSON")
+    parser.add_argument("--report", type=Path, metavar="FILE", help="only its tables")
     options = parser.parse_args()
+    if options.report:
+        print_markdown(json.loads(options.report.read_text()))
+        return
     robot = SceneConfig().robot()
     q = robot.inverse_kinematics(CENTRE, Q_SEED)
     peers: dict[str, Robosuite] = {}
@@ -322,9 +348,10 @@ def main() -> None:
             laws: dict[str, tuple[Law, Law]] = {
                 name: (p, p) for name, p in peers.items()
             }
-            for slow in (0.0, *options.slow):
-                name = f"ours, {slow:g} s" if slow else "ours"
-                pose, hold = (Ours(robot, period, m, slow) for m in ("pose", "hold"))
+            for name in OURS[: 2 + options.experiment]:
+                pose, hold = (
+                    Ours(robot, period, mode, name) for mode in ("pose", "hold")
+                )
                 laws[name] = (pose, hold)
             row = results[f"{twin} {1e3 * period:g} ms"] = {}
             for name, (law, held) in laws.items():

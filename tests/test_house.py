@@ -28,10 +28,10 @@ LAYERS = (
     {"scene"},
     {"control", "plants"},
     {"arms", "cabinet", "episode", "gripper", "rpc"},
-    {"envs", "identify", "perceive"},
+    {"envs", "feel", "identify", "perceive"},
     {"learn", "evaluate", "view"},
     {"reproduce"},
-    {"arm_checks", "commands", "doctor"},
+    {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"},
     {"cli"},
 )
 """Modules and folders of the package; each imports from its own layer or from above."""

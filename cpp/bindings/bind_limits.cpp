@@ -21,16 +21,18 @@ void bind_bounds(nb::module_& m) {
       "acceleration_bounds",
       [](double x, double v, double x_min, double x_max, double v_max, double a_max,
          double dt, double kappa, double eta, double delta_x, double delta_v,
-         BoundsKind kind) {
-        const Interval interval = acceleration_bounds(
-            x, v, x_min, x_max, v_max, a_max, {kind, dt, kappa, eta, delta_x, delta_v});
+         BoundsKind kind, double authority) {
+        const Interval interval =
+            acceleration_bounds(x, v, x_min, x_max, v_max, a_max,
+                                {kind, dt, kappa, eta, delta_x, delta_v, authority});
         return std::pair(interval.lb, interval.ub);
       },
       "x"_a, "v"_a, "x_min"_a, "x_max"_a, "v_max"_a, "a_max"_a, nb::kw_only(), "dt"_a,
       "kappa"_a = 1.0, "eta"_a = 1.0, "delta_x"_a = 0.0, "delta_v"_a = 0.0,
-      "kind"_a = BoundsKind::kViability,
+      "kind"_a = BoundsKind::kViability, "authority"_a = 1.0,
       "Smallest and largest safe acceleration [rad/s2] of one coordinate at position x "
-      "[rad] and speed v [rad/s]; (lb, ub).");
+      "[rad] and speed v [rad/s]; (lb, ub). authority: most braking of what is beyond "
+      "its limit already, over a_max.");
 }
 
 void bind_saturation(nb::module_& m) {

@@ -76,6 +76,7 @@ void bind_mujoco(nb::module_& m) {
           },
           nb::kw_only(), "delay"_a = 0.0, "torque_noise"_a = 0.0,
           "position_noise"_a = 0.0, "velocity_noise"_a = 0.0, "seed"_a = 0)
+      .def_prop_ro("delay", [](const Channel& self) { return self.params().delay; })
       .def("reset", &Channel::reset)
       .def("seed", &Channel::seed, "seed"_a)
       .def("send", &Channel::send, "tau"_a)
@@ -95,8 +96,14 @@ void bind_mujoco(nb::module_& m) {
            "library"_a, "model_address"_a, "data_address"_a, "nominal"_a, "channel"_a,
            "compensate_gravity"_a)
       .def("reset", &MujocoLoop::reset)
-      .def("apply", &MujocoLoop::apply, "tau"_a, "steps"_a,
-           nb::call_guard<nb::gil_scoped_release>())
+      .def(
+          "apply",
+          [](MujocoLoop& self, const Vec7& tau, int steps, const Vec7& drive) {
+            const nb::gil_scoped_release release;
+            self.apply(tau, steps, drive);
+          },
+          "tau"_a, "steps"_a, "drive"_a = Vec7(Vec7::Zero()))
+      .def("drop_commands", &MujocoLoop::drop_commands)
       .def(
           "run",
           [](MujocoLoop& self, Controller& controller, const Target& target, int steps,

@@ -91,6 +91,7 @@ void bind_parameters(nb::module_& m) {
       .def(nb::init<>())
       .def_rw("address", &LoopParams::address)
       .def_rw("port", &LoopParams::port)
+      .def_rw("peer", &LoopParams::peer)
       .def_rw("priority", &LoopParams::priority)
       .def_rw("processor", &LoopParams::processor)
       .def_rw("lock_memory", &LoopParams::lock_memory)
@@ -117,6 +118,10 @@ void bind_state(nb::module_& m) {
       .def_prop_ro("session", number(&ServoState::session), "0 IDLE to 4 ACTIVE.")
       .def_prop_ro("session_name",
                    [](const ServoState& s) { return fri::name(s.session); })
+      .def_prop_ro("last_session_name",
+                   [](const ServoState& s) { return fri::name(s.last_session); })
+      .def_prop_ro("last_session", number(&ServoState::last_session),
+                   "Of the last message, whatever silence there was since.")
       .def_prop_ro("quality", number(&ServoState::quality), "0 POOR to 3 EXCELLENT.")
       .def_ro("safety", &ServoState::safety, "0 normal, else the stop level + 1.")
       .def_ro("operation_mode", &ServoState::operation_mode, "0 T1, 1 T2, 2 AUT.")
@@ -164,6 +169,8 @@ void bind_loop(nb::module_& m) {
           },
           "position_hold"_a, "quat_hold"_a,
           "Raises ValueError naming the element that is out of range.")
+      .def("lean", &ServoLoop::lean, "q"_a,
+           "Lean the sent position by this [rad], 0.05 at most; zero ends it.")
       .def("wait", &ServoLoop::wait, "tick"_a, "motion"_a, "seconds"_a,
            nb::call_guard<nb::gil_scoped_release>())
       .def("wait_for_motion", &ServoLoop::wait_for_motion, "motion"_a, "seconds"_a,
@@ -186,9 +193,15 @@ void bind_loop(nb::module_& m) {
              return times;
            })
       .def("diagnose", &ServoLoop::diagnose, nb::call_guard<nb::gil_scoped_release>())
+      .def("since_datagram", &ServoLoop::since_datagram,
+           "Since the cabinet's last datagram [s]; inf where none came.")
+      .def("since_message", &ServoLoop::since_message,
+           "Since its last one that could be read [s]; inf where none came.")
       .def("last_undecodable", &ServoLoop::last_undecodable)
       .def("notes", &ServoLoop::notes)
       .def_prop_ro("peer", [](const ServoLoop& loop) { return describe(loop.peer()); })
+      .def_prop_ro("last_stranger",
+                   [](const ServoLoop& loop) { return describe(loop.last_stranger()); })
       .def_prop_ro("port", &ServoLoop::port);
   m.def("servo_columns", &servo_columns, "Columns of a servo loop's log.");
 }

@@ -337,8 +337,15 @@ void bind_controller(nb::module_& m) {
             return std::tuple(std::string(name(end.cause())), end.joint(), end.value(),
                               end.limit());
           },
-          "What the last line ended the motion for: cause (none, oscillation, energy or "
+          "What the last line ended the motion for: cause (none, oscillation, energy "
+          "or "
           "speed), joint (0 to 6, or -1), value and what was allowed [SI].")
+      .def_prop_ro(
+          "believed",
+          [](const Controller& self) {
+            return std::pair(self.state().q(), self.state().dq());
+          },
+          "The state that the last cycle took for true: (q [rad], dq [rad/s]).")
       .def_prop_ro("period", &Controller::period, "Control period [s].")
       .def_prop_ro("disturbance", &Controller::disturbance, nb::rv_policy::copy,
                    "Estimated external torque [Nm], shape (7,).");

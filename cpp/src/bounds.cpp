@@ -125,7 +125,8 @@ Interval acceleration_bounds(double x, double v, double x_min, double x_max,
 double under_push(double limit, double push, double v, double held,
                   double brake_rate) noexcept {
   if (push <= 0.0) return limit - push;
-  const double braking = -brake_rate * std::max(v, 0.0) - held * push;
+  const double back = std::max(-limit, 0.0);  // what leads back inside
+  const double braking = -brake_rate * std::max(v, 0.0) - held * (push + back);
   return std::min(limit, std::max(limit - push, braking));
 }
 

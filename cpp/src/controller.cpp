@@ -18,22 +18,12 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kLargestSurprise = 0.25;
 // Of tau_max: the most that is taken for a disturbance, and the most of it that a hold
 // acts against. A hold in contact is an integrator that would push ever harder.
-constexpr double kLargestEstimate = 0.3;
+constexpr double kLargestEstimate = 1.0;
 constexpr double kLargestHeld = 0.12;
 
-// After the last line: a hold that is stable with any delay there is.
-constexpr double kEndStiffness = 50.0;  // [1/s2]
-constexpr double kEndDamping = 15.0;    // [1/s]
-constexpr double kEndRate = 10.0;       // of the disturbance estimate [1/s]
-constexpr double kWeightRate = 5.0;     // of its slow part [1/s]
-constexpr double kRestSpeed = 0.02;     // [rad/s]
-
-// An axis that stays is held where it comes to be slower than this [m/s].
-constexpr double kStaySpeed = 0.01;
-constexpr double kStayError = 0.02;  // largest way back that is used [m]
-
-// Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
-constexpr double kNearTime = 0.04;
+// After the last line the estimate is slow [1/s]; its slow part always is.
+constexpr double kEndRate = 10.0;
+constexpr double kWeightRate = 5.0;
 
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
@@ -69,11 +59,11 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
       osc_((check_osc(osc), check_task(task), osc), task),
       limits_((check_limits(limits), limits)),
       period_((check_period(period), period)),
-      joint_params_{limits.bounds, period,         limits.kappa,
-                    limits.eta,    limits.delta_q, limits.delta_v,
+      joint_params_{limits.bounds,    period,         limits.kappa,
+                    limits.eta,       limits.delta_q, limits.delta_v,
                     limits.authority, limits.passive, limits.brake_rate},
-      wall_params_{limits.bounds,   period,         limits.kappa,
-                   limits.eta_wall, limits.delta_x, limits.delta_v,
+      wall_params_{limits.bounds,    period,         limits.kappa,
+                   limits.eta_wall,  limits.delta_x, limits.delta_v,
                    limits.authority, limits.passive, limits.brake_rate},
       check_(limits),
       last_line_(limits) {
@@ -148,11 +138,11 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
 
 void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
-    const Interval joint = not_empty(
-        acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
-                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_,
-                            push_[i]),
-        dq[i]);
+    const Interval joint =
+        not_empty(acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
+                                      limits_.dq_max[i], limits_.ddq_max[i],
+                                      joint_params_, push_[i]),
+                  dq[i]);
     bounds_.lb[i] = joint.lb;
     bounds_.ub[i] = joint.ub;
     bounds_.lb_cause[i] = joint.lb_cause;
@@ -161,11 +151,11 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   if (!limits_.walls) return;
   for (int i = 0; i < 3; ++i) {
     const double speed = tool_.twist[i];
-    const Interval wall = not_empty(
-        acceleration_bounds(tool_.p[i], speed, limits_.x_min[i], limits_.x_max[i],
-                            limits_.dx_max[i], limits_.ddx_max[i], wall_params_,
-                            push_x_[i]),
-        speed);
+    const Interval wall =
+        not_empty(acceleration_bounds(tool_.p[i], speed, limits_.x_min[i],
+                                      limits_.x_max[i], limits_.dx_max[i],
+                                      limits_.ddx_max[i], wall_params_, push_x_[i]),
+                  speed);
     bounds_.cl[i] = wall.lb;
     bounds_.cu[i] = wall.ub;
     bounds_.cl_cause[i] = wall.lb_cause;
@@ -209,59 +199,6 @@ void Controller::mark_walls(unsigned upper, unsigned lower,
         break;
     }
   }
-}
-
-/// Speed limit of a TCP axis [m/s]: dx_near below the near plane, above it what can be
-/// braked to that in time.
-double Controller::near_speed(int axis, const Target& target) const noexcept {
-  const Vec3 normal = target.near_plane.head<3>();
-  const double fall = std::min(normal.dot(tool_.twist.head<3>()), 0.0);
-  const double height = normal.dot(tool_.p) - target.near_plane[3];
-  const double room = std::max(height + kNearTime * fall, 0.0);
-  const double brake = limits_.eta_wall * limits_.ddx_max[axis];
-  return std::sqrt(limits_.dx_near * limits_.dx_near + 2.0 * brake * room);
-}
-
-/// `under_push` of a limit that nothing is held against at.
-double Controller::below(double limit, double push, double speed) const noexcept {
-  if (!limits_.passive) return limit - push;
-  return under_push(limit, push, speed, 0.0, limits_.brake_rate);
-}
-
-/// Asks the tool for no more than its limits allow. The QP, which knows no axes but the
-/// limited one, would pay for the rest with the other axes and the rotation; and near
-/// contact its interval is too short for a loop with delay.
-void Controller::keep_inside(const Target& target, Vec6& f_star,
-                             StepResult& result) const noexcept {
-  const Vec7 lost = osc_.params().use_coriolis ? Vec7(h_ - terms_.c) : h_;
-  Vec3 drift = terms_.J.topRows<3>() * (Minv_ * -lost).eval();
-  if (!osc_.params().use_jdot) drift += terms_.dJdq.head<3>();
-  const bool is_qp = limits_.scheme == Scheme::kQp;
-  unsigned upper = 0;
-  unsigned lower = 0;
-  for (int i = 0; i < 3; ++i) {
-    if (osc_.task()[i] == AxisMode::kFree) continue;
-    const double near = near_speed(i, target);
-    const double speed = tool_.twist[i];
-    const double push = push_x_[i] + target.f_tare[i];  // weight is held already
-    const double tare = target.f_tare[i];
-    double high = below((near - speed) / kNearTime, push, speed) + tare;
-    double low = -below((near + speed) / kNearTime, -push, -speed) + tare;
-    const std::uint8_t axis = bit(i);
-    if (f_star[i] > high - drift[i] || f_star[i] < low - drift[i]) {
-      result.flags.wall_velocity |= axis;
-    }
-    if (is_qp && bounds_.cu[i] < high) {
-      high = bounds_.cu[i];
-      if (f_star[i] > high - drift[i]) upper |= axis;
-    }
-    if (is_qp && bounds_.cl[i] > low) {
-      low = bounds_.cl[i];
-      if (f_star[i] < low - drift[i]) lower |= axis;
-    }
-    f_star[i] = std::max(std::min(f_star[i], high - drift[i]), low - drift[i]);
-  }
-  mark_walls(upper, lower, result.flags);
 }
 
 void Controller::limit_by_qp(StepResult& result) noexcept {
@@ -345,71 +282,6 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   tau_last_ = result.tau;
   has_last_ = true;
   return result;
-}
-
-/// Springs to where the tool came to rest, on force axes that are asked for nothing.
-void Controller::stay(const Target& target, Vec6& f_star) noexcept {
-  for (int i = 0; i < 3; ++i) {
-    const std::uint8_t axis = bit(i);
-    if (!(target.stay & axis) || osc_.task()[i] != AxisMode::kForce) {
-      staying_ &= ~static_cast<unsigned>(axis);
-      continue;
-    }
-    if (!(staying_ & axis)) {
-      anchor_[i] = tool_.p[i];
-      if (std::abs(tool_.twist[i]) < kStaySpeed) staying_ |= axis;
-    }
-    const double error = std::clamp(anchor_[i] - tool_.p[i], -kStayError, kStayError);
-    f_star[i] += osc_.params().stiffness[i] * error;
-  }
-}
-
-/// a0 = M^-1 (u0 - h)
-void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target,
-                             StepResult& result) noexcept {
-  if (!has_posture_) posture_ = q;
-  has_posture_ = true;
-  Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
-  stay(target, f_star);
-  const Vec3 asked = f_star.head<3>();
-  if (limits_.walls) keep_inside(target, f_star, result);
-  osc_.evaluate(terms_, terms_.M, factor_, dq, f_star,
-                osc_.posture_acceleration(q, posture_), task_terms_);
-  const Vec3 cut = f_star.head<3>() - asked;
-  limiter_power_ =
-      (task_terms_.Lambda.topLeftCorner<3, 3>() * cut).dot(tool_.twist.head<3>());
-  result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
-}
-
-/// a0 = K (q_d - q) - D dq, each joint inside its own interval: one that cannot follow
-/// must not draw the others along. What pushes is held against.
-void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
-                               StepResult& result) noexcept {
-  has_posture_ = false;
-  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held_;
-  result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
-  unsigned upper = 0, lower = 0;
-  for (int i = 0; i < kNumJoints; ++i) {
-    if (wanted[i] > bounds_.ub[i]) upper |= bit(i);
-    if (wanted[i] < bounds_.lb[i]) lower |= bit(i);
-  }
-  mark_joints(upper, lower, result.flags);
-  task_terms_ = {Mat67::Zero(), Mat6::Zero(), Vec6::Zero(), terms_.M * result.a0 + h_,
-                 true};
-}
-
-/// Held where the motion ended, softly: what it was about is not known here.
-void Controller::follow_end(const Vec7& q, const Vec7& dq,
-                            StepResult& result) noexcept {
-  if (!is_at_rest_) {
-    q_end_ = q;
-    is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
-  }
-  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held_;
-  result.flags = Flags{};
-  result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  has_posture_ = false;
 }
 
 void Controller::limit(StepResult& result) noexcept {

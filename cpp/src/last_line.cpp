@@ -6,16 +6,16 @@
 namespace dovetail {
 namespace {
 
-constexpr double kSlowRate = 19.0;      // 3 Hz: motion below it is no oscillation [1/s]
-constexpr double kQuickest = 0.002;     // shortest half swing that is no noise [s]
-constexpr double kSlowest = 0.07;       // longest half swing: 7 Hz [s]
-constexpr double kHysteresis = 0.02;    // of dq_max: a turn that is no noise
-constexpr double kWidth = 0.12;         // of dq_max: a swing that matters
-constexpr double kKept = 0.7;           // of the swing before: it does not decay
-constexpr int kSwings = 5;              // half swings in a row
-constexpr double kExcuse = 0.03;        // a change of acceleration acts that long [s]
-constexpr double kForget = 5.0;         // excuses and work fade at [1/s]
-constexpr double kWork = 0.1;           // of limiters that is no noise [J]
+constexpr double kSlowRate = 19.0;    // 3 Hz: motion below it is no oscillation [1/s]
+constexpr double kQuickest = 0.002;   // shortest half swing that is no noise [s]
+constexpr double kSlowest = 0.07;     // longest half swing: 7 Hz [s]
+constexpr double kHysteresis = 0.02;  // of dq_max: a turn that is no noise
+constexpr double kWidth = 0.10;       // of dq_max: a swing that matters
+constexpr double kKept = 0.7;         // of the swing before: it does not decay
+constexpr int kSwings = 4;            // half swings in a row
+constexpr double kExcuse = 0.03;      // a change of acceleration acts that long [s]
+constexpr double kForget = 5.0;       // excuses and work fade at [1/s]
+constexpr double kWork = 0.1;         // of limiters that is no noise [J]
 
 }  // namespace
 

@@ -108,14 +108,14 @@ void MujocoLoop::require_finite() const {
   }
 }
 
-void MujocoLoop::apply(const Vec7& tau, int steps) {
+void MujocoLoop::apply(const Vec7& tau, int steps, const Vec7& drive) {
   const Vec7 sent = channel_.send(tau);
   const double h = model_->opt.timestep;
   Eigen::Map<Vec7> applied(data_->qfrc_applied);
   peak_.setZero();
   double largest = 0.0;
   for (int i = 0; i < steps; ++i) {
-    applied = channel_.receive(sent, h);
+    applied = channel_.receive(sent, h) + drive;
     if (compensate_gravity_) {
       applied += nominal_.gravity(Eigen::Map<const Vec7>(data_->qpos));
     }

@@ -11,9 +11,14 @@
 namespace dovetail {
 namespace {
 
+// Measurements in a row that cannot be, from which on the arm is stopped.
+constexpr int kImplausibleMax = 3;
+
 using fri::Joints;
 using fri::MonitoringMessage;
 using fri::SessionState;
+
+constexpr double kLeanRate = 10.0;  // how quickly a lean is reached [1/s]
 
 Vec7 vector_of(const Joints& joints) noexcept {
   return Eigen::Map<const Vec7>(joints.data());
@@ -98,7 +103,7 @@ ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
 }
 
 void ServoCycle::note(const MonitoringMessage& message) noexcept {
-  state_.session = message.state();
+  state_.session = state_.last_session = message.state();
   if (message.connection) {
     state_.quality = message.connection->quality;
     state_.send_period = message.connection->send_period.value_or(0);
@@ -167,6 +172,7 @@ void ServoCycle::begin_motion(const Vec7& q) noexcept {
   controller_.reset(q, p, quat_wxyz(R));
   filtered_ = q;
   q_last_ = q;
+  lean_.setZero();
   q_hold_ = q;
   a_last_.setZero();
   target_age_ = 0.0;
@@ -275,6 +281,26 @@ Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
   return hold;
 }
 
+/// Nobody leans an arm that does not follow.
+Vec7 ServoCycle::wanted_lean(const Order& order) const noexcept {
+  if (state_.is_held || !order.lean.allFinite()) return Vec7::Zero();
+  return order.lean.cwiseMax(-kLeanMax).cwiseMin(kLeanMax);
+}
+
+/// What the controller saw and ended outlives this motion: a stop, until it is cleared.
+void ServoCycle::note_end(const Flags& flags) noexcept {
+  const StateCheck& check = controller_.state();
+  const LastLine& end = controller_.end();
+  if (check.implausible() >= kImplausibleMax) {
+    watchdog_.stop_for({StopReason::kImplausible,
+                        static_cast<std::int8_t>(check.joint()),
+                        static_cast<double>(check.implausible()), kImplausibleMax});
+  } else if (flags.ended) {
+    watchdog_.stop_for({StopReason::kLastLine, static_cast<std::int8_t>(end.joint()),
+                        end.value(), end.limit()});
+  }
+}
+
 std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   if (order.latch != latch_) {
     latch_ = order.latch;
@@ -284,6 +310,7 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   Flags flags;
   const Target target = choose_target(order, flags);
   StepResult result = controller_.step(state_.q, state_.dq, target, elapsed_);
+  note_end(result.flags);
   result.flags.target_late = flags.target_late;
   result.flags.stopped = flags.stopped;
   write_row(result, target);
@@ -292,9 +319,10 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
     q_last_ = state_.q;
   }
   a_last_ = result.a;
+  lean_ += std::min(1.0, kLeanRate * params_.period) * (wanted_lean(order) - lean_);
   elapsed_ = 0.0;
   state_.is_waiting = false;
-  return session_.answer(joints_of(filtered_), joints_of(result.tau), out);
+  return session_.answer(joints_of(filtered_ + lean_), joints_of(result.tau), out);
 }
 
 void ServoCycle::write_row(const StepResult& result, const Target& target) noexcept {

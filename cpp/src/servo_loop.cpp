@@ -1,70 +1,31 @@
 #include "dovetail/servo_loop.hpp"
 
-#include <time.h>
-
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+
+#include "dovetail/monotonic.hpp"
 
 namespace dovetail {
 namespace {
 
 constexpr int kIdleWait = 100;       // [ms]; how late silence and closing are noticed
 constexpr double kAfterEvent = 1.0;  // a log holds this much of what followed [s]
+constexpr int kMaxBacklog = 1000;    // messages passed over for the newest, in a row
 constexpr auto kNobody = std::numeric_limits<std::uint64_t>::max();
-
-double monotonic() noexcept {
-  timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 std::uint64_t pack(const Peer& peer) noexcept {
   return (static_cast<std::uint64_t>(peer.address) << 16) | peer.port;
+}
+
+Peer unpack(std::uint64_t packed) noexcept {
+  return {static_cast<std::uint32_t>(packed >> 16), static_cast<std::uint16_t>(packed)};
 }
 
 bool is_active(const ServoState& state) noexcept {
   return state.session == fri::SessionState::kCommandingActive &&
          state.refusal == Refusal::kNone;
 }
-
-}  // namespace
-
-const char* name(Count count) noexcept {
-  switch (count) {
-    case Count::kReceived:
-      return "received";
-    case Count::kAnswered:
-      return "answered";
-    case Count::kSendErrors:
-      return "send_errors";
-    case Count::kForeign:
-      return "foreign";
-    case Count::kUndecodable:
-      return "undecodable";
-    case Count::kDuplicates:
-      return "duplicates";
-    case Count::kOlder:
-      return "older";
-    case Count::kMissed:
-      return "missed";
-    case Count::kMotions:
-      return "motions";
-    case Count::kStops:
-      return "stops";
-    case Count::kHolds:
-      return "holds";
-    case Count::kSilences:
-      return "silences";
-    case Count::kSuperseded:
-      return "superseded";
-    case Count::kNumber:
-      break;
-  }
-  return "unknown";
-}
-
-namespace {
 
 const LoopParams& checked(const LoopParams& loop) {
   if (loop.silence > 0.0) return loop;  // a NaN compares false
@@ -79,7 +40,8 @@ ServoLoop::ServoLoop(const LoopParams& loop, const ServoParams& servo,
                      const LimitParams& limits, const TaskSpec& task)
     : loop_(checked(loop)),
       cycle_(servo, chain, osc, limits, task),
-      socket_(loop.address, loop.port) {
+      socket_(loop.address, loop.port),
+      allowed_(address_number(loop.peer)) {
   awaited_ = kNobody;
   writer_ = std::thread(&ServoLoop::write_logs, this);
   thread_ = std::thread(&ServoLoop::run, this);
@@ -94,6 +56,7 @@ void ServoLoop::close() noexcept {
   writer_closing_ = true;
   wake_writer_.ring();
   if (writer_.joinable()) writer_.join();
+  socket_.release();
 }
 
 // -- the learner's side -----------------------------------------------------------
@@ -114,6 +77,12 @@ void ServoLoop::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   order_.p_hold = p_hold;
   order_.quat_hold = quat_hold;
   ++order_.latch;
+  orders_.write(order_);
+}
+
+void ServoLoop::lean(const Vec7& q) noexcept {
+  const std::lock_guard lock(order_mutex_);
+  order_.lean = q;
   orders_.write(order_);
 }
 
@@ -170,33 +139,9 @@ std::uint64_t ServoLoop::undecodable(fri::DecodeStatus status) const noexcept {
   return undecodable_[static_cast<std::size_t>(status)].load(std::memory_order_relaxed);
 }
 
-Peer ServoLoop::peer() const noexcept {
-  const std::uint64_t packed = packed_peer_;
-  return {static_cast<std::uint32_t>(packed >> 16), static_cast<std::uint16_t>(packed)};
-}
+Peer ServoLoop::peer() const noexcept { return unpack(packed_peer_); }
 
-std::string ServoLoop::last_undecodable() {
-  const std::lock_guard lock(state_mutex_);
-  failures_.update();
-  const Failure& failure = failures_.value();
-  if (failure.result.ok()) return "";
-  return "datagram from " + dovetail::describe(failure.source) + ": " +
-         fri::describe(failure.result);
-}
-
-std::string ServoLoop::diagnose() {
-  const std::uint64_t before = diagnoses_;
-  diagnosis_requested_ = true;
-  wake_loop_.ring();
-  const double end = monotonic() + 0.5;
-  while (diagnoses_ == before && monotonic() < end && !closing_) {
-    timespec moment{0, 1000000};
-    nanosleep(&moment, nullptr);
-  }
-  const std::lock_guard lock(state_mutex_);
-  sessions_.update();
-  return sessions_.value() ? sessions_.value()->diagnose() : "";
-}
+Peer ServoLoop::last_stranger() const noexcept { return unpack(packed_stranger_); }
 
 // -- the loop ---------------------------------------------------------------------
 
@@ -237,7 +182,7 @@ void ServoLoop::take_requests() noexcept {
   }
   if (clear_requested_.load(std::memory_order_relaxed) &&
       clear_requested_.exchange(false)) {
-    cycle_.watchdog().clear();
+    cycle_.clear();
   }
   if (diagnosis_requested_.load(std::memory_order_relaxed) &&
       diagnosis_requested_.exchange(false)) {
@@ -249,8 +194,9 @@ void ServoLoop::take_requests() noexcept {
 /// Whether the datagram is of the session's peer, or may become its first.
 bool ServoLoop::is_served(const Datagram& datagram) noexcept {
   if (has_peer_ && datagram.source == peer_) return true;
-  if (is_locked_) {
+  if (is_locked_ || (allowed_ != 0 && datagram.source.address != allowed_)) {
     add(Count::kForeign);
+    packed_stranger_ = pack(datagram.source);
     return false;
   }
   // A stranger takes over only with a message that can be read.
@@ -262,7 +208,7 @@ bool ServoLoop::is_served(const Datagram& datagram) noexcept {
     peer_ = datagram.source;
     packed_peer_ = pack(peer_);
     has_peer_ = true;
-    has_arrival_ = false;
+    has_arrival_ = owes_reply_ = false;
   }
   return true;
 }
@@ -287,7 +233,7 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
     notice_events(taken_);
     return;
   }
-  last_heard_ = taken_;
+  datagram_at_ = taken_;
   const fri::SessionCounters before = cycle_.session().counters();
   const bool was_waiting = cycle_.state().is_waiting;
   const ServoCycle::Action action = cycle_.receive(bytes_.data(), datagram.size);
@@ -299,24 +245,45 @@ void ServoLoop::handle(const Datagram& datagram) noexcept {
     add(Count::kUndecodable);
     ++undecodable_[static_cast<std::size_t>(step.decode.status)];
     failures_.write({step.decode, datagram.source});
+    watch_silence(taken_);  // what cannot be read is no sign of life
+  } else {
+    last_heard_ = taken_;
   }
   if (!step.is_new) return;
+  message_at_ = taken_;
   add(Count::kMissed, step.missed);
   if (was_waiting && cycle_.state().is_waiting) add(Count::kSuperseded);
   count_arrival(datagram);
   // From MONITORING_READY on the link is good: nobody else is listened to.
   if (step.state == fri::SessionState::kIdle) is_locked_ = false;
   if (step.state >= fri::SessionState::kMonitoringReady) is_locked_ = true;
-  if (action == ServoCycle::Action::kSend) send(cycle_.reply(reply_.data()), false);
+  if (action == ServoCycle::Action::kSend) owes_reply_ = true;
+  if (action == ServoCycle::Action::kAnswer || step.state != step.previous) {
+    owes_reply_ = action == ServoCycle::Action::kSend;
+  }
   // In lockstep the learner waits for this message; by the clock the answer is first.
   if (action != ServoCycle::Action::kAnswer || cycle_.params().lockstep) publish();
   answer_if_granted();
   notice_events(taken_);
 }
 
+/// Whether a newer message waits, which the answer should be to: after a stall the
+/// cabinet takes an answer to the newest alone. In lockstep every answer counts.
+bool ServoLoop::is_stale() noexcept {
+  const bool is_newer_there =
+      !cycle_.params().lockstep && backlog_ < kMaxBacklog && socket_.has_next_of(peer_);
+  backlog_ = is_newer_there ? backlog_ + 1 : 0;
+  return is_newer_there;
+}
+
 void ServoLoop::answer_if_granted() noexcept {
   const ServoState& state = cycle_.state();
-  if (!state.is_waiting) return;
+  if (!(state.is_waiting || owes_reply_) || is_stale()) return;
+  if (owes_reply_) {
+    owes_reply_ = false;
+    send(cycle_.reply(reply_.data()), false);
+    return;
+  }
   orders_.update();
   const Order& order = orders_.value();
   const bool is_granted = order.motion == state.motion && state.tick < order.tick;
@@ -340,7 +307,7 @@ void ServoLoop::send(std::size_t size, bool is_active) noexcept {
 void ServoLoop::watch_silence(double now) noexcept {
   if (!has_peer_ || cycle_.state().is_waiting) return;
   if (now - last_heard_ < loop_.silence) return;
-  has_peer_ = is_locked_ = false;
+  has_peer_ = is_locked_ = owes_reply_ = false;
   add(Count::kSilences);
   cycle_.lose_session();
   publish();

@@ -1,4 +1,5 @@
-/// The parts of the servo loop that may take their time: real-time settings and logs.
+/// The parts of the servo loop that may take their time: real-time settings, logs and
+/// names.
 #ifdef __linux__
 #include <pthread.h>
 #include <sched.h>
@@ -36,6 +37,40 @@ std::string refused(const std::string& what, int error, const std::string& advic
 }
 
 }  // namespace
+
+const char* name(Count count) noexcept {
+  switch (count) {
+    case Count::kReceived:
+      return "received";
+    case Count::kAnswered:
+      return "answered";
+    case Count::kSendErrors:
+      return "send_errors";
+    case Count::kForeign:
+      return "foreign";
+    case Count::kUndecodable:
+      return "undecodable";
+    case Count::kDuplicates:
+      return "duplicates";
+    case Count::kOlder:
+      return "older";
+    case Count::kMissed:
+      return "missed";
+    case Count::kMotions:
+      return "motions";
+    case Count::kStops:
+      return "stops";
+    case Count::kHolds:
+      return "holds";
+    case Count::kSilences:
+      return "silences";
+    case Count::kSuperseded:
+      return "superseded";
+    case Count::kNumber:
+      break;
+  }
+  return "unknown";
+}
 
 void ServoLoop::set_up_thread() noexcept {
 #ifdef __linux__

@@ -10,6 +10,7 @@
 
 #include <cerrno>
 #include <cstring>
+#include <stdexcept>
 #include <system_error>
 
 namespace dovetail {
@@ -60,6 +61,14 @@ std::string describe(const Peer& peer) {
   return std::string(text) + ":" + std::to_string(ntohs(peer.port));
 }
 
+std::uint32_t address_number(const std::string& text) {
+  if (text.empty()) return 0;
+  in_addr address{};
+  if (inet_pton(AF_INET, text.c_str(), &address) == 1) return address.s_addr;
+  throw std::invalid_argument("servo peer is \"" + text +
+                              "\"; give an IPv4 address as in 192.170.10.2");
+}
+
 UdpSocket::UdpSocket(const std::string& address, std::uint16_t port) {
   sockaddr_in local{};
   local.sin_family = AF_INET;
@@ -89,7 +98,12 @@ UdpSocket::UdpSocket(const std::string& address, std::uint16_t port) {
   }
 }
 
-UdpSocket::~UdpSocket() { close(descriptor_); }
+UdpSocket::~UdpSocket() { release(); }
+
+void UdpSocket::release() noexcept {
+  if (descriptor_ >= 0) close(descriptor_);
+  descriptor_ = -1;
+}
 
 bool UdpSocket::receive(std::uint8_t* bytes, std::size_t capacity,
                         Datagram& datagram) noexcept {
@@ -117,6 +131,15 @@ bool UdpSocket::receive(std::uint8_t* bytes, std::size_t capacity,
   datagram.waited = age_of(message);
 #endif
   return true;
+}
+
+bool UdpSocket::has_next_of(const Peer& source) const noexcept {
+  sockaddr_in from{};
+  socklen_t length = sizeof from;
+  std::uint8_t one;
+  const ssize_t size = recvfrom(descriptor_, &one, 1, MSG_PEEK | MSG_DONTWAIT,
+                                reinterpret_cast<sockaddr*>(&from), &length);
+  return size >= 0 && Peer{from.sin_addr.s_addr, from.sin_port} == source;
 }
 
 bool UdpSocket::send(const std::uint8_t* bytes, std::size_t size,

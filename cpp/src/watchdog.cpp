@@ -30,6 +30,8 @@ Words words_of(StopReason reason) noexcept {
       return {"measured from commanded torque", "Nm"};
     case StopReason::kExternalTorque:
       return {"external torque", "Nm"};
+    case StopReason::kLastLine:
+      return {"speed swing or excess", "rad/s"};
     default:
       return {"", ""};
   }
@@ -51,6 +53,10 @@ const char* name(StopReason reason) noexcept {
       return "torque_tracking";
     case StopReason::kExternalTorque:
       return "external_torque";
+    case StopReason::kImplausible:
+      return "implausible";
+    case StopReason::kLastLine:
+      return "last_line";
     case StopReason::kTargetTimeout:
       return "target_timeout";
   }
@@ -64,6 +70,15 @@ std::string describe(const StopFacts& facts) {
       return "no stop";
     case StopReason::kRequested:
       return "a stop was asked for";
+    case StopReason::kImplausible:
+      text << "the measured position or speed of A" << facts.joint + 1 << " cannot be, "
+           << facts.value << " messages in a row; allowed are " << facts.limit - 1;
+      return text.str();
+    case StopReason::kLastLine:
+      if (facts.joint >= 0) break;
+      text << "limiters drove the arm with " << facts.value << " J, allowed are "
+           << facts.limit << " J";
+      return text.str();
     case StopReason::kTargetTimeout:
       text << "no new Target for " << 1e3 * facts.value << " ms, allowed are "
            << 1e3 * facts.limit << " ms";
@@ -92,6 +107,12 @@ Watchdog::Watchdog(const WatchdogParams& params, const LimitParams& limits)
 void Watchdog::begin() noexcept {
   speed_since_ = tracking_since_ = external_since_ = 0.0;
   if (!stopped_) facts_ = {};
+}
+
+void Watchdog::stop_for(const StopFacts& facts) noexcept {
+  if (stopped_) return;
+  facts_ = facts;
+  stopped_ = true;
 }
 
 void Watchdog::request_stop() noexcept { requested_ = true; }

@@ -374,4 +374,23 @@ BOOST_AUTO_TEST_CASE(measured_and_commanded_torque_have_the_wires_signs) {
   BOOST_TEST((state().tau_commanded - Vec7::Ones()).norm() < 1e-12);
 }
 
+// src/dovetail/feel/spring.py computes the same
+BOOST_AUTO_TEST_CASE(a_lean_is_reached_softly_and_ends_with_the_hold) {
+  activate();
+  exchange();
+  const Vec7 straight = vector(*command->q);
+  order.lean = Vec7::Constant(1.0);  // more than is allowed
+  double expected = 0.0;
+  for (int i = 0; i < 100; ++i) {
+    new_target();
+    exchange();
+    expected += 10.0 * kPeriod * (kLeanMax - expected);
+    const Vec7 lean = vector(*command->q) - straight;
+    BOOST_TEST((lean.array() - expected).abs().maxCoeff() < 1e-9);
+  }
+  order.motion = 0;  // of no motion: the arm is held
+  for (int i = 0; i < 300; ++i) exchange();
+  BOOST_TEST((vector(*command->q) - straight).cwiseAbs().maxCoeff() < 1e-6);
+}
+
 BOOST_AUTO_TEST_SUITE_END()

@@ -109,6 +109,31 @@ BOOST_AUTO_TEST_CASE(a_session_is_entered_and_entered_again) {
   BOOST_TEST(loop->count(Count::kMotions) == 2);
 }
 
+BOOST_AUTO_TEST_CASE(only_the_pinned_address_is_served_whoever_speaks_first) {
+  loop_params.peer = "127.0.0.2";
+  start();
+  cabinet.state = SessionState::kMonitoringReady;  // where the first is locked in
+  send(socket);
+  BOOST_TEST(!answer(socket, 50).has_value());
+  BOOST_TEST(loop->count(Count::kForeign) == 1);
+  BOOST_TEST(describe(loop->last_stranger()) ==
+             describe({htonl_loopback(), [&] {
+                         const std::uint16_t port = socket.port();
+                         return static_cast<std::uint16_t>((port >> 8) | (port << 8));
+                       }()}));
+  UdpSocket pinned("127.0.0.2", 0);
+  send(pinned);
+  BOOST_TEST(answer(pinned).has_value());
+  BOOST_TEST(loop->peer().address == 0x0200007fu);
+}
+
+BOOST_AUTO_TEST_CASE(a_peer_that_is_no_address_is_refused) {
+  loop_params.peer = "robot";
+  BOOST_CHECK_EXCEPTION(start(), std::invalid_argument, [](const auto& error) {
+    return std::string(error.what()).find("peer is \"robot\"") != std::string::npos;
+  });
+}
+
 BOOST_AUTO_TEST_CASE(a_stranger_is_counted_and_not_answered) {
   start();
   activate();

@@ -1,6 +1,7 @@
 """What to look at before an arm is trusted: connection, gravity, torques, a push.
 
-Each check moves the arm little and slowly; between them it is held where it is.
+Each check moves the arm little and slowly; between them it is held where it is. What
+the arm feels like is asked in `arm_feel`.
 """
 
 import math
@@ -11,9 +12,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dovetail import _core
+from dovetail.arm_feel import (
+    check_as_configured,
+    check_period_proven,
+    feel_checks,
+    last_words,
+    quiet,
+    simulated_step,
+)
 from dovetail.arms.address import FriAddress
 from dovetail.arms.watchdog import WatchdogConfig
+from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
 from dovetail.envs.arm_setup import (
@@ -23,6 +34,9 @@ from dovetail.envs.arm_setup import (
     build_fri_arm,
     make_settings,
 )
+from dovetail.errors import ArmError
+from dovetail.feel.resting import measure_rest
+from dovetail.feel_checks import check_rest
 from dovetail.scene import SceneConfig
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
@@ -45,6 +59,8 @@ PUSH_FORCE = 15.0
 PUSH_MIN = 5.0
 """Smallest estimated force that counts as a push [N]."""
 HOLD_TIME, TURN_TIME, PUSH_TIME = 3.0, 0.6, 4.0
+_LAST = "messages"
+_RESTING = ("", "period")  # what is done next is to hold the arm
 _STEP = 0.05
 _MODES = ("T1", "T2", "AUT")
 _QUALITIES = ("poor", "fair", "good", "excellent")
@@ -64,53 +80,111 @@ class Rest(NamedTuple):
     """Mean measured torque on the joints [Nm]."""
     external: Vec7
     """Mean external torque on the joints [Nm]."""
+    log: Array
+    """Cycle log."""
 
 
-def run_arm_checks(address: FriAddress, ask: Ask | None) -> Iterator[Check]:
+def run_arm_checks(
+    address: FriAddress, ask: Ask | None, declared: dict[str, float] | None = None
+) -> Iterator[Check]:
     """Yield every check of an arm behind a cabinet as soon as it is done.
 
     Args:
         address: Where the cabinet sends to.
         ask: Asks before the arm is moved; None asks nobody, and then only a simulated
             cabinet is pushed.
+        declared: What the arm's owner says of it; None is `proven.DECLARED`.
 
     Raises:
-        DovetailError: The arm cannot be had, or was stopped.
+        DovetailError: The arm cannot be had.
     """
-    scene = SceneConfig()
+    if not _may(
+        ask,
+        "The arm will be held where it is. Start the Java application, hold the "
+        "enabling switch",
+    ):
+        return
     period = address.period or DEFAULT_PERIOD
-    is_hardware = address.margins == "hardware"
-    osc, limits = make_settings(
-        scene,
+    osc, limits = _settings(address, period)
+    arm = _build(address, *quiet(osc, limits), period)
+    try:
+        arm.connect()
+        yield check_connection(arm, address)
+        name = ""
+        try:
+            for check in _checks_in_motion(arm, address, ask, declared or DECLARED):
+                name = check.name
+                yield check
+        except ArmError as error:
+            last = last_words(arm, is_resting=name in _RESTING)
+            yield Check("end of the motion", "broken", f"{error} {last}".strip())
+        if name != _LAST:
+            return
+    finally:
+        arm.close()
+    if _may(
+        ask,
+        "The arm will be held once more, with the controller that tasks run with. "
+        "Start the application's motion again",
+    ):
+        yield _hold_as_configured(address, osc, limits, period)
+
+
+def _settings(address: FriAddress, period: float) -> tuple[OscConfig, LimitConfig]:
+    return make_settings(
+        SceneConfig(),
         period,
         force_damping=0.0,
         near_speed=NEAR_SPEED,
         walls=(WALLS_MIN, WALLS_MAX),
         scheme="qp",
-        is_hardware=is_hardware,
+        is_hardware=address.margins == "hardware",
     )
-    limits = replace(limits, walls=False)  # it may stand anywhere, and shall stay there
+
+
+def _build(
+    address: FriAddress, osc: OscConfig, limits: LimitConfig, period: float
+) -> Any:
     task = TaskSpec.parse("XYZABC:hold")
     # Whether the measured torque follows the commanded one is what has to be found out.
     watchdog = WatchdogConfig(target_timeout=address.watchdog, torque_error=math.inf)
-    arm: Any = build_fri_arm(address, scene, osc, limits, task, period, watchdog)
+    return build_fri_arm(address, SceneConfig(), osc, limits, task, period, watchdog)
+
+
+def _checks_in_motion(
+    arm: Any, address: FriAddress, ask: Ask | None, declared: dict[str, float]
+) -> Iterator[Check]:
+    yield check_period_proven(arm.period)
+    rest = hold(arm, arm.monitoring().q, HOLD_TIME)
+    yield check_rest(measure_rest(rest.log, arm.period))
+    yield check_gravity(arm, rest, address)
+    yield check_drift(arm, rest)
+    if not _may(
+        ask,
+        f"Every joint will be pushed to and fro, and turned by {TURN:g} rad and back",
+    ):
+        return
+    yield from feel_checks(
+        arm,
+        rest.q,
+        arm.limits,
+        declared,
+        sends_position=True,
+        integration_step=simulated_step(arm.period) if address.control else 0.0,
+    )
+    yield check_turns(arm, rest.q)
+    yield check_push(arm, rest.q, address, ask)
+    yield check_messages(arm)
+
+
+def _hold_as_configured(
+    address: FriAddress, osc: OscConfig, limits: LimitConfig, period: float
+) -> Check:
+    """Hold the arm where it stands with a task's settings, walls apart."""
+    arm = _build(address, osc, replace(limits, walls=False), period)
     try:
-        if not _may(
-            ask,
-            "The arm will be held where it is. Start the Java application, hold the "
-            "enabling switch",
-        ):
-            return
         arm.connect()
-        yield check_connection(arm, address)
-        rest = hold(arm, arm.monitoring().q, HOLD_TIME)
-        yield check_gravity(arm, rest, address)
-        yield check_drift(arm, rest)
-        if not _may(ask, f"Every joint will be turned by {TURN:g} rad and back"):
-            return
-        yield check_turns(arm, rest.q)
-        yield check_push(arm, rest.q, address, ask)
-        yield check_messages(arm)
+        return check_as_configured(arm)
     finally:
         arm.close()
 
@@ -130,18 +204,19 @@ def check_connection(arm: Any, address: FriAddress) -> Check:
 def hold(arm: Any, q: Vec7, seconds: float) -> Rest:
     """Hold the arm at q [rad] and look at it; the first half second is not counted."""
     target = _core.Target(joint_mode=True, q_d=q)
-    positions, states = [], []
+    positions, states, logs = [], [], []
     for i in range(round(seconds / _STEP)):
-        position = arm.step(target, _STEP).position
+        reached = arm.step(target, _STEP)
         if i * _STEP >= min(0.5, seconds / 2.0):
-            positions.append(position)
+            positions.append(reached.position)
+            logs.append(reached.log)
             states.append(arm.monitoring())
     drift = np.linalg.norm(np.array(positions) - positions[0], axis=1).max()
     q_mean, measured, external = (
         np.mean([getattr(state, name) for state in states], axis=0)
         for name in ("q", "tau_measured", "tau_external")
     )
-    return Rest(q_mean, float(drift), measured, external)
+    return Rest(q_mean, float(drift), measured, external, np.vstack(logs))
 
 
 def check_gravity(arm: Any, rest: Rest, address: FriAddress) -> Check:

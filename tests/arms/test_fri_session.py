@@ -109,6 +109,18 @@ def test_wrong_version_is_named():
     arm.close()
 
 
+def test_strangers_beside_a_pinned_cabinet_are_named():
+    port = free_port()
+    arm = alone(port, timeout=0.5, peer="127.0.0.2")
+    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    plant.reset(START, HOLE)
+    named = pytest.raises(ArmError, match=r"last from 127\.0\.0\.1:.*peer=")
+    with make_cabinet(plant, port, PERIOD), named as error:
+        arm.connect()
+    assert error.value.reason == "foreign"
+    arm.close()
+
+
 def test_another_period_is_named_and_never_commanded():
     port = free_port()
     arm = alone(port, timeout=2.0)

@@ -32,6 +32,7 @@ class LightPlant:
 
     def reset(self, q, hole):
         self.scene.require_reachable(self.robot, hole)
+        self.is_braked = False
         self.q, self.dq, self.hole = np.array(q, dtype=float), np.zeros(7), hole
 
     def move_hole(self, hole):
@@ -41,10 +42,24 @@ class LightPlant:
     def read(self):
         return self.q.copy(), self.dq.copy()
 
-    def apply(self, tau, dt):
-        self.applied.append((np.array(tau), dt))
-        self.dq = self.dq + np.asarray(tau) / self.inertia * dt
+    command_delay = 0.0
+
+    def apply(self, tau, dt, drive=None):
+        tau = np.array(tau) if drive is None else np.add(tau, drive)
+        self.applied.append((tau, dt))
+        self.dq = self.dq + tau / self.inertia * dt
+        if self.is_braked:
+            self.dq = np.zeros(7)
         self.q = self.q + self.dq * dt
+
+    def drop_commands(self):
+        pass
+
+    def close_brakes(self, torque):
+        self.is_braked = True
+
+    def open_brakes(self):
+        self.is_braked = False
 
     def contact_force_peak(self):
         return np.array([0.0, 0.0, float(len(self.applied))])

@@ -1,10 +1,14 @@
 """Torque law, brakes, wire signs and sensors, on the simulated arm."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from dovetail.cabinet.body import Body
+from dovetail.cabinet.command_policy import CommandPolicy
 from dovetail.cabinet.config import CabinetConfig
+from dovetail.cabinet.late_path import LatePath
 from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import DynamicsConfig
@@ -171,7 +175,7 @@ def test_a_diverged_plant_stands_until_it_is_placed():
     plant = LightPlant()
     body = released(plant)
 
-    def fail(tau, dt):
+    def fail(tau, dt, drive=None):
         raise PlantError("diverged")
 
     works, plant.apply = plant.apply, fail
@@ -245,3 +249,66 @@ def test_wrench_mode_pushes_the_tool_in_the_wrenchs_direction(plant):
     moved = plant.tool_pose().position - before
     assert moved[1] > 0.01
     assert abs(moved[0]) < 0.3 * moved[1]
+
+
+def test_the_commanded_torque_of_a_motion_is_the_clients_without_impedance(plant):
+    body = released(plant, stiffness=(200.0,) * 7, damping=(0.7,) * 7)
+    far = (Q_START + 0.05).tolist()
+    body.drive(far, [1.5] * 7)
+    np.testing.assert_array_equal(body.overlay, [1.5] * 7)
+    assert np.abs(body.tau - body.overlay).max() > 5.0
+
+
+@pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
+@pytest.mark.parametrize("period", [0.001, 0.005])
+@pytest.mark.parametrize("amplitude", [0.04, 0.3])  # rad; 0.04 is KUKA's own sample
+def test_every_twin_follows_a_joint_sine_as_late_as_its_wire_is(
+    twin, period, amplitude
+):
+    plant = TwinPlant(load_twin(twin), SceneConfig())
+    plant.reset(Q_START, HOLE)
+    config = CabinetConfig(mode="position", period=period)
+    body = released(plant, mode="position", period=period)
+    policy = CommandPolicy(config, plant.robot)
+    policy.begin(Q_START.tolist())
+
+    def sine(time):
+        return Q_START + amplitude * np.sin(0.5 * np.pi * max(time, 0.0)) * np.eye(7)[3]
+
+    for i in range(round(2.0 / period)):
+        time = i * period
+        command = SimpleNamespace(q=sine(time).tolist(), tau=None, wrench=None)
+        stop = policy.act(command, body.q.tolist(), body.gravity.tolist())
+        body.drive(policy.q, policy.tau, policy.wrench)
+        stop = stop or policy.check_joints(body.q.tolist(), body.dq.tolist())
+        assert not stop, time
+        late = sine(time - plant.command_delay)
+        np.testing.assert_allclose(body.q, late, atol=3e-3)
+
+
+def test_a_late_path_is_the_commanded_one_so_much_later():
+    path, points = LatePath(0.005, 0.012), []
+    for i in range(8):
+        points.append(np.full(7, float(i * i)))
+        path.add(points[-1])
+    # In the period that leads from point 6 to point 7, from 0 to 5 ms:
+    position, velocity = path.passed(0.005)  # 12 ms before point 7
+    np.testing.assert_allclose(position, points[4] + 0.6 * (points[5] - points[4]))
+    np.testing.assert_allclose(velocity, (points[5] - points[4]) / 0.005)
+    assert path.held(0.001)[0] == points[4][0]
+    assert path.held(0.003)[0] == points[5][0]
+
+
+def test_a_twins_delay_is_on_the_wire_and_not_inside_the_drives():
+    plant = TwinPlant(load_twin("hard"), SceneConfig())
+    plant.reset(Q_START, HOLE)
+    zero, pull = np.zeros(7), np.array([20.0, *[0.0] * 6])
+    plant.apply(zero, 0.005, pull)
+    assert plant.read()[1][0] > 0.01
+    plant.reset(Q_START, HOLE)
+    plant.apply(pull, 0.005)
+    assert abs(plant.read()[1][0]) < 0.03  # the noise's
+    plant.drop_commands()
+    for _ in range(4):
+        plant.apply(zero, 0.005)
+    assert abs(plant.read()[1][0]) < 0.03

@@ -43,6 +43,7 @@ FREE = ["--port", "0", "--control", "127.0.0.1:0", "--plant", "mujoco"]
         (["--log", "/nowhere/at/all.jsonl"], "cannot be written"),
         (["--io", "FRI.Out"], "give NAME:TYPE:DIRECTION"),
         (["--multiplier", "0"], "receive_multiplier is 0"),
+        (["--hold-slots", "9", "--stop-slots", "3"], "stop_slots is 3, less than hold"),
         (["--restart-delay", "soon"], "--restart-delay is 'soon'"),
         (["--good-from", "1.1"], "must rise within 0 to 1"),
         (["--peg", "square", "--clearance", "-1"], "clearance"),
@@ -74,11 +75,13 @@ def test_a_port_in_use_is_said(capsys):
 def test_settings_reach_the_cabinet():
     command = Cabinet(
         version="2.7",
-        period="2ms",
+        period=0.002,
         stiffness="200",
         damping="0,0,0,0,0,0,0.7",
         restart_delay="never",
         good_from=0.2,
+        hold_slots=4,
+        stop_slots=20,
         control="none",
         io=("FRI.Out:digital:output",),
     )
@@ -86,6 +89,7 @@ def test_settings_reach_the_cabinet():
     assert (config.version, config.period_ms) == ("2.7", 2)
     assert config.stiffness == (200.0,) * 7
     assert config.damping[6] == 0.7
+    assert (config.held_misses, config.stop_misses) == (4, 20)
     assert config.restart_delay is None
     assert config.quality.good_from == config.quality.fair_from == 0.2
     assert config.control is None

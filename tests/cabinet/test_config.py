@@ -58,7 +58,7 @@ def test_whole_milliseconds_are_periods(period_ms):
     [
         ({"period": 0.0}, "send period is 0 ms; allowed are whole ms, 1 to 100"),
         ({"period": -0.005}, "send period is -5 ms"),
-        ({"period": 0.0025}, "send period is 2.5 ms"),
+        ({"period": 0.0025}, "2.5 ms; allowed are whole ms, 1 to 100, as on the wire"),
         ({"period": 0.101}, "send period is 101 ms"),
         ({"period": float("nan")}, "send period is nan ms"),
         ({"version": "3.0"}, "'3.0' is unknown; known versions: 1.15, 2.5, 2.7"),

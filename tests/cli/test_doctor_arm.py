@@ -1,18 +1,25 @@
 """The doctor at an arm's first power-on, played by a simulated cabinet."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, lockstep_address
-from dovetail import arm_checks
+from dovetail import _core, arm_checks
 from dovetail.arm_checks import run_arm_checks
+from dovetail.arm_feel import check_as_configured
 from dovetail.arms.address import parse_address
 from dovetail.cli import run
+from dovetail.control.proven import DECLARED
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.randomisation import tool_down
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.local_arm_checks import run_local_checks
+from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig, make_plant
+from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.scene import SceneConfig
 
@@ -21,11 +28,17 @@ START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 NAMES = [
     "connection",
+    "period",
+    "rest",
     "gravity, measured torque",
     "hold",
+    "delay",
+    "cabinet's spring",
+    "gravity error",
     "torques",
     "push, external torque",
     "messages",
+    "rest, as tasks run",
 ]
 
 
@@ -38,8 +51,23 @@ def cabinet(dynamics=None, **settings):
         yield f"{address}&reset=move"
 
 
-def checks(text, ask=None):
-    return {check.name: check for check in run_arm_checks(parse_address(text), ask)}
+def checks(text, ask=None, declared=None):
+    found = run_arm_checks(parse_address(text), ask, declared)
+    return {check.name: check for check in found}
+
+
+def check_of(name, found):
+    """The check of that name; those after it are not made."""
+    return next(check for check in found if check.name == name)
+
+
+def check_at(text, name):
+    return check_of(name, run_arm_checks(parse_address(text), None))
+
+
+def local_checks(text, period, **declared):
+    found = run_local_checks(parse_address(text), period, DECLARED | declared)
+    return {check.name: check for check in found}
 
 
 def test_an_arm_as_the_model_says_passes_every_check():
@@ -55,7 +83,7 @@ def test_an_arm_as_the_model_says_passes_every_check():
 
 def test_the_wrong_sign_of_the_measured_torque_is_found():
     with cabinet(measured_sign=1) as address:
-        check = checks(address)["gravity, measured torque"]
+        check = check_at(address, "gravity, measured torque")
     assert check.status == "broken"
     assert "add measured_sign=1 to the address" in check.detail
 
@@ -68,7 +96,7 @@ def test_signs_on_the_wire_that_are_the_other_ones_can_be_said():
 
 def test_the_wrong_sign_of_the_external_torque_is_found():
     with cabinet(external_sign=-1) as address:
-        check = checks(address)["push, external torque"]
+        check = check_at(address, "push, external torque")
         assert check.status == "broken"
         assert "add external_sign=-1 to the address" in check.detail
 
@@ -76,16 +104,115 @@ def test_the_wrong_sign_of_the_external_torque_is_found():
 def test_a_wrong_load_shows_in_the_external_torque():
     heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (3.0,))
     with cabinet(heavy) as address:
-        check = checks(address)["hold"]
+        check = check_at(address, "hold")
     assert check.status == "broken"
     assert "check the load data" in check.detail
+
+
+def test_a_cabinet_whose_impedance_is_on_is_told_to_set_it_to_0():
+    impedance = {"stiffness": (200.0,) * 7, "damping": (0.7,) * 7}
+    with cabinet(**impedance) as address:
+        check = check_at(address, "cabinet's spring")
+    assert check.status == "broken"
+    assert "adds stiffness of about 200 Nm/rad: set it to 0" in check.detail
+    assert "a ratio of about 0.7" in check.detail
+
+
+def test_a_cabinet_that_pulls_on_some_joints_only_is_told_which():
+    stiffness = (0.0, 0.0, 0.0, 100.0, 0.0, 50.0, 0.0)
+    with cabinet(stiffness=stiffness) as address:
+        check = check_at(address, "cabinet's spring")
+    assert check.status == "broken"
+    assert "at A4, A6: set it to 0" in check.detail
+
+
+def test_what_was_measured_is_told_when_the_arm_is_stopped(monkeypatch):
+    def stop(arm, *args, **options):
+        arm.stop()
+        for _ in range(3):
+            arm.step(_core.Target(joint_mode=True, q_d=arm.monitoring().q), 0.05)
+        return iter(())
+
+    monkeypatch.setattr(arm_checks, "feel_checks", stop)
+    with cabinet() as address:
+        found = checks(address)
+    assert list(found) == [*NAMES[:5], "end of the motion"]
+    check = found["end of the motion"]
+    assert check.status == "broken"
+    assert "a stop was asked for" in check.detail
+    assert "In the last second: torque 0.0" in check.detail
+
+
+def test_a_simulated_arm_is_felt_without_a_cabinet():
+    found = local_checks("twin:easy", 0.002)
+    assert list(found) == ["period", "rest", "delay", "gravity error", NAMES[-1]]
+    assert {check.status for check in found.values()} == {"ok"}
+
+
+def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
+    check = check_of(
+        "delay",
+        run_local_checks(
+            parse_address("twin:medium"), 0.005, DECLARED | {"delay": 0.003}
+        ),
+    )
+    assert check.status == "broken"
+    assert "declared and shown to hold: 0 to 3 ms" in check.detail
+    assert "or declare at least 5.0 ms (allowed: 0 to 10 ms)" in check.detail
+
+
+def test_a_delay_outside_the_table_is_refused_whatever_is_declared(tmp_path):
+    late = replace(load_twin("easy"), command_delay=0.015)
+    path = tmp_path / "late.toml"
+    path.write_text(late.to_toml())
+    check = check_of(
+        "delay", run_local_checks(parse_address(f"twin:{path}"), 0.005, DECLARED)
+    )
+    assert check.status == "broken"
+    assert "unproven; declared and shown to hold: 0 to 10 ms" in check.detail
+
+
+def test_a_declaration_outside_the_table_is_refused(capsys):
+    assert run(["doctor", "--arm", "mujoco", "--delay", "15ms"]) == 2
+    error = capsys.readouterr().err
+    assert "delay is 15 ms" in error
+    assert "0 to 10 ms" in error
+    assert run(["doctor", "--arm", "mujoco", "--payload-error", "3"]) == 2
+    assert "0 to 1 kg" in capsys.readouterr().err
+
+
+def test_a_period_outside_the_table_is_named():
+    check = next(run_local_checks(parse_address("mujoco"), 0.004, DECLARED))
+    assert check.status == "broken"
+    assert (
+        "4 ms, for which the limits are unproven; shown to hold: 1, 2, 2.5, 5 ms"
+        in check.detail
+    )
+
+
+def test_an_arm_that_oscillates_at_rest_is_said_to_and_let_go_of(tmp_path):
+    """One that no estimate of the default bandwidth bears: 20 ms of delay at 1 ms."""
+    late = replace(load_twin("easy"), command_delay=0.02)
+    path = tmp_path / "late.toml"
+    path.write_text(late.to_toml())
+    arm = build_local_arm(
+        SceneConfig(), TaskSpec.parse("XYZABC:hold"), plant="mujoco", twin=path,
+        period=0.001, force_damping=0.0, near_speed=0.02,
+    )  # fmt: skip
+    q = arm.robot.inverse_kinematics(START, Q_SEED)
+    arm.reset(q, HOLE)
+    check = check_as_configured(arm)
+    arm.close()
+    assert check.status == "broken"
+    assert "oscillates at" in check.detail
+    assert "was let go of" in check.detail
 
 
 def test_whoever_says_no_ends_the_checks():
     answers = iter([True, False])
     with cabinet() as address:
         found = checks(address, ask=lambda question: next(answers))
-    assert list(found) == NAMES[:3]
+    assert list(found) == NAMES[:5]
 
 
 class StubArm:
@@ -103,7 +230,8 @@ class StubArm:
 
     def step(self, target, duration):
         moved = self.follows * (np.asarray(target.q_d) - self.q)
-        return SimpleNamespace(q=self.q + moved, position=np.zeros(3))
+        log = np.zeros((10, len(CYCLE_COLUMNS)))
+        return SimpleNamespace(q=self.q + moved, position=np.zeros(3), log=log)
 
     def stop(self):
         self.is_stopped = True
@@ -137,7 +265,7 @@ def test_a_joint_that_stays_behind_is_named():
 def test_gravity_tells_the_sign_of_the_measured_torque(factor, status, words):
     arm = StubArm()
     gravity = arm.robot.chain().gravity(arm.q)
-    rest = arm_checks.Rest(arm.q, 0.0, factor * gravity, np.zeros(7))
+    rest = arm_checks.Rest(arm.q, 0.0, factor * gravity, np.zeros(7), None)
     check = arm_checks.check_gravity(arm, rest, parse_address("fri://0.0.0.0"))
     assert check.status == status
     assert words in check.detail
@@ -145,7 +273,7 @@ def test_gravity_tells_the_sign_of_the_measured_torque(factor, status, words):
 
 def test_an_upright_arm_says_nothing_about_gravity():
     arm = StubArm()
-    rest = arm_checks.Rest(np.zeros(7), 0.0, np.zeros(7), np.zeros(7))
+    rest = arm_checks.Rest(np.zeros(7), 0.0, np.zeros(7), np.zeros(7), None)
     check = arm_checks.check_gravity(arm, rest, parse_address("fri://0.0.0.0"))
     assert check.status == "missing"
     assert not check.is_essential
@@ -187,12 +315,11 @@ def test_the_command_prints_the_checks_and_its_exit_code(monkeypatch, capsys):
 @pytest.mark.parametrize(
     ("arm", "message"),
     [
-        ("mujoco", "checks arms behind FRI"),
-        ("grpc://localhost", "checks arms behind FRI"),
+        ("grpc://localhost", "run it where the arm is served"),
         ("gazebo", "known addresses"),
     ],
 )
-def test_only_an_arm_behind_fri_is_checked(arm, message, capsys):
+def test_only_an_arm_that_can_be_felt_is_checked(arm, message, capsys):
     assert run(["doctor", "--arm", arm, "--yes"]) == 2
     assert message in capsys.readouterr().err
 

@@ -9,6 +9,8 @@ import pytest
 from arms.loopback import lockstep_address
 from dovetail.control.period import FRI_PERIODS, PERIODS, POLICY_PERIOD
 from dovetail.errors import ConfigError
+from dovetail.evaluate.perturbation import Perturbation, make_perturbed
+from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
@@ -82,6 +84,24 @@ def test_an_arm_over_fri_is_the_same_at_every_period(ground, period, usual_tare)
     require_steps_of_50_ms(states, period)
     np.testing.assert_allclose(tare[:3], usual_tare[ground][:3], atol=0.15)
     assert [info["limit_violations"] for info in infos] == [0] * (STEPS + 1)
+
+
+@pytest.mark.parametrize("ground", ["medium", "hard"])
+@pytest.mark.parametrize("period", [0.001, 0.002, 0.0025])
+def test_the_shipped_policy_inserts_within_the_limits_while_pushed(ground, period):
+    """At 1 ms both twins left every limit, on hard at 2 ms two tries of three."""
+    policy = Policy.load(find_policy("peg_square"))
+    options = policy.metadata["env"] | {"twin": ground, "period": period}
+    del options["plant"]
+    env = make_perturbed(ID, Perturbation(push=30.0), options)
+    observation, info = env.reset(seed=3, options={"hole": HOLE})
+    outside, done = info["limit_violations"], False
+    while not done:
+        observation, _, ended, cut, info = env.step(policy(observation))
+        outside, done = outside + info["limit_violations"], ended or cut
+    env.close()
+    assert outside == 0
+    assert info["success"]
 
 
 @pytest.mark.parametrize(

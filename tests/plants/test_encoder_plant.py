@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from dovetail import _core
+from dovetail.arms.local_arm import LocalArm
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.period import PERIODS
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.scene import SceneConfig
 from plants.conftest import HOLE, Q_BENT
 
 PERIOD = 0.005
@@ -47,3 +51,32 @@ def test_the_observed_velocity_is_close_to_the_true_one_in_motion(make, gain):
     np.testing.assert_array_equal(q, true_q)
     np.testing.assert_allclose(dq, true_dq, atol=0.01)
     assert np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]).max() > 0.05
+
+
+@pytest.mark.parametrize("period", PERIODS)
+def test_the_observed_velocity_is_as_quiet_at_every_period(make, period):
+    """A difference over 1 ms has five times the noise of one over 5 ms."""
+    deviation = 3e-5  # rad, of twin hard
+    plant = EncoderPlant(make(), period)
+    plant.attach_channel(_core.Channel(position_noise=deviation, seed=1))
+    plant.reset(Q_BENT, HOLE)
+    speeds = []
+    for _ in range(400):
+        plant.apply_commanded(np.zeros(7), np.zeros(7), period)
+        speeds.append(plant.read()[1])
+    assert np.std(speeds[50:]) < 1.05 * np.sqrt(2.0) * deviation / 0.005
+
+
+@pytest.mark.parametrize("period", PERIODS)
+def test_twin_hard_is_held_still_from_positions_alone(period):
+    """With the noise of one difference it swung by 20 mm at 1 ms."""
+    scene = SceneConfig()
+    robot = scene.robot()
+    plant = EncoderPlant(TwinPlant(load_twin("hard"), scene), period)
+    limits = LimitConfig.for_period(robot, period, walls=False)
+    osc, task = OscConfig.for_period(period), "XYZABC:hold"
+    arm = LocalArm(plant, robot, osc, limits, task, period)
+    arm.reset(Q_BENT, HOLE)
+    target = _core.Target(joint_mode=True, q_d=Q_BENT)
+    places = [arm.step(target).position for _ in range(30)]
+    assert np.linalg.norm(np.ptp(places[20:], axis=0)) < 2e-3

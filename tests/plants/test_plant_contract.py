@@ -5,6 +5,7 @@ import sys
 import numpy as np
 import pytest
 
+from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError, MissingDependencyError, PlantError
 from dovetail.plants.plant import DynamicsConfig, make_plant, physics_steps
 from dovetail.poses import Pose, quat_about_z, rotation_error
@@ -238,3 +239,52 @@ def test_divergence_is_an_error_and_reset_recovers(make):
 )
 def test_period_is_split_into_equal_steps(period, physics_dt, steps):
     assert physics_steps(period, physics_dt) == steps
+
+
+@pytest.mark.parametrize("contact_time", [0.002, 0.005, 0.02])
+def test_a_contact_is_as_stiff_at_every_period(contact_time):
+    """The peg is pushed on the block by 30 N from 2 mm above it."""
+    scene, peaks = SceneConfig(), []
+    for period in PERIODS:
+        dynamics = DynamicsConfig(contact_time=contact_time)
+        plant = make_plant("mujoco", scene, dynamics)
+        above = Pose(HOLE.position + np.array([0.035, 0.0, 0.002]), TOOL_DOWN)
+        plant.reset(plant.robot.inverse_kinematics(above, Q_BENT), HOLE)
+        plant.push(np.array([0.0, 0.0, -30.0]))
+        forces = []
+        for _ in range(round(0.15 / period)):
+            plant.apply(np.zeros(7), period)
+            forces.append(np.linalg.norm(plant.contact_force_peak()))
+        peaks.append(max(forces))
+    assert min(peaks) > 50.0
+    assert max(peaks) < 1.3 * min(peaks)  # the step hits the block in another phase
+
+
+def test_closed_brakes_stop_the_arm_and_hold_it_under_a_wrong_gravity(make):
+    plant = make(gravity_residual=(2.0, -2.0, 3.0))
+    brakes = plant.robot.tau_max
+    plant.reset(Q_BENT, HOLE)
+    for _ in range(40):
+        plant.apply(np.zeros(7), DT)
+    assert np.abs(plant.read()[1]).max() > 0.5
+    plant.close_brakes(brakes)
+    for _ in range(20):
+        plant.apply(np.zeros(7), 0.001)
+    held, dq = plant.read()
+    assert np.abs(dq).max() < 5e-3
+    for _ in range(200):
+        plant.apply(np.zeros(7), DT)
+    np.testing.assert_allclose(plant.read()[0], held, atol=5e-4)
+    plant.open_brakes()
+    for _ in range(40):
+        plant.apply(np.zeros(7), DT)
+    assert np.abs(plant.read()[0] - held).max() > 1e-3
+
+
+def test_a_reset_opens_the_brakes(make):
+    plant = make()
+    plant.reset(Q_BENT, HOLE)
+    plant.close_brakes(plant.robot.tau_max)
+    plant.reset(Q_BENT, HOLE)
+    plant.apply(np.full(7, 5.0), DT)
+    assert np.abs(plant.read()[1]).max() > 0.01

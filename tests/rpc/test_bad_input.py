@@ -78,6 +78,8 @@ def setting(message, name):
         ("target.velocity_d[C]", "velocity_d", [0.0] * 3 + [INF] + [0.0] * 2),
         ("target.acceleration_d", "acceleration_d", [0.0] * 7),
         ("target.acceleration_d[X]", "acceleration_d", [NAN] + [0.0] * 5),
+        ("target.f_tare", "f_tare", [0.0] * 3),
+        ("target.f_tare[Z]", "f_tare", [0.0, 0.0, NAN, 0.0, 0.0, 0.0]),
         ("target.q_d", "q_d", [0.0] * 6),
         ("target.q_d[A7]", "q_d", [0.0] * 6 + [NAN]),
     ],
@@ -87,6 +89,12 @@ def test_wrong_targets(ready, builder, step_request, path, name, values):
     problem = refused(ready.step, step_request)
     assert paths(problem) == [path]
     assert path in problem.text
+    assert "step" not in builder.arm.calls
+
+
+def test_a_wrong_mask_of_axes_that_stay(ready, builder, step_request):
+    step_request.target.stay = 8
+    assert paths(refused(ready.step, step_request)) == ["target.stay"]
     assert "step" not in builder.arm.calls
 
 

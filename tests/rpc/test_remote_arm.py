@@ -72,11 +72,11 @@ def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
 def test_everything_of_a_target_arrives(joint_mode, rng):
     target = _core.Target()
     names = [name for name in dir(target) if not name.startswith("_")]
-    for name in set(names) - {"joint_mode", "age"}:
+    for name in set(names) - {"joint_mode", "age", "stay"}:
         setattr(target, name, rng.normal(size=getattr(target, name).shape))
     target.quat_wxyz_d = TOOL_DOWN
     target.near_plane = np.array([0.6, 0.0, 0.8, rng.normal()])
-    target.joint_mode, target.age = joint_mode, 0.03
+    target.joint_mode, target.age, target.stay = joint_mode, 0.03, 0b000101
     if not joint_mode:
         target.q_d = np.zeros(7)  # not used, not sent
     message, fields = pb.Target(), FieldReader()

@@ -38,6 +38,12 @@ class Controller {
   void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
              const Vec7& dq = Vec7::Zero()) noexcept;
 
+  /// Lets the arm go on after the last line ended a motion.
+  void resume() noexcept {
+    last_line_.reset();
+    is_at_rest_ = has_posture_ = false;
+  }
+
   /// Takes a state for true whatever was before, and changes nothing else.
   void believe(const Vec7& q, const Vec7& dq) noexcept { check_.reset(q, dq); }
 
@@ -84,7 +90,8 @@ class Controller {
   double near_speed(int axis, const Target& target) const noexcept;
   void keep_inside(const Target& target, Vec6& f_star,
                    StepResult& result) const noexcept;
-  void follow_task(const Vec7& q, const Vec7& dq, const Target& target, StepResult& result) noexcept;
+  void follow_task(const Vec7& q, const Vec7& dq, const Target& target,
+                   StepResult& result) noexcept;
   void follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                      StepResult& result) noexcept;
   void limit_by_qp(StepResult& result) noexcept;

@@ -23,10 +23,10 @@ enum class EndCause : std::uint8_t { kNone, kOscillation, kEnergy, kSpeed };
 
 /// One cycle as the last line sees it.
 struct LastLineInput {
-  const Vec7& dq;           ///< measured [rad/s]
-  const Vec7& explained;    ///< change of acceleration by a new Target [rad/s2]
-  double limiter_power;     ///< power that limiters put into the arm [W]
-  double elapsed;           ///< since the last cycle [s]
+  const Vec7& dq;         ///< measured [rad/s]
+  const Vec7& explained;  ///< change of acceleration by a new Target [rad/s2]
+  double limiter_power;   ///< power that limiters put into the arm [W]
+  double elapsed;         ///< since the last cycle [s]
 };
 
 /// One thread. Nothing allocates or throws.
@@ -39,9 +39,9 @@ class LastLine {
   bool check(const LastLineInput& input) noexcept;
 
   EndCause cause() const noexcept { return cause_; }
-  int joint() const noexcept { return joint_; }      ///< 0 to 6; energy has none: -1
-  double value() const noexcept { return value_; }   ///< swing, work or speed [SI]
-  double limit() const noexcept { return limit_; }   ///< what was allowed [SI]
+  int joint() const noexcept { return joint_; }     ///< 0 to 6; energy has none: -1
+  double value() const noexcept { return value_; }  ///< swing, work or speed [SI]
+  double limit() const noexcept { return limit_; }  ///< what was allowed [SI]
 
  private:
   /// The swings of one joint's speed about its slow part.

@@ -42,9 +42,13 @@ class MujocoLoop {
   /// Starts a trial from mjData's state: empties the delay, measures anew.
   void reset() noexcept;
 
-  /// Holds the overlay torque tau [Nm] for `steps` physics steps.
+  /// Holds the overlay torque tau [Nm] for `steps` physics steps. It passes the
+  /// channel; `drive` [Nm] is of the arm's own drives and acts at once.
   /// Throws std::runtime_error when the simulation has diverged.
-  void apply(const Vec7& tau, int steps);
+  void apply(const Vec7& tau, int steps, const Vec7& drive = Vec7::Zero());
+
+  /// Forgets torques that are still on their way through the channel.
+  void drop_commands() noexcept { channel_.reset(); }
 
   /// Runs `cycles` times: controller step, log row, `steps` physics steps. Does not
   /// allocate. `log` holds cycles x kCycleColumns numbers.

@@ -50,7 +50,13 @@ struct Order {
   std::uint64_t latch = 0;   ///< grows with every pose to hold
   Vec3 p_hold = Vec3::Zero();
   Vec4 quat_hold{1.0, 0.0, 0.0, 0.0};
+  /// Added to the position that is sent [rad], within +-kLeanMax: a cabinet without a
+  /// spring of its own does not feel it.
+  Vec7 lean = Vec7::Zero();
 };
+
+/// Largest lean of a joint's sent position [rad].
+constexpr double kLeanMax = 0.05;
 
 /// What the loop last knew; copied to the learner's side.
 struct ServoState {
@@ -64,6 +70,7 @@ struct ServoState {
   Vec7 tau_external = Vec7::Constant(kUnset);   ///< on the joint [Nm]
   Vec7 tau_commanded = Vec7::Constant(kUnset);  ///< on the joint, as the wire has it
   fri::SessionState session = fri::SessionState::kIdle;
+  fri::SessionState last_session = fri::SessionState::kIdle;  ///< a silence keeps it
   fri::Quality quality = fri::Quality::kPoor;
   std::uint8_t safety = 0;          ///< fri::SafetyState
   std::uint8_t operation_mode = 2;  ///< fri::OperationMode
@@ -112,6 +119,11 @@ class ServoCycle {
   void lose_session() noexcept;
 
   Watchdog& watchdog() noexcept { return watchdog_; }
+  /// Ends a stop, also one of the controller's last line.
+  void clear() noexcept {
+    watchdog_.clear();
+    controller_.resume();
+  }
   const ServoState& state() const noexcept { return state_; }
   const fri::FriSession& session() const noexcept { return session_; }
   const RingLog& log() const noexcept { return log_; }
@@ -123,7 +135,9 @@ class ServoCycle {
   Action receive_active(const fri::SessionStep& step) noexcept;
   void begin_motion(const Vec7& q) noexcept;
   void end_motion() noexcept;
+  void note_end(const Flags& flags) noexcept;
   Target choose_target(const Order& order, Flags& flags) noexcept;
+  Vec7 wanted_lean(const Order& order) const noexcept;
   void write_row(const StepResult& result, const Target& target) noexcept;
 
   ServoParams params_;
@@ -138,6 +152,7 @@ class ServoCycle {
   double filter_a_, filter_b_;  // y = b (x_k + x_k-1) + a y_k-1
   Vec7 filtered_ = Vec7::Zero();
   Vec7 q_last_ = Vec7::Zero();
+  Vec7 lean_ = Vec7::Zero();  // on its way to the order's
   Vec7 a_last_ = Vec7::Zero();
   Vec7 q_hold_ = Vec7::Zero();
   bool is_active_ = false;

@@ -26,6 +26,7 @@ namespace dovetail {
 struct LoopParams {
   std::string address = "0.0.0.0";  ///< interface that the socket listens on
   std::uint16_t port = 30200;       ///< 0 takes a free one
+  std::string peer;                 ///< only this IPv4 address is served; "" any first
   int priority = 0;                 ///< SCHED_FIFO 1 to 99; 0 is the normal scheduler
   int processor = -1;               ///< the thread stays on it; -1 is any
   bool lock_memory = false;
@@ -38,7 +39,7 @@ enum class Count : std::uint8_t {
   kReceived,     ///< datagrams of any source
   kAnswered,     ///< commands sent
   kSendErrors,   ///< commands that the network did not take
-  kForeign,      ///< of another source than the session's: ignored
+  kForeign,      ///< of another source than the session's, or not of `peer`: ignored
   kUndecodable,  ///< ignored
   kDuplicates,   ///< ignored
   kOlder,        ///< overtaken: ignored
@@ -73,6 +74,10 @@ class ServoLoop {
   /// Latches the pose that hold axes keep: TCP position [m] and rotation (wxyz).
   void hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
+  /// Leans the sent position by this [rad] from the next Target on, to feel whether the
+  /// cabinet has a spring; zero ends it.
+  void lean(const Vec7& q) noexcept;
+
   /// Waits until the active cycle of this tick was received, at most `seconds`; the end
   /// of this motion ends the wait.
   WaitResult wait(std::uint64_t tick, std::uint64_t motion, double seconds) noexcept;
@@ -95,6 +100,12 @@ class ServoLoop {
   const Histogram& arrival_jitter() const noexcept { return arrival_jitter_; }
   std::uint16_t port() const noexcept { return socket_.port(); }
   Peer peer() const noexcept;
+  Peer last_stranger() const noexcept;  ///< of the last foreign datagram; else all 0
+
+  /// Since the cabinet's last datagram, and since its last one that could be read [s];
+  /// infinity where none came.
+  double since_datagram() const noexcept;
+  double since_message() const noexcept;
 
   /// The last datagram that could not be read: why, and from where; "" where none.
   std::string last_undecodable();
@@ -120,6 +131,7 @@ class ServoLoop {
   void set_up_thread() noexcept;
   void take_requests() noexcept;
   void handle(const Datagram& datagram) noexcept;
+  bool is_stale() noexcept;
   bool is_served(const Datagram& datagram) noexcept;
   void count_arrival(const Datagram& datagram) noexcept;
   void send(std::size_t size, bool is_active) noexcept;
@@ -131,6 +143,7 @@ class ServoLoop {
   void write_logs() noexcept;
   void save(const SaveJob& job);
   void add_note(const std::string& text) noexcept;
+  std::string lost_text() const;
   void add(Count count, std::uint64_t number = 1) noexcept;
 
   LoopParams loop_;
@@ -156,18 +169,22 @@ class ServoLoop {
   TripleBuffer<Failure> failures_;
   TripleBuffer<std::optional<fri::FriSession>> sessions_;
   std::atomic<std::uint64_t> diagnoses_{0};
-  std::atomic<std::uint64_t> packed_peer_{0};
+  std::atomic<std::uint64_t> packed_peer_{0}, packed_stranger_{0};
+  std::atomic<double> datagram_at_{0.0}, message_at_{0.0};  // 0 for never [s]
   Histogram cycle_time_, reply_time_, arrival_jitter_;
 
   // loop's own
   std::array<std::uint8_t, 2048> bytes_{};
   std::array<std::uint8_t, fri::kMaxDatagram> reply_{};
+  std::uint32_t allowed_;  // IPv4 address of the peer; 0 for any
   Peer peer_;
   bool has_peer_ = false;
-  bool is_locked_ = false;  // only the peer is served
+  bool owes_reply_ = false;  // outside a motion: to the newest message
+  int backlog_ = 0;          // messages passed over since the last answer
+  bool is_locked_ = false;   // only the peer is served
   bool has_arrival_ = false;
   double last_arrival_ = 0.0;  // of a new message [s]
-  double last_heard_ = 0.0;    // of any datagram of the peer, or an answer to it [s]
+  double last_heard_ = 0.0;    // of a message of the peer, or an answer to it [s]
   double waited_ = 0.0;        // of the datagram in work, before it was taken [s]
   double taken_ = 0.0;         // when it was taken [s]
   ServoState last_state_;      // of the last look at events

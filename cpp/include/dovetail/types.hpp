@@ -66,8 +66,8 @@ struct OscParams {
   double error_clamp_rotation = 0.25;        ///< [rad]
   double error_clamp_position = 0.1;         ///< [m]
   double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
-  double f_clamp_angular = 200.0;    ///< largest |f*| per rotation axis [rad/s2]
-  double k_null = 10.0;              ///< null-space damping k [1/s]
+  double f_clamp_angular = 200.0;  ///< largest |f*| per rotation axis [rad/s2]
+  double k_null = 10.0;            ///< null-space damping k [1/s]
   /// Null-space stiffness towards the configuration where the task began [1/s2].
   double posture_stiffness = 50.0;
   double length_scale = 0.15;        ///< L, scales rotation rows [m/rad]
@@ -102,7 +102,7 @@ struct LimitParams {
   double delta_x = 0.005;              ///< wall margin [m]
   double s0_wall = 1e-3;               ///< eigenvalue fade threshold of SCS [1/kg]
   double rho = 1e6;                    ///< weight of the wall slack in the QP
-  double estimate_rate = 60.0;  ///< of the disturbance estimate [1/s], 0 is off
+  double estimate_rate = 60.0;         ///< of the disturbance estimate [1/s], 0 is off
   /// Limiters brake against what the estimate says, and do no more; without, a contact
   /// is a feedback (docs/control.md, Passive limits). Off only to show that.
   bool passive = true;
@@ -110,10 +110,10 @@ struct LimitParams {
   double authority = 4.0;    ///< most braking beyond a limit, over ddq_max
   /// Ends a motion that no Target explains (last_line.hpp).
   bool last_line = true;
-  Vec7 damping = Vec7::Zero();         ///< D_hat in the prediction [Nms/rad]
-  Vec7 armature = Vec7::Zero();        ///< rotor inertia in the prediction [kg m2]
-  bool mid_interval = true;            ///< evaluate the model at q + v dt / 2
-  bool exact_sjs = false;  ///< paper scheme: continue SJS to the QP's answer
+  Vec7 damping = Vec7::Zero();   ///< D_hat in the prediction [Nms/rad]
+  Vec7 armature = Vec7::Zero();  ///< rotor inertia in the prediction [kg m2]
+  bool mid_interval = true;      ///< evaluate the model at q + v dt / 2
+  bool exact_sjs = false;        ///< paper scheme: continue SJS to the QP's answer
   Scheme scheme = Scheme::kQp;
   BoundsKind bounds = BoundsKind::kViability;
 };

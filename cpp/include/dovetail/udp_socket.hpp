@@ -16,6 +16,10 @@ struct Peer {
 
 std::string describe(const Peer& peer);
 
+/// The number of an IPv4 address, network byte order; 0 for "".
+/// Throws std::invalid_argument: not of the form 192.168.0.1.
+std::uint32_t address_number(const std::string& text);
+
 struct Datagram {
   std::size_t size = 0;  ///< 0 for an empty one
   Peer source;
@@ -34,7 +38,13 @@ class UdpSocket {
   /// Takes one datagram if there is one; what does not fit in `capacity` is cut.
   bool receive(std::uint8_t* bytes, std::size_t capacity, Datagram& datagram) noexcept;
 
+  /// Whether a datagram of this source is the next that `receive` would give.
+  bool has_next_of(const Peer& source) const noexcept;
+
   bool send(const std::uint8_t* bytes, std::size_t size, const Peer& to) noexcept;
+
+  /// Frees the port at once; nothing is received or sent after it.
+  void release() noexcept;
 
   int descriptor() const noexcept { return descriptor_; }
   std::uint16_t port() const noexcept { return port_; }

@@ -11,6 +11,9 @@
 /// the interval's end by a T / 2: no lag where the arm does as commanded, and the noise
 /// of one difference. A smaller gain trusts the model for longer and has less noise.
 ///
+/// What one measurement may correct is bounded by what noise and an acceleration that
+/// the model does not know explain: a wrong one is worth no more.
+///
 /// A position that is none (input.hpp) is not taken: the next one counts for both
 /// intervals, and nothing of it stays.
 #pragma once
@@ -55,7 +58,9 @@ class VelocityObserver {
     const double T = waited_;
     waited_ = 0.0;
     const Vec7 predicted = q_ + T * dq_ + (0.5 * T * T) * a;
-    dq_ += T * a + (gain_ / T) * (q - predicted);
+    const double most = kLargestNoise + 0.5 * kLargestUnknown * T * T;
+    const Vec7 surprise = (q - predicted).cwiseMax(-most).cwiseMin(most);
+    dq_ += T * a + (gain_ / T) * surprise;
     q_ = q;
     return dq_;
   }
@@ -70,6 +75,9 @@ class VelocityObserver {
   double gain() const noexcept { return gain_; }
 
  private:
+  static constexpr double kLargestNoise = 2e-4;     // [rad]
+  static constexpr double kLargestUnknown = 300.0;  // [rad/s2]
+
   double period_;
   double gain_;
   Vec7 q_ = Vec7::Zero();

@@ -33,6 +33,8 @@ enum class StopReason : std::uint8_t {
   kSpeed,
   kTorqueTracking,
   kExternalTorque,
+  kImplausible,    ///< measurements that cannot be, one after another
+  kLastLine,       ///< the controller's last line ended the motion
   kTargetTimeout,  ///< a hold, not a stop
 };
 
@@ -80,6 +82,9 @@ class Watchdog {
 
   /// A controlled stop from the next check on.
   void request_stop() noexcept;
+
+  /// A controlled stop for what was found elsewhere; an earlier one stays.
+  void stop_for(const StopFacts& facts) noexcept;
 
   /// Ends a stop. A cause that is still there stops the arm again.
   void clear() noexcept;

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Literal, TypeAlias
 from urllib.parse import parse_qsl, urlsplit
@@ -64,10 +65,14 @@ class FriAddress:
     reset: Literal["move", "place"] = "move"
     """How an episode starts: move there, or be placed, which only a simulated cabinet
     can do, and does where nothing else is asked."""
+    approach: bool = False
+    """Move to a start that is far away, too."""
     timeout: float = 10.0
     """How long to wait for the cabinet [s]."""
     watchdog: float = 0.15
     """Time without a new target after which the arm is held [s]; wall clock only."""
+    peer: str | None = None
+    """The cabinet's IPv4 address: datagrams of no other are taken."""
     realtime: bool = False
     """Ask the system for real-time priority and locked memory."""
     margins: Literal["model", "hardware"] = "hardware"
@@ -142,6 +147,25 @@ def places_hole(address: ArmAddress) -> bool:
     behind a service only the service knows (`RemoteArm.places_hole`); this says yes.
     """
     return not isinstance(address, FriAddress) or address.control is not None
+
+
+def with_approach(text: str) -> str:
+    """Return the address of an arm that may move to a start far away.
+
+    Raises:
+        ConfigError: It is none behind FRI.
+    """
+    address = parse_address(text)
+    if not isinstance(address, FriAddress):
+        where = "add approach=yes to the address of `dovetail serve`"
+        if is_simulated_here(address):
+            where = "leave --approach out: a simulated arm is put at its start"
+        raise ConfigError(
+            f"approach is asked of {text!r}, which is not fri://; {where}"
+        )
+    if address.approach:
+        return text
+    return f"{text}{'&' if '?' in text else '?'}approach=yes"
 
 
 def period_of(address: ArmAddress | None, asked: float | None, usual: float) -> float:
@@ -225,8 +249,8 @@ def _choice(keys: Mapping[str, str], name: str, known: tuple[str, ...]) -> str:
 
 
 _FRI_KEYS = (
-    *("version", "period", "clock", "control", "reset"),
-    *("timeout", "watchdog", "realtime", "margins"),
+    *("version", "period", "clock", "control", "reset", "approach"),
+    *("timeout", "watchdog", "realtime", "margins", "peer"),
     *("measured_sign", "commanded_sign", "external_sign", "commanded_is_total"),
 )
 _SIGNS = {"measured_sign": "-1", "commanded_sign": "-1", "external_sign": "1"}
@@ -260,9 +284,11 @@ def _fri(text: str) -> FriAddress:
         clock=clock,  # type: ignore[arg-type]
         control=control,
         reset=reset,  # type: ignore[arg-type]
+        approach=_choice(keys, "approach", ("no", "yes")) == "yes",
         timeout=_time(keys, "timeout", FriAddress.timeout),
         watchdog=_time(keys, "watchdog", FriAddress.watchdog),
         realtime=_choice(keys, "realtime", ("no", "yes")) == "yes",
+        peer=_peer(keys),
         margins=_choice(keys, "margins", ("hardware", "model")),  # type: ignore[arg-type]
         commanded_is_total=_choice(keys, "commanded_is_total", ("no", "yes")) == "yes",
         **_signs(keys),
@@ -271,6 +297,18 @@ def _fri(text: str) -> FriAddress:
 
 def _time(keys: Mapping[str, str], name: str, usual: float) -> float:
     return parse_time(keys[name], f"arm {name}") if name in keys else usual
+
+
+def _peer(keys: Mapping[str, str]) -> str | None:
+    """Return the cabinet's address, which is a number: names can be forged."""
+    peer = keys.get("peer")
+    try:
+        return None if peer is None else str(IPv4Address(peer))
+    except ValueError as error:
+        raise ConfigError(
+            f"arm peer is {peer!r}; give the cabinet's IPv4 address, such as "
+            "192.170.10.2"
+        ) from error
 
 
 def _signs(keys: Mapping[str, str]) -> dict[str, int]:

@@ -15,12 +15,16 @@ from dovetail.arms.cabinet_control import CabinetControl
 from dovetail.arms.fri_errors import (
     connection_error,
     motion_error,
+    silence_error,
     socket_error,
     stop_error,
 )
-from dovetail.arms.reset_motion import TICK, plan_reset
+from dovetail.arms.reset_drive import drive_to
+from dovetail.arms.reset_motion import TICK
+from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig, check_period
+from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
@@ -36,10 +40,6 @@ _SLICE = 0.05
 _PRIORITY = 90
 """SCHED_FIFO priority in real time: above drivers and a cabinet on the same machine,
 below the kernel's own threads."""
-_ARRIVED = 0.02
-"""Distance of every joint from the start that ends a reset [rad]."""
-_ARRIVAL_TIME = 5.0
-"""How long the end of a reset may take [s]."""
 
 
 class FriArm:
@@ -58,12 +58,14 @@ class FriArm:
         clock: Literal["wall", "lockstep"] = "wall",
         control: str | None = None,
         reset: Literal["move", "place"] | None = None,
+        approach: bool = False,
         timeout: float = 10.0,
         watchdog: WatchdogConfig | None = None,
         realtime: bool = False,
         processor: int | None = None,
         log_folder: str | Path | None = "fri-logs",
         silence: float | None = None,
+        peer: str | None = None,
         **servo: Any,
     ) -> None:
         """Listen for the cabinet; nothing moves before `reset`.
@@ -80,6 +82,7 @@ class FriArm:
             control: Control port HOST:PORT of a simulated cabinet.
             reset: place (simulated cabinet: put the arm there) or move (drive there
                 below the limits); by default place where there is a control port.
+            approach: Move to a start that is far away, too (`start_distance`).
             timeout: How long to wait for the cabinet [s].
             watchdog: When the arm must not follow.
             realtime: SCHED_FIFO and locked memory, where permitted.
@@ -87,6 +90,8 @@ class FriArm:
             log_folder: Where the last 10 s of motions that end go; None for nowhere.
             silence: Without a datagram for so long the session is over [s]; by default
                 1 s, 5 s in lockstep.
+            peer: The cabinet's IPv4 address: no other is served; None serves whoever
+                speaks first.
             **servo: Any other field of `_core.ServoParams`, as measured_sign.
 
         Raises:
@@ -101,6 +106,8 @@ class FriArm:
             raise ConfigError(f"clock {clock!r} is unknown; known: wall, lockstep")
         self._is_lockstep = clock == "lockstep"
         self._timeout = timeout
+        self._approach = approach
+        self._left: Vec7 | None = None  # where it was when it last followed
         self._version = version
         self._host = bind[0]
         self._control = CabinetControl(control, timeout) if control else None
@@ -113,7 +120,7 @@ class FriArm:
         self._chain = robot.chain()
         self._servo = self._make_servo(
             bind, osc, watchdog or WatchdogConfig(), realtime, processor, log_folder,
-            silence, servo,
+            silence, peer, servo,
         )  # fmt: skip
         self._seed: int | None = None
         self._motion = 0
@@ -131,18 +138,20 @@ class FriArm:
         processor: int | None,
         log_folder: str | Path | None,
         silence: float | None,
+        peer: str | None,
         settings: dict[str, Any],
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
         loop, servo = _core.LoopParams(), _core.ServoParams()
-        loop.address, loop.port = bind
+        (loop.address, loop.port), loop.peer = bind, peer or ""
         loop.priority = _PRIORITY if realtime else 0
         loop.lock_memory = realtime
         loop.processor = -1 if processor is None else processor
         loop.log_folder = "" if log_folder is None else str(log_folder)
         loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         servo.period = self.period
+        servo.observer_gain = observer_gain(self.period)
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
         for name, value in settings.items():
@@ -244,6 +253,13 @@ class FriArm:
         """
         self._wait_for_motion(0)
 
+    def lean(self, q: Vec7) -> None:
+        """Send positions that are off by q [rad] until told otherwise, 0.05 at most.
+
+        Torques stay as they are: only a cabinet with a spring of its own feels it.
+        """
+        self._servo.lean(q)
+
     def stop(self) -> None:
         """Brake to rest and hold until `clear` or `reset`."""
         self._servo.stop()
@@ -255,6 +271,12 @@ class FriArm:
     def monitoring(self) -> "_core.ServoState":
         """Return what the servo loop last knew, in any state of the session."""
         return self._servo.state()
+
+    def recent(self, seconds: float) -> Array:
+        """Return the cycle log of the last seconds, whatever has ended since."""
+        end = self._servo.state().rows
+        begin = max(self._servo.oldest_row(), end - round(seconds / self.period), 0)
+        return self._servo.rows(begin, end, len(CYCLE_COLUMNS))
 
     def seed(self, seed: int) -> None:
         """Start a simulated cabinet's noise again, when it next places the arm."""
@@ -313,12 +335,7 @@ class FriArm:
             if result == result.motion_ended:
                 raise motion_error(servo, state)
             if time.monotonic() > end:
-                raise ArmError(
-                    f"no message of the cabinet for {self._timeout:g} s; is it still "
-                    "running, is the network up?",
-                    "silence",
-                    state,
-                )
+                raise silence_error(servo, state, self._timeout)
             servo.command(target, self._motion, self._goal)  # still there, still meant
         state = servo.state()
         if state.is_stopped:
@@ -337,34 +354,24 @@ class FriArm:
             except ArmError as error:
                 if error.reason != "motion_ended" or time.monotonic() > end:
                     raise
+                self._left = self._servo.state().q
 
     def _move_to(self, q: Vec7, hole: Pose) -> None:
-        """Drive to q [rad], below the limits.
+        """Drive to q [rad], below the limits, if it is near or this was asked for.
 
         Raises:
-            ArmError: The arm does not arrive.
+            ArmError: The arm is too far away, or does not arrive.
         """
-        from dovetail import _core
-
+        if not self._approach:
+            require_near(self.robot, self._servo.state().q, q, self._left)
         cycles = max(1, round(TICK / self.period))
-        z_max = float(self.limits.x_max[2] - 2.0 * self.limits.delta_x)
-        path = plan_reset(self.robot, self._servo.state().q, q, hole, z_max)
-        for q_d in path:
-            self._follow(_core.Target(joint_mode=True, q_d=q_d), cycles)
-        at_goal = _core.Target(joint_mode=True, q_d=q)
-        error = np.zeros(7)
-        for _ in range(round(_ARRIVAL_TIME / TICK)):
-            state = self._servo.state()
-            error = np.abs(state.q - q)
-            if error.max() < _ARRIVED and np.abs(state.dq).max() < 2.0 * _ARRIVED:
-                return
-            self._follow(at_goal, cycles)
-        joint = int(np.argmax(error))
-        raise ArmError(
-            f"the arm does not arrive at the start: A{joint + 1} is "
-            f"{error[joint]:.3f} rad away after {_ARRIVAL_TIME:g} s; is something in "
-            "its way, or the start behind a wall or a joint limit?",
-            "reset",
+        drive_to(
+            self.robot,
+            self._servo.state,
+            lambda target: self._follow(target, cycles),
+            q,
+            hole,
+            float(self.limits.x_max[2] - 2.0 * self.limits.delta_x),
         )
 
     def _state(self) -> ArmState:
@@ -373,6 +380,7 @@ class FriArm:
         state = self._servo.state()
         stamp = (state.tick - self._begin) * self.period
         q, dq, log = state.q, state.dq, self._rows(state.rows)
+        self._left = q
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
         return ArmState(stamp, q, dq, *seen[:3], np.full(3, np.nan), seen[4], log)
 

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
+from dovetail.arms.fri_loss import QUALITIES, find_loss
 from dovetail.errors import ArmError, ConfigError
 
 if TYPE_CHECKING:
@@ -60,6 +61,16 @@ def connection_error(
             "reaches the cabinet",
             "no_cabinet",
         )
+    if counts["foreign"] == counts["received"]:
+        return ArmError(
+            f"{counts['received']} datagrams came, the last from "
+            f"{servo.last_stranger}, and none from the cabinet's address, which peer= "
+            "pins: correct peer=, or find out who sends",
+            "foreign",
+        )
+    loss = find_loss(servo, state)
+    if loss is not None:
+        return ArmError(loss.text, loss.reason, state)
     answered_none = counts["answered"] == 0 and state.session == 0
     if answered_none and counts["undecodable"]:
         return ArmError(
@@ -78,7 +89,7 @@ def connection_error(
     why = servo.diagnose() or _wait_reasons(state)
     return ArmError(
         f"the session has stayed in {state.session_name} (cabinet {servo.peer}, "
-        f"quality {state.quality} of 3): {why}",
+        f"quality {QUALITIES[state.quality]}): {why}",
         "session",
     )
 
@@ -105,6 +116,13 @@ def _wait_reasons(state: "_core.ServoState") -> str:
 
 def motion_error(servo: "_core.ServoLoop", state: "_core.ServoState") -> ArmError:
     """Say how a motion ended without being asked to."""
+    loss = find_loss(servo, state)
+    if loss is not None:
+        return ArmError(
+            f"the motion has ended: {loss.text}. {_last_note(servo)}",
+            "motion_ended",
+            state,
+        )
     where = f"the session is in {state.session_name}"
     if state.safety:
         where += f", safety stop {state.safety - 1}"
@@ -116,6 +134,22 @@ def motion_error(servo: "_core.ServoLoop", state: "_core.ServoState") -> ArmErro
         "motion, or too few answers in time (see statistics()). reset() goes on when "
         f"the cabinet is ready. {_last_note(servo)}",
         "motion_ended",
+        state,
+    )
+
+
+def silence_error(
+    servo: "_core.ServoLoop", state: "_core.ServoState", timeout: float
+) -> ArmError:
+    """Say why no cycle has come within the timeout [s]."""
+    loss = find_loss(servo, state)
+    if loss is not None:
+        return ArmError(loss.text, loss.reason, state)
+    return ArmError(
+        f"no message of the cabinet that a command may answer for {timeout:g} s: the "
+        f"session is in {state.session_name}, quality {QUALITIES[state.quality]}; is "
+        "the cabinet still running, is the network up?",
+        "silence",
         state,
     )
 

@@ -26,7 +26,11 @@ TURN_SPEED = 0.3
 """Speed of the tool's rotation on the way [rad/s]."""
 JOINT_SPEED = 0.4
 """Speed of the fastest joint on the way across [rad/s]."""
+SPEED_ACROSS = 0.1
+"""Mean speed of the tool there [m/s]: half as much again in the middle, well below the
+0.25 m/s of T1, which are those of the velocity's norm."""
 _LEVEL = 1e-6
+_SAMPLES = 33
 
 
 def plan_reset(
@@ -57,7 +61,8 @@ def plan_reset(
     down = list(_line(robot, q_start, start, above_start))[::-1]
     q_up = up[-1] if up else q
     q_down = down[0] if down else q_start
-    return [*up, *_across(q_up, q_down), *down[1:], np.asarray(q_start, dtype=float)]
+    across = _across(robot, q_up, q_down)
+    return [*up, *across, *down[1:], np.asarray(q_start, dtype=float)]
 
 
 def _with_height(position: Vec3, height: float) -> Vec3:
@@ -88,8 +93,14 @@ def _line(robot: "Robot", q: Vec7, begin: Pose, end: Pose) -> Iterator[Vec7]:
         yield q
 
 
-def _across(begin: Vec7, end: Vec7) -> Iterator[Vec7]:
-    duration = float(np.abs(end - begin).max()) / JOINT_SPEED
+def _across(robot: "Robot", begin: Vec7, end: Vec7) -> Iterator[Vec7]:
+    way = [begin + share * (end - begin) for share in np.linspace(0.0, 1.0, _SAMPLES)]
+    points = np.array([robot.tool_pose(q).position for q in way])
+    # joints at an even pace do not move the tool at one: its quickest part counts
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    length = float(steps.max()) * (_SAMPLES - 1)
+    turn = float(np.abs(end - begin).max())
+    duration = max(turn / JOINT_SPEED, length / SPEED_ACROSS)
     for share in _shares(duration):
         yield begin + share * (end - begin)
 

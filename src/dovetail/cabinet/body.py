@@ -1,34 +1,37 @@
 """The arm behind the cabinet: a plant, its drives and its brakes."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dovetail.cabinet.config import CabinetConfig
+from dovetail.cabinet.late_path import LatePath
 from dovetail.cabinet.law import JointLaw, TorqueSensors
+from dovetail.cabinet.stops import Ramp, StopCategory
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
 from dovetail.types import Vec3, Vec7
 
 if TYPE_CHECKING:
-    from dovetail.plants.plant import Plant
+    from dovetail.plants.plant import DrivenPlant
 
 _LAW_PERIOD = 0.001
-"""Period of the impedance law [s], as on a real cabinet; FRI's may be longer."""
-_REST_SPEED = 0.005
-"""Speed below which the brakes close [rad/s]."""
-_BRAKE_TIME = 1.0
-"""Time after which the brakes close at any speed [s]."""
+"""Period of the drives' own laws [s], as on a real cabinet; FRI's may be longer."""
+_REST_SPEED = 0.05
+"""Measured speed, noise included, at which braked joints rest [rad/s]."""
+_REST_TIMES = 0.02, 0.1
+"""Shortest and longest time that the brakes take to bring the arm to rest [s]."""
 
 
 class Body:
-    """A plant that a motion drives, the brakes stop, and then hold.
+    """A plant that a motion drives, drives or brakes stop, and the brakes hold.
 
-    Behind closed brakes the plant is not stepped: the arm stays exactly where it is,
-    and time in contact does not pass.
+    At rest behind closed brakes the plant is not stepped: the arm stays exactly where
+    it is, whatever its gravity error, and time in contact does not pass.
     """
 
-    def __init__(self, plant: "Plant", config: CabinetConfig) -> None:
+    def __init__(self, plant: "DrivenPlant", config: CabinetConfig) -> None:
         """Take the plant, which must have been reset.
 
         Args:
@@ -37,6 +40,8 @@ class Body:
         """
         self.plant = plant
         self.period = config.period
+        self._steps = max(1, round(self.period / _LAW_PERIOD))
+        self._step = self.period / self._steps
         self.law = JointLaw(
             plant.robot,
             plant.dynamics,
@@ -47,6 +52,7 @@ class Body:
         self.sensors = TorqueSensors(self.law, config.period, config.external_filter)
         self._mode = config.mode
         self._is_torque = config.mode == "torque"
+        self._path = LatePath(config.period, plant.command_delay)
         self.failure = ""
         """Why the plant cannot go on; empty while it can. `place` mends it."""
         self._push_force = np.zeros(3)
@@ -62,13 +68,18 @@ class Body:
         self.time = 0.0
         """Simulated time since the arm was placed [s]."""
         self.is_braked = True
-        """The brakes are closed: the arm does not move."""
-        self._braking = 0.0
-        self._q_cmd: Vec7 | None = None  # last position in a motion
+        """The arm rests behind closed brakes."""
+        self.category: StopCategory | None = None
+        """How the arm is being stopped; None while nothing stops it."""
+        self._ramp: Ramp | None = None
+        self._braking: float | None = None  # since the brakes closed [s]
+        self._path.clear()
         self._peak = (0.0, 0.0, 0.0)
         self._peak_square = 0.0
         self.tau = np.zeros(7)
         """Torque that the drives add to gravity [Nm]."""
+        self.overlay = np.zeros(7)
+        """The client's part of it [Nm]."""
         self.sensors.rest(self.gravity, None)
 
     def place(self, q: Vec7, hole: Pose) -> None:
@@ -102,13 +113,21 @@ class Body:
         self._push_force, self._push_left = np.array(force, dtype=float), duration
 
     def release(self) -> None:
-        """Open the brakes."""
+        """Open the brakes; the arm is at rest."""
         self.is_braked = False
-        self._q_cmd = None
+        self.category = self._ramp = self._braking = None
+        self._path.clear()
+        self.plant.open_brakes()
 
-    def stop(self) -> None:
-        """Begin to brake, if the arm is not held."""
-        self._braking = 0.0
+    def stop(self, category: StopCategory = StopCategory.RAMP) -> None:
+        """Begin to stop, if the arm is not held; a stop at once overtakes a ramp."""
+        if self.is_braked or self._braking is not None:
+            return
+        if category is StopCategory.BRAKES:
+            self._close_brakes()
+        elif self.category is not None:
+            return
+        self.category = category
 
     def drive(
         self, q_cmd: list[float], tau: list[float], wrench: list[float] | None = None
@@ -122,49 +141,96 @@ class Body:
         """
         if self.failure:
             return
+        self._ramp = None
         overlay, target = np.array(tau), np.array(q_cmd)
         if self._is_torque and not self.law.has_impedance:
-            self._step(overlay, self.period)
+            self._apply(overlay, None, self.period)
+            self._observe(overlay, overlay, *self.plant.read())
             return
-        # The cabinet's own law is faster than FRI may be.
-        steps = max(1, round(self.period / _LAW_PERIOD))
-        h = self.period / steps
-        start = target if self._q_cmd is None else self._q_cmd
-        dq_cmd = (target - start) / self.period
-        q, dq, tau_now = self.q, self.dq, overlay
-        for i in range(steps):
-            if self._mode == "position":
-                point = start + (i + 1) * h * dq_cmd
-                tau_now = self.law.servo(point, dq_cmd, q, dq)
-            else:
-                tau_now = overlay + self.law.impedance(target, q, dq)
-                if self._mode == "wrench" and wrench is not None:
-                    tau_now = tau_now + self.law.wrench(q, wrench)
-            self._apply(tau_now, h)
-            q, dq = self.plant.read()
-        self._q_cmd = target
-        self._observe(tau_now, q, dq)
+        self._path.add(target)
+        if self._mode == "position":
+            self._pass_period(overlay, self._servo)
+        elif self._mode == "wrench" and wrench is not None:
+            overlay = overlay + self.law.wrench(self.q, wrench)
+            self._pass_period(overlay, self._impedance)
+        else:
+            self._pass_period(overlay, self._impedance)
+
+    def slow_down(self) -> None:
+        """Stop the arm on its path for one period; `drive` may go on from there."""
+        if self.failure:
+            return
+        if self._ramp is None:
+            self.plant.drop_commands()
+            self._ramp = Ramp(self.q, self.dq)
+        self._pass_period(np.zeros(7), self._follow_ramp)
 
     def hold(self) -> None:
-        """Pass one period outside a motion: brake, or stay behind closed brakes."""
+        """Pass one period outside a motion: stop, or stay behind closed brakes."""
         if self.is_braked or self.failure:
             self.sensors.rest(self.gravity, self._push_torque(self.period))
             return
-        self._step(self.law.brake(self.q, self.dq), self.period)
-        self._braking += self.period
-        if np.abs(self.dq).max() < _REST_SPEED or self._braking >= _BRAKE_TIME:
+        if self._braking is None:
+            if self._ramp is None or not self._ramp.is_over:
+                self.slow_down()
+            else:
+                self._close_brakes()
+        if self._braking is not None:
+            self._pass_period(np.zeros(7), lambda time, q, dq: np.zeros(7))
+            self._braking += self.period
+            self._end_braking(self._braking)
+
+    def come_to_rest(self) -> None:
+        """Stop the arm now, however long that takes it."""
+        while not (self.is_braked or self.failure):
+            self.hold()
+
+    def _close_brakes(self) -> None:
+        self._braking = 0.0
+        self.plant.drop_commands()
+        self.plant.close_brakes(self.law.tau_max)
+
+    def _end_braking(self, time: float) -> None:
+        """Hold the arm where it is, once it rests."""
+        soonest, latest = _REST_TIMES
+        is_slow = np.abs(self.dq).max() < _REST_SPEED and time > soonest - 1e-9
+        if is_slow or time > latest - 1e-9:
             self.is_braked = True
-            self.tau = np.zeros(7)
+            self.dq, self.tau = np.zeros(7), np.zeros(7)
 
-    def _step(self, tau: Vec7, duration: float) -> None:
-        self._apply(tau, duration)
-        self._observe(tau, *self.plant.read())
+    # -- laws of the drives: torque [Nm] at the end of a step in the period ----------
 
-    def _apply(self, tau: Vec7, duration: float) -> None:
+    def _servo(self, time: float, q: Vec7, dq: Vec7) -> Vec7:
+        return self.law.servo(*self._path.passed(time), q, dq)
+
+    def _impedance(self, time: float, q: Vec7, dq: Vec7) -> Vec7:
+        return self.law.impedance(self._path.held(time), q, dq)
+
+    def _follow_ramp(self, time: float, q: Vec7, dq: Vec7) -> Vec7:
+        assert self._ramp is not None
+        q_cmd, dq_cmd, ddq_cmd = self._ramp.advance(self._step)
+        return self.law.servo(q_cmd, dq_cmd, q, dq, ddq_cmd)
+
+    def _pass_period(
+        self, overlay: Vec7, law: Callable[[float, Vec7, Vec7], Vec7]
+    ) -> None:
+        """Let a law of the drives act for a period, in steps of its own."""
+        q, dq, drive = self.q, self.dq, np.zeros(7)
+        for i in range(self._steps):
+            drive = law((i + 1) * self._step, q, dq)
+            self._apply(overlay, drive, self._step)
+            if self.failure:
+                return
+            q, dq = self.plant.read()
+        self._observe(overlay + drive, overlay, q, dq)
+
+    def _apply(self, overlay: Vec7, drive: Vec7 | None, duration: float) -> None:
         push = self._push_torque(duration)
         self._slide_hole(duration)
+        if push is not None:
+            drive = push if drive is None else drive + push
         try:
-            self.plant.apply(tau if push is None else tau + push, duration)
+            self.plant.apply(overlay, duration, drive)
         except PlantError as error:
             self.failure = f"{error}; place the arm again"
             return
@@ -184,12 +250,12 @@ class Body:
             return
         self._hole = self._hole._replace(position=position)
 
-    def _observe(self, tau: Vec7, q: Vec7, dq: Vec7) -> None:
+    def _observe(self, tau: Vec7, overlay: Vec7, q: Vec7, dq: Vec7) -> None:
         self.time += self.period
         self.gravity = self.law.gravity(q)
         ddq = (dq - self.dq) / self.period
         self.sensors.move(tau, self.gravity, q, dq, ddq)
-        self.q, self.dq, self.tau = q, dq, tau
+        self.q, self.dq, self.tau, self.overlay = q, dq, tau, overlay
 
     def _push_torque(self, duration: float) -> Vec7 | None:
         if self._push_left <= 1e-9:

@@ -26,7 +26,7 @@ from dovetail.cabinet.wrong_values import with_joint_values
 from dovetail.errors import ConfigError
 
 if TYPE_CHECKING:
-    from dovetail.plants.plant import Plant
+    from dovetail.plants.plant import DrivenPlant
 
 _GOODBYES = 5
 """IDLE messages at the end of a session; KUKA's clients leave at the first."""
@@ -46,7 +46,7 @@ class Cabinet:
 
     def __init__(
         self,
-        plant: "Plant",
+        plant: "DrivenPlant",
         config: CabinetConfig | None = None,
         *,
         faults: FaultConfig | None = None,
@@ -209,6 +209,7 @@ class Cabinet:
     def _wait_for_session(self) -> None:
         """Say that the session is over, then be silent until there is one."""
         if self.controller.state is not SessionState.IDLE:
+            self.controller.body.come_to_rest()
             self._say_goodbye()
         self.serve_for(0.1)
 

@@ -153,11 +153,20 @@ class CommandPolicy:
 
     def _miss(self) -> str:
         self.missed += 1
-        if self.missed >= self._config.stop_slots:
+        if self.missed >= self._config.stop_misses:
             return f"{self.missed} commands missed in a row"
-        if self.missed > self._config.hold_slots:
+        if self.missed > self._config.held_misses:
             self._drop()
         return ""
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether the drives stop the arm on its path, for want of commands.
+
+        In position mode the last position stops it already.
+        """
+        is_late = self.missed > self._config.held_misses
+        return is_late and self.mode is not CommandMode.POSITION
 
     def check_joints(self, q: Sequence[float], dq: Sequence[float]) -> str:
         """Return why the measured state [rad, rad/s] must stop the motion, or ""."""

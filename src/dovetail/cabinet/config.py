@@ -31,6 +31,8 @@ _LEAST = {
     "hold_slots": 0,
     "stop_slots": 1,
 }
+_HOLD, _STOP = (3, 0.005), (10, 0.05)
+"""Missed commands, and the time in which as many [s]: the sooner counts."""
 
 
 class Endpoint(NamedTuple):
@@ -105,10 +107,11 @@ class CabinetConfig:
     restart_delay: float | None = 0.5
     """Time after a motion that ended with an error until the next [s]; None waits for
     the control port's resume."""
-    hold_slots: int = 3
-    """Missed commands for which the last one is held."""
-    stop_slots: int = 10
-    """Missed commands in a row that stop the motion; between, the torque is zero."""
+    hold_slots: int | None = None
+    """Missed commands for which the last one is held; None is 3, but 5 ms at most."""
+    stop_slots: int | None = None
+    """Missed commands in a row that end the motion; None is 10, but 50 ms at most.
+    Between, the drives stop the arm on its path."""
     axis_delta_max: float = math.radians(10.0)
     """Distance of commanded from measured position that stops the motion [rad]."""
     command_speed_factor: float = 3.0
@@ -141,7 +144,9 @@ class CabinetConfig:
         period_ms = 1e3 * self.period
         if not (0.999 < period_ms < 100.001 and abs(period_ms % 1.0 - 0.5) > 0.499):
             raise ConfigError(
-                f"send period is {period_ms:g} ms; allowed are whole ms, 1 to 100"
+                f"send period is {period_ms:g} ms; allowed are whole ms, 1 to 100, as "
+                "on the wire (dovetail's controller takes 1, 2 and 5 ms, and 2.5 ms "
+                "only on arms in its own process)"
             )
         object.__setattr__(self, "period", 1e-3 * round(period_ms))
         for name, known in _WORDS.items():
@@ -151,12 +156,13 @@ class CabinetConfig:
                     f"{', '.join(known)}"
                 )
         for name, low in _LEAST.items():
-            if getattr(self, name) < low:
-                raise ConfigError(f"{name} is {getattr(self, name)}; give >= {low}")
-        if self.stop_slots < self.hold_slots:
+            value = getattr(self, name)
+            if value is not None and value < low:
+                raise ConfigError(f"{name} is {value}; give >= {low}")
+        if self.stop_misses < self.held_misses:
             raise ConfigError(
-                f"stop_slots is {self.stop_slots}, less than hold_slots "
-                f"{self.hold_slots}: the motion would stop while a command is held"
+                f"stop_slots is {self.stop_misses}, less than hold_slots "
+                f"{self.held_misses}: the motion would stop while a command is held"
             )
         for name, (low, high, unit) in _RANGES.items():
             _require_range(name, getattr(self, name), low, high, unit)
@@ -174,6 +180,22 @@ class CabinetConfig:
         for joint, value in zip(JOINTS, values, strict=True):
             _require_range(f"{name}[{joint}]", value, 0.0, high, unit)
         object.__setattr__(self, name, values)
+
+    @property
+    def held_misses(self) -> int:
+        """Missed commands for which the last one is held."""
+        return self._misses(*_HOLD) if self.hold_slots is None else self.hold_slots
+
+    @property
+    def stop_misses(self) -> int:
+        """Missed commands in a row that end the motion."""
+        if self.stop_slots is not None:
+            return self.stop_slots
+        return max(self._misses(*_STOP), self.held_misses + 1)
+
+    def _misses(self, most: int, duration: float) -> int:
+        slot = self.period * self.receive_multiplier
+        return max(1, min(most, math.floor(duration / slot + 1e-9)))
 
     @property
     def period_ms(self) -> int:

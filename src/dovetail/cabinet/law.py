@@ -1,4 +1,4 @@
-r"""Torques of the arm: the impedance law, the brakes, and what the sensors would say.
+r"""Torques of the arm: impedance, position servo, and what the sensors would say.
 
 .. math::
     \tau = K (q_{cmd} - q) - D \dot q + \tau_{FRI} + g(q) + C(q, \dot q) \dot q
@@ -19,12 +19,9 @@ if TYPE_CHECKING:
     from dovetail.plants.plant import DynamicsConfig
     from dovetail.robot import Robot
 
-_BRAKE_RATE = 40.0
-"""Decay of the speed under the brakes [1/s]."""
 _SERVO_RATE = 100.0
 """Natural frequency of the position servo [rad/s]; critically damped."""
-_BRAKE_SHARE = 0.5
-"""Share of the torque limit that braking uses [1]."""
+_ZERO = np.zeros(7)
 
 
 class JointLaw:
@@ -56,7 +53,8 @@ class JointLaw:
         self._K = np.array(stiffness)
         self._d = np.array(damping)
         self._coriolis = coriolis
-        self._brake_max = _BRAKE_SHARE * robot.tau_max
+        self.tau_max = robot.tau_max
+        """Torque limit of each joint, and what its brake holds [Nm]."""
         self.has_impedance = bool(self._K.any())
 
     def impedance(self, q_cmd: Vec7, q: Vec7, dq: Vec7) -> Vec7:
@@ -66,12 +64,24 @@ class JointLaw:
         tau = self._K * (q_cmd - q) - D * dq
         return tau + self.chain.coriolis(q, dq) if self._coriolis else tau
 
-    def servo(self, q_cmd: Vec7, dq_cmd: Vec7, q: Vec7, dq: Vec7) -> Vec7:
-        """Return the torque [Nm] that follows a moving position [rad, rad/s]."""
+    def servo(
+        self, q_cmd: Vec7, dq_cmd: Vec7, q: Vec7, dq: Vec7, ddq_cmd: Vec7 = _ZERO
+    ) -> Vec7:
+        """Return the torque [Nm] that follows a moving position.
+
+        Args:
+            q_cmd: Position to be at [rad].
+            dq_cmd: Its velocity [rad/s].
+            q: Configuration [rad].
+            dq: Velocity [rad/s].
+            ddq_cmd: Acceleration of the position [rad/s2].
+        """
         M = self.chain.inertia_matrix(q) + np.diag(self.armature)
         rate = _SERVO_RATE
-        ddq = rate * rate * (q_cmd - q) + 2.0 * rate * (dq_cmd - dq)
-        return M @ ddq + self.chain.coriolis(q, dq) + self.friction * dq_cmd
+        ddq = ddq_cmd + rate * rate * (q_cmd - q) + 2.0 * rate * (dq_cmd - dq)
+        tau = M @ ddq + self.chain.coriolis(q, dq) + self.friction * dq_cmd
+        room = self.tau_max - np.abs(self.chain.gravity(q))
+        return np.clip(tau, -room, room)
 
     def wrench(self, q: Vec7, wrench: list[float]) -> Vec7:
         """Return the joint torque [Nm] of a client's wrench at the TCP [N, Nm].
@@ -83,12 +93,6 @@ class JointLaw:
         return self.chain.jacobian(q).T @ np.array(
             [fx, fy, fz, about_c, about_b, about_a]
         )
-
-    def brake(self, q: Vec7, dq: Vec7) -> Vec7:
-        """Return the torque [Nm] that makes the speed dq [rad/s] decay."""
-        M = self.chain.inertia_matrix(q) + np.diag(self.armature)
-        tau = -_BRAKE_RATE * (M @ dq)
-        return np.clip(tau, -self._brake_max, self._brake_max)
 
     def gravity(self, q: Vec7) -> Vec7:
         """Return the compensated gravity torque at q [Nm]."""

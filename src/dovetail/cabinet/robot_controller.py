@@ -22,15 +22,21 @@ from dovetail.cabinet.protocol import (
 from dovetail.cabinet.quality import LinkQuality
 from dovetail.cabinet.session import Application, Situation, next_state
 from dovetail.cabinet.signals import SignalTable
+from dovetail.cabinet.stops import StopCategory
 from dovetail.poses import Pose
 from dovetail.types import Vec3, Vec7
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dovetail.plants.plant import Plant
+    from dovetail.plants.plant import DrivenPlant
 
 _COMMANDING = (SessionState.COMMANDING_WAIT, SessionState.COMMANDING_ACTIVE)
+_CATEGORIES = {
+    SafetyState.STOP_0: StopCategory.BRAKES,
+    SafetyState.STOP_1: StopCategory.RAMP,
+    SafetyState.STOP_2: StopCategory.HOLD,
+}
 _WRAP = 1 << 32
 """Counters on the wire are unsigned, 32 bit."""
 
@@ -40,7 +46,7 @@ class RobotController:
 
     def __init__(
         self,
-        plant: "Plant",
+        plant: "DrivenPlant",
         config: CabinetConfig,
         report: "Callable[..., None] | None" = None,
     ) -> None:
@@ -192,14 +198,20 @@ class RobotController:
             reason = self._judge()
         if self.state is SessionState.COMMANDING_ACTIVE and not reason:
             policy = self.policy
-            self.body.drive(policy.q, policy.tau, policy.wrench)
+            if policy.is_silent:
+                self.body.slow_down()
+            else:
+                self.body.drive(policy.q, policy.tau, policy.wrench)
             reason = self.body.failure or policy.check_joints(
                 self.body.q.tolist(), self.body.dq.tolist()
             )
+            if reason:  # the arm is where no ramp may lead it on
+                self.stop_motion(reason, StopCategory.BRAKES)
+        elif reason:
+            self.stop_motion(reason)
+            self.body.hold()
         else:
             self.body.hold()
-        if reason:
-            self.stop_motion(reason)
 
     def _judge(self) -> str:
         """Count the reply of this slot, and return why it stops the motion."""
@@ -217,11 +229,15 @@ class RobotController:
             return self.policy.act(command, q, gravity)
         return ""
 
-    def stop_motion(self, reason: str) -> None:
+    def stop_motion(
+        self, reason: str, category: StopCategory = StopCategory.RAMP
+    ) -> None:
         """End the motion with an error."""
+        self.body.stop(category)
         if self.application.has_motion:
             self.counts["stops"] += 1
-            self._report("stop", reason=reason, time=self.body.time)
+            time = self.body.time
+            self._report("stop", reason=reason, category=int(category), time=time)
         self.application.end_motion(reason, is_error=True)
 
     # -- requests ----------------------------------------------------------------
@@ -264,7 +280,8 @@ class RobotController:
         self.safety = level
         self._safety_left = max(1, round(duration / self.config.period))
         self._report("safety", state=level.name)
-        self.stop_motion(f"safety stop, {level.name.lower().replace('_', ' ')}")
+        name = level.name.lower().replace("_", " ")
+        self.stop_motion(f"safety stop, {name}", _CATEGORIES[level])
 
     def push(self, force: Vec3, duration: float) -> None:
         """Push the TCP with a force [N], world axes, for a duration [s]."""
@@ -317,6 +334,7 @@ class RobotController:
             "safety": self.safety.name,
             "drives": self.drive_state.name,
             "braked": self.body.is_braked,
+            "category": self.body.category,
             "sequence": self.sequence,
             "session": application.sessions,
             "motion": application.motions,

@@ -82,9 +82,8 @@ class Wire:
         sensors = body.sensors
         message.tau_measured = config.measured_sign * sensors.joint
         message.tau_external = config.external_sign * sensors.external
-        tau = body.tau if config.commanded_torque == "overlay" else None
-        if tau is None:
-            tau = body.tau + body.gravity
+        is_overlay = config.commanded_torque == "overlay"
+        tau = body.overlay if is_overlay else body.tau + body.gravity
         message.tau_commanded = config.commanded_sign * tau
         if self._has_q_commanded:
             message.q_commanded = controller.q_commanded

@@ -16,15 +16,16 @@ from rich.text import Text
 from dovetail.cabinet.cabinet import Cabinet as Server
 from dovetail.cabinet.config import CabinetConfig, parse_endpoint
 from dovetail.cabinet.faults import parse_faults, read_script
+from dovetail.cabinet.proven import find_unproven
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
-from dovetail.control.period import DEFAULT_PERIOD, FRI_PERIODS
+from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.durations import parse_duration
 from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.errors import ConfigError, PlantError
-from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
+from dovetail.plants.plant import DrivenPlant, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.scene import PegShape, SceneConfig
@@ -74,6 +75,10 @@ class Cabinet:
     """Distance from the interpolator that COMMANDING_WAIT accepts [rad]."""
     good_from: float = 0.80
     """Share of the last 100 answers in time that commanding needs."""
+    hold_slots: int | None = None
+    """Missing commands for which the last one is held; by default 3, at most 5 ms."""
+    stop_slots: int | None = None
+    """Missing commands in a row that end the motion; by default 10, at most 50 ms."""
     restart_delay: str = "500ms"
     """Time after a motion that ended with an error until the next, or never."""
     peg: PegShape = "square"
@@ -102,6 +107,8 @@ class Cabinet:
         if self.realtime:
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
+        for text in find_unproven(config, faults, plant.command_delay):
+            console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         server = None
         try:
             server = Server(plant, config, faults=faults, script=script, log=self.log)
@@ -148,6 +155,8 @@ class Cabinet:
                 excellent_from=max(self.good_from, QualityRule.excellent_from),
             ),
             mirror_tolerance=self.mirror_tolerance,
+            hold_slots=self.hold_slots,
+            stop_slots=self.stop_slots,
             restart_delay=(
                 None if never else parse_duration(self.restart_delay, "--restart-delay")
             ),
@@ -155,7 +164,7 @@ class Cabinet:
             transformations=self.transformation,
         )
 
-    def _build_plant(self) -> Plant:
+    def _build_plant(self) -> DrivenPlant:
         """Return the arm, at rest over the hole."""
         if self.twin is not None and self.plant is not None:
             raise ConfigError(
@@ -166,7 +175,7 @@ class Cabinet:
             plant = make_plant(self.plant, scene, DynamicsConfig())
         else:
             twin = load_twin(self.twin or "medium")
-            plant = cast("Plant", TwinPlant(twin, scene))
+            plant = cast("DrivenPlant", TwinPlant(twin, scene))
         above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
         start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
         plant.reset(start, _HOLE)
@@ -202,14 +211,6 @@ def _prepare_process() -> None:
 
 def _announce(server: Server, console: Console) -> None:
     config = server.config
-    answers = config.period_ms * config.receive_multiplier
-    if answers not in [round(1e3 * period) for period in FRI_PERIODS]:
-        console.print(
-            f"cabinet: wants a command every {answers} ms, which other clients can "
-            "give; dovetail's arms take 1, 2 and 5 ms",
-            soft_wrap=True,
-            highlight=False,
-        )
     console.print(
         f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
         f"UDP {server.address} to client {config.client}; control "

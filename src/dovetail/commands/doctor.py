@@ -5,8 +5,17 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from dovetail.arms.address import FriAddress, parse_address
+from dovetail.arms.address import (
+    FriAddress,
+    PlantAddress,
+    TwinAddress,
+    parse_address,
+)
+from dovetail.control.period import DEFAULT_PERIOD, require_period
+from dovetail.control.period_option import Period
+from dovetail.control.proven import DECLARED, unproven
 from dovetail.doctor import Check, run_checks
+from dovetail.durations import parse_time
 from dovetail.errors import ConfigError
 
 _COLOURS = {"ok": "green", "missing": "yellow", "broken": "red"}
@@ -17,9 +26,17 @@ class Doctor:
     """Check this installation, or with --arm a robot at its first power-on."""
 
     arm: str | None = None
-    """Arm to check in place of the installation: fri://HOST:PORT?KEY=VALUE&..."""
+    """Arm to check in place of the installation: fri://HOST:PORT?KEY=VALUE&..., or a
+    simulated one, as mujoco or twin:medium."""
     yes: bool = False
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
+    delay: str = "10ms"
+    """Largest delay of the loop that is declared for this arm, with its unit."""
+    payload_error: float = DECLARED["payload_error"]
+    """Largest mass that its load data are declared to miss [kg]."""
+    period: Period = DEFAULT_PERIOD
+    """Control period of a simulated arm: 1ms, 2ms, 2.5ms or 5ms; fri:// has its own
+    key."""
 
     def run(self, console: Console) -> int:
         """Print every check; return 1 if something essential is broken."""
@@ -40,14 +57,32 @@ class Doctor:
 
     def _check_arm(self, text: str) -> Iterator[Check]:
         from dovetail.arm_checks import run_arm_checks
+        from dovetail.local_arm_checks import run_local_checks
 
         address = parse_address(text)
+        declared = self._declared()
+        if isinstance(address, (PlantAddress, TwinAddress)):
+            return run_local_checks(
+                address, require_period(self.period, "--period"), declared
+            )
         if not isinstance(address, FriAddress):
             raise ConfigError(
-                f"the doctor checks arms behind FRI, not {text!r}; give "
-                "fri://HOST:PORT?KEY=VALUE&..."
+                f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "
+                "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
-        return run_arm_checks(address, None if self.yes else _ask)
+        return run_arm_checks(address, None if self.yes else _ask, declared)
+
+    def _declared(self) -> dict[str, float]:
+        declared = DECLARED | {
+            "delay": parse_time(self.delay, "--delay"),
+            "payload_error": self.payload_error,
+        }
+        problems = unproven(
+            delay=declared["delay"], payload_error=declared["payload_error"]
+        )
+        if problems:
+            raise ConfigError(f"declared: {'; '.join(problems)}")
+        return declared
 
 
 def _ask(question: str) -> bool:

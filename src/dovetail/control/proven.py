@@ -7,8 +7,8 @@ everything inside this table at once.
 from dovetail.control.period import PERIODS
 
 DECLARED: dict[str, float] = {"delay": 0.010, "mass_error": 0.20, "payload_error": 1.0}
-"""Largest delay [s], error of a link's mass [1] and of the payload [kg] for which the
-margins of `LimitConfig.for_period` were made: what it declares unless told otherwise."""
+"""Largest delay [s], error of a link's mass [1] and of the payload [kg] for which
+`LimitConfig.for_period` has margins: what it declares unless told otherwise."""
 
 _WORDS = {
     "delay": ("the loop's delay", 1e3, "ms"),

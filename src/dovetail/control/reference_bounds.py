@@ -59,5 +59,5 @@ def under_push(
     """Return what may be asked for below a limit: against a push only braking."""
     if push <= 0.0 or not lim.passive:
         return limit - push
-    braking = -lim.brake_rate * max(v, 0.0) - held * push
+    braking = -lim.brake_rate * max(v, 0.0) - held * (push + max(-limit, 0.0))
     return min(limit, max(limit - push, braking))

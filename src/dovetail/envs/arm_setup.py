@@ -1,9 +1,12 @@
 """Build the arm of an environment: in this process, or behind an address."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
+
+import numpy as np
 
 from dovetail.arms.address import (
     FRI_NAME,
@@ -38,7 +41,7 @@ WALLS_MIN = (0.38, -0.22, 0.03)
 WALLS_MAX = (0.82, 0.22, 0.30)
 """Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
-"""Speed limit of the TCP per axis [m/s]."""
+"""Speed limit of the TCP per axis [m/s]; all axes together keep it on a robot."""
 
 
 def build_arm(
@@ -223,6 +226,8 @@ def build_fri_arm(
     from dovetail.arms.fri_arm import FriArm
     from dovetail.arms.watchdog import WatchdogConfig
 
+    if address.control is None:  # a robot: T1's limit is one of the velocity's norm
+        limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
     return FriArm(
         scene.robot(),
         osc,
@@ -234,6 +239,7 @@ def build_fri_arm(
         clock=address.clock,
         control=address.control,
         reset=address.reset,
+        approach=address.approach,
         timeout=address.timeout,
         watchdog=watchdog or WatchdogConfig(target_timeout=address.watchdog),
         realtime=address.realtime,

@@ -48,7 +48,8 @@ class CommandMap:
     * pose axis X Y Z: goal + range x action [m];
     * pose axis A B C: goal's rotation turned by range x action about world z, y, x
       [rad], so that 0 means aligned with the goal;
-    * every axis but free ones: the tare on top.
+    * every axis but free ones: the tare on top;
+    * a force axis X Y Z at exactly 0: held where it is, as nothing is asked of it.
     """
 
     def __init__(
@@ -164,8 +165,11 @@ class CommandMap:
             goal_quat: Tool rotation when done, wxyz.
         """
         values = action.tolist()
+        stay = 0
         for i, index in self._force:
             self._f_star[index] = self.scale[i] * values[i] + self.tare[index]
+            if values[i] == 0.0 and index < 3:  # no policy says exactly nothing
+                stay |= 1 << index
         self._position[:] = goal_position
         quat = tuple(goal_quat.tolist())
         for i, index in self._pose:
@@ -176,6 +180,8 @@ class CommandMap:
                 quat = _turn(quat, index - 3, value)
         self._quat[:] = quat
         target.f_star = self._f_star
+        target.f_tare = self.tare
+        target.stay = stay
         target.position_d = self._position
         target.quat_wxyz_d = self._quat
 

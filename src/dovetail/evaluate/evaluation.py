@@ -31,6 +31,7 @@ from dovetail.arms.address import (
     parse_address,
     period_of,
     places_hole,
+    with_approach,
 )
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
@@ -70,6 +71,8 @@ class EvaluationConfig:
     """Twin to try on: the name of a shipped one, or a .toml file."""
     arm: str | None = None
     """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    approach: bool = False
+    """Let an arm behind fri:// go to its first start from afar, slowly."""
     hole: tuple[float, float, float, float] | None = None
     """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
     three poses, which an arm must be able to put the hole at."""
@@ -169,7 +172,7 @@ def environment_options(
     trained = options.get("period", DEFAULT_PERIOD)
     options["period"] = period_of(arm, config.period, trained)
     if arm is not None:
-        _require_usable(config, arm)
+        options["arm"] = _usable(config, arm)
     options["tare"] = config.tare and options.get("tare", True)
     is_searching = config.perturbation().search != "none"
     if config.max_steps is not None:
@@ -179,8 +182,8 @@ def environment_options(
     return options
 
 
-def _require_usable(config: EvaluationConfig, arm: ArmAddress) -> None:
-    """Refuse what an arm outside this process cannot do."""
+def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
+    """Return the address, or refuse what an arm outside this process cannot do."""
     config.perturbation().require_possible(arm)
     if not is_simulated_here(arm) and config.workers > 1:
         raise ConfigError(
@@ -188,6 +191,7 @@ def _require_usable(config: EvaluationConfig, arm: ArmAddress) -> None:
             "needs 1"
         )
     _require_hole(config, can_place=places_hole(arm))
+    return with_approach(str(config.arm)) if config.approach else str(config.arm)
 
 
 def _require_hole(config: EvaluationConfig, *, can_place: bool) -> None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.arms.address import with_approach
 from dovetail.envs.hole_pose import HolePose
 from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
@@ -72,7 +73,7 @@ def make_vec_env(config: TrainConfig) -> Any:
     options = config.env_options()
     options["reward"] = RewardConfig(force_weight=config.force_weight)
     if config.arm is not None:
-        options["arm"] = config.arm
+        options["arm"] = with_approach(config.arm) if config.approach else config.arm
     if not (config.model or config.randomise_dynamics or config.arm):
         options["tare"] = False  # the nominal model compensates all of its weight
     if config.model_file is not None:

@@ -74,6 +74,9 @@ class TrainConfig:
     arm: str | None = None
     """Train on this one arm in place of a plant: mujoco, bullet, twin:NAME,
     fri://HOST:PORT or grpc://HOST:PORT."""
+    approach: bool = False
+    """Let an arm behind fri:// move to the first start from farther than 0.15 m or
+    0.5 rad: slowly, up, across and down."""
     fixed_goal: bool = False
     """Keep the hole where `hole` says; needed where the arm cannot move it."""
     hole: tuple[float, float, float, float] = _CENTRE

@@ -175,6 +175,7 @@ class BulletPlant:
                 self._body, joint, float(q[joint]), physicsClientId=client
             )
         self._channel.reset()
+        self._coulomb = np.array(self.dynamics.coulomb)
         self._time = 0.0
         self._force = self._peak = np.zeros(3)
         self._contact_torque = np.zeros(7)
@@ -208,8 +209,35 @@ class BulletPlant:
         """Return the measured configuration [rad] and velocity [rad/s]."""
         return self._q, self._dq
 
-    def apply(self, tau: Vec7, dt: float) -> None:
+    @property
+    def command_delay(self) -> float:
+        """How late an overlay torque acts [s]."""
+        return self._channel.delay
+
+    def drop_commands(self) -> None:
+        """Forget overlay torques that are still on their way."""
+        self._channel.reset()
+
+    def close_brakes(self, torque: Vec7) -> None:
+        """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
+        self._coulomb = np.add(self.dynamics.coulomb, torque)
+
+    def open_brakes(self) -> None:
+        """Take the brakes' friction away, the arm at rest."""
+        self._coulomb = np.array(self.dynamics.coulomb)
+        q, _ = self._state()
+        for joint in _JOINTS:
+            self._bullet.resetJointState(
+                self._body, joint, float(q[joint]), physicsClientId=self._client
+            )
+
+    def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:
         """Hold the overlay torque tau [Nm] for dt [s]; gravity is compensated inside.
+
+        Args:
+            tau: Overlay torque [Nm], which passes a twin's channel.
+            dt: Time [s].
+            drive: Torque of the arm's own drives [Nm], which does not.
 
         Raises:
             PlantError: The simulation diverged, or `reset` was not called.
@@ -224,6 +252,8 @@ class BulletPlant:
         self._peak = np.zeros(3)
         for _ in range(steps):
             motor = self._channel.receive(sent, h)
+            if drive is not None:
+                motor = motor + drive
             forces = self._bullet_torque(motor, h)
             p.setJointMotorControlArray(
                 self._body, _JOINTS, p.TORQUE_CONTROL, forces=forces.tolist(),

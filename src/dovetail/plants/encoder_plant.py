@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from dovetail.control.observer import observer_gain
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.plant import DynamicsConfig, Plant
 from dovetail.poses import Pose
@@ -33,19 +34,20 @@ class EncoderPlant:
     `EncoderPlant` moves as a `FriArm` on a cabinet over the same plant.
     """
 
-    def __init__(self, plant: Plant, period: float, gain: float = 1.0) -> None:
+    def __init__(self, plant: Plant, period: float, gain: float | None = None) -> None:
         """Wrap a plant.
 
         Args:
             plant: The plant; closed with this one.
             period: Control period [s]; the only one that `apply` then takes.
-            gain: Gain of the observer, above 0 and at most 1.
+            gain: Gain of the observer, above 0 and at most 1; None is as behind FRI.
         """
         from dovetail import _core
 
         self.plant = plant
         self.scene = plant.scene
         self.robot = plant.robot
+        gain = observer_gain(period) if gain is None else gain
         self._observer = _core.VelocityObserver(period, gain)
         self._q = np.zeros(7)
         self._a = np.zeros(7)

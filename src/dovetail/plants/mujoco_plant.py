@@ -22,6 +22,11 @@ if TYPE_CHECKING:
     from dovetail import _core
 
 
+_HARD = (0.001, 1.0), (0.999, 0.9999, 0.001, 0.5, 2.0)
+"""solref and solimp of closed brakes: as stiff as the physics step allows, which
+MuJoCo sees to, where its usual friction creeps at some 1e-3 rad/s per Nm."""
+
+
 def _library_path(mujoco: Any) -> str:
     """Find the libmujoco that the Python package has loaded."""
     folder = Path(mujoco.__file__).parent
@@ -69,6 +74,7 @@ class MujocoPlant:
         self._library = _library_path(engine)
         self._channel = _core.Channel()
         self._is_ready = False
+        self._soft = self.model.dof_solref.copy(), self.model.dof_solimp.copy()
         self._is_compensated: bool | None = None  # None: there is no loop yet
         self.configure(DynamicsConfig() if dynamics is None else dynamics)
 
@@ -98,7 +104,7 @@ class MujocoPlant:
             model.body_inertia[body] = moments * scale
             model.body_iquat[body] = quat_from_matrix(axes)
         model.dof_damping[:] = dynamics.damping
-        model.dof_frictionloss[:] = dynamics.coulomb
+        self._set_friction(dynamics.coulomb, self._soft)
         model.dof_armature[:] = dynamics.armature
         model.geom_friction[:, 0] = dynamics.contact_friction
         model.geom_solref[:, 0] = dynamics.contact_time
@@ -144,6 +150,7 @@ class MujocoPlant:
         q = require_configuration(q)
         self.scene.require_reachable(self.robot, hole)
         data = self.data
+        self.open_brakes()
         self._mujoco.mj_resetData(self.model, data)
         data.qpos[:] = q
         data.mocap_pos[0] = hole.position
@@ -169,15 +176,46 @@ class MujocoPlant:
         """Return the measured configuration [rad] and velocity [rad/s]."""
         return self._loop.read()
 
-    def apply(self, tau: Vec7, dt: float) -> None:
+    @property
+    def command_delay(self) -> float:
+        """How late an overlay torque acts [s]."""
+        return self._channel.delay
+
+    def drop_commands(self) -> None:
+        """Forget overlay torques that are still on their way."""
+        self._loop.drop_commands()
+
+    def close_brakes(self, torque: Vec7) -> None:
+        """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
+        self._set_friction(np.add(self.dynamics.coulomb, torque), _HARD)
+
+    def open_brakes(self) -> None:
+        """Take the brakes' friction away, the arm at rest."""
+        self._set_friction(self.dynamics.coulomb, self._soft)
+        self.data.qvel[:] = 0.0
+
+    def _set_friction(self, torque: Any, softness: Any) -> None:
+        """Set dry friction [Nm] and the softness of its constraints."""
+        self.model.dof_frictionloss[:] = torque
+        self.model.dof_solref[:], self.model.dof_solimp[:] = softness
+
+    def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:
         """Hold the overlay torque tau [Nm] for dt [s]; gravity is compensated inside.
+
+        Args:
+            tau: Overlay torque [Nm], which passes a twin's channel.
+            dt: Time [s].
+            drive: Torque of the arm's own drives [Nm], which does not.
 
         Raises:
             PlantError: The simulation diverged, or `reset` was not called.
         """
         steps = self._prepare(dt)
         try:
-            self._loop.apply(np.asarray(tau, dtype=float), steps)
+            if drive is None:
+                self._loop.apply(np.asarray(tau, dtype=float), steps)
+            else:
+                self._loop.apply(np.asarray(tau, dtype=float), steps, drive)
         except RuntimeError as error:
             raise PlantError(str(error)) from error
 

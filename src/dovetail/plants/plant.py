@@ -203,7 +203,43 @@ class Plant(Protocol):
         ...
 
 
-def make_plant(name: str, scene: "SceneConfig", dynamics: DynamicsConfig) -> Plant:
+class DrivenPlant(Plant, Protocol):
+    """A plant with what a cabinet has at the joints: drives of its own, and brakes."""
+
+    @property
+    def command_delay(self) -> float:
+        """How late a twin's commands act [s]; 0 for an ideal plant."""
+        ...
+
+    def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:
+        """Hold torques for dt [s]; gravity is compensated inside.
+
+        Args:
+            tau: Overlay torque [Nm], late and noisy on a twin: it comes over a wire.
+            dt: Time [s].
+            drive: Torque of the arm's own drives [Nm], which acts at once.
+
+        Raises:
+            PlantError: The simulation diverged.
+        """
+        ...
+
+    def drop_commands(self) -> None:
+        """Forget overlay torques that are still on their way."""
+        ...
+
+    def close_brakes(self, torque: Vec7) -> None:
+        """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
+        ...
+
+    def open_brakes(self) -> None:
+        """Take the brakes' friction away, the arm at rest."""
+        ...
+
+
+def make_plant(
+    name: str, scene: "SceneConfig", dynamics: DynamicsConfig
+) -> DrivenPlant:
     """Build a plant by its engine's name.
 
     Args:

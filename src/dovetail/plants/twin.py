@@ -14,8 +14,8 @@ from dovetail.errors import ConfigError
 from dovetail.plants.plant import (
     DYNAMICS_RANGES,
     PLANTS,
+    DrivenPlant,
     DynamicsConfig,
-    Plant,
     make_plant,
 )
 from dovetail.poses import Pose
@@ -225,7 +225,7 @@ class TwinPlant:
             )
         self.config = config
         self.scene = replace(scene, clearance=clearance)
-        self.plant: Plant = make_plant(
+        self.plant: DrivenPlant = make_plant(
             engine or config.engine, self.scene, config.dynamics()
         )
         self.robot = self.plant.robot
@@ -276,9 +276,32 @@ class TwinPlant:
         """Return the measured configuration [rad] and velocity [rad/s], with noise."""
         return self.plant.read()
 
-    def apply(self, tau: Vec7, dt: float) -> None:
-        """Hold the overlay torque [Nm] for dt [s], late and noisy as configured."""
-        self.plant.apply(tau, dt)
+    @property
+    def command_delay(self) -> float:
+        """How late an overlay torque acts [s]."""
+        return self.plant.command_delay
+
+    def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:
+        """Hold the overlay torque [Nm] for dt [s], late and noisy as configured.
+
+        Args:
+            tau: Overlay torque [Nm].
+            dt: Time [s].
+            drive: Torque of the arm's own drives [Nm], which acts at once.
+        """
+        self.plant.apply(tau, dt, drive)
+
+    def drop_commands(self) -> None:
+        """Forget overlay torques that are still on their way."""
+        self.plant.drop_commands()
+
+    def close_brakes(self, torque: Vec7) -> None:
+        """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
+        self.plant.close_brakes(torque)
+
+    def open_brakes(self) -> None:
+        """Take the brakes' friction away, the arm at rest."""
+        self.plant.open_brakes()
 
     def run_cycles(
         self,

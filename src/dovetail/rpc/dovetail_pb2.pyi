@@ -177,7 +177,7 @@ class ResetRequest(_message.Message):
     def __init__(self, lease: _Optional[str] = ..., q: _Optional[_Iterable[float]] = ..., hole: _Optional[_Union[Pose, _Mapping]] = ..., seed: _Optional[int] = ...) -> None: ...
 
 class Target(_message.Message):
-    __slots__ = ("f_star", "position_d", "quat_wxyz_d", "q_d", "near_plane", "velocity_d", "acceleration_d", "age")
+    __slots__ = ("f_star", "position_d", "quat_wxyz_d", "q_d", "near_plane", "velocity_d", "acceleration_d", "age", "stay", "f_tare")
     F_STAR_FIELD_NUMBER: _ClassVar[int]
     POSITION_D_FIELD_NUMBER: _ClassVar[int]
     QUAT_WXYZ_D_FIELD_NUMBER: _ClassVar[int]
@@ -186,6 +186,8 @@ class Target(_message.Message):
     VELOCITY_D_FIELD_NUMBER: _ClassVar[int]
     ACCELERATION_D_FIELD_NUMBER: _ClassVar[int]
     AGE_FIELD_NUMBER: _ClassVar[int]
+    STAY_FIELD_NUMBER: _ClassVar[int]
+    F_TARE_FIELD_NUMBER: _ClassVar[int]
     f_star: _containers.RepeatedScalarFieldContainer[float]
     position_d: _containers.RepeatedScalarFieldContainer[float]
     quat_wxyz_d: _containers.RepeatedScalarFieldContainer[float]
@@ -194,7 +196,9 @@ class Target(_message.Message):
     velocity_d: _containers.RepeatedScalarFieldContainer[float]
     acceleration_d: _containers.RepeatedScalarFieldContainer[float]
     age: float
-    def __init__(self, f_star: _Optional[_Iterable[float]] = ..., position_d: _Optional[_Iterable[float]] = ..., quat_wxyz_d: _Optional[_Iterable[float]] = ..., q_d: _Optional[_Iterable[float]] = ..., near_plane: _Optional[_Iterable[float]] = ..., velocity_d: _Optional[_Iterable[float]] = ..., acceleration_d: _Optional[_Iterable[float]] = ..., age: _Optional[float] = ...) -> None: ...
+    stay: int
+    f_tare: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, f_star: _Optional[_Iterable[float]] = ..., position_d: _Optional[_Iterable[float]] = ..., quat_wxyz_d: _Optional[_Iterable[float]] = ..., q_d: _Optional[_Iterable[float]] = ..., near_plane: _Optional[_Iterable[float]] = ..., velocity_d: _Optional[_Iterable[float]] = ..., acceleration_d: _Optional[_Iterable[float]] = ..., age: _Optional[float] = ..., stay: _Optional[int] = ..., f_tare: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class StepRequest(_message.Message):
     __slots__ = ("lease", "counter", "target", "duration")

@@ -21,10 +21,14 @@ DURATION_MAX = 10.0
 
 AGE_MAX = 1e9
 """Oldest Target that a controller takes [s]."""
+STAY_MAX = 7
+"""Mask of X, Y and Z."""
 
 _ROW = np.dtype("<f8")
 _COLUMNS = len(CYCLE_COLUMNS)
-_SIZES = ([6, 3, 4, 4, 0, 0], [6, 3, 4, 4, 6, 6])  # without and with feed-forward
+_SIZES = [  # without and with feed-forward, without and with a tare
+    [6, 3, 4, 4, motion, motion, tare] for motion in (0, 6) for tare in (0, 6)
+]
 
 
 def write_target(target: _core.Target, message: pb.Target) -> None:
@@ -37,7 +41,9 @@ def write_target(target: _core.Target, message: pb.Target) -> None:
     if any(velocity) or any(acceleration):
         message.velocity_d.extend(velocity)
         message.acceleration_d.extend(acceleration)
-    message.age = target.age
+    if any(tare := target.f_tare.tolist()):
+        message.f_tare.extend(tare)
+    message.age, message.stay = target.age, target.stay
     if target.joint_mode:
         message.q_d.extend(target.q_d.tolist())
 
@@ -58,11 +64,14 @@ def read_target(message: pb.Target, fields: FieldReader) -> _core.Target:
     for name, unit in (
         ("velocity_d", "m/s or rad/s"),
         ("acceleration_d", "m/s2 or rad/s2"),
+        ("f_tare", "m/s2 or rad/s2"),
     ):
         if values := getattr(message, name):
             path = f"target.{name}"
             setattr(target, name, fields.vector(path, values, TASK_AXES, unit))
     target.age = fields.scalar("target.age", message.age, "s", (0.0, AGE_MAX))
+    stay = fields.scalar("target.stay", message.stay, "1", (0, STAY_MAX))
+    target.stay = min(int(stay), STAY_MAX)
     if message.q_d:
         target.q_d = fields.vector("target.q_d", message.q_d, JOINTS, "rad")
         target.joint_mode = True
@@ -78,10 +87,11 @@ def _read_right_target(message: pb.Target) -> _core.Target | None:
     f_star, position = message.f_star[:], message.position_d[:]
     quat, plane = message.quat_wxyz_d[:], message.near_plane[:]
     velocity, acceleration = message.velocity_d[:], message.acceleration_d[:]
-    parts = (f_star, position, quat, plane, velocity, acceleration)
+    tare = message.f_tare[:]
+    parts = (f_star, position, quat, plane, velocity, acceleration, tare)
     if [len(part) for part in parts] not in _SIZES or message.q_d:
         return None
-    numbers = f_star + position + quat + velocity + acceleration
+    numbers = f_star + position + quat + velocity + acceleration + tare
     is_nowhere = plane[3] == -math.inf
     finite = numbers + (plane[:3] if is_nowhere else plane)
     length = sum([x * x for x in quat])
@@ -89,6 +99,7 @@ def _read_right_target(message: pb.Target) -> _core.Target | None:
     if not (
         math.isfinite(sum(finite))
         and 0.0 <= message.age <= AGE_MAX
+        and message.stay <= STAY_MAX
         and abs(length - 1.0) <= LENGTH_TOLERANCE
         and abs(normal - 1.0) <= LENGTH_TOLERANCE
     ):
@@ -98,9 +109,11 @@ def _read_right_target(message: pb.Target) -> _core.Target | None:
         f_star=array[:6], position_d=array[6:9], quat_wxyz_d=array[9:13]
     )
     target.near_plane = np.array(plane)
-    target.age = message.age
+    target.age, target.stay = message.age, message.stay
     if velocity:
-        target.velocity_d, target.acceleration_d = array[13:19], array[19:]
+        target.velocity_d, target.acceleration_d = array[13:19], array[19:25]
+    if tare:
+        target.f_tare = array[-6:]
     return target
 
 

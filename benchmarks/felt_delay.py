@@ -1,0 +1,68 @@
+"""The delay that the doctor measures on twins whose delay is known.
+
+    python benchmarks/felt_delay.py
+
+Each joint is pushed for two seconds; a line for each twin and period.
+"""
+
+import argparse
+from dataclasses import replace
+
+from dovetail.arm_feel import quiet, simulated_step
+from dovetail.arms.local_arm import LocalArm
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import NEAR_SPEED, build_local_arm
+from dovetail.feel.feeling import feel_arm
+from dovetail.local_arm_checks import HOLE, Q_SEED, START
+from dovetail.plants.twin import load_twin
+from dovetail.scene import SceneConfig
+
+PERIODS = (0.001, 0.002, 0.0025, 0.005)
+DELAYS = (0.0, 0.002, 0.005, 0.008, 0.010, 0.015)
+
+
+def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, float]:
+    """Return the simulated and the measured delay [s]."""
+    config = replace(load_twin(twin), command_delay=delay, seed=seed)
+    arm = build_local_arm(
+        SceneConfig(),
+        TaskSpec.parse("XYZABC:hold"),
+        plant="mujoco",
+        twin=config,
+        period=period,
+        force_damping=0.0,
+        near_speed=NEAR_SPEED,
+    )
+    osc, limits = quiet(arm.osc, arm.limits)
+    felt = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, period)
+    q = arm.robot.inverse_kinematics(START, Q_SEED)
+    felt.reset(q, HOLE)
+    step = simulated_step(period)
+    feeling = feel_arm(felt, q, limits.armature, integration_step=step, seed=seed)
+    felt.close()
+    return config.command_delay, feeling.delay.delay
+
+
+def main() -> None:
+    """Print a line for each twin and period, and the worst of all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--twins", nargs="*", default=["easy", "medium", "hard"])
+    parser.add_argument("--seeds", type=int, default=1)
+    options = parser.parse_args()
+    worst = 0.0
+    for twin in options.twins:
+        for period in PERIODS:
+            pairs = [
+                measure(twin, period, delay, seed)
+                for delay in DELAYS
+                for seed in range(options.seeds)
+            ]
+            errors = [1e3 * abs(found - true) for true, found in pairs]
+            worst = max(worst, *errors)
+            said = " ".join(f"{1e3 * t:g}:{1e3 * f:.2f}" for t, f in pairs)
+            print(f"{twin} at {1e3 * period:g} ms: {said} (ms)", flush=True)
+    print(f"worst error: {worst:.2f} ms")
+
+
+if __name__ == "__main__":
+    main()

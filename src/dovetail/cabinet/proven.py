@@ -1,0 +1,38 @@
+"""What of a cabinet lies outside that for which dovetail's limits are proven."""
+
+from dovetail.cabinet.config import CabinetConfig
+from dovetail.cabinet.faults import FaultConfig
+from dovetail.control.period import FRI_PERIODS
+from dovetail.control.proven import DECLARED
+
+
+def find_unproven(
+    config: CabinetConfig, faults: FaultConfig, command_delay: float
+) -> list[str]:
+    """Say what is outside the proven table: value, range and what to do.
+
+    Args:
+        config: The cabinet's settings.
+        faults: Its faults, whose delay and jitter are the wire's.
+        command_delay: The twin's own delay [s].
+    """
+    found = []
+    slot = config.period_ms * config.receive_multiplier
+    if slot not in [round(1e3 * period) for period in FRI_PERIODS]:
+        found.append(
+            f"period is {slot} ms between two commands; dovetail's limits are proven "
+            "for 1, 2 and 5 ms (send period times receive multiplier): give one of "
+            "these, or use another client than dovetail's"
+        )
+    ways = 2 if faults.direction == "both" else 1
+    wire = ways * (faults.delay + faults.jitter)
+    longest = DECLARED["delay"]
+    if command_delay + wire > longest + 1e-9:
+        found.append(
+            f"delay is {1e3 * command_delay:g} ms of the twin and {1e3 * wire:g} ms of "
+            f"the faults; dovetail's limits are proven for 0 to {1e3 * longest:g} "
+            "ms in all: lower command_delay in the twin's file or the faults' delay, "
+            "or declare the delay in the client's limits and take what it does for a "
+            "trial"
+        )
+    return found

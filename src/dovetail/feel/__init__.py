@@ -1,0 +1,1 @@
+"""What an arm is found to be when its own small torques push it."""

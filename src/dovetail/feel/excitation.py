@@ -1,0 +1,40 @@
+"""How an arm is pushed to be felt: one joint at a time, to and fro, by little."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from dovetail import _core
+from dovetail.arms.arm import Arm
+from dovetail.types import Array, Vec7
+
+STIFFNESS = 200.0
+"""Stiffness of joint targets that it is made for [1/s2]."""
+AMPLITUDE = 0.025
+"""How far from rest the targets are [rad]; the arm turns before it is there."""
+TICK = 0.02
+"""Targets change sides after one to four of these [s]."""
+
+
+def excite(
+    arm: Arm, q: Vec7, joint: int, seconds: float, rng: np.random.Generator
+) -> Iterator[Array]:
+    """Push one joint to and fro around q; yield the cycle log of each push.
+
+    The targets jump, so the torque does, and a jump tells its time. They change sides
+    at random, so that nothing repeats itself that a delay could be mistaken for.
+
+    Args:
+        arm: It rests at q.
+        q: Where it rests [rad].
+        joint: Index of the joint.
+        seconds: How long, about [s].
+        rng: Where the times come from.
+    """
+    side, spent = 1.0, 0.0
+    while spent < seconds:
+        duration = TICK * int(rng.integers(1, 5))
+        q_d = np.array(q, dtype=float)
+        q_d[joint] += side * AMPLITUDE
+        yield arm.step(_core.Target(joint_mode=True, q_d=q_d), duration).log
+        side, spent = -side, spent + duration

@@ -1,0 +1,232 @@
+"""What an arm feels like: is it quiet, how late, does a spring hold it, what it weighs.
+
+The sentences of the doctor about what `dovetail.feel` measures.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.control.proven import DECLARED, unproven
+from dovetail.doctor import Check
+from dovetail.feel.feeling import Feeling
+from dovetail.feel.missed_load import MissedLoad, explain_by_load
+from dovetail.feel.resting import Resting
+from dovetail.feel.torque_balance import JointFit
+from dovetail.robot import Robot
+from dovetail.types import JOINTS, Array, Vec3, Vec7
+
+SPRING_MIN = 10.0
+"""Stiffness that counts as one of the cabinet's [Nm/rad]."""
+DELAY_TOLERANCE = 5e-4
+"""How exactly a delay is measured [s]."""
+FIXED_MIN = 100.0
+"""The same to a fixed position, where friction is mistaken for some [Nm/rad]."""
+GRAVITY_SHARE = 0.05
+"""Gravity error that is too much, over the motor's torque [1]."""
+EXPLAINED = 0.9
+"""Share of a gravity error from which a load is believed to be its cause [1]."""
+FRICTION = 0.5
+"""Viscous friction of a joint that is taken for its own [Nms/rad]."""
+SENT_RATE = 2.0 * np.pi * 20.0
+"""Of the filter between measured and sent position [1/s]; `ServoParams`."""
+NOTHING = 0.3
+"""Gravity error of every joint below which none is explained [Nm]."""
+LIGHTEST, FARTHEST = 0.05, 0.5
+"""Least mass [kg] and farthest centre of mass [m] of a load that is believed."""
+_SPREADS = 5.0
+
+
+def check_rest(
+    resting: Resting, name: str = "rest", torque_max: float = np.inf
+) -> Check:
+    """Say how quiet the arm was while it was held.
+
+    Args:
+        resting: What was measured.
+        name: The check's.
+        torque_max: Noise of a joint's torque that is allowed [Nm RMS]; the controller
+            that feels an arm is not the one that tasks run with.
+    """
+    joint = JOINTS[resting.joint]
+    loudest = float(resting.torque[resting.joint])
+    detail = describe_rest(resting)
+    if resting.is_oscillating:
+        return Check(
+            name,
+            "broken",
+            f"{detail}: {joint} oscillates at {resting.frequency:.0f} Hz with "
+            f"{loudest:.1f} Nm RMS, {resting.growth:.1f} times as much at the end as "
+            "at first. The loop is later than its controller bears, or a gain is too "
+            "high: do not run this arm with these settings",
+        )
+    if loudest > torque_max:
+        return Check(
+            name,
+            "broken",
+            f"{detail}: {joint} has {loudest:.1f} Nm, allowed are {torque_max:g}: the "
+            "encoder's noise reaches the torque: run it at a longer period, or with a "
+            "slower estimate (a longer declared delay)",
+        )
+    return Check(name, "ok", detail)
+
+
+def describe_rest(resting: Resting) -> str:
+    """Return the noise of torque and position in words."""
+    return (
+        f"torque {_sizes(resting.torque)} Nm RMS, position "
+        f"{1e3 * float(resting.motion.max()):.3f} mrad RMS"
+    )
+
+
+def check_delay(feeling: Feeling, declared: dict[str, float]) -> Check:
+    """Compare the measured delay with the declared one."""
+    delay = feeling.delay
+    text = (
+        f"{1e3 * delay.delay:.1f} ms from torque to motion (+-"
+        f"{max(1e3 * delay.spread, 0.1):.1f} ms; joints turned by "
+        f"{feeling.turned:.3f} rad)"
+    )
+    if not delay.is_bracketed:
+        return Check(
+            "delay",
+            "broken",
+            f"{text}: outside what can be measured; something else than a delay is "
+            "wrong: friction, brakes, or torques that do not arrive",
+        )
+    if delay.delay <= declared["delay"] + DELAY_TOLERANCE:
+        said = f"{text}; declared: {1e3 * declared['delay']:g} ms"
+        return Check("delay", "ok", said)
+    (problem,) = unproven(delay=delay.delay, declared=declared)
+    if delay.delay <= DECLARED["delay"]:
+        problem += (
+            f", or declare at least {1e3 * delay.delay:.1f} ms (allowed: 0 to "
+            f"{1e3 * DECLARED['delay']:g} ms)"
+        )
+    return Check("delay", "broken", f"{text}: {problem}")
+
+
+def check_spring(fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array) -> Check:
+    """Say whether the cabinet's impedance is on, by how it takes being leaned on.
+
+    Args:
+        fits: Torque balances of the joints while they were leaned on.
+        feeling: What they were before, pushed.
+        inertia: The model's inertia with rotors [kg m2], shape (7, 7).
+    """
+    name = "cabinet's spring"
+    spring = np.array([fit.sent_spring for fit in fits])
+    spread = np.array([fit.spread_of("sent_spring") for fit in fits])
+    detail = f"{_list(spring, 0)} Nm/rad"
+    is_felt = (spring > SPRING_MIN) & (spring > _SPREADS * spread)
+    if not is_felt.any():
+        return Check(name, "ok", f"none: {detail}")
+    # friction of the joint, and of the sent position, which follows late, taken off
+    damping = np.array([fit.damping for fit in feeling.fits]) - FRICTION
+    damping -= spring / SENT_RATE
+    ratio = damping / (2.0 * np.sqrt(np.maximum(spring, 1.0) * inertia.diagonal()))
+    stiffness = _round(float(np.median(spring[is_felt])))
+    return Check(
+        name,
+        "broken",
+        f"{detail}: the cabinet adds stiffness of about {stiffness:g} Nm/rad"
+        f"{_where(is_felt)}: set it to 0. It adds damping, too, a ratio of about "
+        f"{float(np.median(ratio[is_felt])):.1f}: set it to 0 in the control mode of "
+        "the Java application",
+    )
+
+
+def check_fixed_spring(feeling: Feeling) -> Check | None:
+    """Say whether something pulls joints back to where they were; None where not."""
+    spring = np.array([fit.stiffness for fit in feeling.fits])
+    spread = np.array([fit.spread_of("stiffness") for fit in feeling.fits])
+    is_felt = (spring > FIXED_MIN) & (spring > _SPREADS * spread)
+    if not is_felt.any():
+        return None
+    return Check(
+        "spring",
+        "broken",
+        f"{_list(spring, 0)} Nm/rad: something pulls the arm back to where it stands "
+        f"with about {_round(float(np.median(spring[is_felt]))):g} Nm/rad"
+        f"{_where(is_felt)}: the cabinet's impedance (set its stiffness to 0), or a "
+        "contact",
+    )
+
+
+def check_gravity_error(
+    robot: Robot, q: Vec7, feeling: Feeling, declared: dict[str, float]
+) -> Check:
+    """Say what gravity compensation misses, and which load data would mend it."""
+    error = np.array([fit.offset for fit in feeling.fits])
+    spread = np.array([fit.spread_of("offset") for fit in feeling.fits])
+    load = explain_by_load(robot, q, error, spread)
+    detail = f"{_list(error)} Nm missed"
+    if np.abs(error).max() > NOTHING:
+        detail += f"; {_load_text(robot, load)}"
+    share = np.abs(error) / robot.tau_max
+    worst = int(np.argmax(share))
+    if share[worst] > GRAVITY_SHARE:
+        return Check(
+            "gravity error",
+            "broken",
+            f"{detail}: at {JOINTS[worst]} that is {100 * share[worst]:.0f} % of the "
+            f"motor's torque, allowed are {100 * GRAVITY_SHARE:g} %: correct the load "
+            "data",
+        )
+    problems = unproven(payload_error=abs(load.mass), declared=declared)
+    if problems and _is_plausible(robot, load):
+        return Check("gravity error", "broken", f"{detail}: {problems[0]}")
+    return Check("gravity error", "ok", detail)
+
+
+def _load_text(robot: Robot, load: MissedLoad) -> str:
+    """Name the load that explains a gravity error, if there is one."""
+    if not _is_plausible(robot, load):
+        return (
+            "no load at the flange explains it: the masses of the arm's own links "
+            "differ, or gravity's direction (the mounting's inclination)"
+        )
+    (mass, com), (whole, where) = _declared_load(robot), _total_load(robot, load)
+    return (
+        f"a load of {whole:.2f} kg at {_list(1e3 * where, 0)} mm from the flange would "
+        f"explain {100 * load.explained:.0f} % of it, in place of {mass:.2f} kg at "
+        f"{_list(1e3 * com, 0)} mm (one pose does not tell where it is along gravity)"
+    )
+
+
+def _is_plausible(robot: Robot, load: MissedLoad) -> bool:
+    """Whether a load is one that a flange may carry, and the cause of most."""
+    whole, where = _total_load(robot, load)
+    is_near = bool(np.linalg.norm(where) < FARTHEST)
+    return load.explained > EXPLAINED and whole > LIGHTEST and is_near
+
+
+def _declared_load(robot: Robot) -> tuple[float, Vec3]:
+    payload = robot.payload
+    return (0.0, np.zeros(3)) if payload is None else (payload.mass, payload.com)
+
+
+def _total_load(robot: Robot, load: MissedLoad) -> tuple[float, Vec3]:
+    return load.total(*_declared_load(robot))
+
+
+def _where(is_felt: NDArray[np.bool_]) -> str:
+    """Name the joints, where it is not all of them."""
+    if is_felt.all():
+        return ""
+    names = [name for name, felt in zip(JOINTS, is_felt, strict=True) if felt]
+    return f" at {', '.join(names)}"
+
+
+def _round(value: float) -> float:
+    """Return two digits, as no more is known."""
+    return float(f"{value:.2g}")
+
+
+def _sizes(values: Array) -> str:
+    return " ".join(f"{value:.2f}" for value in values)
+
+
+def _list(values: Any, digits: int = 1) -> str:
+    return " ".join(f"{value:+.{digits}f}" for value in values)

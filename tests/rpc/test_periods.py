@@ -1,0 +1,45 @@
+"""A learner chooses the control period of an arm over gRPC, 2.5 ms as well."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from dovetail.control.period import PERIODS
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.rpc.builders import LocalBuilder
+from dovetail.rpc.server import ArmServer
+
+ACTION = np.array([0.2, 0.0, -0.3, 0.5], dtype=np.float32)
+
+
+def play(**options):
+    """Return the log of a few policy steps from the same start."""
+    env = gym.make("dovetail/PegInHole-v0", **options)
+    env.reset(seed=1)
+    log = []
+    for _ in range(3):
+        env.step(ACTION)
+        log.append(env.unwrapped.state.log)
+    env.close()
+    return np.concatenate(log)
+
+
+@pytest.mark.parametrize("period", PERIODS)
+def test_the_arm_moves_as_one_in_this_process_at_every_period(simulation, period):
+    address = f"grpc://{simulation.address}?period={1e3 * period:g}ms"
+    remote, here = play(arm=address), play(period=period)
+    assert len(remote) == len(here) == round(3 * 0.05 / period)
+    columns = slice(COLUMN["time"], COLUMN["q7"] + 1)
+    np.testing.assert_allclose(remote[:, columns], here[:, columns], atol=1e-12)
+
+
+def test_a_service_that_offers_one_period_refuses_any_other(scene):
+    plant = make_plant("mujoco", scene, DynamicsConfig())
+    with ArmServer(LocalBuilder("mujoco", plant, 0.0025), "127.0.0.1:0") as server:
+        address = f"grpc://{server.address}"
+        with pytest.raises(ConfigError) as error:
+            play(arm=address, period=0.001)
+        assert "commanded every 2.5 ms, the learner asks for 1 ms" in str(error.value)
+        assert "add period=2.5ms to the learner's address" in str(error.value)
+        assert len(play(arm=f"{address}?period=2.5ms")) == 60
