@@ -55,7 +55,8 @@ class Settings:
     walls: bool = True
     mismatch: bool = False
     pushes: bool = True
-    beta: float | None = None
+    estimate_rate: float | None = None
+    last_line: bool = True
     delta_x: float | None = None
     delta_v: float | None = None
     push_rise: float = 0.0
@@ -107,10 +108,11 @@ def limits_of(robot: Robot, settings: Settings) -> LimitConfig:
         "bounds": settings.bounds,
         "walls": settings.walls,
         "exact_sjs": settings.exact_sjs,
+        "last_line": settings.last_line,
     }
     if settings.mismatch:
         overrides |= {"damping": MODELLED * DAMPING, "armature": MODELLED * ARMATURE}
-    for name in ("beta", "delta_x", "delta_v"):
+    for name in ("estimate_rate", "delta_x", "delta_v"):
         if getattr(settings, name) is not None:
             overrides[name] = getattr(settings, name)
     return LimitConfig.for_period(
@@ -313,7 +315,9 @@ def main() -> None:
     parser.add_argument("--no-walls", action="store_true")
     parser.add_argument("--mismatch", action="store_true")
     parser.add_argument("--no-pushes", action="store_true")
-    parser.add_argument("--beta", type=float, help="gain of the disturbance estimate")
+    parser.add_argument(
+        "--estimate-rate", type=float, help="rate of the disturbance estimate [1/s]"
+    )
     parser.add_argument("--delta-x", type=float, help="wall margin [m]")
     parser.add_argument("--delta-v", type=float, help="speed margin, as a share")
     parser.add_argument("--push-rise", type=float, default=0.0, help="[s], 0 a step")
@@ -332,7 +336,7 @@ def main() -> None:
         walls=not args.no_walls,
         mismatch=args.mismatch,
         pushes=not args.no_pushes,
-        beta=args.beta,
+        estimate_rate=args.estimate_rate,
         delta_x=args.delta_x,
         delta_v=args.delta_v,
         push_rise=args.push_rise,

@@ -39,7 +39,9 @@ def test_few_cycles_break_no_limit_with_everything_wrong(adversary):
 
 
 def test_the_count_finds_the_overshoot_of_the_papers_bounds(adversary):
-    settings = adversary.Settings(scheme="paper", bounds="paper-corrected", walls=False)
+    settings = adversary.Settings(
+        scheme="paper", bounds="paper-corrected", walls=False, last_line=False
+    )
     report = adversary.Adversary(settings, seed=7).run(10_000)
     assert report.position.count > 0
     assert 0.05 < report.position.worst < 0.2  # rad, v^2 / 2A

@@ -22,6 +22,7 @@ from dovetail.robot import Robot
 TASK = "XYZ:force A:pose BC:hold"
 PERIOD = 1e-3
 FAR = {
+    "hardware": False,
     "q_min": -10.0,
     "q_max": 10.0,
     "dq_max": 20.0,

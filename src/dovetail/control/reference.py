@@ -30,7 +30,7 @@ PATH_TIME = 0.1
 SURPRISE = 0.25
 """What the disturbance estimate takes of one measurement at most, over tau_max."""
 
-LARGEST, HELD = 0.3, 0.12
+LARGEST, HELD = 1.0, 0.12
 """Most that is taken for a disturbance; of it a hold acts against; over tau_max."""
 
 POSTURE_MAX, STAY_MAX = 2.0, 0.02
