@@ -8,7 +8,7 @@ true limits (no margin) every millisecond or less.
 
 ``--mismatch`` makes everything wrong at once: link masses +-20 % at random each episode
 (so gravity is compensated wrongly), 80 % of damping and rotor inertia modelled, 0.3 Nm
-of dry friction, noise on the measured speed, one period of delay, pushes of 30 N
+of dry friction, noise on the measured speed, a delay (``--delay``), pushes of 30 N
 on the TCP for a quarter of a second, in steps or with ``--push-rise``.
 
 ``--contact`` attacks in contact, on random twins with delay: `contact_adversary`.
@@ -17,6 +17,7 @@ on the TCP for a quarter of a second, in steps or with ``--push-rise``.
 import argparse
 import sys
 import time
+from collections import deque
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -55,6 +56,7 @@ class Settings:
     walls: bool = True
     mismatch: bool = False
     pushes: bool = True
+    delay: float = 1e-3
     estimate_rate: float | None = None
     last_line: bool = True
     delta_x: float | None = None
@@ -163,7 +165,9 @@ class Adversary:
         looks = max(1, round(settings.period / CHECK))
         states: list[tuple[Array, Array]] = []
         motor = np.empty((cycles, 7))
-        target, tau_late = _core.Target(), np.zeros(7)
+        target = _core.Target()
+        late = round(settings.delay / settings.period) if settings.mismatch else 0
+        sent = deque([np.zeros(7)] * late)
         done = cycles
         for k in range(cycles):
             q, dq = plant.read()
@@ -181,8 +185,8 @@ class Adversary:
             result = self.controller.step(q, measured, target)
             motor[k] = result.tau + self.chain.gravity(q)
             self.count_flags(result.flags)
-            tau = tau_late if settings.mismatch else result.tau
-            tau_late = result.tau
+            sent.append(result.tau)
+            tau = sent.popleft()
             for _ in range(looks):
                 plant.apply(tau, settings.period / looks)
                 states.append(plant.read())
@@ -314,6 +318,7 @@ def main() -> None:
     parser.add_argument("--f-star", type=float, help="[m/s2]; 30, mismatch 10")
     parser.add_argument("--no-walls", action="store_true")
     parser.add_argument("--mismatch", action="store_true")
+    parser.add_argument("--delay", type=float, help="of the mismatch [s]; a period")
     parser.add_argument("--no-pushes", action="store_true")
     parser.add_argument(
         "--estimate-rate", type=float, help="rate of the disturbance estimate [1/s]"
@@ -336,6 +341,7 @@ def main() -> None:
         walls=not args.no_walls,
         mismatch=args.mismatch,
         pushes=not args.no_pushes,
+        delay=args.period if args.delay is None else args.delay,
         estimate_rate=args.estimate_rate,
         delta_x=args.delta_x,
         delta_v=args.delta_v,

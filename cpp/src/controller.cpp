@@ -20,9 +20,10 @@ constexpr double kLargestSurprise = 0.25;
 // acts against. A hold in contact is an integrator that would push ever harder.
 constexpr double kLargestEstimate = 1.0;
 constexpr double kLargestHeld = 0.12;
+constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
-// After the last line the estimate is slow [1/s]; its slow part always is.
-constexpr double kEndRate = 10.0;
+// After an oscillation the estimate is slow [1/s]; its slow part always is.
+constexpr double kEndRate = 30.0;
 constexpr double kWeightRate = 5.0;
 
 /// Whether a torque may leave, and what it was made from.
@@ -104,9 +105,9 @@ void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
 /// terms_ and h_ still hold. What one cycle adds is bounded: no sample throws the arm.
 void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   if (!has_last_ || limits_.estimate_rate == 0.0) return;
-  const bool is_ended = last_line_.cause() != EndCause::kNone;
+  const bool is_swinging = last_line_.cause() == EndCause::kOscillation;
   const double rate =
-      is_ended ? std::min(kEndRate, limits_.estimate_rate) : limits_.estimate_rate;
+      is_swinging ? std::min(kEndRate, limits_.estimate_rate) : limits_.estimate_rate;
   const double share = 1.0 - std::exp(-rate * elapsed);
   const Vec7 change = dq - dq_last_;
   const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
@@ -129,7 +130,9 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   Minv_ = factor_.inverse();
   h_ = terms_.c + limits_.damping.cwiseProduct(dq);
   push_.noalias() = Minv_ * disturbance_;
-  const Vec7 most = kLargestHeld * limits_.tau_max;
+  const Vec7 most = (kLargestHeld * limits_.tau_max)
+                        .cwiseMax(kLeastHeld)
+                        .cwiseMin(0.5 * limits_.tau_max);
   held_.noalias() = Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
   push_x_.noalias() = terms_.J.topRows<3>() * push_;
   lo_ = -limits_.tau_max - tool_.g;
@@ -351,7 +354,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
       result = brake(q, dq);
     } else {
       if (!is_ended && !is_explained(target, dq, result, since)) {
-        disturbance_ = weight_;
+        if (last_line_.cause() == EndCause::kOscillation) disturbance_ = weight_;
         is_at_rest_ = false;
         update_model(q, dq);
         update_bounds(q, dq);

@@ -9,8 +9,8 @@ namespace dovetail {
 namespace {
 
 // After the last line: a hold that is stable with any delay there is.
-constexpr double kEndStiffness = 50.0;  // [1/s2]
-constexpr double kEndDamping = 15.0;    // [1/s]
+constexpr double kEndStiffness = 80.0;  // [1/s2]
+constexpr double kEndDamping = 18.0;    // [1/s]
 constexpr double kRestSpeed = 0.02;     // [rad/s]
 
 // An axis that stays is held where it comes to be slower than this [m/s].
