@@ -24,7 +24,6 @@ struct Violations {
   long unsafe = 0;
   long early = 0;
   long displaced = 0;
-  long ended = 0;        // by the last line
   long implausible = 0;  // measurements not believed
   long cycles = 0;
 };
@@ -34,6 +33,7 @@ struct AdversarySettings {
   double episode = 5.0;           // [s]
   bool is_random_start = true;    // else tool down, inside the walls
   bool wall_around_start = true;  // walls +-0.25 m around a random start
+  bool last_line = false;         // it would end the attack
   PlantParams plant;
 };
 
@@ -41,7 +41,9 @@ class Adversary {
  public:
   Adversary(LimitParams limits, double period, AdversarySettings settings,
             std::uint64_t seed)
-      : limits_(limits), period_(period), settings_(settings), random_(seed) {}
+      : limits_(limits), period_(period), settings_(settings), random_(seed) {
+    limits_.last_line = settings.last_line;
+  }
 
   Violations run(long cycles) {
     const long per_episode = std::lround(settings_.episode / period_);
@@ -117,7 +119,6 @@ class Adversary {
     ++total_.cycles;
     total_.unsafe += result.flags.unsafe;
     total_.early += result.flags.qp_early;
-    total_.ended += result.flags.ended;
     total_.implausible += result.flags.implausible;
     total_.displaced += result.flags.wall_displaced != 0;
   }

@@ -217,13 +217,16 @@ BOOST_AUTO_TEST_CASE(a_torque_that_would_not_be_finite_does_not_leave) {
       far.q_d = Vec7::Constant(900.0);
       Vec7 moving = dq;
       if (is_joint) moving *= 100.0;
+      overflowing.believe(q, moving);
       require_hold(overflowing, overflowing.step(q, moving, far));
     }
     Controller heavy = with(
         [](OscParams&, LimitParams& wide) { wide.damping.setConstant(1e308); }, scheme);
+    heavy.believe(q, 100.0 * dq);
     const StepResult result = heavy.step(q, 100.0 * dq, target);
     require_hold(heavy, result);
     BOOST_TEST(result.tau.norm() == 0.0);  // no model to hold by
+    heavy.believe(q, Vec7::Zero());
     BOOST_TEST(!heavy.step(q, Vec7::Zero(), target).flags.bad_input);
   }
 }
@@ -253,6 +256,7 @@ BOOST_AUTO_TEST_CASE(without_a_measurement_the_arm_comes_to_rest) {
       Controller blind = controller(scheme);
       RigidPlant plant(chain, chain, {});
       plant.reset(q, Vec7::Constant(0.3));
+      blind.reset(q, p, quat, plant.dq());
       static_cast<void>(blind.step(q, plant.dq(), target));
       Vec7 wrong = q;
       wrong[2] = bad;

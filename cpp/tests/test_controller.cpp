@@ -84,7 +84,6 @@ void require_no_violation(const Violations& result) {
   BOOST_TEST(result.joint_speed == 0.0);
   BOOST_TEST(result.torque < 1e-9);
   BOOST_TEST(result.unsafe == 0);
-  BOOST_TEST(result.ended == 0);        // a Target explains all of it
   BOOST_TEST(result.implausible == 0);  // and an arm can do it
   BOOST_TEST(result.early == 0);
 }

@@ -36,11 +36,40 @@ struct Check {
 struct Loop {
   ChainParams chain = iiwa14_with_tool();
   Controller controller;
-  RigidPlant plant{chain, chain, {}};
+  RigidPlant plant;
   Target target;
 
+  /// `LimitConfig.for_period` of a robot, and the rotors and friction of the nominal
+  /// arm.
+  static LimitParams limits(double period) {
+    LimitParams limits = limits_for(period);
+    const bool is_fast = period < 0.003;
+    limits.kappa = is_fast ? 27.5 : 7.5;
+    limits.delta_q = is_fast ? 0.012 : 0.045;
+    limits.delta_v = is_fast ? 0.15 : 0.30;
+    limits.delta_x = is_fast ? 0.015 : 0.020;
+    limits.estimate_rate = limits.brake_rate = is_fast ? 60.0 : 50.0;
+    limits.armature.setConstant(0.1);
+    limits.damping.setConstant(0.5);
+    return limits;
+  }
+
+  static OscParams law() {
+    OscParams osc;
+    osc.stiffness.tail<3>().setConstant(200.0);
+    return osc;
+  }
+
+  static PlantParams nominal() {
+    PlantParams params;
+    params.armature.setConstant(0.1);
+    params.damping.setConstant(0.5);
+    return params;
+  }
+
   Loop(double period, std::uint64_t seed)
-      : controller(chain, {}, limits_for(period), kPegTask, period) {
+      : controller(chain, law(), limits(period), kPegTask, period),
+        plant(chain, chain, nominal()) {
     std::mt19937_64 random(seed);
     const Vec7 q = tool_down_posture() + random_vector(random, 0.05);
     Vec3 p;
@@ -182,7 +211,7 @@ BOOST_AUTO_TEST_SUITE(closed_loop)
 
 BOOST_AUTO_TEST_CASE(one_wrong_sample_of_any_size_is_worth_a_bounded_torque) {
   std::mt19937_64 random(5);
-  double worst = 0.0;
+  double worst = 0.0, after = 0.0;
   int believed = 0, refused = 0;
   for (const double period : {0.001, 0.005}) {
     for (int episode = 0; episode < 30; ++episode) {
@@ -199,12 +228,13 @@ BOOST_AUTO_TEST_CASE(one_wrong_sample_of_any_size_is_worth_a_bounded_torque) {
         (bad.flags.implausible ? refused : believed) += 1;
         worst = std::max(worst, (good.tau - bad.tau).cwiseAbs().maxCoeff());
         const StepResult good_next = a.step(), bad_next = b.step();
-        worst = std::max(worst, (good_next.tau - bad_next.tau).cwiseAbs().maxCoeff());
+        after = std::max(after, (good_next.tau - bad_next.tau).cwiseAbs().maxCoeff());
       }
     }
   }
-  BOOST_TEST_MESSAGE("worst torque step " << worst << " Nm");
+  BOOST_TEST_MESSAGE("worst torque step " << worst << " Nm, then " << after);
   BOOST_TEST(worst <= kMostTorque);
+  BOOST_TEST(after <= kMostTorque);
   BOOST_TEST(worst > 1.0);
   BOOST_TEST(believed > 100);
   BOOST_TEST(refused > 100);
