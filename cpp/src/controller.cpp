@@ -19,12 +19,15 @@ constexpr double kLargestSurprise = 0.25;
 // Of tau_max: the most that is taken for a disturbance, and the most of it that a hold
 // acts against. A hold in contact is an integrator that would push ever harder.
 constexpr double kLargestEstimate = 1.0;
+constexpr double kUsualEstimate = 0.3;  // ... except of a joint that is at its limit
 constexpr double kLargestHeld = 0.12;
 constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
-// After an oscillation the estimate is slow [1/s]; its slow part always is.
-constexpr double kEndRate = 30.0;
-constexpr double kWeightRate = 5.0;
+// After the last line the estimate is slow [1/s].
+constexpr double kEndRate = 60.0;
+
+// Of the estimate's slow part, with which a hold after the last line begins [1/s].
+constexpr double kWeightRate = 8.0;
 
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
@@ -86,8 +89,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   a_last_.setZero();
   a0_last_.setZero();
   staying_ = 0;
-  last_line_.reset();
-  is_at_rest_ = false;
+  resume();
   has_last_ = false;
   has_start_ = is_configuration(q) && is_speed(dq);
   if (!has_start_) return;
@@ -105,9 +107,8 @@ void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
 /// terms_ and h_ still hold. What one cycle adds is bounded: no sample throws the arm.
 void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   if (!has_last_ || limits_.estimate_rate == 0.0) return;
-  const bool is_swinging = last_line_.cause() == EndCause::kOscillation;
-  const double rate =
-      is_swinging ? std::min(kEndRate, limits_.estimate_rate) : limits_.estimate_rate;
+  double rate = limits_.estimate_rate;
+  if (last_line_.cause() != EndCause::kNone) rate = std::min(rate, kEndRate);
   const double share = 1.0 - std::exp(-rate * elapsed);
   const Vec7 change = dq - dq_last_;
   const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
@@ -129,12 +130,14 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   factor_.factor(terms_.M);
   Minv_ = factor_.inverse();
   h_ = terms_.c + limits_.damping.cwiseProduct(dq);
-  push_.noalias() = Minv_ * disturbance_;
+  const Vec7 usual = kUsualEstimate * limits_.tau_max;
+  push_.noalias() = Minv_ * disturbance_.cwiseMax(-usual).cwiseMin(usual);
+  push_whole_.noalias() = Minv_ * disturbance_;
+  push_x_.noalias() = terms_.J.topRows<3>() * push_;
   const Vec7 most = (kLargestHeld * limits_.tau_max)
                         .cwiseMax(kLeastHeld)
                         .cwiseMin(0.5 * limits_.tau_max);
   held_.noalias() = Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
-  push_x_.noalias() = terms_.J.topRows<3>() * push_;
   lo_ = -limits_.tau_max - tool_.g;
   hi_ = limits_.tau_max - tool_.g;
 }
@@ -354,7 +357,8 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
       result = brake(q, dq);
     } else {
       if (!is_ended && !is_explained(target, dq, result, since)) {
-        if (last_line_.cause() == EndCause::kOscillation) disturbance_ = weight_;
+        disturbance_ = weight_;
+        joint_params_.passive = wall_params_.passive = true;
         is_at_rest_ = false;
         update_model(q, dq);
         update_bounds(q, dq);

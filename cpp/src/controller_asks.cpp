@@ -9,8 +9,8 @@ namespace dovetail {
 namespace {
 
 // After the last line: a hold that is stable with any delay there is.
-constexpr double kEndStiffness = 80.0;  // [1/s2]
-constexpr double kEndDamping = 18.0;    // [1/s]
+constexpr double kEndStiffness = 50.0;  // [1/s2]
+constexpr double kEndDamping = 15.0;    // [1/s]
 constexpr double kRestSpeed = 0.02;     // [rad/s]
 
 // An axis that stays is held where it comes to be slower than this [m/s].
@@ -106,9 +106,10 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
   osc_.evaluate(terms_, terms_.M, factor_, dq, f_star,
                 osc_.posture_acceleration(q, posture_), task_terms_);
   // Axis by axis, as it was cut: through Lambda a brake of one would drive another.
-  const Vec3 cut = f_star.head<3>() - asked;
-  limiter_power_ = task_terms_.Lambda.diagonal().head<3>().cwiseProduct(cut).dot(
-      tool_.twist.head<3>());
+  limiter_power_ = task_terms_.Lambda.diagonal()
+                       .head<3>()
+                       .cwiseProduct(f_star.head<3>() - asked)
+                       .dot(tool_.twist.head<3>());
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
 }
 

@@ -15,7 +15,7 @@ constexpr double kKept = 0.7;         // of the swing before: it does not decay
 constexpr int kSwings = 4;            // half swings in a row
 constexpr double kExcuse = 0.03;      // a change of acceleration acts that long [s]
 constexpr double kForget = 5.0;       // excuses and work fade at [1/s]
-constexpr double kWork = 0.1;         // of limiters that is no noise [J]
+constexpr double kWork = 0.2;         // of limiters that is no noise [J]
 
 }  // namespace
 

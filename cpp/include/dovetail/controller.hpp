@@ -42,6 +42,7 @@ class Controller {
   void resume() noexcept {
     last_line_.reset();
     is_at_rest_ = has_posture_ = false;
+    joint_params_.passive = wall_params_.passive = limits_.passive;
   }
 
   /// Takes a state for true whatever was before, and changes nothing else.
@@ -75,7 +76,7 @@ class Controller {
   const Mat7& inertia() const noexcept { return terms_.M; }
   const Mat7& inverse_inertia() const noexcept { return Minv_; }
   /// c + D dq - r [Nm]: tau = M a + bias for the `a` of a cycle.
-  Vec7 bias() const noexcept { return h_ - disturbance_; }
+  Vec7 bias() const noexcept { return h_ - terms_.M * push_; }
   /// Tool at the last step's measurement, by the model.
   const ToolMotion& tool() const noexcept { return tool_; }
   const Chain& chain() const noexcept { return chain_; }
@@ -120,11 +121,12 @@ class Controller {
   ToolMotion tool_;   // at the measured state
   Cholesky<7> factor_;
   Mat7 Minv_;
-  Vec7 h_;        // c + D dq
-  Vec7 push_;     // M^-1 r: what pushes, as an acceleration [rad/s2]
-  Vec3 push_x_;   // the same at the TCP [m/s2]
-  Vec7 held_;     // the part of it that holds act against [rad/s2]
-  Vec7 lo_, hi_;  // overlay torque limits
+  Vec7 h_;           // c + D dq
+  Vec7 push_;        // M^-1 r: what pushes, as an acceleration [rad/s2]
+  Vec7 push_whole_;  // the same where the estimate is large
+  Vec3 push_x_;      // of push_, at the TCP [m/s2]
+  Vec7 held_;        // the part of it that holds act against [rad/s2]
+  Vec7 lo_, hi_;     // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;
 
