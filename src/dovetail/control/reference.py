@@ -30,8 +30,9 @@ PATH_TIME = 0.1
 SURPRISE = 0.25
 """What the disturbance estimate takes of one measurement at most, over tau_max."""
 
-LARGEST, HELD = 1.0, 0.12
-"""Most that is taken for a disturbance; of it a hold acts against; over tau_max."""
+LARGEST, USUAL, HELD, HELD_LEAST = 1.0, 0.3, 0.12, 10.0
+"""Over tau_max: the most that is taken for a disturbance, of it the limits act against
+except at a joint's limit, and a hold; a hold acts against as much at least [Nm]."""
 
 POSTURE_MAX, STAY_MAX = 2.0, 0.02
 """Longest way back that is used: to the posture [rad], to where an axis stays [m]."""
@@ -80,20 +81,25 @@ class ReferenceController:
         c = chain.coriolis(q_model, dq)
         h = c + lim.damping * dq
         J_tool, dJdq = chain.jacobian(q_model), chain.jacobian_dot_dq(q_model, dq)
-        push = Minv @ self.r
+        push = Minv @ np.clip(self.r, -USUAL * lim.tau_max, USUAL * lim.tau_max)
         push_x = J_tool[:3] @ push
+        middle, half = 0.5 * (lim.q_max + lim.q_min), 0.5 * (lim.q_max - lim.q_min)
+        is_inside = np.abs(q - middle) < half - lim.delta_q
+        push_q = np.where(is_inside, push, Minv @ self.r)  # in full at a limit
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
         wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
-        lb, ub = intervals(lim, dt, q, dq, push, *joint)
+        lb, ub = intervals(lim, dt, q, dq, push_q, *joint)
         cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall, lim.delta_x)
         g = chain.gravity(q)
         lo, hi = -lim.tau_max - g, lim.tau_max - g
         if target.joint_mode:  # a spring in each joint, what pushes is held against
             K, zeta = osc.joint_stiffness, osc.joint_damping_ratio
             spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
-            held = np.clip(self.r, -HELD * lim.tau_max, HELD * lim.tau_max)
+            most = np.clip(HELD * lim.tau_max, HELD_LEAST, None)
+            most = np.minimum(most, 0.5 * lim.tau_max)
+            held = np.clip(self.r, -most, most)
             self.posture, a0 = None, np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
             f = self.desired_acceleration(p, R, twist, target)
