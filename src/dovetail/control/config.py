@@ -30,6 +30,11 @@ PERIOD_MIN, PERIOD_MAX = 1e-4, 5e-3
 _TASK_AXES, _XYZ = tuple(AXES), ("X", "Y", "Z")
 _PERIODS = (1e-3, 2e-3, 5e-3)
 _INTERVAL = (5e-3, 8e-3, 10e-3)  # kappa * period [s], kappa 5 / 4 / 2
+_DECLARED_RANGES = {
+    "delay": Range(0.0, 0.05, "s"),
+    "mass_error": Range(0.0, 0.5, "1"),
+    "payload_error": Range(0.0, 5.0, "kg"),
+}
 _INTERVAL_RATIO = 2.5  # time in which limits act, over delay and period
 _RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57 on
 _RATE_MAX = 60.0  # 1/s
@@ -167,12 +172,12 @@ class LimitConfig:
     """Wall mobility below which SCS fades a wall out [1/kg]."""
     rho: Annotated[float, Range(1.0, 1e9, "1")] = 1e6
     """Weight of the wall slack in the QP [1]: walls yield to joints only."""
-    delay: Annotated[float, Range(0.0, 0.05, "s")] = 0.0
+    delay: Annotated[float, _DECLARED_RANGES["delay"]] = 0.0
     """Largest delay between a measurement and the torque it leads to, the control
     period not counted [s]: margins, intervals and rates are made for it."""
-    mass_error: Annotated[float, Range(0.0, 0.5, "1")] = 0.0
+    mass_error: Annotated[float, _DECLARED_RANGES["mass_error"]] = 0.0
     """Largest error of a link's mass, as a share [1]; margins are made for it."""
-    payload_error: Annotated[float, Range(0.0, 5.0, "kg")] = 0.0
+    payload_error: Annotated[float, _DECLARED_RANGES["payload_error"]] = 0.0
     """Largest error of the payload's mass [kg]; margins are made for it."""
     estimate_rate: Annotated[float, Range(0.0, 1e3, "1/s")] = 60.0
     """Bandwidth of the disturbance estimate [1/s]; 0 is off. A loop with a delay bears
@@ -255,9 +260,8 @@ class LimitConfig:
             for name, value in DECLARED.items()
         }
         declared: dict[str, float] = {
-            f.name: in_range(f.name, given[f.name], f.type.__metadata__[0])
-            for f in fields(cls)
-            if f.name in given
+            name: in_range(name, given[name], _DECLARED_RANGES[name])
+            for name in DECLARED
         }
         lag = declared["delay"] + period
         interval = max(interval, _INTERVAL_RATIO * lag)

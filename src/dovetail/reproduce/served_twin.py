@@ -16,7 +16,7 @@ from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.files import write_atomic
 
 if TYPE_CHECKING:
-    from dovetail.plants.plant import Plant
+    from dovetail.plants.plant import DrivenPlant
 
 PORTS = "cabinet.json"
 _HOST = "127.0.0.1"
@@ -123,7 +123,7 @@ def _serve(
 
     x, y, z, yaw = settings["hole"]
     scene = SceneConfig(**settings["scene"])
-    plant = cast("Plant", TwinPlant(load_twin(file), scene))
+    plant = cast("DrivenPlant", TwinPlant(load_twin(file), scene))
     above = Pose(np.array([x, y, z + _ABOVE]), tool_down(yaw))
     start = plant.robot.inverse_kinematics(above, PegInHoleEnv.q_seed)
     plant.reset(start, Pose(np.array([x, y, z]), quat_about_z(yaw)))
