@@ -59,15 +59,28 @@ bool StateCheck::is_reachable(const Vec7& q, const Vec7& dq, const Vec7& q_from,
   return true;
 }
 
+/// Whether an arm that was reset here can be there now, at that speed.
+bool StateCheck::is_first(const Vec7& q, const Vec7& dq,
+                          double elapsed) const noexcept {
+  const Vec7 fastest = kSpeedShare * dq_max_;
+  const Vec7 farthest = (elapsed * fastest).array() + kNoisePosition;
+  return ((q - q_).cwiseAbs() - farthest).maxCoeff() <= 0.0 &&
+         (dq.cwiseAbs() - fastest).maxCoeff() <= 0.0;
+}
+
 void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& inertia,
                       double elapsed) noexcept {
   const Vec7 q_next = q_ + elapsed * dq_ + (0.5 * elapsed * elapsed) * a;
   const Vec7 dq_next = (dq_ + elapsed * a).cwiseMax(-dq_max_).cwiseMin(dq_max_);
   const bool is_number = is_configuration(q) && is_speed(dq);
-  // The state of a reset, taken in the same cycle: no old sample.
-  const bool is_start = is_fresh_ && is_number && q == q_seen_ && dq == dq_seen_;
+  // The first sample after a reset that is where the reset said: it may be in motion.
+  const bool is_start = is_fresh_ && is_number && is_first(q, dq, elapsed);
   is_fresh_ = false;
-  if (is_start) return;
+  if (is_start) {
+    q_ = q_seen_ = q;
+    dq_ = dq_seen_ = dq;
+    return;
+  }
   // An old sample, until too many say the same: then the arm does stand there.
   const bool is_repeated = is_number && q == q_seen_ && repeated_ < kAgreed &&
                            elapsed * dq_.cwiseAbs().maxCoeff() > kStill;

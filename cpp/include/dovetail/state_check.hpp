@@ -42,6 +42,7 @@ class StateCheck {
   static constexpr int kAgreed = 8;
 
  private:
+  bool is_first(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
   bool is_reachable(const Vec7& q, const Vec7& dq, const Vec7& q_from,
                     const Vec7& dq_from, const Vec7& kick, double elapsed) noexcept;
 
