@@ -35,7 +35,7 @@ _DECLARED_RANGES = {
     "mass_error": Range(0.0, 0.5, "1"),
     "payload_error": Range(0.0, 5.0, "kg"),
 }
-_INTERVAL_RATIO = 2.5  # time in which limits act, over delay and period
+_INTERVAL_RATIO = 3.5  # time in which limits act, over delay and period
 _RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57 on
 _RATE_MAX = 60.0  # 1/s
 _DELTA_Q = (2e-3, 3e-3, 5e-3)  # rad, exact model
