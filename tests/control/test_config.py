@@ -24,7 +24,7 @@ def settings_of(config):
     [
         (1e-3, 5, 2e-3, 0.01, 5e-3, 200),
         (2e-3, 4, 3e-3, 0.02, 5e-3, 200),
-        (5e-3, 2.5, 5e-3, 0.05, 10e-3, 200),
+        (5e-3, 2.0, 5e-3, 0.05, 10e-3, 200),
     ],
 )
 def test_limits_at_a_tabulated_period_are_the_table(

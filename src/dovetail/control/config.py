@@ -264,9 +264,10 @@ class LimitConfig:
             for name in DECLARED
         }
         lag = declared["delay"] + period
-        interval = max(interval, _INTERVAL_RATIO * lag)
         rate = min(_RATE_MAX, _RATE_RATIO / lag)
         share = max(declared[name] / value for name, value in DECLARED.items())
+        if share > 0.0:
+            interval = max(interval, _INTERVAL_RATIO * lag)
 
         def margin(exact: tuple[float, ...], all_wrong: tuple[float, ...]) -> float:
             return exact[row] + min(share, 2.0) * (all_wrong[row] - exact[row])
