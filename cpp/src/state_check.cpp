@@ -62,6 +62,7 @@ bool StateCheck::is_reachable(const Vec7& q, const Vec7& dq, const Vec7& q_from,
 /// Whether an arm that was reset here can be there now, at that speed.
 bool StateCheck::is_first(const Vec7& q, const Vec7& dq,
                           double elapsed) const noexcept {
+  if (q == q_ && dq == dq_) return true;
   const Vec7 fastest = kSpeedShare * dq_max_;
   const Vec7 farthest = (elapsed * fastest).array() + kNoisePosition;
   return ((q - q_).cwiseAbs() - farthest).maxCoeff() <= 0.0 &&

@@ -138,7 +138,7 @@ BOOST_AUTO_TEST_CASE(braking_earns_no_right_to_drive) {
   LastLine line(limits);
   const Vec7 rest = Vec7::Zero();
   for (int k = 0; k < 1000; ++k) line.check({rest, rest, -50.0, 0.001});
-  for (int k = 0; k < 100; ++k) line.check({rest, rest, 2.0, 0.001});
+  for (int k = 0; k < 100; ++k) line.check({rest, rest, 4.0, 0.001});
   BOOST_TEST((line.cause() == EndCause::kEnergy));
 }
 

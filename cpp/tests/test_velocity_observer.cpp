@@ -34,11 +34,22 @@ BOOST_AUTO_TEST_CASE(gain_one_is_the_difference_moved_to_the_end_of_the_interval
   observer.reset(last);
   BOOST_TEST(observer.dq().norm() == 0.0);
   for (int k = 0; k < 100; ++k) {
-    const Vec7 q = last + random_vector(random, 0.01);
+    const Vec7 q = last + random_vector(random, 0.001);  // what an arm can do
     const Vec7 a = random_vector(random, 10.0);
     const Vec7 expected = (q - last) / kPeriod + 0.5 * kPeriod * a;
     BOOST_TEST((observer.update(q, a) - expected).norm() < 1e-9);
     last = q;
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_wrong_position_is_worth_no_more_than_a_small_one) {
+  for (const double spike : {0.005, 0.1, 3.0}) {
+    VelocityObserver observer(0.001, 0.2);
+    const Vec7 rest = Vec7::Zero();
+    observer.reset(rest);
+    observer.update(Vec7::Constant(spike), rest);
+    BOOST_TEST(observer.dq().cwiseAbs().maxCoeff() < 0.08);  // 0.35 mrad in 1 ms
+    BOOST_TEST(observer.dq().minCoeff() > 0.0);
   }
 }
 
@@ -64,7 +75,7 @@ BOOST_AUTO_TEST_CASE(an_interval_of_several_periods_counts_as_long_as_it_was) {
     const Vec7 mean = acceleration(t + 0.5 * elapsed);
     t += elapsed;
     observer.update(position(t), mean, elapsed);
-    if (k == 0) continue;  // started at rest, which the sine does not
+    if (k < 20) continue;  // started at rest, which the sine does not
     BOOST_REQUIRE((observer.dq() - velocity(t)).cwiseAbs().maxCoeff() < 2e-3);
   }
 }
@@ -100,7 +111,7 @@ BOOST_AUTO_TEST_CASE(a_position_that_is_none_leaves_nothing_behind) {
     if (k % 7 > 4) q[k % 7] = k % 2 == 0 ? bad : 1e300;  // two in a row
     observer.update(q, acceleration((k - 0.5) * kPeriod));
     BOOST_REQUIRE(observer.dq().allFinite());
-    if (k % 7 > 4 || k == 1) continue;
+    if (k % 7 > 4 || k < 20) continue;
     const double error = (observer.dq() - velocity(k * kPeriod)).cwiseAbs().maxCoeff();
     BOOST_REQUIRE(error < 5e-2);
   }
