@@ -58,7 +58,7 @@ class Settings:
     pushes: bool = True
     delay: float = 1e-3
     estimate_rate: float | None = None
-    last_line: bool = True
+    last_line: bool = False
     delta_x: float | None = None
     delta_v: float | None = None
     push_rise: float = 0.0
