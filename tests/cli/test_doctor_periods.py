@@ -22,8 +22,9 @@ def test_a_twin_passes_every_check(twin, period):
     plant.reset(plant.robot.inverse_kinematics(START, Q_SEED), HOLE)
     with lockstep_address(plant, period=period) as address:
         found = list(run_arm_checks(parse_address(f"{address}&reset=move"), None))
-    assert {check.name: check.status for check in found} == {
-        **dict.fromkeys(("connection", "gravity, measured torque", "hold"), "ok"),
-        **dict.fromkeys(("torques", "push, external torque", "messages"), "ok"),
+    assert [c for c in found if c.status != "ok"] == []
+    assert {c.name for c in found} >= {
+        *("connection", "gravity, measured torque", "hold", "torques"),
+        *("push, external torque", "messages", "delay", "cabinet's spring"),
     }
     assert f"{1e3 * period:g} ms x 1" in found[0].detail
