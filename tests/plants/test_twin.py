@@ -8,35 +8,12 @@ import pytest
 
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DynamicsConfig
+from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import TwinConfig, TwinPlant, list_twins, load_twin
 from dovetail.scene import SceneConfig
 from plants.conftest import HOLE, Q_BENT, start_above
 
-_MODEL = DynamicsConfig()
-IDEAL = TwinConfig(
-    description="no difference",
-    engine="mujoco",
-    seed=0,
-    command_delay=0.0,
-    torque_noise=0.0,
-    position_noise=0.0,
-    velocity_noise=0.0,
-    clearance_offset=0.0,
-    **{
-        name: getattr(_MODEL, name)
-        for name in (
-            "inertia",
-            "mass_scale",
-            "gravity_residual",
-            "damping",
-            "coulomb",
-            "armature",
-            "contact_friction",
-            "contact_time",
-        )
-    },
-)
+IDEAL = nominal_model()
 DT = 0.005
 
 
