@@ -16,10 +16,11 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Of tau_max: what the disturbance estimate takes of one measurement at most.
 constexpr double kLargestSurprise = 0.25;
-// Of tau_max: the most that is taken for a disturbance, and the most of it that a hold
-// acts against. A hold in contact is an integrator that would push ever harder.
+// Of tau_max: the most that is taken for a disturbance, and the most of it that limits
+// and that a hold act against. A hold in contact is an integrator that would push ever
+// harder.
 constexpr double kLargestEstimate = 1.0;
-constexpr double kUsualEstimate = 0.3;  // ... except of a joint that is at its limit
+constexpr double kUsualEstimate = 0.3;
 constexpr double kLargestHeld = 0.12;
 constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
@@ -132,12 +133,7 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   h_ = terms_.c + limits_.damping.cwiseProduct(dq);
   const Vec7 usual = kUsualEstimate * limits_.tau_max;
   push_.noalias() = Minv_ * disturbance_.cwiseMax(-usual).cwiseMin(usual);
-  push_whole_.noalias() = Minv_ * disturbance_;
   push_x_.noalias() = terms_.J.topRows<3>() * push_;
-  const Vec7 most = (kLargestHeld * limits_.tau_max)
-                        .cwiseMax(kLeastHeld)
-                        .cwiseMin(0.5 * limits_.tau_max);
-  held_.noalias() = Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
   lo_ = -limits_.tau_max - tool_.g;
   hi_ = limits_.tau_max - tool_.g;
 }
@@ -263,6 +259,14 @@ Vec7 Controller::braking() const noexcept {
   return (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
 }
 
+/// The part of the disturbance that a hold acts against [rad/s2].
+Vec7 Controller::held() const noexcept {
+  const Vec7 most = (kLargestHeld * limits_.tau_max)
+                        .cwiseMax(kLeastHeld)
+                        .cwiseMin(0.5 * limits_.tau_max);
+  return Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
+}
+
 /// The damped hold: this acceleration, by a torque that holds against h.
 StepResult Controller::hold(const Vec7& a, const Vec7& h) const noexcept {
   StepResult result;
@@ -282,7 +286,7 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 asked = (braking() - held_).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const Vec7 asked = (braking() - held()).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   const StepResult result = hold(asked + push_, bias());
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;

@@ -106,6 +106,7 @@ class Controller {
                     double elapsed) noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
+  Vec7 held() const noexcept;
   StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
@@ -121,12 +122,10 @@ class Controller {
   ToolMotion tool_;   // at the measured state
   Cholesky<7> factor_;
   Mat7 Minv_;
-  Vec7 h_;           // c + D dq
-  Vec7 push_;        // M^-1 r: what pushes, as an acceleration [rad/s2]
-  Vec7 push_whole_;  // the same where the estimate is large
-  Vec3 push_x_;      // of push_, at the TCP [m/s2]
-  Vec7 held_;        // the part of it that holds act against [rad/s2]
-  Vec7 lo_, hi_;     // overlay torque limits
+  Vec7 h_;        // c + D dq
+  Vec7 push_;     // M^-1 r: what pushes, as an acceleration [rad/s2]
+  Vec3 push_x_;   // of push_, at the TCP [m/s2]
+  Vec7 lo_, hi_;  // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;
 
