@@ -140,3 +140,38 @@ def test_cpp_equals_the_reference_over_long_runs(robot, q_home, rng, period, set
     assert exotic <= (2 if settings is PRINTED else 0)
     assert states >= LONG * (len(LONG_TASKS) - exotic)
     assert limited > 0.7 * states
+
+
+@pytest.mark.parametrize("period", [1e-3, 5e-3])
+@pytest.mark.parametrize("is_passive", [True, False])
+def test_cpp_equals_the_reference_where_a_joint_at_its_limit_is_pushed(
+    robot, q_home, period, is_passive
+):
+    """The push is larger than what the limits act against: of r they take a part."""
+    limits = LimitConfig.for_period(robot, period, passive=is_passive, **EXACT)
+    task, joint = "XYZ:force A:pose BC:hold", 5
+    mine = ReferenceController(
+        robot, OscConfig.for_period(period), limits, task, period
+    )
+    theirs = make_controller(robot, OscConfig.for_period(period), limits, task, period)
+    q = q_home.copy()
+    q[joint] = limits.q_max[joint] - 1e-3
+    hold = robot.tool_pose(q)
+    along = robot.chain().jacobian(q)[:3, joint]
+    along = along / np.linalg.norm(along)
+    plant = _core.RigidPlant(robot.chain(), armature=limits.armature)
+    plant.reset(q, np.zeros(7))
+    mine.reset(q, hold.position, hold.quat_wxyz)
+    theirs.reset(q, hold.position, hold.quat_wxyz)
+    target = _core.Target(np.zeros(6), hold.position, hold.quat_wxyz)
+    cut = 0
+    for cycle in range(round(0.5 / period)):
+        plant.set_external_force(40.0 * min(1.0, cycle * period / 0.2) * along)
+        q, dq = plant.read()
+        result = theirs.step(q, dq, target)
+        tau, a, _ = mine.step(q, dq, target)
+        np.testing.assert_allclose(result.tau, tau, atol=TOLERANCE)
+        np.testing.assert_allclose(result.a, a, atol=TOLERANCE)
+        cut += abs(theirs.disturbance[joint]) > 0.3 * limits.tau_max[joint]
+        plant.apply(result.tau, period)
+    assert cut * period > 0.1
