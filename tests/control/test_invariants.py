@@ -18,6 +18,7 @@ from dovetail.poses import (
     quat_multiply,
 )
 from dovetail.robot import Robot
+from extras import need
 
 TASK = "XYZ:force A:pose BC:hold"
 PERIOD = 1e-3
@@ -135,7 +136,7 @@ def test_9_unsaturated_joints_keep_their_torque(robot, rng, stage):
 
 
 def test_10_exact_sjs_is_the_projection_and_does_not_expand(robot, rng):
-    qpsolvers = pytest.importorskip("qpsolvers")
+    qpsolvers = need("qpsolvers")
     for M, Minv, a0, lb, ub in random_boxes(robot, rng, 500):
         exact = _core.sjs_exact(a0, Minv, lb, ub)
         assert exact.ok

@@ -11,6 +11,7 @@ from dovetail.errors import ConfigError
 from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import TwinConfig, TwinPlant, list_twins, load_twin
 from dovetail.scene import SceneConfig
+from extras import need
 from plants.conftest import HOLE, Q_BENT, start_above
 
 IDEAL = nominal_model()
@@ -67,7 +68,7 @@ def test_every_field_of_a_twin_is_in_this_test():
 def test_field_changes_the_motion_it_names_and_no_other(field):
     value, in_air, in_hole = CHANGES[field]
     if value == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     free, touching = play(IDEAL)
     other_free, other_touching = play(replace(IDEAL, **{field: value}))
     if field == "engine":  # free motion is the same equation in both engines
@@ -93,7 +94,7 @@ def test_noise_follows_the_seed_and_can_start_again():
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
 def test_delay_holds_the_command_back_by_its_time(engine):
     if engine == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     twin = TwinPlant(replace(IDEAL, command_delay=0.0075), SceneConfig(), engine=engine)
     twin.reset(Q_BENT, HOLE)
     tau = 5.0 * np.eye(7)[1]
