@@ -66,10 +66,7 @@ bool LastLine::swings(int joint, const LastLineInput& input,
     s.extreme = s.direction * fast;
     return false;
   }
-  if (s.direction * s.extreme - fast < kHysteresis * dq_max_[joint]) {
-    if (s.since > kSlowest) s.count = 0;
-    return false;
-  }
+  if (s.direction * s.extreme - fast < kHysteresis * dq_max_[joint]) return false;
   const double width = std::abs(s.extreme - s.turn);
   s.least = kWidth * dq_max_[joint] + s.excused;
   const bool is_swing = width > s.least && s.since > kQuickest && s.since < kSlowest;
