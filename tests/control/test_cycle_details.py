@@ -87,8 +87,9 @@ def test_a_hold_after_a_reset_begins_without_what_pushed_before(robot, q_home, l
     torques = []
     for loop in (used, fresh):
         pose = loop.hold
-        loop.controller.reset(q_home, pose.position, pose.quat_wxyz, too_fast)
-        result = loop.controller.step(q_home, too_fast, _core.Target())
+        elsewhere = q_home + 0.2  # in motion from where it was, it would go on
+        loop.controller.reset(elsewhere, pose.position, pose.quat_wxyz, too_fast)
+        result = loop.controller.step(elsewhere, too_fast, _core.Target())
         assert result.flags.ended
         torques.append(result.tau)
     np.testing.assert_array_equal(*torques)

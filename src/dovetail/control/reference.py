@@ -32,7 +32,7 @@ SURPRISE = 0.25
 
 LARGEST, USUAL, HELD, HELD_LEAST = 1.0, 0.3, 0.12, 10.0
 """Over tau_max: the most that is taken for a disturbance, of it the limits act against
-and a hold; a hold acts against as much at least [Nm]."""
+except at a joint's limit, and a hold; a hold acts against as much at least [Nm]."""
 
 POSTURE_MAX, STAY_MAX = 2.0, 0.02
 """Longest way back that is used: to the posture [rad], to where an axis stays [m]."""
@@ -83,11 +83,14 @@ class ReferenceController:
         J_tool, dJdq = chain.jacobian(q_model), chain.jacobian_dot_dq(q_model, dq)
         push = Minv @ np.clip(self.r, -USUAL * lim.tau_max, USUAL * lim.tau_max)
         push_x = J_tool[:3] @ push
+        middle, half = 0.5 * (lim.q_max + lim.q_min), 0.5 * (lim.q_max - lim.q_min)
+        is_inside = np.abs(q - middle) < half - lim.delta_q
+        push_q = np.where(is_inside, push, Minv @ self.r)  # in full at a limit
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
         wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
-        lb, ub = intervals(lim, dt, q, dq, push, *joint)
+        lb, ub = intervals(lim, dt, q, dq, push_q, *joint)
         cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall, lim.delta_x)
         g = chain.gravity(q)
         lo, hi = -lim.tau_max - g, lim.tau_max - g
