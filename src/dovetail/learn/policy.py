@@ -227,7 +227,8 @@ def find_policy(name_or_path: str) -> Path:
         return POLICY_FOLDER / f"{name_or_path}.safetensors"
     raise ConfigError(
         f"no policy {name_or_path!r}: there are no such files (NAME.safetensors "
-        f"and NAME.json), and the shipped policies are: {', '.join(list_policies()) or 'none'}"
+        "and NAME.json), and the shipped policies are: "
+        f"{', '.join(list_policies()) or 'none'}"
     )
 
 
