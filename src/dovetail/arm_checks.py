@@ -17,8 +17,6 @@ from dovetail.arm_feel import (
     check_period_proven,
     feel_checks,
     last_words,
-    quiet,
-    simulated_step,
 )
 from dovetail.arms.address import FriAddress
 from dovetail.arms.watchdog import WatchdogConfig
@@ -35,6 +33,7 @@ from dovetail.envs.arm_setup import (
     make_settings,
 )
 from dovetail.errors import ArmError
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
 from dovetail.scene import SceneConfig

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from arms.loopback import CabinetArm
-from dovetail.arm_feel import quiet, simulated_step
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, make_settings
 from dovetail.envs.randomisation import tool_down
 from dovetail.errors import ArmError
 from dovetail.feel.feeling import feel_arm
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.missed_load import explain_by_load
 from dovetail.feel.spring import feel_spring
 from dovetail.plants.plant import DynamicsConfig, make_plant
