@@ -26,6 +26,9 @@ constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 // After the last line the estimate is slow [1/s].
 constexpr double kEndRate = 60.0;
 
+// At which a wall comes in from where the tool was at the start, outside of it [m/s].
+constexpr double kReturnSpeed = 0.05;
+
 // Of the estimate's slow part, with which a hold after the last line begins [1/s].
 constexpr double kWeightRate = 8.0;
 
@@ -69,6 +72,8 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
       wall_params_{limits.bounds,    period,         limits.kappa,
                    limits.eta_wall,  limits.delta_x, limits.delta_v,
                    limits.authority, limits.passive, limits.brake_rate},
+      x_min_(limits.x_min),
+      x_max_(limits.x_max),
       check_(limits),
       last_line_(limits) {
   const auto walls_off = Vec3::Constant(kInfinity);
@@ -157,16 +162,27 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   if (!limits_.walls) return;
   for (int i = 0; i < 3; ++i) {
     const double speed = tool_.twist[i];
-    const Interval wall =
-        not_empty(acceleration_bounds(tool_.p[i], speed, limits_.x_min[i],
-                                      limits_.x_max[i], limits_.dx_max[i],
-                                      limits_.ddx_max[i], wall_params_, push_x_[i]),
-                  speed);
+    const Interval wall = not_empty(
+        acceleration_bounds(tool_.p[i], speed, x_min_[i], x_max_[i], limits_.dx_max[i],
+                            limits_.ddx_max[i], wall_params_, push_x_[i]),
+        speed);
     bounds_.cl[i] = wall.lb;
     bounds_.cu[i] = wall.ub;
     bounds_.cl_cause[i] = wall.lb_cause;
     bounds_.cu_cause[i] = wall.ub_cause;
   }
+}
+
+/// A wall that the tool is behind at the start, margin included, begins at the tool,
+/// and comes in slowly: it takes the tool along.
+void Controller::update_walls(double elapsed) noexcept {
+  const double way = kReturnSpeed * elapsed;
+  const double margin = wall_params_.delta_x;
+  x_min_ = has_walls_ ? Vec3(x_min_.array() + way) : Vec3(tool_.p.array() - margin);
+  x_max_ = has_walls_ ? Vec3(x_max_.array() - way) : Vec3(tool_.p.array() + margin);
+  x_min_ = x_min_.cwiseMin(limits_.x_min);
+  x_max_ = x_max_.cwiseMax(limits_.x_max);
+  has_walls_ = true;
 }
 
 void Controller::mark_joints(unsigned upper, unsigned lower,
@@ -307,7 +323,9 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   // Less braking than was asked for is no drive: the arm must be driven, too.
   const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
   const double driven = dq.dot(result.tau - h_);
-  const double power = target.joint ? 0.0 : std::min(added, driven);
+  // A wall that takes the tool back inside works against what is asked.
+  const bool is_led = x_min_ != limits_.x_min || x_max_ != limits_.x_max;
+  const double power = target.joint || is_led ? 0.0 : std::min(added, driven);
   return !last_line_.check({dq, explained, power, elapsed});
 }
 
@@ -343,6 +361,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     result = brake(q, dq);
   } else {
     update_model(q, dq);
+    update_walls(since);
     update_bounds(q, dq);
     if (is_ended) {
       follow_end(q, dq, result);
