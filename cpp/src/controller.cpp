@@ -53,7 +53,7 @@ bool is_same(const Target& a, const Target& b) noexcept {
   return a.joint == b.joint && a.stay == b.stay && a.f_star == b.f_star &&
          a.position_d == b.position_d && a.quat_wxyz_d == b.quat_wxyz_d &&
          a.velocity_d == b.velocity_d && a.acceleration_d == b.acceleration_d &&
-         a.near_plane == b.near_plane && a.q_d == b.q_d;
+         a.near_plane == b.near_plane && a.q_d == b.q_d && a.f_tare == b.f_tare;
 }
 
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }

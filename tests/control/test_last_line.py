@@ -101,3 +101,24 @@ def test_an_implausible_sample_has_its_bit(robot, q_home):
     flags = loop.controller.step(jumped, np.zeros(7), _core.Target()).flags
     assert flags.packed >> 45 & 1
     assert flags.bad_input
+
+
+def test_a_tare_that_changes_explains_what_it_changes(robot, q_home):
+    """Near contact f* is cut to what the tare leaves: another tare, another motion."""
+    period, half = 1e-3, 40
+    wide = {"x_min": -2.0, "x_max": 2.0, "dx_max": 5.0, "dx_near": 0.1}
+    limits = LimitConfig.for_period(robot, period, hardware=False, **wide)
+    controller = make_controller(robot, OscConfig(), limits, TASK, period)
+    plant = _core.RigidPlant(
+        robot.chain(), damping=limits.damping, armature=limits.armature
+    )
+    plant.reset(q_home, np.zeros(7))
+    pose = robot.tool_pose(q_home)
+    controller.reset(q_home, pose.position, pose.quat_wxyz)
+    target = _core.Target(f_star=30.0 * np.eye(6)[1])
+    target.near_plane = np.array([0.0, 0.0, 1.0, 9.0])
+    for cycle in range(400):
+        target.f_tare = 30.0 * (cycle // half % 2) * np.eye(6)[1]
+        result = controller.step(*plant.read(), target)
+        assert not result.flags.ended, controller.end
+        plant.apply(result.tau, period)
