@@ -1,6 +1,5 @@
 """Feel an arm: push every joint a little, and fit what it did."""
 
-import os
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from dovetail import _core
 from dovetail.arms.arm import Arm
 from dovetail.errors import ArmError
+from dovetail.feel.busy import busy_words
 from dovetail.feel.excitation import excite
 from dovetail.feel.gapless import longest_gapless
 from dovetail.feel.loop_delay import LoopDelay, estimate_delay
@@ -99,9 +99,7 @@ def _push(
     raise ArmError(
         f"of {seconds:g} s in which {JOINTS[joint]} was pushed, {TRIES} times, no more "
         f"than {len(longest) * arm.period:.2f} s came without a lost cycle; needed: "
-        f"{ENOUGH * seconds:g} s: mend the connection first, and end what else runs "
-        f"here (load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores); a simulated "
-        "cabinet waits for a busy machine with clock=lockstep",
+        f"{ENOUGH * seconds:g} s: mend the connection first. {busy_words()}".strip(),
         "gaps",
     )
 
