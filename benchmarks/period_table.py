@@ -9,7 +9,8 @@ tare's own way counts, too.
 
 A single cell: `--period 1ms --twin hard --push 30`. `none` is MuJoCo alone, and
 `stiff` the same with contacts of 2 ms at every period; `--margins model` takes those of
-an arm that is exactly as its model. Below 0 is inside. Rows are printed as they come; `--json FILE` keeps every try.
+an arm that is exactly as its model. Below 0 is inside. Rows are printed as they come;
+`--json FILE` keeps every try.
 """
 
 import argparse
