@@ -26,9 +26,6 @@ constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 // After the last line the estimate is slow [1/s].
 constexpr double kEndRate = 60.0;
 
-// At which a wall comes in from where the tool was at the start, outside of it [m/s].
-constexpr double kReturnSpeed = 0.05;
-
 // Of the estimate's slow part, with which a hold after the last line begins [1/s].
 constexpr double kWeightRate = 8.0;
 
@@ -185,18 +182,6 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
     bounds_.cl_cause[i] = wall.lb_cause;
     bounds_.cu_cause[i] = wall.ub_cause;
   }
-}
-
-/// A wall that the tool is behind at the start, margin included, begins at the tool,
-/// and comes in slowly: it takes the tool along.
-void Controller::update_walls(double elapsed) noexcept {
-  const double way = kReturnSpeed * elapsed;
-  const double margin = wall_params_.delta_x;
-  x_min_ = has_walls_ ? Vec3(x_min_.array() + way) : Vec3(tool_.p.array() - margin);
-  x_max_ = has_walls_ ? Vec3(x_max_.array() - way) : Vec3(tool_.p.array() + margin);
-  x_min_ = x_min_.cwiseMin(limits_.x_min);
-  x_max_ = x_max_.cwiseMax(limits_.x_max);
-  has_walls_ = true;
 }
 
 void Controller::mark_joints(unsigned upper, unsigned lower,
