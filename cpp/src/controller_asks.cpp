@@ -20,9 +20,24 @@ constexpr double kStayError = 0.02;  // largest way back that is used [m]
 // Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
 constexpr double kNearTime = 0.04;
 
+// At which a wall comes in from where the tool was at the start, outside of it [m/s].
+constexpr double kReturnSpeed = 0.05;
+
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
 }  // namespace
+
+/// A wall that the tool is behind at the start, margin included, begins at the tool,
+/// and comes in slowly: it takes the tool along.
+void Controller::update_walls(double elapsed) noexcept {
+  const double way = kReturnSpeed * elapsed;
+  const double margin = wall_params_.delta_x;
+  x_min_ = has_walls_ ? Vec3(x_min_.array() + way) : Vec3(tool_.p.array() - margin);
+  x_max_ = has_walls_ ? Vec3(x_max_.array() - way) : Vec3(tool_.p.array() + margin);
+  x_min_ = x_min_.cwiseMin(limits_.x_min);
+  x_max_ = x_max_.cwiseMax(limits_.x_max);
+  has_walls_ = true;
+}
 
 /// Speed limit of a TCP axis [m/s]: dx_near below the near plane, above it what can be
 /// braked to that in time.
