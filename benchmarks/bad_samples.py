@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
+from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.errors import PlantError
@@ -76,7 +77,9 @@ class Case:
             force_damping=FORCE_DAMPING,
             near_speed=NEAR_SPEED,
         )
-        self.observer = _core.VelocityObserver(period) if path == "observed" else None
+        self.observer = None
+        if path == "observed":
+            self.observer = _core.VelocityObserver(period, observer_gain(period))
         self.name = f"{plant}, {scene}, {path}"
         self.chain = self.arm.robot.chain()
         place = ON_BLOCK if scene == "contact" else IN_AIR

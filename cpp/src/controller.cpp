@@ -23,6 +23,9 @@ constexpr double kUsualEstimate = 0.3;  // ... except of a joint that is at its 
 constexpr double kLargestHeld = 0.12;
 constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
+// While the state is in doubt: what a torque may change in a cycle [Nm].
+const double kLargestStep = getenv("G_STEP") ? atof(getenv("G_STEP")) : 18.0;
+
 // After the last line the estimate is slow [1/s].
 constexpr double kEndRate = 60.0;
 
@@ -283,7 +286,8 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_bounds(q, dq);
   dq_last_ = dq;
   const Vec7 asked = (braking() - held_).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  const StepResult result = hold(asked + push_, bias());
+  StepResult result = hold(asked + push_, bias());
+  soften(result);
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
   has_last_ = true;
@@ -311,7 +315,19 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   return !last_line_.check({dq, explained, power, elapsed});
 }
 
+/// While the state is in doubt the torque changes slowly: on the straight line between
+/// the last torque and the wanted one, so that both's limits hold.
+void Controller::soften(StepResult& result) const noexcept {
+  if (!check_.is_in_doubt() || !has_last_) return;
+  const Vec7 change = result.tau - tau_last_;
+  const double most = change.cwiseAbs().maxCoeff();
+  if (!(most > kLargestStep)) return;
+  result.tau = tau_last_ + (kLargestStep / most) * change;
+  result.a = Minv_ * (result.tau - h_) + push_;
+}
+
 StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
+  soften(result);
   const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
   if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
     result.flags.unsafe = true;

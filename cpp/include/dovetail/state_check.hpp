@@ -12,6 +12,8 @@
 /// all: after `kAgreed` of them they are believed.
 #pragma once
 
+#include <array>
+
 #include "dovetail/types.hpp"
 
 namespace dovetail {
@@ -38,23 +40,35 @@ class StateCheck {
   /// The joint that made the last one so, 0 to 6.
   int joint() const noexcept { return joint_; }
 
+  /// Whether one of the last `kDoubt` samples was refused, or believed in part.
+  bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
+
   /// Samples in a row that must agree with one another before they are believed.
   static constexpr int kAgreed = 8;
+  /// Cycles for which a sample that was not taken whole is remembered.
+  static constexpr int kDoubt = 10;
 
  private:
   bool is_first(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
-  bool is_reachable(const Vec7& q, const Vec7& dq, const Vec7& q_from,
-                    const Vec7& dq_from, const Vec7& kick, double elapsed) noexcept;
+  bool is_old(const Vec7& q) const noexcept;
+  bool is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
+               const Vec7& dq_expected, const Vec7& kick, double time) noexcept;
+  void refuse(const Vec7& q_next, const Vec7& dq_next) noexcept;
+  void remember(const Vec7& q, const Vec7& dq) noexcept;
+
+  static constexpr int kRemembered = 6;  // a state that is late by five cycles
 
   Vec7 dq_max_, tau_max_;
   Vec7 q_ = Vec7::Zero();
   Vec7 dq_ = Vec7::Zero();
-  Vec7 q_seen_ = Vec7::Zero();  // the last sample, believed or not
+  std::array<Vec7, kRemembered> seen_;  // the last samples, believed or not
+  int newest_ = 0;                      // of them
   Vec7 dq_seen_ = Vec7::Zero();
   double since_ = 0.0;  // time since a sample was believed [s]
   int implausible_ = 0;
   int agreed_ = 0;
-  int repeated_ = 0;      // samples in a row that are the one before
+  int repeated_ = 0;      // samples in a row that were seen before
+  int in_doubt_ = 0;      // cycles to go
   bool is_fresh_ = true;  // nothing was taken since the reset
   int joint_ = 0;
 };
