@@ -30,6 +30,9 @@ constexpr double kStiffest = 3000.0;
 constexpr double kQuickest = 60.0;
 constexpr double kLeastPosition = 2e-4;  // ... and never less than noise [rad]
 constexpr double kLeastSpeed = 0.05;     // [rad/s]
+// ... and never more than this: a wrist moves the tool, and with it the whole arm.
+constexpr double kMostPosition = 1e-3;
+constexpr double kMostSpeed = 0.2;
 
 // Motion below which a repeated sample says nothing [rad].
 constexpr double kStill = 1e-6;
@@ -47,7 +50,21 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   seen_.fill(q);
   since_ = 0.0;
   implausible_ = agreed_ = repeated_ = in_doubt_ = 0;
+  is_surprised_ = false;
   is_fresh_ = true;
+}
+
+/// Whether what was not expected is worth a torque that may come at once.
+bool StateCheck::is_within(const Vec7& farther, const Vec7& faster,
+                           const Vec7& inertia) const noexcept {
+  for (int i = 0; i < kNumJoints; ++i) {
+    const double way =
+        std::clamp(kTorque / (kStiffest * inertia[i]), kLeastPosition, kMostPosition);
+    const double speed =
+        std::clamp(kTorque / (kQuickest * inertia[i]), kLeastSpeed, kMostSpeed);
+    if (std::abs(farther[i]) > way || std::abs(faster[i]) > speed) return false;
+  }
+  return true;
 }
 
 /// The prediction stands for this sample.
@@ -128,31 +145,28 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const Vec7 kick = kKickShare * tau_max_.cwiseQuotient(inertia);
   const bool is_plausible =
       is_number && is_near(q, dq, q_next, dq_next, kick, since_);
+  const bool is_expected = is_plausible && is_within(q - q_next, dq - dq_next, inertia);
   // Not where it was expected: does it agree with the sample before?
   const bool agrees =
       is_number &&
       is_near(q, dq, seen_[newest_] + elapsed * dq_seen_, dq_seen_, kick, elapsed);
   if (is_number) remember(q, dq);
-  agreed_ = agrees && !is_plausible ? agreed_ + 1 : 0;
+  agreed_ = agrees && !is_expected ? agreed_ + 1 : 0;
+  const bool was_surprised = is_surprised_;
+  const bool is_confirmed = is_plausible && was_surprised && agrees;
+  is_surprised_ = is_plausible && !is_expected && !is_confirmed;
   if (agreed_ >= kAgreed) {
     reset(q, dq);
     in_doubt_ = kDoubt;
-    return;
-  }
-  if (!is_plausible) {
-    ++implausible_;
+  } else if (is_expected || is_confirmed) {
+    implausible_ = 0;
+    since_ = 0.0;
+    q_ = q_next + (q - q_next);
+    dq_ = dq_next + (dq - dq_next);
+    if (is_confirmed) in_doubt_ = kDoubt;
+  } else {
+    if (!is_surprised_ || was_surprised) ++implausible_;
     refuse(q_next, dq_next);
-    return;
-  }
-  implausible_ = 0;
-  since_ = 0.0;
-  for (int i = 0; i < kNumJoints; ++i) {
-    const double speed = std::max(kTorque / (kQuickest * inertia[i]), kLeastSpeed);
-    const double way = std::max(kTorque / (kStiffest * inertia[i]), kLeastPosition);
-    const double farther = q[i] - q_next[i], faster = dq[i] - dq_next[i];
-    q_[i] = q_next[i] + std::clamp(farther, -way, way);
-    dq_[i] = dq_next[i] + std::clamp(faster, -speed, speed);
-    if (std::abs(farther) > way || std::abs(faster) > speed) in_doubt_ = kDoubt;
   }
 }
 

@@ -60,7 +60,7 @@ struct AttackResult {
   Worst step_by_bad{kNever};
   int bad_cycles = 0;
 
-  static constexpr int kAfterBad = 20;
+  static constexpr int kAfterBad = 10;
 };
 
 /// Columns of a trace: one row per cycle.

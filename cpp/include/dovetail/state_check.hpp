@@ -53,6 +53,8 @@ class StateCheck {
   bool is_old(const Vec7& q) const noexcept;
   bool is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
                const Vec7& dq_expected, const Vec7& kick, double time) noexcept;
+  bool is_within(const Vec7& farther, const Vec7& faster,
+                 const Vec7& inertia) const noexcept;
   void refuse(const Vec7& q_next, const Vec7& dq_next) noexcept;
   void remember(const Vec7& q, const Vec7& dq) noexcept;
 
@@ -69,6 +71,7 @@ class StateCheck {
   int agreed_ = 0;
   int repeated_ = 0;      // samples in a row that were seen before
   int in_doubt_ = 0;      // cycles to go
+  bool is_surprised_ = false;  // the last sample was plausible, and not expected
   bool is_fresh_ = true;  // nothing was taken since the reset
   int joint_ = 0;
 };
