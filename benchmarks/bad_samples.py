@@ -14,7 +14,6 @@ largest without wrong samples. Cycles in which the Target changes are left out o
 import argparse
 import itertools
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,17 +48,13 @@ AFTER = 10  # cycles after the last wrong sample that still count
 Array = NDArray[np.float64]
 
 
-@dataclass
 class Tally:
     """What the spikes of one case did."""
 
-    spikes: int = 0
-    step: float = 0.0
-    step_clean: float = 0.0
-    push: float = 0.0
-    broken: int = 0
-    blown_up: int = 0
-    worst: str = ""
+    spikes = broken = blown_up = 0
+    step = step_clean = 0.0  # largest change of a torque in a cycle [Nm]
+    push = 0.0  # largest contact force [N]
+    worst = ""
 
 
 class Case:

@@ -24,7 +24,7 @@ constexpr double kLargestHeld = 0.12;
 constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
 // While the state is in doubt: what a torque may change in a cycle [Nm].
-const double kLargestStep = getenv("G_STEP") ? atof(getenv("G_STEP")) : 18.0;
+constexpr double kLargestStep = 18.0;
 
 // After the last line the estimate is slow [1/s].
 constexpr double kEndRate = 60.0;
@@ -315,8 +315,9 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   return !last_line_.check({dq, explained, power, elapsed});
 }
 
-/// While the state is in doubt the torque changes slowly: on the straight line between
-/// the last torque and the wanted one, so that both's limits hold.
+/// While the state is in doubt the torque changes slowly, into a damped hold and out of
+/// it, too: on the straight line between the last torque and the wanted one, which
+/// keeps limits that both keep. Joint by joint each would disturb the others.
 void Controller::soften(StepResult& result) const noexcept {
   if (!check_.is_in_doubt() || !has_last_) return;
   const Vec7 change = result.tau - tau_last_;

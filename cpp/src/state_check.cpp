@@ -21,7 +21,7 @@ constexpr double kKickShare = 3.0;
 // A joint that became faster went farther, by half of it times the period if the push
 // was even. Of a blow at the end of the interval so much is believed at once [rad/s].
 constexpr double kBlowWay = 2.5;
-const double kBlowSpeed = getenv("G_BLOW") ? atof(getenv("G_BLOW")) : 0.2;
+constexpr double kBlowSpeed = 0.2;
 
 // What one plausible sample may change, as a torque [Nm], under the stiffest laws that
 // act on position [1/s2] and on speed [1/s].
@@ -135,21 +135,19 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   in_doubt_ = std::max(in_doubt_ - 1, 0);
   // An old sample, until too many say the same: then the arm does stand there.
   const bool was_seen = is_number && is_old(q);
-  const bool is_late = was_seen && repeated_ < kAgreed &&
-                       elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
+  const bool is_late =
+      was_seen && repeated_ < kAgreed && elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
   repeated_ = was_seen ? repeated_ + 1 : 0;
   if (is_late) {
     refuse(q_next, dq_next);
     return;
   }
   const Vec7 kick = kKickShare * tau_max_.cwiseQuotient(inertia);
-  const bool is_plausible =
-      is_number && is_near(q, dq, q_next, dq_next, kick, since_);
+  const bool is_plausible = is_number && is_near(q, dq, q_next, dq_next, kick, since_);
   const bool is_expected = is_plausible && is_within(q - q_next, dq - dq_next, inertia);
   // Not where it was expected: does it agree with the sample before?
-  const bool agrees =
-      is_number &&
-      is_near(q, dq, seen_[newest_] + elapsed * dq_seen_, dq_seen_, kick, elapsed);
+  const bool agrees = is_number && is_near(q, dq, seen_[newest_] + elapsed * dq_seen_,
+                                           dq_seen_, kick, elapsed);
   if (is_number) remember(q, dq);
   agreed_ = agrees && !is_expected ? agreed_ + 1 : 0;
   const bool was_surprised = is_surprised_;

@@ -2,14 +2,19 @@
 /// believed.
 ///
 /// The state is predicted with the acceleration that the last cycle expected. A sample
-/// beyond what speed limit and motors allow is implausible: the prediction stands for
-/// it. A plausible one moves the believed state by a bounded amount in a cycle, so that
-/// one wrong sample is worth a bounded torque. A sample that repeats the one before,
-/// bit by bit, while the arm moves is an old one: the prediction stands for it, too,
-/// but no more than `kAgreed` times in a row.
+/// near the prediction, by what a bounded torque is worth, is taken as it is. For any
+/// other the prediction stands, and no part of it is believed: what is believed in part
+/// is wrong in part, and the next true sample then looks like a wrong one.
+///
+/// * Bit by bit one of the last samples, while the arm moves: an old one, late or
+///   repeated, at most `kAgreed` times in a row.
+/// * A way that no change of speed explains, a speed without a way, more than motors
+///   and blows can do: implausible.
+/// * Otherwise a surprise, a contact or a push: believed, as a whole, if the next
+///   sample goes on from it. That costs a real one a cycle.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
-/// all: after `kAgreed` of them they are believed.
+/// all: after `kAgreed` of them they are believed. A burst of wrong ones is shorter.
 #pragma once
 
 #include <array>
@@ -40,13 +45,13 @@ class StateCheck {
   /// The joint that made the last one so, 0 to 6.
   int joint() const noexcept { return joint_; }
 
-  /// Whether one of the last `kDoubt` samples was refused, or believed in part.
+  /// Whether a sample was refused, or a surprise believed, less than `kDoubt` ago.
   bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
 
   /// Samples in a row that must agree with one another before they are believed.
   static constexpr int kAgreed = 8;
-  /// Cycles for which a sample that was not taken whole is remembered.
-  static constexpr int kDoubt = 10;
+  /// Cycles for which that is remembered.
+  static constexpr int kDoubt = 11;
 
  private:
   bool is_first(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
@@ -69,10 +74,10 @@ class StateCheck {
   double since_ = 0.0;  // time since a sample was believed [s]
   int implausible_ = 0;
   int agreed_ = 0;
-  int repeated_ = 0;      // samples in a row that were seen before
-  int in_doubt_ = 0;      // cycles to go
+  int repeated_ = 0;           // samples in a row that were seen before
+  int in_doubt_ = 0;           // cycles to go
   bool is_surprised_ = false;  // the last sample was plausible, and not expected
-  bool is_fresh_ = true;  // nothing was taken since the reset
+  bool is_fresh_ = true;       // nothing was taken since the reset
   int joint_ = 0;
 };
 
