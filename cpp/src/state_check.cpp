@@ -151,7 +151,9 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   if (is_number) remember(q, dq);
   agreed_ = agrees && !is_expected ? agreed_ + 1 : 0;
   const bool was_surprised = is_surprised_;
-  const bool is_confirmed = is_plausible && was_surprised && agrees;
+  // After a time without samples the prediction is worth less than the first of them.
+  const bool was_blind = implausible_ > kRemembered;
+  const bool is_confirmed = is_plausible && ((was_surprised && agrees) || was_blind);
   is_surprised_ = is_plausible && !is_expected && !is_confirmed;
   if (agreed_ >= kAgreed) {
     reset(q, dq);

@@ -149,6 +149,7 @@ BOOST_AUTO_TEST_CASE(a_sample_of_five_cycles_ago_is_old_too) {
 BOOST_AUTO_TEST_CASE(a_way_without_a_speed_and_a_speed_without_a_way_are_none) {
   for (const double error : {0.003, -0.01}) {
     check.reset(q, dq);
+    take(q, dq);
     move();
     Vec7 wrong = q;
     wrong[4] += error;
@@ -157,6 +158,7 @@ BOOST_AUTO_TEST_CASE(a_way_without_a_speed_and_a_speed_without_a_way_are_none) {
   }
   for (const double error : {0.5, -2.0}) {
     check.reset(q, dq);
+    take(q, dq);
     move();
     Vec7 wrong = dq;
     wrong[4] += error;
@@ -168,6 +170,7 @@ BOOST_AUTO_TEST_CASE(a_way_without_a_speed_and_a_speed_without_a_way_are_none) {
 BOOST_AUTO_TEST_CASE(a_surprise_is_believed_when_the_next_sample_goes_on_from_it) {
   for (const bool is_real : {true, false}) {
     check.reset(q, dq);
+    take(q, dq);
     move();
     const Vec7 q_expected = q, dq_expected = dq;
     dq[2] += 0.25;  // a blow
