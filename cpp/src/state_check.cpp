@@ -19,7 +19,8 @@ constexpr double kSpeedShare = 1.3;
 constexpr double kKickShare = 3.0;
 
 // A joint that became faster went farther, by half of it times the period if the push
-// was even. Of a blow at the end of the interval so much is believed at once [rad/s].
+// was even. Of a blow at the end of the interval so much can be [rad/s]: the next
+// sample shows its way, too.
 constexpr double kBlowWay = 2.5;
 constexpr double kBlowSpeed = 0.2;
 
@@ -90,14 +91,14 @@ bool StateCheck::is_old(const Vec7& q) const noexcept {
 /// kick allows, and as far as the speed that came of it goes. Notes the joint that
 /// cannot.
 bool StateCheck::is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
-                         const Vec7& dq_expected, const Vec7& kick,
+                         const Vec7& dq_expected, const Vec7& kick, double blow,
                          double time) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
     const double farther = std::abs(q[i] - q_expected[i]);
     const double faster = std::abs(dq[i] - dq_expected[i]);
     if (std::abs(dq[i]) <= 2.0 * dq_max_[i] + kNoiseSpeed &&
         faster <= kick[i] * time + kNoiseSpeed &&
-        faster <= kBlowWay * farther / time + kBlowSpeed + kNoiseSpeed &&
+        faster <= kBlowWay * farther / time + blow + kNoiseSpeed &&
         farther <= (faster + kNoiseSpeed) * time + kNoisePosition) {
       continue;
     }
@@ -143,11 +144,13 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     return;
   }
   const Vec7 kick = kKickShare * tau_max_.cwiseQuotient(inertia);
-  const bool is_plausible = is_number && is_near(q, dq, q_next, dq_next, kick, since_);
+  const bool is_plausible =
+      is_number &&
+      is_near(q, dq, q_next, dq_next, kick, is_surprised_ ? 0.0 : kBlowSpeed, since_);
   const bool is_expected = is_plausible && is_within(q - q_next, dq - dq_next, inertia);
   // Not where it was expected: does it agree with the sample before?
   const bool agrees = is_number && is_near(q, dq, seen_[newest_] + elapsed * dq_seen_,
-                                           dq_seen_, kick, elapsed);
+                                           dq_seen_, kick, kBlowSpeed, elapsed);
   if (is_number) remember(q, dq);
   agreed_ = agrees && !is_expected ? agreed_ + 1 : 0;
   const bool was_surprised = is_surprised_;

@@ -57,7 +57,8 @@ class StateCheck {
   bool is_first(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
   bool is_old(const Vec7& q) const noexcept;
   bool is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
-               const Vec7& dq_expected, const Vec7& kick, double time) noexcept;
+               const Vec7& dq_expected, const Vec7& kick, double blow,
+               double time) noexcept;
   bool is_within(const Vec7& farther, const Vec7& faster,
                  const Vec7& inertia) const noexcept;
   void refuse(const Vec7& q_next, const Vec7& dq_next) noexcept;
