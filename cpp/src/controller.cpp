@@ -304,7 +304,8 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_bounds(q, dq);
   dq_last_ = dq;
   const Vec7 asked = (braking() - held()).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  const StepResult result = hold(asked + push_, bias());
+  StepResult result = hold(asked + push_, bias());
+  soften(result);
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
   has_last_ = true;
@@ -335,6 +336,7 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
 }
 
 StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
+  soften(result);
   const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
   if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
     result.flags.unsafe = true;

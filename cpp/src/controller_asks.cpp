@@ -1,5 +1,5 @@
 // What a cycle asks for: of the task, of the joints, or of an arm whose motion was
-// ended; before the limits.
+// ended; before the limits. And how quickly an answer to a doubtful state may come.
 #include <algorithm>
 #include <cmath>
 
@@ -22,6 +22,9 @@ constexpr double kNearTime = 0.04;
 
 // At which a wall comes in from where the tool was at the start, outside of it [m/s].
 constexpr double kReturnSpeed = 0.05;
+
+// While the state is in doubt: what a torque may change in a cycle [Nm].
+constexpr double kLargestStep = 18.0;
 
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
@@ -157,6 +160,18 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
   result.flags = Flags{};
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   has_posture_ = false;
+}
+
+/// While the state is in doubt the torque changes slowly, into a damped hold and out of
+/// it, too: on the straight line between the last torque and the wanted one, which
+/// keeps limits that both keep. Joint by joint each would disturb the others.
+void Controller::soften(StepResult& result) const noexcept {
+  if (!check_.is_in_doubt() || !has_last_) return;
+  const Vec7 change = result.tau - tau_last_;
+  const double most = change.cwiseAbs().maxCoeff();
+  if (!(most > kLargestStep)) return;
+  result.tau = tau_last_ + (kLargestStep / most) * change;
+  result.a = Minv_ * (result.tau - h_) + push_;
 }
 
 }  // namespace dovetail

@@ -107,6 +107,7 @@ class Controller {
   void limit(StepResult& result) noexcept;
   bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
                     double elapsed) noexcept;
+  void soften(StepResult& result) const noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
   Vec7 held() const noexcept;
