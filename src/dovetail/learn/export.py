@@ -12,6 +12,7 @@ import numpy as np
 
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Layer, Policy
+from dovetail.learn.spaces import describe_spaces
 
 _RENORM_EPSILON = 1e-3  # sbx.common.jax_layers.BatchRenorm
 _PACKAGES = (
@@ -87,25 +88,6 @@ def _affine(
     variance = np.asarray(stats["var"], dtype=np.float64)
     scale = np.asarray(params["scale"]) / np.sqrt(variance + _RENORM_EPSILON)
     return scale, np.asarray(params["bias"]) - mean * scale
-
-
-def describe_spaces(env: Any) -> dict[str, Any]:
-    """Return size and meaning of observation and action, for the sidecar."""
-    from dovetail.envs.observation import COLUMNS
-
-    core = env.unwrapped
-    return {
-        "observation": {
-            "size": int(env.observation_space.shape[0]),
-            "columns": [list(column) for column in COLUMNS],
-            "scaling": core.scaling.describe(),
-        },
-        "action": {
-            "size": int(env.action_space.shape[0]),
-            "axes": list(core.commands.axes),
-            "scale": [float(value) for value in core.commands.scale],
-        },
-    }
 
 
 def versions() -> dict[str, str]:
