@@ -12,6 +12,7 @@ from dovetail.errors import DovetailError
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
     "train": ("Train", "train a policy in a simulation or on an arm"),
+    "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
     "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
     "reproduce": ("Reproduce", "run the paper's experiments, resumable"),

@@ -308,7 +308,7 @@ def _inspect(
         _require_hole(config, can_place=env.unwrapped.places_hole)  # type: ignore[attr-defined]
         pose = hole_poses(config, policy.metadata)[0].pose()
         observation, _ = env.reset(seed=config.seed, options={"hole": pose})
-        policy.require_size(observation, env.action_space.shape)
+        policy.require_size(observation, env.action_space.shape or ())
         require_spaces(policy.metadata, env)
     except BaseException:
         env.close()
