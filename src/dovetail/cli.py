@@ -1,5 +1,6 @@
 """The command `dovetail`: finds the subcommand, runs it, and words its errors."""
 
+import difflib
 import importlib
 import sys
 from collections.abc import Sequence
@@ -7,6 +8,7 @@ from collections.abc import Sequence
 import tyro
 from rich.console import Console
 
+from dovetail import __version__
 from dovetail.errors import DovetailError
 
 COMMANDS = {
@@ -48,6 +50,9 @@ def run(words: list[str]) -> int:
     """
     is_debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
+    if words in (["--version"], ["-V"]):
+        print(f"dovetail {__version__}")
+        return 0
     if not words or words[0] in ("-h", "--help"):
         print(_help())
         return 0 if words else 2
@@ -65,8 +70,10 @@ def run(words: list[str]) -> int:
 
 def _run_command(name: str, words: list[str]) -> int:
     if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, n=1)
+        meant = f"did you mean {near[0]}? " if near else ""
         raise DovetailError(
-            f"unknown command {name!r}; known commands: {', '.join(COMMANDS)}"
+            f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
         )
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = getattr(module, COMMANDS[name][0])
@@ -85,7 +92,8 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "dovetail COMMAND --help lists the options; --debug shows tracebacks",
+            "dovetail COMMAND --help lists the options; --debug shows tracebacks;",
+            "dovetail --version tells the version",
         ]
     )
 

@@ -24,7 +24,7 @@ class Export(EnvSettings):
     was trained on them acts wrongly.
     """
 
-    model: Annotated[Path, tyro.conf.Positional]
+    model: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL.zip")]
     """The file that model.save wrote."""
     out: Path | None = None
     """Name of the policy, NAME.safetensors and NAME.json; default the model's, beside
