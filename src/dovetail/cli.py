@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import tyro
 from rich.console import Console
 
-from dovetail import __version__
+import dovetail
 from dovetail.errors import DovetailError
 
 COMMANDS = {
@@ -51,7 +51,7 @@ def run(words: list[str]) -> int:
     is_debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
     if words in (["--version"], ["-V"]):
-        print(f"dovetail {__version__}")
+        print(f"dovetail {dovetail.__version__}")
         return 0
     if not words or words[0] in ("-h", "--help"):
         print(_help())

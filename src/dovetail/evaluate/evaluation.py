@@ -261,16 +261,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         title=title,
         ground=ground,
         period=options["period"],
-        note="; ".join(
-            filter(
-                None,
-                (
-                    lax,
-                    other_period(options["period"], policy.metadata),
-                    shared_engine(config, policy.metadata),
-                ),
-            )
-        ),
+        note=_notes(lax, config, options["period"], policy.metadata),
         rows=rows,
         outcomes=outcomes,
         config=describe_settings(replace(config, out=folder), options, poses),
@@ -283,6 +274,14 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
     )
+
+
+def _notes(
+    lax: str, config: EvaluationConfig, period: float, policy: Mapping[str, Any]
+) -> str:
+    """Return what a reader of the numbers must know; empty for nothing."""
+    notes = (lax, other_period(period, policy), shared_engine(config, policy))
+    return "; ".join(filter(None, notes))
 
 
 def _print(report: Report, is_tared: bool, console: Console) -> None:
