@@ -118,7 +118,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
   has_posture_ = false;
-  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held_;
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held();
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
@@ -138,7 +138,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
     q_end_ = q;
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
-  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held_;
+  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held();
   result.flags = Flags{};
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   has_posture_ = false;

@@ -31,10 +31,11 @@ class Controller {
   Controller(const ChainParams& chain, const OscParams& osc, const LimitParams& limits,
              const TaskSpec& task, double period);
 
-  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets the disturbance and what
-  /// the last line saw, latches the pose that hold axes keep: TCP position [m] and
-  /// rotation (wxyz). With a q or a pose that is none (see input.hpp) every cycle is a
-  /// damped hold and `bad_input`, until a good one.
+  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets what the last line saw and
+  /// the disturbance, unless the arm goes on in motion from where it was; latches the
+  /// pose that hold axes keep: TCP position [m] and rotation (wxyz). With a q or a pose
+  /// that is none (see input.hpp) every cycle is a damped hold and `bad_input`, until a
+  /// good one.
   void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
              const Vec7& dq = Vec7::Zero()) noexcept;
 
@@ -84,6 +85,7 @@ class Controller {
   double period() const noexcept { return period_; }
 
  private:
+  bool goes_on(const Vec7& q, const Vec7& dq) const noexcept;
   void update_disturbance(const Vec7& dq, double elapsed) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
@@ -106,6 +108,7 @@ class Controller {
                     double elapsed) noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
+  Vec7 held() const noexcept;
   StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
@@ -125,7 +128,6 @@ class Controller {
   Vec7 push_;        // M^-1 r: what pushes, as an acceleration [rad/s2]
   Vec7 push_whole_;  // the same where the estimate is large
   Vec3 push_x_;      // of push_, at the TCP [m/s2]
-  Vec7 held_;        // the part of it that holds act against [rad/s2]
   Vec7 lo_, hi_;     // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;
