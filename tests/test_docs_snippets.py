@@ -5,6 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from extras import need
+
 PAGE = Path(__file__).parent.parent / "docs" / "training.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
 
@@ -12,7 +14,7 @@ BLOCKS = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
 @pytest.mark.parametrize("block", BLOCKS, ids=range(len(BLOCKS)))
 def test_a_program_in_the_page_runs(block, tmp_path, monkeypatch):
     if "stable_baselines3" in block:
-        pytest.importorskip("stable_baselines3")
+        need("sbx")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(block, PAGE.name, "exec"), names)

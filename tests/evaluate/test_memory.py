@@ -13,6 +13,7 @@ from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Policy
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.scene import SceneConfig
+from extras import need
 
 ID = "dovetail/PegInHole-v0"
 Q_START = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
@@ -47,7 +48,7 @@ def cabinet():
 
 @contextmanager
 def service():
-    pytest.importorskip("grpc")
+    need("grpc")
     from dovetail.rpc.builders import LocalBuilder
     from dovetail.rpc.server import ArmServer
 

@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-pytest.importorskip("sbx")
+pytest.importorskip("sbx", reason="needs sbx: pip install '.[learn]'")
 
 import jax
 import sbx

@@ -9,6 +9,7 @@ from dovetail.errors import PolicyError
 from dovetail.learn.fine_tune import load_start
 from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Policy
+from extras import need
 
 TOLERANCE = 1e-5
 """Largest difference of an action, of a range of 2."""
@@ -41,7 +42,8 @@ def random_gru(rng, inputs=14, units=UNITS) -> Gru:
 
 @pytest.mark.parametrize("before", [0, 1])
 def test_a_random_gru_gives_the_actions_of_jax(policy, rng, before):
-    jax = pytest.importorskip("jax")
+    need("sbx")
+    import jax
     from flax import linen
 
     inputs = (14, 8)[before]
@@ -71,7 +73,9 @@ def test_a_random_gru_gives_the_actions_of_jax(policy, rng, before):
 
 
 def test_a_random_gru_gives_the_states_of_pytorch(rng):
-    torch = pytest.importorskip("torch")
+    need("sbx")
+    import torch
+
     theirs = torch.nn.GRU(14, UNITS)
     mine = Gru.from_torch(theirs.state_dict())
     inputs = rng.uniform(-3.0, 3.0, (STEPS, 14)).astype(np.float32)
