@@ -124,20 +124,24 @@ def ended(controller, plant, target, cycles):
     return controller.end[0]
 
 
-def outside_a_wall(robot, q):
-    x = robot.tool_pose(q).position[0]
-    return free_arm(robot, q, x_min=[-1.0, -1.0, 0.0], x_max=[x - 0.03, 1.0, 1.5])
+def outside_a_joint_limit(robot, q):
+    q_max = robot.q_max.copy()
+    q_max[3] = q[3] - 0.1
+    return free_arm(robot, q, q_max=q_max)
 
 
 def test_work_of_limiters_is_seen(robot, q_home):
-    """Outside a wall nothing but a limiter drives the arm."""
-    assert ended(*outside_a_wall(robot, q_home), _core.Target(), 100) == "energy"
+    """Outside a joint's limit nothing but a limiter drives the arm."""
+    assert ended(*outside_a_joint_limit(robot, q_home), _core.Target(), 100) == "energy"
 
 
 def test_the_way_of_a_joint_target_is_no_limiters_work(robot, q_home):
     """The power in the last cycle before it must not count on and on."""
-    controller, plant = outside_a_wall(robot, q_home)
-    assert ended(controller, plant, _core.Target(), 30) == "none"
+    J = robot.chain().jacobian(q_home)
+    dq = np.linalg.pinv(J) @ (0.2 * np.eye(6)[1])
+    controller, plant = free_arm(robot, q_home, dq=dq, ddx_max=1.0, x_max=2.0)
+    brake = _core.Target(f_star=-10.0 * np.eye(6)[1])
+    assert ended(controller, plant, brake, 5) == "none"
     there = _core.Target(joint_mode=True, q_d=q_home + 0.3 * np.eye(7)[1])
     assert ended(controller, plant, there, 300) == "none"
     assert plant.read()[0][1] > q_home[1] + 0.01
@@ -150,3 +154,24 @@ def test_less_braking_than_was_asked_for_is_no_drive(robot, q_home):
     brake = _core.Target(f_star=-10.0 * np.eye(6)[1])
     assert ended(*arm, brake, 100) == "none"
     assert 0.0 < (J @ arm[1].read()[1])[1] < 0.3  # it does brake
+
+
+def test_a_tare_that_changes_explains_what_it_changes(robot, q_home):
+    """Near contact f* is cut to what the tare leaves: another tare, another motion."""
+    period, half = 1e-3, 40
+    wide = {"x_min": -2.0, "x_max": 2.0, "dx_max": 5.0, "dx_near": 0.1}
+    limits = LimitConfig.for_period(robot, period, hardware=False, **wide)
+    controller = make_controller(robot, OscConfig(), limits, TASK, period)
+    plant = _core.RigidPlant(
+        robot.chain(), damping=limits.damping, armature=limits.armature
+    )
+    plant.reset(q_home, np.zeros(7))
+    pose = robot.tool_pose(q_home)
+    controller.reset(q_home, pose.position, pose.quat_wxyz)
+    target = _core.Target(f_star=30.0 * np.eye(6)[1])
+    target.near_plane = np.array([0.0, 0.0, 1.0, 9.0])
+    for cycle in range(400):
+        target.f_tare = 30.0 * (cycle // half % 2) * np.eye(6)[1]
+        result = controller.step(*plant.read(), target)
+        assert not result.flags.ended, controller.end
+        plant.apply(result.tau, period)

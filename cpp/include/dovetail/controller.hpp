@@ -42,7 +42,7 @@ class Controller {
   /// Lets the arm go on after the last line ended a motion.
   void resume() noexcept {
     last_line_.reset();
-    is_at_rest_ = has_posture_ = false;
+    is_at_rest_ = has_posture_ = has_walls_ = false;
     joint_params_.passive = wall_params_.passive = limits_.passive;
   }
 
@@ -88,6 +88,7 @@ class Controller {
   bool goes_on(const Vec7& q, const Vec7& dq) const noexcept;
   void update_disturbance(const Vec7& dq, double elapsed) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
+  void update_walls(double elapsed) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
   double below(double limit, double push, double speed) const noexcept;
   double near_speed(int axis, const Target& target) const noexcept;
@@ -106,6 +107,7 @@ class Controller {
   void limit(StepResult& result) noexcept;
   bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
                     double elapsed) noexcept;
+  void soften(StepResult& result) const noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
   Vec7 held() const noexcept;
@@ -140,6 +142,9 @@ class Controller {
 
   unsigned staying_ = 0;  // force axes that are held, bits
   Vec3 anchor_ = Vec3::Zero();
+
+  bool has_walls_ = false;  // since the start
+  Vec3 x_min_, x_max_;      // the walls as they are now: outside of a tool that was
 
   StateCheck check_;
   LastLine last_line_;

@@ -20,6 +20,7 @@ from dovetail.arms.address import (
     places_hole,
 )
 from dovetail.arms.arm import Arm
+from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period import require_period
 from dovetail.control.period_option import Period
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
@@ -82,6 +83,7 @@ class Serve:
             )
 
         builder = _builder(self)
+        warn_of_twin(console, self.twin, self.arm)
         try:
             server = ArmServer(builder, self.listen, files, notify)
         except BaseException:
