@@ -159,8 +159,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const bool was_surprised = is_surprised_;
   // After a time without samples the prediction is worth less than the first of them.
   const bool was_blind = implausible_ > kRemembered;
-  const bool was_refused = was_surprised || implausible_ > 0;
-  const bool is_confirmed = is_plausible && ((was_refused && agrees) || was_blind);
+  const bool is_confirmed = is_plausible && !is_expected && (agrees || was_blind);
   is_surprised_ = is_plausible && !is_expected && !is_confirmed;
   if (agreed_ >= kAgreed) {
     reset(q, dq);

@@ -10,8 +10,8 @@
 ///   repeated, at most `kAgreed` times in a row.
 /// * A way that no change of speed explains, a speed without a way, more than motors
 ///   and blows can do: implausible.
-/// * Otherwise a surprise, a contact or a push: believed, as a whole, if the next
-///   sample goes on from it. That costs a real one a cycle.
+/// * Otherwise a surprise, a contact or a push: believed, as a whole, if it goes on from
+///   the sample before, and the state is in doubt for a while.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed. A burst of wrong ones is shorter.
