@@ -10,7 +10,8 @@
 ///   repeated, at most `kAgreed` times in a row.
 /// * A way that no change of speed explains, a speed without a way, more than motors
 ///   and blows can do: implausible.
-/// * Otherwise a surprise, a contact or a push: believed, as a whole, if it goes on from
+/// * Otherwise a surprise, a contact or a push: believed, as a whole, if it goes on
+/// from
 ///   the sample before, and the state is in doubt for a while.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
