@@ -120,14 +120,20 @@ def test_the_status_line_tells_state_quality_rate_and_misses():
         assert part in line
 
 
-def test_periods_that_begin_too_late_are_counted_and_shown(make):
+def test_periods_that_begin_too_late_are_counted_and_shown(make, client):
     class SlowPlant(LightPlant):
+        duration = 0.0
+
         def read(self):
-            time.sleep(0.05)  # ten periods
+            time.sleep(self.duration)
             return super().read()
 
-    cabinet = make(SlowPlant(), clock="wall")
+    plant = SlowPlant()
+    cabinet = make(plant, clock="wall")
     cabinet.start()
+    client.start()
+    client.wait_for(ACTIVE, timeout=90.0)  # an arm behind its brakes is not simulated
+    plant.duration = 0.05  # ten periods
     deadline = time.monotonic() + 20.0
     while (status := cabinet.status())["counts"]["overruns"] < 2:
         assert time.monotonic() < deadline, status
