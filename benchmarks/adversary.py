@@ -27,7 +27,7 @@ from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import BOUNDS, SCHEMES, LimitConfig, OscConfig
 from dovetail.poses import quat_about_z, quat_multiply
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import SceneConfig
 
 TASK = "XYZ:force A:pose BC:hold"

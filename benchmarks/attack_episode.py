@@ -17,7 +17,7 @@ from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.poses import quat_about_z, quat_multiply
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import SceneConfig
 
 ACTION = 0.05  # s

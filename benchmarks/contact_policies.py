@@ -12,7 +12,7 @@ from dovetail.envs.commands import CommandMap
 from dovetail.envs.observation import ObservationScaling, theta_about_vertical
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.poses import quat_about_z, quat_from_matrix, quat_multiply
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 
 ACTION = 0.05  # s
 HELD = 20  # actions

@@ -16,7 +16,7 @@ from dovetail.envs.randomisation import (
 from dovetail.errors import ReachError
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.poses import Pose, quat_from_vector, quat_multiply
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import SceneConfig
 
 TABLE_WALL = -0.06  # m: with the shipped one of 0.03 m the tool cannot reach the table

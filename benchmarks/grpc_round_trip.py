@@ -29,7 +29,7 @@ from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.rpc import step_stream
 from dovetail.rpc.server import ArmServer
 from dovetail.rpc.settings import Settings

@@ -38,7 +38,7 @@ from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import Plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec6, Vec7
 

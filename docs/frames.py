@@ -9,7 +9,7 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 from dovetail.poses import Pose, matrix_from_quat
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import SceneConfig
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # Rx(pi), wxyz

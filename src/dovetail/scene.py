@@ -21,7 +21,8 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
-from dovetail.robot import Payload, Robot, iiwa14
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot import Payload, Robot
 from dovetail.types import Mat33, Vec3, Vec4
 
 PegShape = Literal["square", "triangle", "round"]
@@ -234,7 +235,7 @@ class SceneConfig:
             inertia += m * (_unit_inertia(part) + (d @ d) * np.eye(3) - np.outer(d, d))
         return Payload(mass=total, com=com, inertia=inertia)
 
-    def robot(self, inertia: Literal["drake", "pybullet", "lbr"] = "drake") -> Robot:
+    def robot(self, inertia: str = "drake") -> Robot:
         """Return the iiwa 14 with gripper and peg; its tool frame is the peg's end."""
         return iiwa14(inertia).with_tool(
             self.payload(),

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dovetail.iiwa14 import INERTIA_SETS
 from dovetail.poses import quat_from_matrix
-from dovetail.robot import Robot, iiwa14
+from dovetail.robots.iiwa14 import INERTIA_SETS, iiwa14
+from dovetail.robots.robot import Robot
 
 STATES = 200
 TOLERANCE = 1e-9  # SI units; entries are at most about 100

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.rpc import dovetail_pb2 as pb
 
 ROOT = Path(__file__).parents[2]

@@ -7,7 +7,7 @@ from dovetail.types import Array, Vec3, Vec4, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 
 class ArmState(NamedTuple):

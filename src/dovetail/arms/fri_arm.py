@@ -29,7 +29,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
 from dovetail.poses import Pose
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec3, Vec7
 
 if TYPE_CHECKING:

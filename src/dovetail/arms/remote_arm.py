@@ -17,7 +17,7 @@ from dovetail.errors import (
 )
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from dovetail.types import Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 ARRIVED = 0.02
 """Distance of every joint from the start that ends a reset [rad]."""

@@ -14,7 +14,7 @@ from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
 from dovetail.types import Vec3, Vec7
 
 if TYPE_CHECKING:
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 TICK = 0.05
 """Time between two targets [s]."""

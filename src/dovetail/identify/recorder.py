@@ -52,7 +52,7 @@ from dovetail.identify.recording import (
 )
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import PegShape
 from dovetail.types import Array, Vec7
 

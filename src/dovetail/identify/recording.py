@@ -26,7 +26,7 @@ from dovetail.identify.log_checks import (
 )
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec7
 

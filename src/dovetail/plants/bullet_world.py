@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.poses import Pose, quat_from_matrix, quat_multiply
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import Primitive
 from dovetail.types import Array
 

@@ -8,7 +8,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dovetail.poses import quat_from_matrix, quat_multiply
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.scene import Primitive, SceneConfig
 
 # The time constant is DynamicsConfig.contact_time, set on the compiled model, and at

@@ -14,7 +14,7 @@ from dovetail.plants.plant import (
     require_configuration,
 )
 from dovetail.poses import Pose, quat_from_matrix
-from dovetail.robot import GRAVITY, Robot
+from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.scene import SceneConfig
 from dovetail.types import Array, Vec3, Vec7
 

@@ -2,17 +2,19 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
+from dovetail.robots.iiwa14 import INERTIA_SETS
+from dovetail.robots.robot import NOMINAL
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
     from dovetail.scene import SceneConfig
 
 PLANTS = ("mujoco", "bullet")
@@ -36,6 +38,7 @@ step where it was largest; f* of the target [m/s2]; flags as one number (pack_fl
 COLUMN: dict[str, int] = {name: i for i, name in enumerate(CYCLE_COLUMNS)}
 """Index of each column of a cycle log."""
 
+_INERTIA_SETS = (*INERTIA_SETS, NOMINAL)
 _SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -43,8 +46,9 @@ _SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 class DynamicsConfig:
     """The physics behind the torque: everything here may differ from the model."""
 
-    inertia: Literal["drake", "pybullet", "lbr"] = "drake"
-    """Published inertia set of the simulated arm; the controller's is drake."""
+    inertia: str = "drake"
+    """Published inertia set of the simulated arm; the iiwa 14's controller has drake,
+    a robot with one set has nominal."""
     mass_scale: tuple[float, ...] = (1.0,) * 7
     """Mass and inertia of each link over the set's, payload included in link 7 [1]."""
     gravity_residual: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -69,10 +73,10 @@ class DynamicsConfig:
 
     def __post_init__(self) -> None:
         """Refuse numbers that no arm has, by name and index."""
-        if self.inertia not in ("drake", "pybullet", "lbr"):
+        if self.inertia not in _INERTIA_SETS:
             raise ConfigError(
-                f"dynamics inertia {self.inertia!r} is unknown; known sets: drake, "
-                "pybullet, lbr"
+                f"dynamics inertia {self.inertia!r} is unknown; known sets: "
+                f"{', '.join(_INERTIA_SETS)}"
             )
         for name, (low, high, unit) in DYNAMICS_RANGES.items():
             value = getattr(self, name)
@@ -89,6 +93,15 @@ class DynamicsConfig:
             for label, v in zip(labels, values, strict=True):
                 _require_range(f"{name}[{label}]", v, low, high, unit)
             object.__setattr__(self, name, values)
+
+    @classmethod
+    def of(cls, robot: "Robot") -> Self:
+        """Return the dynamics that a robot's model has."""
+        return cls(
+            inertia=robot.inertia_set,
+            damping=tuple(robot.damping.tolist()),
+            armature=tuple(robot.armature.tolist()),
+        )
 
 
 DYNAMICS_RANGES: dict[str, tuple[float, float, str]] = {

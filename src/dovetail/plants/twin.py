@@ -61,7 +61,7 @@ class TwinConfig:
     """Physics engine: another one than the policy was trained in."""
     seed: int
     """Seed of the noise, >= 0."""
-    inertia: Literal["drake", "pybullet", "lbr"]
+    inertia: str
     """Published inertia set of the arm; the controller's is drake."""
     mass_scale: tuple[float, ...]
     """Mass and inertia of each link over the set's, payload in link 7 [1]."""

@@ -16,7 +16,7 @@ from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
     from dovetail.scene import SceneConfig
 
 ROWS_KEPT = 120_000

@@ -11,7 +11,7 @@ from dovetail.plants.plant import Plant
 from dovetail.rpc.settings import Settings
 
 if TYPE_CHECKING:
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
     from dovetail.scene import SceneConfig
 
 

@@ -14,7 +14,7 @@ from dovetail.rpc.fields import LENGTH_TOLERANCE, PLANE, TASK_AXES, XYZ, FieldRe
 from dovetail.types import JOINTS, Array, Vec7
 
 if TYPE_CHECKING:
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 DURATION_MAX = 10.0
 """Longest step [s]: a learner that asks for more has mistaken the unit."""

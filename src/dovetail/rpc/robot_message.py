@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.robot import Payload, Robot
+from dovetail.robots.robot import Payload, Robot
 from dovetail.rpc import dovetail_pb2 as pb
 
 _SHAPES = {
