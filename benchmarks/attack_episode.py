@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.poses import quat_about_z, quat_multiply
 from dovetail.robots.robot import Robot
-from dovetail.scene import SceneConfig
 
 ACTION = 0.05  # s
 CHECK = 1e-3  # s between two looks at the plant
@@ -77,7 +77,7 @@ class Attacked:
         """Build both from the shipped settings for the period."""
         self.settings = settings
         period = settings.period
-        self.robot: Robot = SceneConfig().robot()
+        self.robot: Robot = find_cell().loaded_robot()
         self.chain = self.robot.chain()
         self.limits = LimitConfig.for_period(
             self.robot, period, hardware=settings.hardware, **settings.limits

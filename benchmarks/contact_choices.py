@@ -13,8 +13,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.envs.registered import find_cell
 from dovetail.plants.twin import TwinConfig, load_twin
-from dovetail.scene import SceneConfig
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 Array = NDArray[np.float64]
 
@@ -112,7 +113,7 @@ class Choices:
 
     def twin(self) -> TwinConfig:
         """Return the twin; its payload is in link 7."""
-        mass = float(SceneConfig().robot(self.inertia).mass[6])  # type: ignore[arg-type]
+        mass = float(find_cell().loaded_robot(self.inertia).mass[6])  # type: ignore[arg-type]
         scale = list(self.mass_scale)
         scale[6] += self.payload / mass
         return TwinConfig(
@@ -131,7 +132,7 @@ class Choices:
             velocity_noise=self.velocity_noise,
             contact_friction=self.contact_friction,
             contact_time=self.contact_time,
-            clearance_offset=self.clearance - SceneConfig().clearance,
+            clearance_offset=self.clearance - PegInHole().clearance,
         )
 
 

@@ -6,8 +6,8 @@ import pytest
 from dovetail import _core
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm
+from dovetail.envs.registered import find_cell
 from dovetail.poses import Pose, quat_about_z, quat_multiply
-from dovetail.scene import SceneConfig
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 DOWN = quat_multiply(quat_about_z(0.0), np.array([0.0, 1.0, 0.0, 0.0]))
@@ -16,7 +16,7 @@ SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 
 @pytest.fixture
 def arm():
-    arm = build_arm(None, SceneConfig(), TaskSpec.parse("XYZ:force A:pose BC:hold"))
+    arm = build_arm(None, find_cell(), TaskSpec.parse("XYZ:force A:pose BC:hold"))
     yield arm
     arm.close()
 

@@ -7,9 +7,9 @@ import pytest
 
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
 from .client import Client
 
@@ -23,20 +23,20 @@ class LightPlant:
     inertia = 2.0
 
     def __init__(self):
-        self.scene = SceneConfig()
-        self.robot = self.scene.robot()
+        self.cell = find_cell()
+        self.robot = self.cell.loaded_robot()
         self.dynamics = DynamicsConfig()
         self.applied = []
         self.fixture = None
         self.reset(Q_START, FIXTURE)
 
     def reset(self, q, fixture):
-        self.scene.require_reachable(self.robot, fixture)
+        self.cell.require_reachable(fixture)
         self.is_braked = False
         self.q, self.dq, self.fixture = np.array(q, dtype=float), np.zeros(7), fixture
 
     def move_fixture(self, fixture):
-        self.scene.require_reachable(self.robot, fixture)
+        self.cell.require_reachable(fixture)
         self.fixture = fixture
 
     def read(self):

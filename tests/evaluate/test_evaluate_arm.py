@@ -60,10 +60,10 @@ def blind_arm(monkeypatch):
     return BlindArm
 
 
-def build_instead_of_connecting(arm, scene, task, **settings):
+def build_instead_of_connecting(arm, cell, task, **settings):
     from dovetail.envs.arm_setup import build_arm
 
-    return build_arm(None, scene, task, **settings)
+    return build_arm(None, cell, task, **settings)
 
 
 def test_a_twin_by_address_gives_the_numbers_of_the_twin(config, tmp_path):

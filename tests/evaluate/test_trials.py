@@ -9,8 +9,9 @@ import pytest
 
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
-from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
+from dovetail.evaluate.trials import Job, plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 CYCLES = 10
 
@@ -59,14 +60,17 @@ def idle_policy():
     return lambda observation: np.zeros(4, dtype=np.float32)
 
 
+POSES = PegInHole.trial_poses
+
+
 def run(jobs, make_env=FallingEnv, **options):
-    return list(run_trials(make_env, idle_policy, jobs, **options))
+    return list(run_trials(make_env, idle_policy, jobs, poses=POSES, **options))
 
 
 def test_hole_poses_differ_in_x_y_z_and_theta():
-    for values in zip(*(pose[1:5] for pose in HOLE_POSES), strict=True):
+    for values in zip(*(pose[1:5] for pose in PegInHole.trial_poses), strict=True):
         assert len(set(values)) == 3
-    assert len({pose.name for pose in HOLE_POSES}) == 3
+    assert len({pose.name for pose in PegInHole.trial_poses}) == 3
 
 
 def test_plan_gives_every_try_a_seed_of_its_own_and_the_same_each_time():

@@ -197,8 +197,8 @@ def test_every_setting_must_be_there_and_be_known(stub, configuration):
         assert [message.name for message in group] == names
 
 
-def test_limits_wider_than_the_robots_are_refused(stub, configuration, scene):
-    robot = scene.robot()
+def test_limits_wider_than_the_robots_are_refused(stub, configuration, cell):
+    robot = cell.loaded_robot()
     setting(configuration, "tau_max").numbers[2] = 2.0 * robot.tau_max[2]
     setting(configuration, "q_min").numbers[0] = robot.q_min[0] - 0.01
     setting(configuration, "dq_max").numbers[6] = np.nextafter(robot.dq_max[6], INF)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dovetail import _core
     from dovetail.rpc import dovetail_pb2 as pb
     from dovetail.rpc.client import Connection
-    from dovetail.scene import SceneConfig
+    from dovetail.workcell.workcell import Workcell
 
 
 class RemoteArm:
@@ -43,7 +43,7 @@ class RemoteArm:
         period: float,
         *,
         robot: Robot | None = None,
-        scene: "SceneConfig | None" = None,
+        cell: "Workcell | None" = None,
         name: str | None = None,
         timeout: float = 30.0,
         reset_timeout: float = 120.0,
@@ -59,7 +59,7 @@ class RemoteArm:
             period: Control period [s].
             robot: Controller's model that this program computes with; refused if the
                 service has another one. None takes the service's.
-            scene: Geometry of the task; refused if the service has another part or
+            cell: What stands there; refused if the service has another part or
                 clearance. None does not ask.
             name: What others are told about who holds the arm; default the program.
             timeout: Longest wait for an answer, beyond a step's own duration [s].
@@ -69,7 +69,7 @@ class RemoteArm:
 
         Raises:
             ArmError: No service there, or another client holds the arm.
-            ConfigError: Settings, robot, scene or versions do not fit the service's.
+            ConfigError: Settings, robot, cell or versions do not fit the service's.
             MissingDependencyError: grpcio is not installed.
         """
         _require_grpc()
@@ -99,7 +99,7 @@ class RemoteArm:
                 target=self._keep_alive, name="dovetail-lease", daemon=True
             )
             self._keeper.start()
-            self._configure(osc, scene)
+            self._configure(osc, cell)
         except BaseException:
             self.close()
             raise
@@ -211,7 +211,7 @@ class RemoteArm:
         self._rest = lease.timeout / 3.0
         return lease.lease
 
-    def _configure(self, osc: OscConfig, scene: "SceneConfig | None") -> None:
+    def _configure(self, osc: OscConfig, cell: "Workcell | None") -> None:
         from dovetail.rpc import dovetail_pb2 as pb
         from dovetail.rpc.settings import Settings, write_settings
         from dovetail.rpc.version import own_version
@@ -221,8 +221,8 @@ class RemoteArm:
             osc=osc, limits=self.limits, task=self.task, period=self.period
         )
         write_settings(settings, request)
-        if scene is not None:
-            request.scene.peg, request.scene.clearance = scene.peg, scene.clearance
+        if cell is not None:
+            request.cell.name = cell.name
         with self._connection.words("the arm refuses its settings"):
             self._stub.configure(request, timeout=self._reset_timeout)
 

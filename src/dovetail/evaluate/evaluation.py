@@ -35,8 +35,7 @@ from dovetail.arms.address import (
 )
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
-from dovetail.envs.hole_pose import HolePose
-from dovetail.envs.registered import environment_class
+from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, DovetailError, PolicyError
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.origin import (
@@ -56,7 +55,8 @@ from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
-from dovetail.scene import SceneConfig
+from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.task import Outline, Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,14 +204,14 @@ def _require_hole(config: EvaluationConfig, *, can_place: bool) -> None:
         )
 
 
-def hole_poses(
+def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
-) -> tuple[HolePose, ...]:
+) -> tuple[FixturePose, ...]:
     """Return where the hole is for the tries: by the policy's environment, or given."""
-    poses = environment_class(policy["env_id"]).hole_poses
+    poses = task_class(policy["env_id"]).trial_poses
     if config.hole is None:
         return poses
-    return (HolePose.given(config.hole, poses[0].facing),)
+    return (FixturePose.given(config.hole, poses[0].facing),)
 
 
 def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
@@ -228,13 +228,13 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         raise ConfigError(f"workers is {config.workers}; needs at least 1")
     file = find_policy(config.policy)
     policy = Policy.load(file)
-    poses = hole_poses(config, policy.metadata)
+    poses = fixture_poses(config, policy.metadata)
     jobs = plan_trials(len(poses), config.tries, config.seed)
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation()
     make_env = partial(make_perturbed, policy.metadata["env_id"], perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
-        scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
+        task: Task = env.unwrapped.task  # type: ignore[attr-defined]
         folder = claim_output_folder(config.out or dated_folder("results"))
         logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
@@ -249,8 +249,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         ground = name_ground(config)
         parts = [
             file.stem,
-            f"{scene.peg} peg",
-            f"{1e3 * scene.clearance:g} mm clearance per side",
+            *task.describe(),
             *perturbation.describe(),
             f"on {ground}",
             f"control period {1e3 * options['period']:g} ms",
@@ -279,7 +278,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         command=command_line(config),
     )
     _print(report, options["tare"], console)
-    files = write_report(report, folder, scene)
+    files = write_report(report, folder, task.outline())
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
     )
@@ -311,8 +310,8 @@ def _inspect(
         ) from error
     try:
         _require_hole(config, can_place=env.unwrapped.places_fixture)  # type: ignore[attr-defined]
-        pose = hole_poses(config, policy.metadata)[0].pose()
-        observation, _ = env.reset(seed=config.seed, options={"hole": pose})
+        pose = fixture_poses(config, policy.metadata)[0].pose()
+        observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
         action = policy(observation)
         if action.shape != env.action_space.shape:
             raise PolicyError(
@@ -380,14 +379,14 @@ def render_table(rows: Sequence[Row]) -> Table:
     return table
 
 
-def write_report(report: Report, folder: Path, scene: SceneConfig) -> list[Path]:
+def write_report(report: Report, folder: Path, outline: Outline | None) -> list[Path]:
     """Write figures, JSON and HTML, the HTML last.
 
     Raises:
         LogError: The disk is full or the folder is not writable.
     """
     labels = [row.label for row in report.rows[:-1]]
-    paths = draw_paths(report.outcomes, labels, scene=scene, title=report.title)
+    paths = draw_paths(report.outcomes, labels, outline=outline, title=report.title)
     captions = {"Paths of the peg's tip": paths}
     files = [write_atomic(folder / "paths.png", paths)]
     if not math.isnan(report.rows[-1].force_peak):

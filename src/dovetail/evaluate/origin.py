@@ -17,10 +17,10 @@ from dovetail.arms.address import (
     parse_address,
 )
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD, format_period
-from dovetail.envs.hole_pose import HolePose
 from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
+from dovetail.tasks.fixture_pose import FixturePose
 
 if TYPE_CHECKING:
     from dovetail.evaluate.evaluation import EvaluationConfig
@@ -81,7 +81,7 @@ def other_period(period: float, policy: Mapping[str, Any]) -> str:
 
 
 def describe_settings(
-    config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[HolePose]
+    config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[FixturePose]
 ) -> dict[str, Any]:
     """Return everything that was asked for, for a report.
 

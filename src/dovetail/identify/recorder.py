@@ -21,24 +21,11 @@ from dovetail.arms.address import (
     period_of,
     places_fixture,
 )
-from dovetail.control.config import LimitConfig
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
-from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.randomisation import (
-    RandomisationConfig,
-    is_clear_of_block,
-    tool_down,
-)
-from dovetail.envs.usual import (
-    F_SCALE_ANGULAR,
-    FORCE_DAMPING,
-    NEAR_DISTANCE,
-    NEAR_SPEED,
-    POSITION_RANGE,
-    THETA_RANGE,
-)
+from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
+from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.registered import DEFAULT_ENV, make_task
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.files import write_atomic
@@ -51,10 +38,10 @@ from dovetail.identify.recording import (
     sequence_path,
 )
 from dovetail.plants.plant import COLUMN
-from dovetail.poses import Pose, quat_about_z
+from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.robots.robot import Robot
-from dovetail.scene import PegShape
 from dovetail.types import Array, Vec7
+from dovetail.workcell.workcell import WALLS
 
 CONTACT_FORCE = 0.1
 """Contact force from which the peg counts as in contact [N]."""
@@ -93,10 +80,14 @@ class RecordConfig:
     """Damping of X Y Z [1/s]."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
-    peg: PegShape = "square"
-    """Shape of the peg in the gripper: square, triangle or round."""
-    clearance: float = 0.0005
-    """Gap between peg and hole on each side [m]."""
+    env: str = DEFAULT_ENV
+    """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
+    robot: str = USUAL.place.robot
+    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    peg: str | None = None
+    """Shape of the peg held: square, triangle or round; default the task's."""
+    clearance: float | None = None
+    """Gap between peg and hole on each side [m]; default the task's."""
     allow_contact: bool = False
     """Keep a sequence in which the peg touched something."""
 
@@ -123,17 +114,16 @@ def record(
     usual = RecordConfig.period
     asked = None if config.period == usual else config.period
     height = _start_height(config, z)
-    env = PegInHoleEnv(
-        config.arm,
-        peg=config.peg,
-        clearance=config.clearance,
+    task = make_task(config.env, {"peg": config.peg, "clearance": config.clearance})
+    settings = EnvConfig.of(
+        robot=config.robot,
         period=period_of(address, asked, usual),
         max_steps=config.steps + 1,
         f_scale=config.f_scale,
         force_damping=config.force_damping,
-        near_distance=NEAR_DISTANCE,
         near_press=math.inf,  # the log is of the actions as they were drawn
     )
+    env = ContactEnv(task, config.arm, settings)
     with closing(env):
         _require_hole(config, can_place=env.places_fixture)
         if starts is None:
@@ -164,7 +154,7 @@ def _start_height(config: RecordConfig, mouth: float) -> float:
         return START_HEIGHT
     raise ConfigError(
         f"the hole's mouth is {mouth:g} m high: the motions need {FREE_AIR:g} m of "
-        f"free air above it, below the wall at {WALLS_MAX[2]:g} m; put the block at "
+        f"free air above it, below the wall at {WALLS[1][2]:g} m; put the block at "
         f"{START_HEIGHT_MAX - FREE_AIR:g} m or lower, or give --allow-contact"
     )
 
@@ -200,7 +190,7 @@ def plan_starts(
         turn = yaw + rng.uniform(-0.15, 0.15)
         pose = Pose(np.array([x, y, z]), tool_down(turn))
         swivel = rng.uniform(-1.0, 1.0)
-        q_seed = PegInHoleEnv.q_seed + swivel * ELBOW
+        q_seed = robot.posture("down") + swivel * ELBOW
         q_seed[6] = -turn
         starts.append(robot.inverse_kinematics(pose, q_seed))
     return starts
@@ -208,12 +198,13 @@ def plan_starts(
 
 def _describe(
     config: RecordConfig,
-    env: PegInHoleEnv,
+    env: ContactEnv,
     hole: tuple[float, float, float, float],
     starts: Sequence[Vec7],
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
     address = parse_address(config.arm)
+    action, approach = env.config.action, env.config.approach
     is_hardware = (
         not isinstance(address, (FriAddress, GrpcAddress))
         or address.margins == "hardware"
@@ -221,24 +212,25 @@ def _describe(
     return {
         "format": FORMAT,
         "robot": env.arm.robot.name,
-        "task": str(env.task),
+        "env_id": config.env,
+        "arm_model": config.robot,
+        "task": str(env.axes),
         "period": env.arm.period,
-        "peg": config.peg,
-        "clearance": config.clearance,
+        **{name: getattr(env.task, name, None) for name in ("peg", "clearance")},
         "hole": list(hole),
-        "near_height": hole[2] + NEAR_DISTANCE,
+        "near_height": hole[2] + approach.near_distance,
         "arm": config.arm,
         "commands": {
-            "f_scale": config.f_scale,
-            "f_scale_angular": F_SCALE_ANGULAR,
-            "theta_range": THETA_RANGE,
-            "position_range": POSITION_RANGE,
+            "f_scale": action.f_scale,
+            "f_scale_angular": action.f_scale_angular,
+            "theta_range": action.theta_range,
+            "position_range": action.position_range,
         },
         "controller": {
-            "force_damping": config.force_damping,
-            "near_speed": NEAR_SPEED,
-            "walls": [list(WALLS_MIN), list(WALLS_MAX)],
-            "scheme": LimitConfig.scheme,
+            "force_damping": action.force_damping,
+            "near_speed": approach.near_speed,
+            "walls": [list(side) for side in env.cell.walls],
+            "scheme": env.config.control.scheme,
             "is_hardware": is_hardware,
         },
         "excitation": {
@@ -274,7 +266,7 @@ def _claim(folder: Path, metadata: dict[str, Any]) -> None:
 
 
 def _play(
-    env: PegInHoleEnv,
+    env: ContactEnv,
     config: RecordConfig,
     metadata: dict[str, Any],
     number: int,
@@ -285,7 +277,7 @@ def _play(
     x, y, z, yaw = metadata["hole"]
     hole = Pose(np.array([x, y, z]), quat_about_z(yaw))
     seed = config.seed * 1000 + number
-    env.reset(seed=seed, options={"hole": hole, "start": q_start})
+    env.reset(seed=seed, options={"fixture": hole, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}
     facts |= {"q_start": env.state.q, "sequence": number}
     episode = Episode(metadata=facts)
@@ -303,7 +295,7 @@ def _play(
     episode.save(sequence_path(config.out, number))
 
 
-def _contact(env: PegInHoleEnv, force: float) -> str:
+def _contact(env: ContactEnv, force: float) -> str:
     """Say in words how the peg touched something in the last step; "" is not at all.
 
     Args:
@@ -313,14 +305,12 @@ def _contact(env: PegInHoleEnv, force: float) -> str:
     """
     if math.isfinite(force):
         return f"{force:.1f} N" if force > CONTACT_FORCE else ""
-    w, _, _, z = env.hole.quat_wxyz
-    yaw = 2.0 * math.atan2(z, w)
-    block = RandomisationConfig(gap=PLAY)
     tips = env.state.log[:, COLUMN["x"] : COLUMN["z"] + 1]
     for tip in tips:
-        offset = tip - env.hole.position
-        if not is_clear_of_block(offset, yaw, block):
+        if not env.cell.is_free(tip, env.fixture, PLAY):
+            height = 1e3 * (tip[2] - env.fixture.position[2])
             return (
-                f"the peg's end {1e3 * offset[2]:.1f} mm above the mouth, at the block"
+                f"the {env.cell.held.name}'s end {height:.1f} mm above the "
+                f"{env.cell.fixture.name}, at its block"
             )
     return ""

@@ -18,24 +18,17 @@ from dovetail.arms.address import (
 from dovetail.control.period import DEFAULT_PERIOD, format_period, require_period
 from dovetail.control.period_option import Period
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs import usual
+from dovetail.envs.config import F_SCALE, FORCE_DAMPING, USUAL
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.registered import environment_class
+from dovetail.envs.registered import DEFAULT_ENV, split_settings, task_class
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
+from dovetail.learn.env_settings import given_settings, own_settings
 from dovetail.learn.model_file import ModelFile
+from dovetail.tasks.task import Task
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
-
-ENV_FIELDS = (
-    *("plant", "peg", "clearance", "task", "stack", "period"),
-    *("f_scale", "f_scale_angular", "force_damping", "tare"),
-    *("near_speed", "near_press", "near_distance"),
-    *("theta_range", "position_range", "max_steps", "scheme"),
-)
-"""Fields that are handed to the environment as they are."""
 
 _NOT_COMPARED = ("out", "resume")
 _OPTIONS = {"from_policy": "from"}
@@ -53,9 +46,9 @@ class TrainConfig:
     resume: bool = False
     """Continue the run in `out` from its newest checkpoint, with its settings: on the
     command line no other option is needed."""
-    env: str = "dovetail/PegInHole-v0"
-    """Gymnasium id of the environment."""
-    plant: str = "mujoco"
+    env: str = DEFAULT_ENV
+    """Gymnasium id of the environment: a task of dovetail, or MODULE:ID of your own."""
+    plant: str = USUAL.place.plant
     """Physics engine to train in: mujoco or bullet."""
     model: Path | None = None
     """Model file whose dynamics and command delay that engine simulates, as `dovetail
@@ -86,24 +79,30 @@ class TrainConfig:
     first `learning_starts` steps only the critics learn; then the actor does at a tenth
     of their rate, and goes back to the one whose episodes went best if its own go
     badly. The best one is what the run ends with."""
-    peg: str = "square"
-    """Shape of peg and hole: square, triangle (MuJoCo only) or round."""
+    peg: str | None = None
+    """Shape of peg and hole: square, triangle (MuJoCo only) or round; default the
+    environment's: square in peg in hole."""
+    robot: str = USUAL.place.robot
+    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    tracker: str = USUAL.observation.tracker
+    """Where the fixture is, as far as the policy may know: truth, delayed?delay=0.1,
+    noisy?offset=0.001, or MODULE:CLASS of your own."""
     clearance: float | None = None
     """Gap between peg and hole on each side [m]; default the environment's: 0.0005 in
     peg in hole, 0.001 for the rail clip."""
     task: str | None = None
     """Mode of each axis: force, pose, hold or free; default the environment's: "XYZ:
     force A:pose BC:hold" in peg in hole, "X:force A:pose YZBC:hold" for the clip."""
-    stack: int = 0
+    stack: int = USUAL.observation.stack
     """Number of past (observation, action) pairs in the observation."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms; an action acts for 50 ms at any of them.
     An arm's address may give its own."""
-    f_scale: tuple[float, ...] = (usual.F_SCALE,)
+    f_scale: tuple[float, ...] = (F_SCALE,)
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
-    f_scale_angular: float = usual.F_SCALE_ANGULAR
+    f_scale_angular: float = USUAL.action.f_scale_angular
     """f* at action 1 on A B C [rad/s2]."""
-    force_damping: tuple[float, ...] = (usual.FORCE_DAMPING,)
+    force_damping: tuple[float, ...] = (FORCE_DAMPING,)
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
     speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
     f_scale, no tare."""
@@ -112,20 +111,20 @@ class TrainConfig:
     misses, and take it off what the policy commands: in training with `model`,
     `randomise_dynamics` or `arm`, as there is none in the nominal model; and wherever
     the policy is evaluated."""
-    near_speed: float = usual.NEAR_SPEED
+    near_speed: float = USUAL.approach.near_speed
     """Speed limit of the tool per axis where contact is near [m/s]."""
-    near_press: float = usual.NEAR_PRESS
+    near_press: float = USUAL.approach.near_press
     """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
     the tool can stand on the rim."""
-    near_distance: float = usual.NEAR_DISTANCE
+    near_distance: float = USUAL.approach.near_distance
     """How far above the hole's mouth that begins [m]."""
-    theta_range: float = usual.THETA_RANGE
+    theta_range: float = USUAL.action.theta_range
     """Rotation at action 1 on pose axes A B C [rad]."""
-    position_range: float = usual.POSITION_RANGE
+    position_range: float = USUAL.action.position_range
     """Displacement at action 1 on pose axes X Y Z [m]."""
-    max_steps: int = 200
+    max_steps: int = USUAL.episode.max_steps
     """Actions per episode."""
-    scheme: str = "qp"
+    scheme: str = USUAL.control.scheme
     """How the controller keeps its limits: qp or paper."""
     algorithm: Algorithm = "sac"
     """Learning algorithm (SBX)."""
@@ -191,7 +190,7 @@ class TrainConfig:
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         object.__setattr__(self, "period", require_period(self.period, "period"))
         self.entropy_coefficient()
-        _ = self.environment
+        split_settings(self.task_class, given_settings(self))
         object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
         if self.hole != _CENTRE and not self.fixed_goal:
             raise ConfigError("hole is given, which needs --fixed-goal")
@@ -225,14 +224,14 @@ class TrainConfig:
             )
         _ = self.model_file
 
-    @property
-    def environment(self) -> type[PegInHoleEnv]:
-        """The environment's class.
+    @cached_property
+    def task_class(self) -> type[Task]:
+        """The class of the environment's task.
 
         Raises:
             ConfigError: No such environment; lists the known ones.
         """
-        return environment_class(self.env)
+        return task_class(self.env)
 
     @property
     def folder(self) -> Path:
@@ -301,12 +300,7 @@ class TrainConfig:
 
     def env_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the environment, as JSON knows them."""
-        return {name: getattr(self, name) for name in ENV_FIELDS} | self._own()
-
-    def _own(self) -> dict[str, Any]:
-        """Return what is not given and so is the environment's own."""
-        own = self.environment.defaults
-        return {name: own[name] for name in own if getattr(self, name) is None}
+        return given_settings(self) | own_settings(self)
 
     def for_seed(self, seed: int) -> "TrainConfig":
         """Return the run of one of several seeds, in its own sub-folder."""
@@ -317,7 +311,9 @@ class TrainConfig:
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)} | self._own()
+        values = {f.name: getattr(self, f.name) for f in fields(self)} | own_settings(
+            self
+        )
         if self.model_file is not None:
             values["model"] = self.model_file.table()
         return {

@@ -91,13 +91,11 @@ def _affine(
 
 def describe_spaces(env: Any) -> dict[str, Any]:
     """Return size and meaning of observation and action, for the sidecar."""
-    from dovetail.envs.observation import COLUMNS
-
     core = env.unwrapped
     return {
         "observation": {
             "size": int(env.observation_space.shape[0]),
-            "columns": [list(column) for column in COLUMNS],
+            "columns": [list(column) for column in core.scaling.columns],
             "scaling": core.scaling.describe(),
         },
         "action": {

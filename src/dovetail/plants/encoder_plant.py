@@ -45,7 +45,7 @@ class EncoderPlant:
         from dovetail import _core
 
         self.plant = plant
-        self.scene = plant.scene
+        self.cell = plant.cell
         self.robot = plant.robot
         gain = observer_gain(period) if gain is None else gain
         self._observer = _core.VelocityObserver(period, gain)

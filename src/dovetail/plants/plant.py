@@ -15,7 +15,7 @@ from dovetail.types import JOINTS, Array, Vec3, Vec7
 if TYPE_CHECKING:
     from dovetail import _core
     from dovetail.robots.robot import Robot
-    from dovetail.scene import SceneConfig
+    from dovetail.workcell.workcell import Workcell
 
 PLANTS = ("mujoco", "bullet")
 
@@ -126,10 +126,10 @@ def _require_range(name: str, value: float, low: float, high: float, unit: str) 
 
 
 class Plant(Protocol):
-    """A simulated arm with the task's scene: torques in, joint state out."""
+    """A simulated arm in its workcell: torques in, joint state out."""
 
-    scene: "SceneConfig"
-    """Geometry of the task, as simulated."""
+    cell: "Workcell"
+    """What stands in it, as simulated."""
     robot: "Robot"
     """The nominal arm: the model whose gravity is compensated."""
     dynamics: DynamicsConfig
@@ -251,14 +251,14 @@ class DrivenPlant(Plant, Protocol):
 
 
 def make_plant(
-    name: str, scene: "SceneConfig", dynamics: DynamicsConfig
+    name: str, cell: "Workcell", dynamics: DynamicsConfig | None = None
 ) -> DrivenPlant:
     """Build a plant by its engine's name.
 
     Args:
         name: "mujoco" or "bullet".
-        scene: Geometry of the task.
-        dynamics: Physics of the arm and of the contacts.
+        cell: What stands in it.
+        dynamics: Physics of the arm and of the contacts; None is the robot's model.
 
     Raises:
         ConfigError: Unknown name.
@@ -267,11 +267,11 @@ def make_plant(
     if name == "mujoco":
         from dovetail.plants.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(scene, dynamics)
+        return MujocoPlant(cell, dynamics)
     if name == "bullet":
         from dovetail.plants.bullet_plant import BulletPlant
 
-        return BulletPlant(scene, dynamics)
+        return BulletPlant(cell, dynamics)
     raise ConfigError(f"plant {name!r} is unknown; known plants: {', '.join(PLANTS)}")
 
 

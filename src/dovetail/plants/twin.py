@@ -6,7 +6,7 @@ result on a twin says "twin", never "robot".
 
 import difflib
 import tomllib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,7 +23,7 @@ from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.scene import SceneConfig
+    from dovetail.workcell.workcell import Workcell
 
 TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 """Where the shipped twins are."""
@@ -87,7 +87,7 @@ class TwinConfig:
     contact_time: float
     """Time constant of contact [s], see `DynamicsConfig`; MuJoCo only."""
     clearance_offset: float
-    """True clearance minus the scene's, per side [m]."""
+    """True clearance minus the task's, per side [m]."""
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
@@ -201,13 +201,13 @@ class TwinPlant:
     """A plant with a twin's dynamics, and its delay and noise at the joints."""
 
     def __init__(
-        self, config: TwinConfig, scene: "SceneConfig", *, engine: str | None = None
+        self, config: TwinConfig, cell: "Workcell", *, engine: str | None = None
     ) -> None:
         """Build the engine with the twin's dynamics.
 
         Args:
             config: The twin.
-            scene: Geometry as the policy knows it; the twin's clearance differs.
+            cell: As the policy knows it; the twin's clearance differs.
             engine: Another engine than the file's.
 
         Raises:
@@ -216,17 +216,10 @@ class TwinPlant:
         """
         from dovetail import _core
 
-        clearance = scene.clearance + config.clearance_offset
-        if clearance < 0.0:
-            raise ConfigError(
-                f"twin clearance_offset {config.clearance_offset * 1e3:g} mm makes the "
-                f"clearance of {scene.clearance * 1e3:g} mm negative; allowed is "
-                f"{-scene.clearance * 1e3:g} mm and more"
-            )
         self.config = config
-        self.scene = replace(scene, clearance=clearance)
+        self.cell = cell.widened(config.clearance_offset)
         self.plant: DrivenPlant = make_plant(
-            engine or config.engine, self.scene, config.dynamics()
+            engine or config.engine, self.cell, config.dynamics()
         )
         self.robot = self.plant.robot
         self.plant.attach_channel(

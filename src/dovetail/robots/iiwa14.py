@@ -83,9 +83,11 @@ INERTIA_SETS = ("drake", "pybullet", "lbr")
 """Published inertia sets. The controller uses drake; they differ by up to 35 %."""
 _POSTURES = {
     "down": np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0]),
+    "rest": np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0]),
     "forward": np.array([0.0, 0.6, 0.0, -1.6, 0.0, -0.63, 0.0]),
 }
-"""Elbow up; the tool down over a table, or level [rad]."""
+"""Elbow up; the tool down over a table (rest: 0.1 m over a fixture), or
+level [rad]."""
 
 
 def iiwa14(inertia: str = "drake") -> Robot:

@@ -26,7 +26,8 @@ GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s2]."""
 NOMINAL = "nominal"
 """Name of the inertia set of a robot that has one only."""
-_NO_ARRAYS = ("name", "postures", "inertia_set", "inertia_sets", "payload")
+NO_ARRAYS = ("name", "postures", "inertia_set", "inertia_sets", "payload")
+"""Fields of a Robot that are no arrays."""
 
 
 class InertiaSet(NamedTuple):
@@ -112,8 +113,8 @@ class Robot:
     armature: Vec7 = field(default_factory=lambda: np.full(7, 0.1))
     """Rotor inertia at the joints that the model assumes [kg m2], shape (7,)."""
     postures: Mapping[str, Vec7] = field(default_factory=dict)
-    """Where inverse kinematics starts [rad], by name: tasks ask for "down" (the tool
-    over a table) and "forward" (the tool level). Without: the middle of the joints."""
+    """Where inverse kinematics starts [rad], by name: "down" (the tool over a table),
+    "forward" (the tool level), "rest". Without down: the middle of the joints."""
     inertia_set: str = NOMINAL
     """Name of the inertia set that mass, com and inertia are."""
     inertia_sets: Mapping[str, InertiaSet] = field(default_factory=dict)
@@ -133,7 +134,7 @@ class Robot:
             "tool_position": (3,),
         }
         for f in fields(self):
-            if f.name not in _NO_ARRAYS:
+            if f.name not in NO_ARRAYS:
                 value = _frozen(
                     getattr(self, f.name), shapes.get(f.name, (7,)), f"robot {f.name}"
                 )
@@ -182,8 +183,9 @@ class Robot:
         return cls(**load_robot(Path(path), "robot", **options))
 
     def posture(self, name: str) -> Vec7:
-        """Return where inverse kinematics starts [rad]: a posture, or the middle."""
-        return self.postures.get(name, (self.q_min + self.q_max) / 2.0)
+        """Return where inverse kinematics starts [rad]: a posture, or "down"."""
+        usual = self.postures.get("down", (self.q_min + self.q_max) / 2.0)
+        return self.postures.get(name, usual)
 
     def with_inertia(self, name: str) -> Self:
         """Return the bare arm with another of its published inertia sets.

@@ -17,7 +17,7 @@ from dovetail.types import Array, Vec7
 if TYPE_CHECKING:
     from dovetail import _core
     from dovetail.robots.robot import Robot
-    from dovetail.scene import SceneConfig
+    from dovetail.workcell.workcell import Workcell
 
 ROWS_KEPT = 120_000
 """Control cycles of a motion that are kept for its log: 10 min at 5 ms, 40 MB."""
@@ -30,7 +30,7 @@ class ArmBuilder(Protocol):
     """Address of the arm."""
     robot: "Robot"
     """The controller's model, tool included."""
-    scene: "SceneConfig | None"
+    cell: "Workcell | None"
     """Geometry of the task; None where it is not known."""
     is_real_time: bool
     """Whether the arm moves on while the learner thinks."""
