@@ -42,7 +42,7 @@ def make_env(
     task_class: type[Task] | str,
     arm: Arm | str | None = None,
     config: EnvConfig | None = None,
-    tracker: Tracker | None = None,
+    tracker: Tracker | str | None = None,
     render_mode: str | None = None,
     **settings: Any,
 ) -> ContactEnv:
@@ -52,7 +52,7 @@ def make_env(
         task_class: The task's class, or ``module:Class``.
         arm: The arm to use, or its address; None is the settings'.
         config: Settings to begin with; None is the usual ones.
-        tracker: Where the fixture is; None is the settings'.
+        tracker: Where the fixture is, or its name; None is the settings'.
         render_mode: None; there is nothing to render.
         **settings: Fields of the task, and of the sections of `EnvConfig`; ``task`` is
             the mode of each axis.
@@ -63,6 +63,8 @@ def make_env(
     kind = _class(task_class)
     own, rest = split_settings(kind, settings)
     base = config or EnvConfig()
+    if isinstance(tracker, str):
+        base, tracker = base.having(tracker=tracker), None
     return ContactEnv(
         kind(**own), arm, base.having(**rest), tracker=tracker, render_mode=render_mode
     )

@@ -100,10 +100,16 @@ def describe_settings(
     return {name: value for name, value in settings.items() if value is not None}
 
 
+_GIVEN = (
+    *("env", "robot", "tracker", "plant", "twin", "arm"),
+    *("hole", "peg", "clearance", "tries", "seed"),
+)
+
+
 def command_line(config: "EvaluationConfig") -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
-    for name in ("plant", "twin", "arm", "hole", "peg", "clearance", "tries", "seed"):
+    for name in _GIVEN:
         if (value := getattr(config, name)) is not None:
             values = value if isinstance(value, tuple) else [value]
             words += [f"--{name}", *map(str, values)]

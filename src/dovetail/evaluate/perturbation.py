@@ -257,10 +257,10 @@ def make_perturbed(
     Raises:
         ConfigError: This cannot be done in this environment.
     """
+    task = task_class(env_id)
     make = partial(gym.make, env_id, disable_env_checker=True)
     if not perturbation:
         return make(**options)
-    task = task_class(env_id)
     is_upright = task.trial_poses[0].facing == UPRIGHT
     if not is_upright and (perturbation.hole_shift or perturbation.start == "below"):
         raise ConfigError(
@@ -276,4 +276,4 @@ def make_perturbed(
             raise ConfigError(
                 f"{env_id} has no starts below a surface: no --start below"
             )
-    return Perturbed(make(**options, **more), perturbation)
+    return Perturbed(make(**{**options, **more}), perturbation)

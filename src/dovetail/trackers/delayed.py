@@ -9,6 +9,7 @@ from dovetail.poses import Pose
 from dovetail.trackers.tracker import Estimate
 
 _DELAY = Range(0.0, 10.0, "s")
+_ROUNDING = 1e-9  # s, of stamps that are sums of periods
 
 
 class Delayed:
@@ -33,7 +34,8 @@ class Delayed:
         """Take a picture, and forget those that are older than needed."""
         self._now = state.stamp
         self._past.append((state.stamp, fixture))
-        while len(self._past) > 1 and self._past[1][0] <= self._now - self.delay:
+        old = self._now - self.delay + _ROUNDING
+        while len(self._past) > 1 and self._past[1][0] <= old:
             self._past.popleft()
 
     def estimate(self) -> Estimate:
