@@ -81,7 +81,7 @@ def test_a_given_hole_is_the_only_pose(config):
     assert "given" in text
     assert "--hole 0.6 0.01 0.1 0.1" in evaluation.report.command
     episode = Episode.load(evaluation.folder / "logs" / "given_00.npz")
-    assert episode.metadata["hole_pose"]["x"] == 0.6
+    assert episode.metadata["fixture_pose"]["x"] == 0.6
 
 
 def test_force_that_is_not_measured_is_a_dash_not_a_zero(config, blind_arm):

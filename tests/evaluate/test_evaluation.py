@@ -213,7 +213,7 @@ def test_a_policy_cut_short_is_refused(config, policy_file, tmp_path):
     [
         ("stack", 4, "observation"),
         ("task", "XYZ:force ABC:hold", "task|action"),
-        ("wheels", 4, "known environment.*wheels"),
+        ("wheels", 4, "known environment.*no settings wheels"),
     ],
 )
 def test_a_policy_of_another_task_or_size_is_refused(

@@ -76,14 +76,14 @@ def test_success_and_depth_are_those_of_the_true_hole(make):
     env = make(hole_shift=0.03)
     robot = env.core.arm.robot
     bottom = Pose(HOLE.position - [0, 0, 0.029], tool_down(0.0))
-    inside = robot.inverse_kinematics(bottom, env.core.q_seed)
+    inside = robot.inverse_kinematics(bottom, env.core.arm.robot.posture("down"))
     _, info = env.reset(seed=1, options={"fixture": HOLE, "start": inside})
     assert info["success"]
     assert info["depth"] == pytest.approx(0.029, abs=1e-4)
     believed = Pose(
         bottom.position - info["perturbation"]["hole_shift [m]"], bottom.quat_wxyz
     )
-    beside = robot.inverse_kinematics(believed, env.core.q_seed)
+    beside = robot.inverse_kinematics(believed, env.core.arm.robot.posture("down"))
     _, info = env.reset(seed=1, options={"fixture": HOLE, "start": beside})
     assert not info["success"]
     assert np.abs(info["position_error"][:2]).max() < 1e-4
@@ -160,7 +160,7 @@ def test_the_moving_hole_is_where_the_environment_says_and_the_tracker_sees(
         assert np.linalg.norm(way) == pytest.approx(expected, abs=1e-9)
         np.testing.assert_allclose(moved[-1], env.core.fixture.position, atol=1e-12)
         assert env.core.tracker.estimate().pose is env.core.fixture
-        goal = env.core.fixture.position - [0, 0, env.core.cell.hole_depth]
+        goal = env.core.fixture.position - [0, 0, env.core.task.block.depth]
         error = env.core.state.position - goal
         np.testing.assert_allclose(info["position_error"], error, atol=1e-12)
     jumps = np.linalg.norm(np.diff(moved, axis=0), axis=1)
@@ -171,7 +171,7 @@ def test_a_hole_near_the_edge_moves_inwards(make):
     env = make(hole_speed=0.02)
     corner = Pose(np.array([0.42, -0.20, 0.10]), HOLE.quat_wxyz)
     for seed in range(10):
-        options = {"fixture": corner, "start": env.core.q_seed}
+        options = {"fixture": corner, "start": env.core.arm.robot.posture("down")}
         _, info = env.reset(seed=seed, options=options)
         velocity = np.array(info["perturbation"]["hole_velocity [m/s]"])
         end = corner.position + HOLE_TRAVEL * velocity / 0.02
@@ -183,7 +183,7 @@ def test_starts_below_are_below_the_mouth_and_beside_the_block(make):
     env = make(start="below")
     for seed in range(20):
         _, info = env.reset(seed=seed, options={"fixture": HOLE})
-        x, y, z = info["position_error"] - [0, 0, env.core.cell.hole_depth]
+        x, y, z = info["position_error"] - [0, 0, env.core.task.block.depth]
         assert z <= 1e-4
         assert max(abs(x), abs(y)) > 0.07
 

@@ -29,7 +29,7 @@ class FallingEnv(gym.Env):
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
-        self.hole = options["hole"]
+        self.hole = options["fixture"]
         self.height = self.np_random.uniform(0.01, 0.05)
         self.time, self.steps = 0.0, 0
         return np.zeros(14), {"success": False, "depth": -self.height}
@@ -132,7 +132,7 @@ def test_every_try_leaves_a_log_that_loads(tmp_path):
         episode = Episode.load(tmp_path / o.log)
         assert len(episode) == CYCLES * o.steps
         assert episode.metadata["seed"] == o.seed
-        assert episode.metadata["hole_pose"]["name"] == "A"
+        assert episode.metadata["fixture_pose"]["name"] == "A"
 
 
 def test_a_try_that_dies_still_leaves_its_log(tmp_path):

@@ -27,6 +27,10 @@ DEFAULT_ENV = "dovetail/PegInHole-v0"
 _MAKE = "dovetail.envs.registered:make_env"
 
 
+class UnknownSettingError(ConfigError, TypeError):
+    """A setting that neither the task nor its environment takes."""
+
+
 def register_task(env_id: str, task: type[Task] | str) -> None:
     """Give a task a name for `gym.make` and for every command's `--env`.
 
@@ -76,12 +80,12 @@ def split_settings(
     """Return what a task takes of these settings, and what the environment takes.
 
     Raises:
-        ConfigError: Something that neither takes; lists what both do.
+        UnknownSettingError: Something that neither takes; lists what both do.
     """
     given = {("axes" if k == "task" else k): v for k, v in settings.items()}
     known = {f.name for f in fields(task)}
     if unknown := sorted(set(given) - known - set(SECTION_OF)):
-        raise ConfigError(
+        raise UnknownSettingError(
             f"{task.__name__} has no settings {', '.join(unknown)}; known: "
             f"{', '.join(sorted(known))}; of its environment: {', '.join(SECTION_OF)}"
         )

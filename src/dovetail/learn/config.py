@@ -25,7 +25,9 @@ from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import given_settings, own_settings
 from dovetail.learn.model_file import ModelFile
+from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Task
+from dovetail.trackers.find import find_tracker
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
@@ -191,6 +193,8 @@ class TrainConfig:
         object.__setattr__(self, "period", require_period(self.period, "period"))
         self.entropy_coefficient()
         split_settings(self.task_class, given_settings(self))
+        find_robot(self.robot)
+        find_tracker(self.tracker)
         object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
         if self.hole != _CENTRE and not self.fixed_goal:
             raise ConfigError("hole is given, which needs --fixed-goal")

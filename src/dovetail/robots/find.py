@@ -5,6 +5,7 @@ A robot that is not in the package is named by ``module:function``.
 
 import importlib
 import pkgutil
+import sys
 from pathlib import Path
 
 from dovetail.errors import ConfigError
@@ -41,6 +42,8 @@ def find_robot(name: str = DEFAULT_ROBOT) -> Robot:
                 "give MODULE:FUNCTION of your own, see docs/your-own-robot.md"
             )
         module, function = f"{_PACKAGE}.{name}", name
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.append(here)
     try:
         make = vars(importlib.import_module(module))[function]
     except (ImportError, KeyError) as error:

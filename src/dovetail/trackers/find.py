@@ -6,6 +6,7 @@ question mark. A tracker that is not in the package is ``module:Class``.
 
 import importlib
 import pkgutil
+import sys
 from pathlib import Path
 from urllib.parse import parse_qsl
 
@@ -46,6 +47,8 @@ def find_tracker(text: str = DEFAULT_TRACKER) -> Tracker:
                 "MODULE:CLASS of your own"
             )
         module, kind = f"{_PACKAGE}.{name}", name.title()
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.append(here)
     try:
         make = vars(importlib.import_module(module))[kind]
         return make(**{key: float(value) for key, value in parse_qsl(query)})
