@@ -55,15 +55,15 @@ def blind_arm(monkeypatch):
     monkeypatch.setattr("dovetail.envs.arm_setup.LocalArm", BlindArm)
     monkeypatch.setattr(BlindArm, "opened", 0)
     monkeypatch.setattr(
-        "dovetail.envs.peg_in_hole.build_arm", build_instead_of_connecting
+        "dovetail.envs.contact_env.build_arm", build_instead_of_connecting
     )
     return BlindArm
 
 
-def build_instead_of_connecting(arm, cell, task, **settings):
+def build_instead_of_connecting(arm, cell, axes, config):
     from dovetail.envs.arm_setup import build_arm
 
-    return build_arm(None, cell, task, **settings)
+    return build_arm(None, cell, axes, config)
 
 
 def test_a_twin_by_address_gives_the_numbers_of_the_twin(config, tmp_path):

@@ -32,7 +32,7 @@ def place_run(config: TrainConfig) -> TrainConfig:
         return config
     _, _, name = config.env.partition("/")
     if config.env == TrainConfig.env:
-        name = f"peg_{config.peg}"
+        name = f"peg_{config.env_options()['peg']}"
     return replace(config, out=dated_folder("runs", f"{name}-"))
 
 
