@@ -8,8 +8,9 @@ tare's own way counts, too.
     python benchmarks/period_table.py --tries 60 --workers 2
 
 A single cell: `--period 1ms --twin hard --push 30`. `none` is MuJoCo alone, and
-`stiff` the same with contacts of 2 ms at every period; `--margins` chooses those of the
-limits. Below 0 is inside. Rows are printed as they come; `--json FILE` keeps every try.
+`stiff` the same with contacts of 2 ms at every period; `--margins model` takes those of
+an arm that is exactly as its model. Below 0 is inside. Rows are printed as they come;
+`--json FILE` keeps every try.
 """
 
 import argparse
@@ -33,6 +34,7 @@ from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.evaluate.transfer import wilson_interval
 from dovetail.evaluate.trials import Job, plan_trials
 from dovetail.learn.policy import Policy, find_policy
+from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.plants.twin import list_twins
@@ -65,7 +67,7 @@ class Cell(NamedTuple):
     push: float
     """Largest push [N]."""
     margins: str
-    """Of the limits: "model" or "hardware"."""
+    """Of the limits: "hardware", as an arm is built, or "model"."""
     encoders: bool
     """Whether velocities come from positions, as behind FRI."""
     policy: str
@@ -104,16 +106,15 @@ def flag_bits() -> dict[str, int]:
 def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
     """Build a cell's environment and load its policy."""
     policy = Policy.load(find_policy(cell.policy))
-    options: dict[str, Any] = dict(policy.metadata["env"])
+    options = policy_settings(policy.metadata)
     options |= {"tare": True, "period": 1e-3 * cell.period}
-    del options["plant"]
     if cell.twin in IDEAL:
         options |= {"plant": "mujoco", "dynamics": IDEAL[cell.twin]}
     else:
         options["twin"] = cell.twin
     perturbation = Perturbation(push=cell.push)
-    env = make_perturbed(policy.metadata["env_id"], perturbation, options)
-    if cell.margins == "hardware" or cell.encoders:
+    env = make_perturbed(known_env_id(policy.metadata), perturbation, options)
+    if cell.margins == "model" or cell.encoders:
         _rebuild(env.unwrapped, cell)
     return policy, env
 
@@ -122,11 +123,11 @@ def _rebuild(env: Any, cell: Cell) -> None:
     """Give an environment's arm other margins or encoders; the judge keeps its own."""
     old = env.arm
     limits = old.limits
-    if cell.margins == "hardware":
+    if cell.margins == "model":
         limits = LimitConfig.for_period(
             old.robot,
             old.period,
-            hardware=True,
+            hardware=False,
             x_min=old.limits.x_min,
             x_max=old.limits.x_max,
             dx_max=old.limits.dx_max,
@@ -148,6 +149,7 @@ def attempt(cell: Cell, job: Job) -> Try:
     try:
         hole = PegInHole.trial_poses[job.pose].pose()
         observation, _ = env.reset(seed=job.seed, options={"fixture": hole})
+        policy.reset()
         logs.append(core.state.log)
         done = False
         while not done:
@@ -264,7 +266,7 @@ def main() -> None:
     default = ["none", "easy", "medium", "hard"]
     parser.add_argument("--twin", nargs="+", choices=known, default=default)
     parser.add_argument("--push", type=float, nargs="+", default=[0, 30], help="[N]")
-    parser.add_argument("--margins", choices=("model", "hardware"), default="model")
+    parser.add_argument("--margins", choices=("hardware", "model"), default="hardware")
     parser.add_argument(
         "--encoders", action="store_true", help="no measured velocity, as behind FRI"
     )

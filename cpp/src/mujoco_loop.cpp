@@ -140,8 +140,13 @@ void MujocoLoop::apply(const Vec7& tau, int steps, const Vec7& drive) {
   measure();
 }
 
+/// The tool is that of what is measured. A controller that believed it has it already.
 void MujocoLoop::begin_row(RowWriter& row, const Vec7& tau,
-                           const ToolMotion& motion) const noexcept {
+                           const Controller& controller) const noexcept {
+  ToolMotion motion = controller.tool();
+  if (controller.state().q() != q_ || controller.state().dq() != dq_) {
+    controller.chain().tool_motion(q_, dq_, motion);
+  }
   row.put_number(data_->time);
   row.put(q_);
   row.put(dq_);
@@ -156,11 +161,9 @@ void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
   Target held = target;
   for (int i = 0; i < cycles; ++i) {
     const StepResult result = controller.step(q_, dq_, held);
-    ToolMotion motion;  // of what is measured, not of what the controller believes
-    controller.chain().tool_motion(q_, dq_, motion);
     held.age += controller.period();
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
-    begin_row(row, result.tau, motion);
+    begin_row(row, result.tau, controller);
     apply(result.tau, steps);
     row.put(peak_);
     row.put(target.f_star.head<3>());
@@ -194,10 +197,8 @@ void MujocoLoop::run_faulty(Controller& controller, const Target& target, int cy
         probe_->command(result.tau + nominal_.gravity(past_q_[at]), flags);
       }
     }
-    ToolMotion motion;
-    controller.chain().tool_motion(q_, dq_, motion);
     RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
-    begin_row(row, tau_held_, motion);
+    begin_row(row, tau_held_, controller);
     apply(tau_held_, steps);
     row.put(peak_);
     row.put(target.f_star.head<3>());

@@ -5,9 +5,13 @@ is loaded before one of them is made.
 """
 
 import pkgutil
+from importlib.metadata import version
 from pathlib import Path
 
 import gymnasium
+
+__version__ = version("dovetail")
+"""Version of the installed package; its one home is pyproject.toml."""
 
 for _, _folder, _is_package in pkgutil.iter_modules(
     [str(Path(__file__).parent / "tasks")]

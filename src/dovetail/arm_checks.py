@@ -17,8 +17,6 @@ from dovetail.arm_feel import (
     check_period_proven,
     feel_checks,
     last_words,
-    quiet,
-    simulated_step,
 )
 from dovetail.arms.address import FriAddress
 from dovetail.arms.watchdog import WatchdogConfig
@@ -31,6 +29,8 @@ from dovetail.envs.arm_setup import build_fri_arm, settings_of
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
+from dovetail.feel.busy import busy_words
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
 from dovetail.types import JOINTS, Array, Vec3, Vec7
@@ -112,7 +112,8 @@ def run_arm_checks(
                 yield check
         except ArmError as error:
             last = last_words(arm, is_resting=name in _RESTING)
-            yield Check("end of the motion", "broken", f"{error} {last}".strip())
+            text = f"{error} {last} {'' if error.reason == 'gaps' else busy_words()}"
+            yield Check("end of the motion", "broken", text.strip())
         if name != _LAST:
             return
     finally:

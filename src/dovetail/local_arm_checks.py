@@ -9,8 +9,6 @@ from dovetail.arm_feel import (
     check_as_configured,
     check_period_proven,
     feel_checks,
-    quiet,
-    simulated_step,
     watch,
 )
 from dovetail.arms.address import PlantAddress, TwinAddress
@@ -20,6 +18,7 @@ from dovetail.doctor import Check
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
 from dovetail.poses import Pose, quat_about_z, tool_down

@@ -14,6 +14,7 @@ from dovetail.poses import Pose, quat_about_z
 from dovetail.tasks.peg_in_hole.starts import RandomisationConfig, tool_down
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.workcell.workcell import WALLS
+from extras import need
 
 from .fake_arm import FakeArm
 
@@ -353,7 +354,7 @@ def test_other_tasks_step(task, num_actions):
 
 @pytest.mark.bullet
 def test_the_environment_runs_on_pybullet():
-    pytest.importorskip("pybullet")
+    need("pybullet")
     env = make_env(PegInHole, plant="bullet")
     first, _ = env.reset(seed=0)
     again, _ = make_env(PegInHole).reset(seed=0)
@@ -364,7 +365,7 @@ def test_the_environment_runs_on_pybullet():
 
 @pytest.mark.bullet
 def test_pybullet_refuses_the_triangle():
-    pytest.importorskip("pybullet")
+    need("pybullet")
     with pytest.raises((ConfigError, MissingDependencyError), match="triangle"):
         make_env(PegInHole, plant="bullet", peg="triangle")
 

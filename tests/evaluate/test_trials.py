@@ -56,15 +56,25 @@ class FallingEnv(gym.Env):
         return np.zeros(14), 0.0, success, self.steps >= 30 and not success, info
 
 
-def idle_policy():
-    return lambda observation: np.zeros(4, dtype=np.float32)
+class IdlePolicy:
+    """Does nothing, and counts its steps since the last reset."""
+
+    def __init__(self):
+        self.steps = None
+
+    def reset(self):
+        self.steps = 0
+
+    def __call__(self, observation):
+        self.steps += 1
+        return np.zeros(4, dtype=np.float32)
 
 
 POSES = PegInHole.trial_poses
 
 
 def run(jobs, make_env=FallingEnv, **options):
-    return list(run_trials(make_env, idle_policy, jobs, poses=POSES, **options))
+    return list(run_trials(make_env, IdlePolicy, jobs, poses=POSES, **options))
 
 
 def test_hole_poses_differ_in_x_y_z_and_theta():

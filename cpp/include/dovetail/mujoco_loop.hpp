@@ -85,7 +85,7 @@ class MujocoLoop {
   void measure() noexcept;
   void remember() noexcept;
   void begin_row(RowWriter& row, const Vec7& tau,
-                 const ToolMotion& motion) const noexcept;
+                 const Controller& controller) const noexcept;
   void sum_contact_force() noexcept;
   void require_finite() const;
 

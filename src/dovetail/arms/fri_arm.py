@@ -171,7 +171,7 @@ class FriArm:
             )
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        except RuntimeError as error:
+        except OSError as error:
             raise socket_error(error, *bind) from error
 
     @property

@@ -6,6 +6,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from dovetail.commands.unproven import warn_of_twin
 from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
 
 
@@ -13,11 +14,13 @@ from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
 class Evaluate(EvaluationConfig):
     """Try a policy at three hole poses; write table, figures, report and logs."""
 
-    policy: Annotated[str, tyro.conf.Positional]
-    """Policy: a file (.safetensors or .json) or the name of a shipped one."""
+    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")]
+    """Policy: a file (.safetensors or .json), or the name of a shipped one, such as
+    peg_square; `dovetail export` makes one of a model.zip."""
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
+        warn_of_twin(console, self.twin, self.arm)
         print_files(evaluate(self, console), console)
         return 0
 

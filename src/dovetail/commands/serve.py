@@ -20,6 +20,7 @@ from dovetail.arms.address import (
     places_fixture,
 )
 from dovetail.arms.arm import Arm
+from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period import require_period
 from dovetail.control.period_option import Period
 from dovetail.envs.registered import DEFAULT_ENV, find_cell
@@ -88,6 +89,7 @@ class Serve:
             )
 
         builder = _builder(self)
+        warn_of_twin(console, self.twin, self.arm)
         try:
             server = ArmServer(builder, self.listen, files, notify)
         except BaseException:

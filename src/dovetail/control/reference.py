@@ -11,7 +11,7 @@ import numpy as np
 
 from dovetail import poses
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference_bounds import intervals, under_push
+from dovetail.control.reference_bounds import intervals, under_push, walls
 from dovetail.control.reference_qp import solve_qp
 from dovetail.control.task_spec import FORCE, FREE, HOLD, POSE, TaskSpec
 from dovetail.types import Array
@@ -59,21 +59,14 @@ class ReferenceController:
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
         self.r = np.zeros(7)
         self.posture: Array | None = None
+        self.walls: tuple[Array, Array] | None = None
         self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
         self.last: tuple[Array, ...] | None = None
 
     def step(self, q: Array, dq: Array, target: "_core.Target") -> tuple[Array, ...]:
         """Return overlay torque [Nm], its acceleration and the wanted one [rad/s2]."""
         chain, osc, lim, dt = self.chain, self.osc, self.limits, self.dt
-        # Disturbance  r += share (M ddq + h - u - r)  of the interval that has ended
-        if self.last is not None:
-            M, h, dq_last, u = self.last
-            ddq = (dq - dq_last) / dt
-            lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u - self.r  # mean speed
-            most = SURPRISE * lim.tau_max
-            share = 1.0 - np.exp(-lim.estimate_rate * dt)
-            r = self.r + share * np.clip(lost, -most, most)
-            self.r = np.clip(r, -LARGEST * lim.tau_max, LARGEST * lim.tau_max)
+        self.estimate(dq)
         # Model  M a + h = u  half a period ahead; the arm does a + push
         q_model = q + 0.5 * dt * dq if lim.mid_interval else q
         M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
@@ -89,7 +82,8 @@ class ReferenceController:
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
-        wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
+        self.walls = walls(lim, dt, p, self.walls)
+        wall = (*self.walls, lim.dx_max, lim.ddx_max, lim.eta_wall)
         lb, ub = intervals(lim, dt, q, dq, push_q, *joint)
         cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall, lim.delta_x)
         g = chain.gravity(q)
@@ -124,6 +118,19 @@ class ReferenceController:
         u = np.clip(M @ a + h, lo, hi)
         self.last = (M, h, dq, u)
         return u, a + push, a0 + push
+
+    def estimate(self, dq: Array) -> None:
+        """Add  r += share (M ddq + h - u - r)  of the interval that has ended."""
+        if self.last is None:
+            return
+        lim, dt = self.limits, self.dt
+        M, h, dq_last, u = self.last
+        ddq = (dq - dq_last) / dt
+        lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u - self.r  # mean speed
+        most = SURPRISE * lim.tau_max
+        share = 1.0 - np.exp(-lim.estimate_rate * dt)
+        r = self.r + share * np.clip(lost, -most, most)
+        self.r = np.clip(r, -LARGEST * lim.tau_max, LARGEST * lim.tau_max)
 
     def task_torque(
         self, q: Array, dq: Array, f: Array, J_tool: Array, M: Array, Minv: Array

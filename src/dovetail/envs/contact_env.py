@@ -14,6 +14,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.config import EnvConfig
+from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.observation import Layout
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
@@ -31,7 +32,9 @@ _STREAM = 0x72AC6
 """Keeps the trackers' seeds apart from the draws of start and fixture."""
 
 
-class ContactEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class ContactEnv(
+    RebuiltOnCopy, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
+):
     """Bring a held part to a fixture whose pose is known, under a torque-controlled arm.
 
     All axes are the world's.

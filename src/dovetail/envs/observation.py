@@ -1,6 +1,5 @@
 """The numbers that a policy sees, from what the arm measured, in groups of columns."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.arms.arm import ArmState
-from dovetail.errors import ConfigError, PolicyError
+from dovetail.errors import ConfigError
 from dovetail.poses import theta_about_vertical
 from dovetail.robots.robot import Robot
 from dovetail.tasks.task import Goal
@@ -178,39 +177,8 @@ class Layout:
             "is_logarithmic": self._is_log.tolist(),
         }
 
-    def require_same(self, observation: Mapping[str, Any]) -> None:
-        """Refuse a policy that was trained on other columns or another scaling.
 
-        Args:
-            observation: Section "observation" of the policy's JSON; what it does not
-                say is not compared.
-
-        Raises:
-            PolicyError: Names the first column that differs, and how.
-        """
-        names = [column.name for column in self.columns]
-        theirs = [column[0] for column in observation.get("columns", [])] or names
-        for i in range(max(len(names), len(theirs))):
-            one, other = ((n[i] if i < len(n) else "none") for n in (theirs, names))
-            if one != other:
-                raise PolicyError(
-                    f"observation column {i} is {one} in the policy and {other} in the "
-                    "environment: it was trained for another task"
-                )
-        scaling = _in_columns(observation.get("scaling", {}))
-        for what, own in self.describe().items():
-            for name, mine, other in zip(
-                names, own, scaling.get(what, own), strict=True
-            ):
-                if not math.isclose(mine, other, rel_tol=1e-6, abs_tol=1e-9):
-                    raise PolicyError(
-                        f"observation column {name} has {what} {other:g} in the "
-                        f"policy's scaling and {mine:g} in the environment's: it was "
-                        "trained for another robot or another task"
-                    )
-
-
-def _in_columns(scaling: Mapping[str, Any]) -> dict[str, list[float]]:
+def by_columns(scaling: Mapping[str, Any]) -> dict[str, Any]:
     """Return a scaling by columns; files of version 0.3 and before had it by groups."""
     if "joint_middle" not in scaling:
         return dict(scaling)
@@ -218,4 +186,5 @@ def _in_columns(scaling: Mapping[str, Any]) -> dict[str, list[float]]:
     return {
         "zero": [*scaling["joint_middle"], *offset, *[0.0] * 4],
         "unit": [*scaling["joint_half_range"], *scaling["symmetric_log"]],
+        "is_logarithmic": [False] * 7 + [True] * 7,
     }

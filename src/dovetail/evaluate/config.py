@@ -19,6 +19,7 @@ from dovetail.control.period_option import Period
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
 from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation
+from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
 from dovetail.tasks.fixture_pose import FixturePose
@@ -46,6 +47,8 @@ class EvaluationConfig:
     """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     approach: bool = False
     """Let an arm behind fri:// go to its first start from afar, slowly."""
+    accept_contact: bool = False
+    """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
     hole: tuple[float, float, float, float] | None = None
     """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
     three poses, which an arm must be able to put the hole at."""
@@ -121,7 +124,8 @@ def environment_options(
             f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
             f"arms: {', '.join(SCHEMES)}"
         )
-    options = dict(policy["env"])
+    options = policy_settings(policy)
+    options |= _trained_robot(config, policy)
     for name in (*places, "peg", "clearance", "robot", "tracker"):
         if (value := getattr(config, name)) is not None:
             options[name] = value
@@ -143,6 +147,25 @@ def environment_options(
     elif is_searching:
         options["max_steps"] = SEARCH_STEPS
     return options
+
+
+def _trained_robot(
+    config: EvaluationConfig, policy: Mapping[str, Any]
+) -> dict[str, str]:
+    """Return the robot of the policy's training, where no other is asked for.
+
+    Raises:
+        ConfigError: It is a module's, which only the command line may name.
+    """
+    told = policy["env"].get("robot")
+    if config.robot is not None or not isinstance(told, str):
+        return {}
+    if ":" in told:
+        raise ConfigError(
+            f"the policy was trained with the robot {told!r}, of a module; add --robot "
+            f"{told} if you trust it"
+        )
+    return {"robot": told}
 
 
 def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
@@ -167,31 +190,11 @@ def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
         )
 
 
-def environment_of(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
-    """Return the name of the policy's environment.
-
-    Raises:
-        ConfigError: Another is asked for, or it is a module's, which only the command
-            line may name.
-    """
-    own = policy["env_id"]
-    if config.env not in (None, own):
-        raise ConfigError(
-            f"env is {config.env!r}, the policy was trained in {own!r}; give that one"
-        )
-    if config.env is None and ":" in own:
-        raise ConfigError(
-            f"the policy's environment is {own!r}: it imports the module "
-            f"{own.rpartition(':')[0]!r}; add --env {own} if you trust it"
-        )
-    return own
-
-
 def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[FixturePose, ...]:
     """Return where the hole is for the tries: by the policy's environment, or given."""
-    poses = task_class(environment_of(config, policy)).trial_poses
+    poses = task_class(known_env_id(policy, config.env)).trial_poses
     if config.hole is None:
         return poses
     return (FixturePose.given(config.hole, poses[0].facing),)

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -12,22 +12,11 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
 
-from dovetail.errors import ConfigError, DovetailError, PolicyError
+from dovetail.errors import ConfigError
 from dovetail.evaluate.config import (
     EvaluationConfig,
-    environment_of,
     environment_options,
     fixture_poses,
     require_place,
@@ -44,10 +33,13 @@ from dovetail.evaluate.origin import (
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import make_perturbed
 from dovetail.evaluate.report import Report
-from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
+from dovetail.evaluate.terminal import render_table, run_shown
+from dovetail.evaluate.transfer import Row, summarise
 from dovetail.evaluate.trials import plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
+from dovetail.learn.policy_env import known_env_id, require_yes
+from dovetail.learn.spaces import require_spaces
 from dovetail.tasks.task import Outline, Task
 
 
@@ -79,7 +71,10 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     jobs = plan_trials(len(poses), config.tries, config.seed)
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation()
-    env_id = environment_of(config, policy.metadata)
+    lax = require_yes(options, config.arm, is_given=config.accept_contact)
+    if lax:
+        console.print(f"note: {lax}", soft_wrap=True)  # before anything moves
+    env_id = known_env_id(policy.metadata, config.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
         task: Task = env.unwrapped.task  # type: ignore[attr-defined]
@@ -103,21 +98,13 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             f"control period {1e3 * options['period']:g} ms",
         ]
         title, names = ", ".join(parts), [pose.name for pose in poses]
-        outcomes = _show(trials, len(jobs), title, names, console)
+        outcomes = run_shown(trials, len(jobs), title, names, console)
     rows = summarise(outcomes, names)
     report = Report(
         title=title,
         ground=ground,
         period=options["period"],
-        note="; ".join(
-            filter(
-                None,
-                (
-                    other_period(options["period"], policy.metadata),
-                    shared_engine(config, policy.metadata),
-                ),
-            )
-        ),
+        note=_notes(lax, config, options["period"], policy.metadata),
         rows=rows,
         outcomes=outcomes,
         config=describe_settings(replace(config, out=folder), options, poses),
@@ -130,6 +117,14 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
     )
+
+
+def _notes(
+    lax: str, config: EvaluationConfig, period: float, policy: Mapping[str, Any]
+) -> str:
+    """Return what a reader of the numbers must know; empty for nothing."""
+    notes = (lax, other_period(period, policy), shared_engine(config, policy))
+    return "; ".join(filter(None, notes))
 
 
 def _print(report: Report, is_tared: bool, console: Console) -> None:
@@ -150,82 +145,17 @@ def _inspect(
     config: EvaluationConfig, make_env: Callable[[], gym.Env], policy: Policy
 ) -> gym.Env:
     """Return an environment; says what is wrong before anything is written."""
-    try:
-        env = make_env()
-    except (TypeError, gym.error.Error) as error:
-        raise PolicyError(
-            f"the policy's JSON file does not describe a known environment: {error}"
-        ) from error
+    env = make_env()
     try:
         require_place(config, can_place=env.unwrapped.places_fixture)  # type: ignore[attr-defined]
         pose = fixture_poses(config, policy.metadata)[0].pose()
         observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
-        env.unwrapped.scaling.require_same(policy.metadata.get("observation", {}))  # type: ignore[attr-defined]
-        action = policy(observation)
-        if action.shape != env.action_space.shape:
-            raise PolicyError(
-                f"the policy gives actions of shape {action.shape}, its environment "
-                f"takes {env.action_space.shape}: it was trained for another task"
-            )
+        policy.require_size(observation, env.action_space.shape or ())
+        require_spaces(policy.metadata, env)
     except BaseException:
         env.close()
         raise
     return env
-
-
-def _show(
-    trials: Iterator[Outcome],
-    count: int,
-    title: str,
-    names: list[str],
-    console: Console,
-) -> list[Outcome]:
-    """Run the tries under a progress bar; if they are cut short, show what there is."""
-    outcomes: list[Outcome] = []
-    try:
-        _collect(trials, count, outcomes, console)
-    except (DovetailError, KeyboardInterrupt):
-        if outcomes:
-            rows = summarise(outcomes, names[: outcomes[-1].pose + 1])
-            part = f"partial: {len(outcomes)} of {count} tries, no report"
-            console.print(f"{title} ({part})", soft_wrap=True)
-            console.print(render_table(rows))
-        raise
-    return outcomes
-
-
-def _collect(
-    trials: Iterator[Outcome], count: int, outcomes: list[Outcome], console: Console
-) -> None:
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[inserted]} inserted"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-    ) as progress:
-        bar = progress.add_task("tries", total=count, inserted=0)
-        for outcome in trials:
-            outcomes.append(outcome)
-            progress.update(bar, advance=1, inserted=sum(o.success for o in outcomes))
-
-
-def render_table(rows: Sequence[Row]) -> Table:
-    """Return the transfer table for a terminal, without its title."""
-    table = Table(box=SIMPLE_HEAD)
-    table.pad_edge = False
-    lines = [cells(row) for row in rows]
-    for name, *entries in zip(COLUMNS, *lines, strict=True):
-        words = [*name.split(), *entries]  # headings wrap, numbers do not
-        side = "left" if name == COLUMNS[0] else "right"
-        table.add_column(name, justify=side, width=max(map(len, words)))
-    for line in lines[:-1]:
-        table.add_row(*line)
-    table.add_section()
-    table.add_row(*lines[-1], style="bold")
-    return table
 
 
 def write_report(report: Report, folder: Path, outline: Outline | None) -> list[Path]:

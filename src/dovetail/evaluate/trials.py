@@ -14,6 +14,7 @@ import numpy as np
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.outcome import Outcome
+from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.tasks.fixture_pose import FixturePose
@@ -58,7 +59,7 @@ class Trialist:
     def __init__(
         self,
         make_env: Callable[[], gym.Env],
-        load_policy: Callable[[], Callable[[Array], Array]],
+        load_policy: Callable[[], Actor],
         poses: Sequence[FixturePose],
         logs: Path | None,
     ) -> None:
@@ -87,6 +88,7 @@ class Trialist:
             if error.reason != "tare":
                 raise
             return self._without_tare(job, fixture, error)
+        self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
@@ -189,7 +191,7 @@ def _columns(log: Array, *names: str) -> Array:
 
 def run_trials(
     make_env: Callable[[], gym.Env],
-    load_policy: Callable[[], Callable[[Array], Array]],
+    load_policy: Callable[[], Actor],
     jobs: Sequence[Job],
     *,
     poses: Sequence[FixturePose],

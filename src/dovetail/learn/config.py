@@ -15,18 +15,15 @@ from dovetail.arms.address import (
     period_of,
     places_fixture,
 )
-from dovetail.control.period import DEFAULT_PERIOD, format_period, require_period
-from dovetail.control.period_option import Period
+from dovetail.control.period import format_period, require_period
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.config import F_SCALE, FORCE_DAMPING, USUAL
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
-from dovetail.envs.registered import DEFAULT_ENV, split_settings, task_class
+from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
-from dovetail.learn.env_settings import given_settings, own_settings
+from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.model_file import ModelFile
 from dovetail.robots.find import find_robot
-from dovetail.tasks.task import Task
 from dovetail.trackers.find import find_tracker
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
@@ -39,7 +36,7 @@ _USUAL = DynamicsRandomisation()
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig:
+class TrainConfig(EnvSettings):
     """Settings of one training run, or of several seeds of it."""
 
     out: Path | None = None
@@ -48,10 +45,6 @@ class TrainConfig:
     resume: bool = False
     """Continue the run in `out` from its newest checkpoint, with its settings: on the
     command line no other option is needed."""
-    env: str = DEFAULT_ENV
-    """Gymnasium id of the environment: a task of dovetail, or MODULE:ID of your own."""
-    plant: str = USUAL.place.plant
-    """Physics engine to train in: mujoco or bullet."""
     model: Path | None = None
     """Model file whose dynamics and command delay that engine simulates, as `dovetail
     identify fit` writes it (any twin file); without it the nominal model."""
@@ -81,53 +74,6 @@ class TrainConfig:
     first `learning_starts` steps only the critics learn; then the actor does at a tenth
     of their rate, and goes back to the one whose episodes went best if its own go
     badly. The best one is what the run ends with."""
-    peg: str | None = None
-    """Shape of peg and hole: square, triangle (MuJoCo only) or round; default the
-    environment's: square in peg in hole."""
-    robot: str = USUAL.place.robot
-    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
-    tracker: str = USUAL.observation.tracker
-    """Where the fixture is, as far as the policy may know: truth, delayed?delay=0.1,
-    noisy?offset=0.001, or MODULE:CLASS of your own."""
-    clearance: float | None = None
-    """Gap between peg and hole on each side [m]; default the environment's: 0.0005 in
-    peg in hole, 0.001 for the rail clip."""
-    task: str | None = None
-    """Mode of each axis: force, pose, hold or free; default the environment's: "XYZ:
-    force A:pose BC:hold" in peg in hole, "X:force A:pose YZBC:hold" for the clip."""
-    stack: int = USUAL.observation.stack
-    """Number of past (observation, action) pairs in the observation."""
-    period: Period = DEFAULT_PERIOD
-    """Control period: 1ms, 2ms, 2.5ms or 5ms; an action acts for 50 ms at any of them.
-    An arm's address may give its own."""
-    f_scale: tuple[float, ...] = (F_SCALE,)
-    """f* at action 1 on X Y Z [m/s2]: one number, or three."""
-    f_scale_angular: float = USUAL.action.f_scale_angular
-    """f* at action 1 on A B C [rad/s2]."""
-    force_damping: tuple[float, ...] = (FORCE_DAMPING,)
-    """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
-    speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
-    f_scale, no tare."""
-    tare: bool = True
-    """Before each episode measure, in free air, the weight that gravity compensation
-    misses, and take it off what the policy commands: in training with `model`,
-    `randomise_dynamics` or `arm`, as there is none in the nominal model; and wherever
-    the policy is evaluated."""
-    near_speed: float = USUAL.approach.near_speed
-    """Speed limit of the tool per axis where contact is near [m/s]."""
-    near_press: float = USUAL.approach.near_press
-    """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
-    the tool can stand on the rim."""
-    near_distance: float = USUAL.approach.near_distance
-    """How far above the hole's mouth that begins [m]."""
-    theta_range: float = USUAL.action.theta_range
-    """Rotation at action 1 on pose axes A B C [rad]."""
-    position_range: float = USUAL.action.position_range
-    """Displacement at action 1 on pose axes X Y Z [m]."""
-    max_steps: int = USUAL.episode.max_steps
-    """Actions per episode."""
-    scheme: str = USUAL.control.scheme
-    """How the controller keeps its limits: qp or paper."""
     algorithm: Algorithm = "sac"
     """Learning algorithm (SBX)."""
     steps: int = 60_000
@@ -192,7 +138,7 @@ class TrainConfig:
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         object.__setattr__(self, "period", require_period(self.period, "period"))
         self.entropy_coefficient()
-        split_settings(self.task_class, given_settings(self))
+        split_settings(self.task_class, self.given())
         find_robot(self.robot)
         find_tracker(self.tracker)
         object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
@@ -227,15 +173,6 @@ class TrainConfig:
                 "a range of random dynamics is given, which needs --randomise-dynamics"
             )
         _ = self.model_file
-
-    @cached_property
-    def task_class(self) -> type[Task]:
-        """The class of the environment's task.
-
-        Raises:
-            ConfigError: No such environment; lists the known ones.
-        """
-        return task_class(self.env)
 
     @property
     def folder(self) -> Path:
@@ -302,10 +239,6 @@ class TrainConfig:
             )
         return self.ent_coef if self.ent_coef.startswith("auto") else value
 
-    def env_options(self) -> dict[str, Any]:
-        """Return the keyword arguments of the environment, as JSON knows them."""
-        return given_settings(self) | own_settings(self)
-
     def for_seed(self, seed: int) -> "TrainConfig":
         """Return the run of one of several seeds, in its own sub-folder."""
         return replace(self, seed=seed, seeds=1, out=self.folder / f"seed-{seed}")
@@ -315,9 +248,7 @@ class TrainConfig:
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)} | own_settings(
-            self
-        )
+        values = {f.name: getattr(self, f.name) for f in fields(self)} | self.own()
         if self.model_file is not None:
             values["model"] = self.model_file.table()
         return {

@@ -151,6 +151,11 @@ def _link_visual(link: int, robot: Robot, meshes: Path | None) -> str:
         )
     end = robot.origin_position[link] if link < 7 else robot.flange_position
     radius = 0.06 if link < 5 else 0.045
+    if np.linalg.norm(end) < 1e-6:  # MuJoCo builds no capsule without a length
+        return (
+            f'<geom class="visual" type="sphere" size="{radius}" '
+            f'rgba="0.85 0.5 0.2 1" mass="0"/>'
+        )
     return (
         f'<geom class="visual" type="capsule" size="{radius}" rgba="0.85 0.5 0.2 1" '
         f'fromto="0 0 0 {_numbers(end)}" mass="0"/>'

@@ -1,0 +1,48 @@
+"""The delay of the arm that is recorded, measured as the doctor measures it."""
+
+from typing import Any, NamedTuple
+
+from dovetail.arms.local_arm import LocalArm
+from dovetail.envs.contact_env import ContactEnv
+from dovetail.feel.declared_delay import JudgedDelay, judge_delay
+from dovetail.feel.feeling import feel_arm
+from dovetail.feel.gains import quiet, simulated_step
+from dovetail.poses import Pose
+from dovetail.types import Vec7
+
+
+class MeasuredDelay(NamedTuple):
+    """What a recording says of its arm's delay."""
+
+    facts: dict[str, float]
+    """Measured, its standard deviation, and declared [s]; `recording.json` keeps it."""
+    judged: JudgedDelay
+    """The same in words."""
+
+
+def measure_delay(env: ContactEnv, q: Vec7, fixture: Pose) -> MeasuredDelay:
+    """Push every joint a little at a start.
+
+    A simulated arm of this process is felt with gains that bear any delay. Another one
+    has a motion of its own for each controller, and is felt with the gains that the
+    recording runs with.
+
+    Args:
+        env: Its arm is moved.
+        q: A start in free air [rad].
+        fixture: Where the fixture is.
+
+    Raises:
+        ArmError: The arm was stopped, or too many cycles were lost.
+    """
+    arm: Any = env.arm
+    declared = float(arm.limits.delay)
+    if isinstance(arm, LocalArm):
+        osc, limits = quiet(arm.osc, arm.limits)
+        arm = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, arm.period)
+    arm.reset(q, fixture)
+    step = simulated_step(arm.period) if env.places_fixture else 0.0
+    feeling = feel_arm(arm, q, arm.limits.armature, integration_step=step)
+    delay = feeling.delay
+    facts = {"measured": delay.delay, "spread": delay.spread, "declared": declared}
+    return MeasuredDelay(facts, judge_delay(feeling, declared))
