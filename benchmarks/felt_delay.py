@@ -15,7 +15,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.feel.feeling import feel_arm
 from dovetail.feel.gains import quiet, simulated_step
-from dovetail.local_arm_checks import HOLE, Q_SEED, START
+from dovetail.local_arm_checks import FIXTURE, START
 from dovetail.plants.twin import load_twin
 
 PERIODS = (0.001, 0.002, 0.0025, 0.005)
@@ -32,8 +32,8 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
     )
     osc, limits = quiet(arm.osc, arm.limits)
     felt = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, period)
-    q = arm.robot.inverse_kinematics(START, Q_SEED)
-    felt.reset(q, HOLE)
+    q = arm.robot.inverse_kinematics(START, arm.robot.posture("rest"))
+    felt.reset(q, FIXTURE)
     step = simulated_step(period)
     feeling = feel_arm(felt, q, limits.armature, integration_step=step, seed=seed)
     felt.close()
