@@ -95,6 +95,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   staying_ = 0;
   resume();
   has_last_ = false;
+  was_believed_ = true;
   has_start_ = is_configuration(q) && is_speed(dq);
   if (!has_start_) return;
   check_.reset(q, dq);
@@ -351,7 +352,9 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
   const bool is_number = is_configuration(q_measured) && is_speed(dq_measured);
   const bool is_believed = check_.implausible() == 0;
   const bool is_ended = last_line_.cause() != EndCause::kNone;
-  if (is_believed) update_disturbance(dq, since);
+  // Where belief comes back, its step is no push.
+  if (is_believed && was_believed_) update_disturbance(dq, since);
+  was_believed_ = is_believed;
   StepResult result;
   if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time ||
       check_.implausible() > 1) {

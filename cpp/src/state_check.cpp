@@ -49,7 +49,7 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   q_ = q;
   dq_ = dq_seen_ = dq;
   seen_.fill(q);
-  since_ = 0.0;
+  since_ = since_seen_ = 0.0;
   implausible_ = agreed_ = repeated_ = in_doubt_ = 0;
   is_surprised_ = false;
   is_fresh_ = true;
@@ -79,6 +79,7 @@ void StateCheck::remember(const Vec7& q, const Vec7& dq) noexcept {
   newest_ = (newest_ + 1) % kRemembered;
   seen_[newest_] = q;
   dq_seen_ = dq;
+  since_seen_ = 0.0;
 }
 
 /// Whether this very sample has come before.
@@ -133,6 +134,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     return;
   }
   since_ += elapsed;
+  since_seen_ += elapsed;
   in_doubt_ = std::max(in_doubt_ - 1, 0);
   // An old sample, until too many say the same: then the arm does stand there.
   const bool was_seen = is_number && is_old(q);
@@ -149,14 +151,16 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
       is_near(q, dq, q_next, dq_next, kick, is_surprised_ ? 0.0 : kBlowSpeed, since_);
   const bool is_expected = is_plausible && is_within(q - q_next, dq - dq_next, inertia);
   // Not where it was expected: does it agree with the sample before?
-  const bool agrees = is_number && is_near(q, dq, seen_[newest_] + elapsed * dq_seen_,
-                                           dq_seen_, kick, kBlowSpeed, elapsed);
+  const bool agrees =
+      is_number && is_near(q, dq, seen_[newest_] + since_seen_ * dq_seen_, dq_seen_,
+                           kick, kBlowSpeed, since_seen_);
   if (is_number) remember(q, dq);
   agreed_ = agrees && !is_expected ? agreed_ + 1 : 0;
   const bool was_surprised = is_surprised_;
   // After a time without samples the prediction is worth less than the first of them.
   const bool was_blind = implausible_ > kRemembered;
-  const bool is_confirmed = is_plausible && ((was_surprised && agrees) || was_blind);
+  const bool was_refused = was_surprised || implausible_ > 0;
+  const bool is_confirmed = is_plausible && ((was_refused && agrees) || was_blind);
   is_surprised_ = is_plausible && !is_expected && !is_confirmed;
   if (agreed_ >= kAgreed) {
     reset(q, dq);

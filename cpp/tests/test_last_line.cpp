@@ -171,17 +171,19 @@ BOOST_AUTO_TEST_CASE(braking_earns_no_right_to_drive) {
   BOOST_TEST((line.cause() == EndCause::kEnergy));
 }
 
-BOOST_AUTO_TEST_CASE(a_joint_beyond_its_speed_limit_ends_it) {
+BOOST_AUTO_TEST_CASE(a_joint_that_used_three_fifths_of_its_speed_margin_ends_it) {
+  limits.delta_v = 0.2;
   for (int joint = 0; joint < kNumJoints; ++joint) {
     for (const double sign : {1.0, -1.0}) {
-      const double most = sign * limits.dq_max[joint];
-      BOOST_TEST(
-          (run(joint, [&](double) { return most; }, 0.001).cause() == EndCause::kNone));
+      const double most = sign * (1.0 - 0.4 * limits.delta_v) * limits.dq_max[joint];
+      BOOST_TEST((run(
+                      joint, [&](double) { return 0.999 * most; }, 0.001)
+                      .cause() == EndCause::kNone));
       const LastLine line = run(joint, [&](double) { return 1.001 * most; }, 0.001);
       BOOST_TEST((line.cause() == EndCause::kSpeed));
       BOOST_TEST(line.joint() == joint);
       BOOST_TEST(line.value() == 1.001 * most);
-      BOOST_TEST(line.limit() == limits.dq_max[joint]);
+      BOOST_TEST(line.limit() == std::abs(most));
     }
   }
 }

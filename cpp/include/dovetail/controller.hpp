@@ -147,6 +147,7 @@ class Controller {
   Vec3 x_min_, x_max_;      // the walls as they are now: outside of a tool that was
 
   StateCheck check_;
+  bool was_believed_ = true;  // in the last cycle
   LastLine last_line_;
   double limiter_power_ = 0.0;  // of what is cut from f* [W]
   bool is_at_rest_ = false;     // after the end

@@ -5,7 +5,7 @@
 ///   oscillation  a joint's speed swings to and fro, faster than 7 Hz, more widely than
 ///                the Target's changes explain, and does not decay;
 ///   energy       limiters do positive work: passive ones never do;
-///   speed        a joint has used most of its speed margin.
+///   speed        a joint has used three fifths of its speed margin.
 /// Once seen, it stays seen until `reset`.
 #pragma once
 

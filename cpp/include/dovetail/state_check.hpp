@@ -72,7 +72,8 @@ class StateCheck {
   std::array<Vec7, kRemembered> seen_;  // the last samples, believed or not
   int newest_ = 0;                      // of them
   Vec7 dq_seen_ = Vec7::Zero();
-  double since_ = 0.0;  // time since a sample was believed [s]
+  double since_ = 0.0;       // time since a sample was believed [s]
+  double since_seen_ = 0.0;  // time since the newest of seen_ [s]
   int implausible_ = 0;
   int agreed_ = 0;
   int repeated_ = 0;           // samples in a row that were seen before
