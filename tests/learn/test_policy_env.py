@@ -195,7 +195,5 @@ def test_a_scaling_by_groups_as_older_files_have_it_still_loads(policy):
     }
     make_env(changed(policy, "observation", scaling=older)).close()
     older["mouth_offset"] = [0.0, 0.0, 0.04]
-    with pytest.raises(
-        PolicyError, match=r"obs_z .*zero is 0.03 m here and was"
-    ):
+    with pytest.raises(PolicyError, match=r"obs_z .*zero is 0.03 m here and was"):
         make_env(changed(policy, "observation", scaling=older))
