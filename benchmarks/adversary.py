@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import BOUNDS, SCHEMES, LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.poses import quat_about_z, quat_multiply
-from dovetail.robot import Robot
-from dovetail.scene import SceneConfig
+from dovetail.robots.robot import Robot
 
 TASK = "XYZ:force A:pose BC:hold"
 EPISODE = 5.0  # s
@@ -128,7 +128,7 @@ class Adversary:
     def __init__(self, settings: Settings, seed: int) -> None:
         self.settings = settings
         self.seed = seed
-        self.robot = SceneConfig().robot()
+        self.robot = find_cell().loaded_robot()
         self.chain = self.robot.chain()
         self.limits = limits_of(self.robot, settings)
         self.controller = make_controller(

@@ -17,9 +17,9 @@ from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.observer import observer_gain
+from dovetail.envs.registered import find_cell
 from dovetail.poses import quat_about_z, quat_multiply
-from dovetail.robot import Robot
-from dovetail.scene import SceneConfig
+from dovetail.robots.robot import Robot
 
 ACTION = 0.05  # s
 CHECK = 1e-3  # s between two looks at the plant
@@ -78,7 +78,7 @@ class Attacked:
         """Build both from the shipped settings for the period."""
         self.settings = settings
         period = settings.period
-        self.robot: Robot = SceneConfig().robot()
+        self.robot: Robot = find_cell().loaded_robot()
         self.chain = self.robot.chain()
         self.limits = LimitConfig.for_period(
             self.robot, period, hardware=settings.hardware, **settings.limits

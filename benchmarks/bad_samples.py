@@ -22,9 +22,10 @@ from dovetail import _core
 from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell
 from dovetail.errors import PlantError
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
 TASK = "XYZ:force A:pose BC:hold"
 PLANTS = ("mujoco", "easy", "medium", "hard")
@@ -62,15 +63,16 @@ class Case:
 
     def __init__(self, plant: str, scene: str, path: str, period: float) -> None:
         """Build the arm as peg in hole has it."""
-        self.scene, self.period = scene, period
+        self.cell, self.period = scene, period
         self.arm = build_local_arm(
-            SceneConfig(),
+            find_cell(),
             TaskSpec.parse(TASK),
-            plant="mujoco",
-            twin=None if plant == "mujoco" else plant,
-            period=period,
-            force_damping=FORCE_DAMPING,
-            near_speed=NEAR_SPEED,
+            EnvConfig.of(
+                twin=None if plant == "mujoco" else plant,
+                period=period,
+                force_damping=FORCE_DAMPING,
+                near_speed=NEAR_SPEED,
+            ),
         )
         self.observer = None
         if path == "observed":
@@ -85,10 +87,10 @@ class Case:
         """Return the Target of an action."""
         target = _core.Target(quat_wxyz_d=TOOL_DOWN)
         target.near_plane = np.array([0.0, 0.0, 1.0, HOLE.position[2] + NEAR])
-        if self.scene == "motion":
+        if self.cell == "motion":
             phase = 2.0 * np.pi * action * ACTION * np.array([0.7, 0.9, 1.1])
             target.f_star = np.append(F_MOTION * np.cos(phase), np.zeros(3))
-        elif self.scene == "contact":
+        elif self.cell == "contact":
             target.f_star = np.array([0.0, 0.0, -F_PRESS, 0.0, 0.0, 0.0])
         return target
 

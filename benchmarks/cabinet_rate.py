@@ -17,10 +17,10 @@ import numpy as np
 from dovetail import _core
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
+from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
 Q_START = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
@@ -66,11 +66,11 @@ def main() -> None:
         bind=Endpoint("127.0.0.1", 0),
         control=None,
     )
-    scene = SceneConfig()
+    cell = find_cell()
     if options.plant == "mujoco":
-        plant = MujocoPlant(scene)
+        plant = MujocoPlant(cell)
     else:
-        plant = TwinPlant(load_twin(options.plant), scene)
+        plant = TwinPlant(load_twin(options.plant), cell)
     plant.reset(Q_START, HOLE)
     with Cabinet(plant, config) as cabinet:
         while cabinet.request({"do": "status"})["state"] != "COMMANDING_ACTIVE":

@@ -13,9 +13,10 @@ from dataclasses import asdict, dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.envs.registered import find_cell
 from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import TwinConfig, load_twin
-from dovetail.scene import SceneConfig
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 Array = NDArray[np.float64]
 
@@ -113,7 +114,7 @@ class Choices:
 
     def twin(self) -> TwinConfig:
         """Return the twin; its payload is in link 7."""
-        mass = float(SceneConfig().robot(self.inertia).mass[6])  # type: ignore[arg-type]
+        mass = float(find_cell().loaded_robot(self.inertia).mass[6])  # type: ignore[arg-type]
         scale = list(self.mass_scale)
         scale[6] += self.payload / mass
         names = {f.name for f in fields(self)} & {f.name for f in fields(TwinConfig)}
@@ -123,7 +124,7 @@ class Choices:
             description="random twin of the adversary in contact",
             **(same | {"mass_scale": tuple(scale)}),
             command_delay=self.delay,
-            clearance_offset=self.clearance - SceneConfig().clearance,
+            clearance_offset=self.clearance - PegInHole().clearance,
         )
 
 

@@ -9,10 +9,15 @@ from contact_scene import Start
 from dovetail import _core
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import CommandMap
-from dovetail.envs.observation import ObservationScaling, theta_about_vertical
+from dovetail.envs.observation import USUAL_GROUPS, Layout
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.poses import quat_about_z, quat_from_matrix, quat_multiply
-from dovetail.robot import Robot
+from dovetail.poses import (
+    quat_about_z,
+    quat_from_matrix,
+    quat_multiply,
+    theta_about_vertical,
+)
+from dovetail.robots.robot import Robot
 
 ACTION = 0.05  # s
 HELD = 20  # actions
@@ -52,7 +57,7 @@ class Commander:
             press_max=PRESS,
         )
         depth = np.array([0.0, 0.0, 0.03])
-        self._scaling = ObservationScaling(self.robot.q_min, self.robot.q_max, depth)
+        self._scaling = Layout(USUAL_GROUPS, self.robot, depth)
         hole = self.start.hole
         self._goal = hole.position - depth
         self._goal_quat = quat_multiply(hole.quat_wxyz, np.array([0.0, 1.0, 0.0, 0.0]))

@@ -6,18 +6,17 @@ from dataclasses import dataclass
 import numpy as np
 from contact_choices import Array, Choices
 
-from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
-from dovetail.envs.randomisation import (
+from dovetail.errors import ReachError
+from dovetail.plants.mujoco_plant import MujocoPlant
+from dovetail.poses import Pose, quat_from_vector, quat_multiply
+from dovetail.robots.robot import Robot
+from dovetail.tasks.peg_in_hole.starts import (
     RandomisationConfig,
     sample_hole,
     sample_start,
     tool_down,
 )
-from dovetail.errors import ReachError
-from dovetail.plants.mujoco_plant import MujocoPlant
-from dovetail.poses import Pose, quat_from_vector, quat_multiply
-from dovetail.robot import Robot
-from dovetail.scene import SceneConfig
+from dovetail.workcell.workcell import WALLS
 
 TABLE_WALL = -0.06  # m: with the shipped one of 0.03 m the tool cannot reach the table
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
@@ -41,8 +40,8 @@ class Start:
 def walls_of(task: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the walls of the TCP [m]: the environment's, or down to the table."""
     if task == "slide":
-        return (*WALLS_MIN[:2], TABLE_WALL), WALLS_MAX
-    return WALLS_MIN, WALLS_MAX
+        return (*WALLS[0][:2], TABLE_WALL), WALLS[1]
+    return WALLS[0], WALLS[1]
 
 
 def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -> Start:
@@ -51,7 +50,7 @@ def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -
     for _ in range(200):
         hole = sample_hole(rng, RandomisationConfig())
         try:
-            q, surface = _posture(rng, robot, plant.scene, choices, hole)
+            q, surface = _posture(rng, robot, choices, hole)
         except ReachError:
             continue
         if _is_clear(plant, q, hole):
@@ -72,7 +71,6 @@ def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -
 def _posture(
     rng: np.random.Generator,
     robot: Robot,
-    scene: SceneConfig,
     choices: Choices,
     hole: Pose,
 ) -> tuple[Array, float]:
@@ -81,7 +79,7 @@ def _posture(
     yaw = 2.0 * math.atan2(hole.quat_wxyz[3], hole.quat_wxyz[0])
     seed = Q_SEED + rng.normal(0.0, 0.3, 7)
     if choices.task == "slide":
-        low, high = np.array(WALLS_MIN[:2]) + 0.05, np.array(WALLS_MAX[:2]) - 0.05
+        low, high = np.array(WALLS[0][:2]) + 0.05, np.array(WALLS[1][:2]) - 0.05
         place = np.append(rng.uniform(low, high), ABOVE)
         pose = Pose(place, tool_down(rng.uniform(-0.5, 0.5)))
         return robot.inverse_kinematics(pose, seed), 0.0
@@ -91,7 +89,7 @@ def _posture(
         pose = Pose(place, tool_down(yaw + rng.uniform(-0.2, 0.2)))
         return robot.inverse_kinematics(pose, seed), mouth
     if choices.task == "jam":
-        pose = _wedged(rng, scene, choices, hole, yaw)
+        pose = _wedged(rng, choices, hole, yaw)
         return robot.inverse_kinematics(pose, seed), mouth
     if not choices.is_random_start:
         pose = sample_start(rng, hole, yaw, RandomisationConfig())
@@ -99,19 +97,18 @@ def _posture(
     while True:
         q = rng.uniform(robot.q_min + 0.05, robot.q_max - 0.05)
         p = robot.tool_pose(q).position
-        if min(np.min(p - WALLS_MIN), np.min(WALLS_MAX - p)) > 0.02:
+        if min(np.min(p - WALLS[0]), np.min(WALLS[1] - p)) > 0.02:
             return q, mouth
 
 
 def _wedged(
     rng: np.random.Generator,
-    scene: SceneConfig,
     choices: Choices,
     hole: Pose,
     yaw: float,
 ) -> Pose:
     """Return the peg in the hole, tilted by a share of what the clearance lets in."""
-    tilt_max = 2.0 * scene.clearance / choices.depth  # rad, about its mouth and end
+    tilt_max = 2.0 * choices.clearance / choices.depth  # rad, about its mouth and end
     shrink = rng.uniform(0.3, 0.95)
     tilt = shrink * tilt_max * np.array([*choices.tilt, 0.0]) / math.sqrt(2.0)
     rotation = quat_multiply(quat_from_vector(tilt), tool_down(yaw))

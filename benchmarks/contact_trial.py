@@ -26,11 +26,12 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import NEAR_SPEED, make_settings
+from dovetail.envs.arm_setup import make_settings
+from dovetail.envs.config import USUAL
+from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, physics_steps
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
-from dovetail.scene import SceneConfig
 
 ACTIONS = 100
 CHANGES = (
@@ -60,10 +61,10 @@ def settings_of(
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits as the environment makes them."""
     osc, limits = make_settings(
-        SceneConfig(),
+        find_cell(),
         period,
         40.0,
-        NEAR_SPEED,
+        USUAL.approach.near_speed,
         walls_of(task),
         "qp",
         is_hardware=is_hardware,
@@ -77,7 +78,7 @@ def settings_of(
 @lru_cache(maxsize=16)
 def plant_of(clearance: float) -> MujocoPlant:
     """Return the scene with a clearance [m]."""
-    return MujocoPlant(SceneConfig(clearance=clearance))
+    return MujocoPlant(find_cell(clearance=clearance))
 
 
 @dataclass(frozen=True)
@@ -361,7 +362,7 @@ def _oscillations(vibration: Array) -> tuple[float, float]:
 def _true_chain(choices: Choices) -> _core.Chain:
     """Return the twin's chain, whose gravity is the true one."""
     twin = choices.twin()
-    robot = SceneConfig().robot(twin.inertia)
+    robot = find_cell().loaded_robot(twin.inertia)
     scale = np.array(twin.mass_scale)
     actual: Any = replace(
         robot, mass=robot.mass * scale, inertia=robot.inertia * scale[:, None, None]

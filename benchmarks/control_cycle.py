@@ -28,7 +28,7 @@ from dovetail.control.config import OscConfig
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 EPISODES = 20
 SECONDS = 1.0  # of each episode

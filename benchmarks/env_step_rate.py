@@ -28,10 +28,10 @@ from mujoco import rollout
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z, quat_multiply
-from dovetail.scene import SceneConfig
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,7 +66,7 @@ print(best)
 
 def build_arm(period: float) -> tuple[MujocoPlant, LocalArm]:
     """Build the paper's task on MuJoCo."""
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     osc = OscConfig(force_damping=np.array([16.0, 16.0, 16.0, 0.0, 0.0, 0.0]))
     limits = LimitConfig.for_period(plant.robot, period)
     arm = LocalArm(plant, plant.robot, osc, limits, "XYZ:force A:pose BC:hold", period)

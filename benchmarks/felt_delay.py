@@ -10,12 +10,13 @@ from dataclasses import replace
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import NEAR_SPEED, build_local_arm
+from dovetail.envs.arm_setup import build_local_arm
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell
 from dovetail.feel.feeling import feel_arm
 from dovetail.feel.gains import quiet, simulated_step
-from dovetail.local_arm_checks import HOLE, Q_SEED, START
+from dovetail.local_arm_checks import FIXTURE, START
 from dovetail.plants.twin import load_twin
-from dovetail.scene import SceneConfig
 
 PERIODS = (0.001, 0.002, 0.0025, 0.005)
 DELAYS = (0.0, 0.002, 0.005, 0.008, 0.010, 0.015)
@@ -25,18 +26,14 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
     """Return the simulated and the measured delay [s]."""
     config = replace(load_twin(twin), command_delay=delay, seed=seed)
     arm = build_local_arm(
-        SceneConfig(),
+        find_cell(),
         TaskSpec.parse("XYZABC:hold"),
-        plant="mujoco",
-        twin=config,
-        period=period,
-        force_damping=0.0,
-        near_speed=NEAR_SPEED,
+        EnvConfig.of(twin=config, period=period, force_damping=0.0),
     )
     osc, limits = quiet(arm.osc, arm.limits)
     felt = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, period)
-    q = arm.robot.inverse_kinematics(START, Q_SEED)
-    felt.reset(q, HOLE)
+    q = arm.robot.inverse_kinematics(START, arm.robot.posture("rest"))
+    felt.reset(q, FIXTURE)
     step = simulated_step(period)
     feeling = feel_arm(felt, q, limits.armature, integration_step=step, seed=seed)
     felt.close()

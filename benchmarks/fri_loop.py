@@ -19,10 +19,10 @@ from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
@@ -34,11 +34,11 @@ def run_cabinet(options: argparse.Namespace, pipe: Connection) -> None:
     """Be the cabinet until the other end of the pipe closes."""
     if options.realtime:
         print(f"cabinet: {request_realtime()}", flush=True)
-    scene = SceneConfig()
+    cell = find_cell()
     if options.plant in ("mujoco", "bullet"):
-        plant = make_plant(options.plant, scene, DynamicsConfig())
+        plant = make_plant(options.plant, cell, DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(options.plant), scene)
+        plant = TwinPlant(load_twin(options.plant), cell)
     plant.reset(Q_SEED, HOLE)
     config = CabinetConfig(
         clock=options.clock,
@@ -69,8 +69,8 @@ def main() -> None:
     )
     process.start()
     here.send(options.port)
-    scene = SceneConfig()
-    robot = scene.robot()
+    cell = find_cell()
+    robot = cell.loaded_robot()
     arm = FriArm(
         robot,
         OscConfig.for_period(options.period, force_damping=[16.0] * 3 + [0.0] * 3),

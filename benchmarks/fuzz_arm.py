@@ -17,7 +17,7 @@ from fuzz_cabinet import flood
 from dovetail import _core
 from dovetail.arms.fri_arm import FriArm
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.scene import SceneConfig
+from dovetail.envs.registered import find_cell
 
 PERIOD = 0.005
 
@@ -52,7 +52,7 @@ def main() -> None:
         target=run_cabinet, args=(options, there), daemon=True
     ).start()
     here.send(port)
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     arm = FriArm(
         robot,
         OscConfig.for_period(PERIOD),

@@ -18,8 +18,8 @@ from cabinet_rate import HOLE, Q_START, answer
 from dovetail import _core
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
+from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
-from dovetail.scene import SceneConfig
 
 _BATCH = 20000
 
@@ -81,7 +81,7 @@ def main() -> None:
     client.start()
     if options.sender == "stranger":
         link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     plant.reset(Q_START, HOLE)
     config = CabinetConfig(
         client=Endpoint("127.0.0.1", port),

@@ -27,14 +27,15 @@ from dovetail import _core
 from dovetail.arms.arm import ArmState
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.rpc import step_stream
 from dovetail.rpc.server import ArmServer
 from dovetail.rpc.settings import Settings
-from dovetail.scene import SceneConfig
 from dovetail.types import Vec7
+from dovetail.workcell.workcell import Workcell
 
 PERIOD, STEP = 0.005, 0.05
 QUAT = np.array([0.0, 1.0, 0.0, 0.0])
@@ -70,8 +71,8 @@ class Builder:
     name, is_real_time = "timed", False
 
     def __init__(self) -> None:
-        self.scene: SceneConfig | None = SceneConfig()
-        self.robot = self.scene.robot()
+        self.cell: Workcell | None = find_cell()
+        self.robot = self.cell.loaded_robot()
 
     def build(self, settings: Settings) -> TimedArm:
         """Return the arm."""
@@ -135,7 +136,7 @@ def measure(
     address: str, echo_port: str, steps: int, waits: int, pids: tuple[int, int]
 ) -> None:
     """Measure in turns and print the table; `pids` are the learner's, the service's."""
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     arm = RemoteArm(
         f"grpc://{address}",
         OscConfig(),

@@ -25,12 +25,12 @@ from dovetail import _core
 from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
 from dovetail.rpc.builders import RebuiltArm
 from dovetail.rpc.server import ArmServer
 from dovetail.rpc.settings import Settings
-from dovetail.scene import SceneConfig
 from dovetail.types import Array
 
 PERIOD, TASK = 0.005, "XYZ:force A:pose BC:hold"
@@ -43,7 +43,7 @@ _ACTIVE = 4  # session state COMMANDING_ACTIVE
 
 def learn(address: str, seed: int) -> None:
     """Push at random until killed."""
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     osc, limits = OscConfig(), LimitConfig.for_period(robot, PERIOD, hardware=True)
     arm = RemoteArm(address, osc, limits, TASK, PERIOD, robot=robot)
     start = Pose(np.array([0.60, 0.0, 0.20]), TOOL_DOWN)
@@ -114,7 +114,7 @@ def kill_one(server: ArmServer, builder: RebuiltArm, number: int) -> list[float]
 
 def run(kills: int, twin: str, realtime: bool) -> None:
     """Start cabinet and service, kill, print."""
-    scene = SceneConfig()
+    cell = find_cell()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
@@ -128,7 +128,7 @@ def run(kills: int, twin: str, realtime: bool) -> None:
 
     def make(settings: Settings) -> FriArm:
         return FriArm(
-            scene.robot(),
+            cell.loaded_robot(),
             *(settings.osc, settings.limits, settings.task, settings.period),
             bind=("127.0.0.1", port),
             control=f"127.0.0.1:{port + 2}",
@@ -137,7 +137,7 @@ def run(kills: int, twin: str, realtime: bool) -> None:
         )
 
     try:
-        builder = RebuiltArm("fri", scene, make, is_real_time=True, places_hole=True)
+        builder = RebuiltArm("fri", cell, make, is_real_time=True, places_fixture=True)
         time.sleep(4.0)
         with ArmServer(builder, "127.0.0.1:0") as server:
             results = np.array([kill_one(server, builder, i) for i in range(kills)])

@@ -33,10 +33,10 @@ from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.durations import parse_duration
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 from dovetail.types import Array
 
 LOOPBACK, TASK = "127.0.0.1", "XYZ:force A:pose BC:hold"
@@ -67,11 +67,11 @@ class Recorder:
     """A plant that writes down where the TCP is after every step."""
 
     def __init__(self, name: str) -> None:
-        scene = SceneConfig()
+        cell = find_cell()
         if name in ("mujoco", "bullet"):
-            self._plant: Any = make_plant(name, scene, DynamicsConfig())
+            self._plant: Any = make_plant(name, cell, DynamicsConfig())
         else:
-            self._plant = TwinPlant(load_twin(name), scene)
+            self._plant = TwinPlant(load_twin(name), cell)
         self.samples: list[Sample] = []
 
     def __getattr__(self, name: str) -> Any:
@@ -108,7 +108,7 @@ def run_client(
     """Move the TCP to and fro along y until killed."""
     if realtime:  # its servo thread alone, not all that it inherits from the cabinet
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     arm = FriArm(
         robot,
         OscConfig.for_period(period, force_damping=[DAMPING] * 3 + [0.0] * 3),

@@ -29,7 +29,6 @@ import numpy as np
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
-from dovetail.envs.hole_pose import HOLE_POSES
 from dovetail.errors import ArmError, ConfigError, PlantError
 from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.evaluate.transfer import wilson_interval
@@ -39,6 +38,7 @@ from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.plants.twin import list_twins
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 PERIODS = (1.0, 2.0, 2.5, 5.0)
 """Control periods [ms]."""
@@ -147,8 +147,8 @@ def attempt(cell: Cell, job: Job) -> Try:
     core: Any = env.unwrapped
     logs, success, stopped = [], False, ""
     try:
-        hole = HOLE_POSES[job.pose].pose()
-        observation, _ = env.reset(seed=job.seed, options={"hole": hole})
+        hole = PegInHole.trial_poses[job.pose].pose()
+        observation, _ = env.reset(seed=job.seed, options={"fixture": hole})
         policy.reset()
         logs.append(core.state.log)
         done = False
@@ -194,7 +194,9 @@ def run(cells: list[Cell], tries: int, workers: int) -> Iterator[tuple[Cell, Try
 
     Tries are spread evenly over the hole poses; what is left over goes to the first.
     """
-    jobs = plan_trials(len(HOLE_POSES), -(-tries // len(HOLE_POSES)), 0)
+    jobs = plan_trials(
+        len(PegInHole.trial_poses), -(-tries // len(PegInHole.trial_poses)), 0
+    )
     jobs = sorted(jobs, key=lambda job: job.attempt)[:tries]
     work = list(product(cells, jobs))
     if workers == 1:

@@ -24,11 +24,13 @@ from dovetail.arms.arm import Arm
 from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN, build_local_arm, make_settings
+from dovetail.envs.arm_setup import build_local_arm, make_settings
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, Plant
 from dovetail.poses import Pose
-from dovetail.scene import SceneConfig
+from dovetail.workcell.workcell import WALLS, Workcell
 
 TASK = TaskSpec.parse("XYZ:force A:pose BC:hold")
 PLANTS = ("mujoco", "easy", "medium", "hard")
@@ -45,14 +47,11 @@ def build(
     plant: str, path: str, period: float
 ) -> tuple[Arm, multiprocessing.Process | None]:
     """Return the arm, and the process of its cabinet where it has one."""
-    scene = SceneConfig()
+    cell = find_cell()
     if path == "fri":
-        return build_behind_fri(plant, scene, period)
+        return build_behind_fri(plant, cell, period)
     twin = None if plant == "mujoco" else plant
-    arm = build_local_arm(
-        scene, TASK, plant="mujoco", twin=twin, period=period,
-        force_damping=FORCE_DAMPING, near_speed=NEAR_SPEED,
-    )  # fmt: skip
+    arm = build_local_arm(cell, TASK, EnvConfig.of(twin=twin, period=period))
     if path == "measured":
         return arm, None
     body = cast("Plant", EncoderPlant(arm.plant, period))
@@ -60,7 +59,7 @@ def build(
 
 
 def build_behind_fri(
-    plant: str, scene: SceneConfig, period: float
+    plant: str, cell: Workcell, period: float
 ) -> tuple[Arm, multiprocessing.Process]:
     """Return an arm in lockstep with a simulated cabinet in another process."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -75,11 +74,9 @@ def build_behind_fri(
     )
     process.start()
     here.send(port)
-    osc, limits = make_settings(
-        scene, period, FORCE_DAMPING, NEAR_SPEED, (WALLS_MIN, WALLS_MAX), "qp"
-    )
+    osc, limits = make_settings(cell, period, FORCE_DAMPING, NEAR_SPEED, WALLS, "qp")
     arm = FriArm(
-        scene.robot(), osc, limits, TASK, period, bind=(LOOPBACK, port),
+        cell.loaded_robot(), osc, limits, TASK, period, bind=(LOOPBACK, port),
         clock="lockstep", control=here.recv(), log_folder=None,
     )  # fmt: skip
     return arm, process
@@ -87,7 +84,7 @@ def build_behind_fri(
 
 def resting_torques(arm: Arm, period: float) -> Array:
     """Return the torques of an arm that is asked for nothing [Nm], shape (n, 7)."""
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     start = robot.inverse_kinematics(Pose(PLACE, TOOL_DOWN), Q_SEED)
     arm.reset(start, HOLE)
     columns = slice(COLUMN["tau1"], COLUMN["tau7"] + 1)

@@ -18,8 +18,9 @@ from rich.console import Console
 
 import dovetail  # noqa: F401  (registers the environments)
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
-from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials
+from dovetail.evaluate.trials import Job, plan_trials
 from dovetail.plants.twin import TwinConfig, list_twins, load_twin
+from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.types import Array
 
 
@@ -34,8 +35,8 @@ def tares(twin: TwinConfig, jobs: list[Job]) -> Array:
     env = gym.make("dovetail/PegInHole-v0", twin=twin, tare=True)
     found = []
     for job in jobs:
-        hole = HOLE_POSES[job.pose].pose()
-        found.append(env.reset(seed=job.seed, options={"hole": hole})[1]["tare"][:3])
+        hole = PegInHole.trial_poses[job.pose].pose()
+        found.append(env.reset(seed=job.seed, options={"fixture": hole})[1]["tare"][:3])
     env.close()
     return np.array(found)
 
@@ -61,7 +62,7 @@ def main() -> None:
     parser.add_argument("--policy", default="peg_square")
     parser.add_argument("--tries", type=int, default=20)
     arguments = parser.parse_args()
-    jobs = plan_trials(len(HOLE_POSES), arguments.tries, 0)
+    jobs = plan_trials(len(PegInHole.trial_poses), arguments.tries, 0)
     print(
         "| twin | mean f* x y z [m/s2] | error of an axis, RMS; worst [m/s2] ", end=""
     )

@@ -32,14 +32,14 @@ from tracking_report import print_exceptions, print_markdown, print_table
 from dovetail import _core, poses
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.errors import PlantError
 from dovetail.plants.mjcf import build_mjcf
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import Plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose
-from dovetail.robot import Robot
-from dovetail.scene import SceneConfig
+from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec6, Vec7
 
 OURS = ("ours", "tared", "experiment")
@@ -197,13 +197,13 @@ class Robosuite:
 
 def write_model(folder: Path) -> None:
     """Write the nominal arm for robosuite: the MJCF, and what `configure` sets."""
-    scene = SceneConfig()
-    text = build_mjcf(scene.robot(), scene)
+    cell = find_cell()
+    text = build_mjcf(cell.loaded_robot(), cell)
     base = '<site name="robot0_right_center" pos="0 0 0"/>'  # robosuite reads its speed
     text = text.replace("<worldbody>", f"<worldbody>{base}")
     text = re.sub(r"<flag [^>]*/>", "", text)  # newer than its MuJoCo
     (folder / "model.xml").write_text(text)
-    model = MujocoPlant(scene).model
+    model = MujocoPlant(cell).model
     names = ("body_mass", "body_inertia", "body_iquat", "dof_armature")
     numbers = {name: getattr(model, name) for name in names}
     ipos = model.body_ipos.copy()
@@ -319,8 +319,8 @@ def measure(plant: Plant, law: Law, held: Law, period: float, q: Vec7) -> dict:
 
 def build_plant(twin: str) -> Plant:
     """Build the arm in MuJoCo: as the model, or one of the shipped twins."""
-    scene = SceneConfig()
-    return MujocoPlant(scene) if twin == "plain" else TwinPlant(load_twin(twin), scene)
+    cell = find_cell()
+    return MujocoPlant(cell) if twin == "plain" else TwinPlant(load_twin(twin), cell)
 
 
 def main() -> None:
@@ -336,7 +336,7 @@ def main() -> None:
     if options.report:
         print_markdown(json.loads(options.report.read_text()))
         return
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     q = robot.inverse_kinematics(CENTRE, Q_SEED)
     peers: dict[str, Robosuite] = {}
     for kp in (150.0, 400.0) if options.robosuite else ():

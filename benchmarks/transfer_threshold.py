@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from dovetail.envs.registered import find_cell
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.files import write_atomic
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.replay import Replay
 from dovetail.plants.twin import TwinConfig, load_twin
-from dovetail.scene import SceneConfig
 
 NUMBERS = ("damping", "coulomb", "armature", "gravity_residual", "command_delay")
 KINDS = {
@@ -49,8 +49,10 @@ GRADES = [
 
 def graded(twin: TwinConfig, kind: str, fraction: float) -> TwinConfig:
     """Return the twin at a part of its distance from the controller's model."""
-    model, scene = nominal_model(), SceneConfig()
-    ratio = np.array(scene.robot(twin.inertia).mass) / np.array(scene.robot().mass)
+    model, cell = nominal_model(), find_cell()
+    ratio = np.array(cell.loaded_robot(twin.inertia).mass) / np.array(
+        cell.loaded_robot().mass
+    )
     masses = np.array(twin.mass_scale) * ratio
     weight = fraction if kind in ("all", "weight") else 0.0
     changed = {"mass_scale": tuple((masses**weight).tolist())}

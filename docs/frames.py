@@ -8,9 +8,9 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
+from dovetail.envs.registered import find_cell
 from dovetail.poses import Pose, matrix_from_quat
-from dovetail.robot import Robot
-from dovetail.scene import SceneConfig
+from dovetail.robots.robot import Robot
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])  # Rx(pi), wxyz
 SEED = np.array([0.0, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0])
@@ -45,7 +45,7 @@ def draw_frame(axes: plt.Axes, name: str, pose: Pose, length: float) -> None:
 
 def main() -> None:
     """Write frames.png beside this file."""
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     tool = Pose(np.array([0.60, 0.0, 0.20]), TOOL_DOWN)
     q = robot.inverse_kinematics(tool, SEED)
     points = joint_positions(robot, q)

@@ -11,7 +11,7 @@ import numpy as np
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.scene import SceneConfig
+from dovetail.envs.registered import find_cell
 
 PERIOD = 0.001
 MASKS = (
@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="half a second only")
     args = parser.parse_args()
 
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     limits = LimitConfig.for_period(robot, PERIOD)
     osc = OscConfig.for_period(PERIOD)
     controller = make_controller(robot, osc, limits, "XYZ:force ABC:hold", PERIOD)

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.robot import Payload, Robot, iiwa14
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot import Payload, Robot
 
 
 @pytest.fixture

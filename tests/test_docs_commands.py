@@ -3,8 +3,11 @@
 import importlib
 import re
 import shlex
+import shutil
 from pathlib import Path
 
+import gymnasium as gym
+import numpy as np
 import pytest
 import tyro
 
@@ -44,8 +47,11 @@ def commands():
 @pytest.mark.parametrize("line", list(commands()))
 def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
     for name in CERTIFICATES:
         Path(name).touch()
+    shutil.copy(ROOT / "examples" / "06_ring_over_post.py", "ring_over_post.py")
+    Path("my_arm.py").write_text(program("your-own-robot"))
     name, *words = shlex.split(line, comments=True)[1:]
     assert name in COMMANDS
     module = importlib.import_module(f"dovetail.commands.{name}")
@@ -58,6 +64,30 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
         return
     if getattr(settings, "arm", None):
         parse_address(settings.arm)
+
+
+def program(page):
+    """Return the Python block of a page."""
+    text = (ROOT / "docs" / f"{page}.md").read_text()
+    (block,) = re.findall(r"```python\n(.*?)```", text, re.S)
+    return block
+
+
+def test_the_robot_of_the_docs_does_the_task(tmp_path, monkeypatch):
+    pytest.importorskip("pybullet_data")
+    (tmp_path / "docs_arm.py").write_text(program("your-own-robot"))
+    monkeypatch.syspath_prepend(tmp_path)
+    env = gym.make("dovetail/PegInHole-v0", robot="docs_arm:light_arm")
+    env.reset(seed=0)
+    *_, info = env.step(np.array([0.0, 0.0, -0.5, 0.0], dtype=np.float32))
+    assert info["limit_violations"] == 0
+    env.close()
+
+
+def test_the_part_of_the_docs_is_a_part():
+    names = {}
+    exec(program("your-own-part"), names)
+    np.testing.assert_allclose(names["cup"].corners[:, 2].max(), 0.0, atol=1e-12)
 
 
 def test_commands_are_found_in_the_readme_and_in_every_guide():

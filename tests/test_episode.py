@@ -56,9 +56,10 @@ def test_every_column_has_a_unit():
 
 
 def test_observed_columns_are_the_environments():
-    from dovetail.envs.observation import COLUMNS
+    from dovetail.envs.observation import GROUPS, USUAL_GROUPS
 
-    assert tuple((name, unit_of(name)) for name in OBSERVED) == COLUMNS
+    columns = [column for name in USUAL_GROUPS for column in GROUPS[name].columns]
+    assert [(name, unit_of(name)) for name in OBSERVED] == [c[:2] for c in columns]
 
 
 def test_a_log_is_written_when_the_block_dies_by_an_exception(tmp_path):

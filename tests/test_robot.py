@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from dovetail.errors import ConfigError, ReachError
-from dovetail.iiwa14 import INERTIA_SETS
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
-from dovetail.robot import Payload, Robot, iiwa14, merge_bodies
+from dovetail.robots.iiwa14 import INERTIA_SETS, iiwa14
+from dovetail.robots.inertia import merge_bodies
+from dovetail.robots.robot import Payload, Robot
 
 # Check pose, computed from the public models.
 Q_CHECK = np.array([0.3, 0.5, -0.2, -1.2, 0.4, 0.9, 0.7])

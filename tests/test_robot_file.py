@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from dovetail.errors import ConfigError
-from dovetail.robot import Robot, iiwa14
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot import Robot
 from extras import need
 
 AXES = ("0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1")

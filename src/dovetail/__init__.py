@@ -4,18 +4,22 @@ Importing the package registers the Gymnasium environments by name only; nothing
 is loaded before one of them is made.
 """
 
+import pkgutil
 from importlib.metadata import version
+from pathlib import Path
 
 import gymnasium
 
 __version__ = version("dovetail")
 """Version of the installed package; its one home is pyproject.toml."""
 
-gymnasium.register(
-    id="dovetail/PegInHole-v0",
-    entry_point="dovetail.envs.peg_in_hole:PegInHoleEnv",
-)
-gymnasium.register(
-    id="dovetail/RailClip-v0",
-    entry_point="dovetail.envs.rail_clip:RailClipEnv",
-)
+for _, _folder, _is_package in pkgutil.iter_modules(
+    [str(Path(__file__).parent / "tasks")]
+):
+    if _is_package:
+        _name = _folder.title().replace("_", "")
+        gymnasium.register(
+            id=f"dovetail/{_name}-v0",
+            entry_point="dovetail.envs.registered:make_env",
+            kwargs={"task_class": f"dovetail.tasks.{_folder}.task:{_name}"},
+        )

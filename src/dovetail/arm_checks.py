@@ -25,19 +25,14 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
-from dovetail.envs.arm_setup import (
-    NEAR_SPEED,
-    WALLS_MAX,
-    WALLS_MIN,
-    build_fri_arm,
-    make_settings,
-)
+from dovetail.envs.arm_setup import build_fri_arm, settings_of
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
 from dovetail.feel.busy import busy_words
 from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
-from dovetail.scene import SceneConfig
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 DRIFT_MAX = 0.005
@@ -132,13 +127,9 @@ def run_arm_checks(
 
 
 def _settings(address: FriAddress, period: float) -> tuple[OscConfig, LimitConfig]:
-    return make_settings(
-        SceneConfig(),
-        period,
-        force_damping=0.0,
-        near_speed=NEAR_SPEED,
-        walls=(WALLS_MIN, WALLS_MAX),
-        scheme="qp",
+    return settings_of(
+        find_cell(),
+        EnvConfig.of(period=period, force_damping=0.0),
         is_hardware=address.margins == "hardware",
     )
 
@@ -149,7 +140,7 @@ def _build(
     task = TaskSpec.parse("XYZABC:hold")
     # Whether the measured torque follows the commanded one is what has to be found out.
     watchdog = WatchdogConfig(target_timeout=address.watchdog, torque_error=math.inf)
-    return build_fri_arm(address, SceneConfig(), osc, limits, task, period, watchdog)
+    return build_fri_arm(address, find_cell(), osc, limits, task, period, watchdog)
 
 
 def _checks_in_motion(

@@ -88,10 +88,10 @@ def _check_mujoco() -> str:
     """Build a plant: it refuses another version than the loop was compiled against."""
     import mujoco
 
-    from dovetail.plants.plant import DynamicsConfig, make_plant
-    from dovetail.scene import SceneConfig
+    from dovetail.envs.registered import find_cell
+    from dovetail.plants.plant import make_plant
 
-    make_plant("mujoco", SceneConfig(), DynamicsConfig()).close()
+    make_plant("mujoco", find_cell()).close()
     return str(mujoco.__version__)
 
 
@@ -129,27 +129,27 @@ def _check_policies() -> str:
 
 def _check_agreement(engine: str) -> str:
     """Compare tool position, gravity torque and inertia with an engine's motion."""
+    from dovetail.envs.registered import find_cell
     from dovetail.plants.plant import DynamicsConfig, make_plant
     from dovetail.poses import Pose
-    from dovetail.scene import SceneConfig
 
-    scene = SceneConfig()
+    cell = find_cell()
     zeros = (0.0,) * 7
     free = DynamicsConfig(
         damping=zeros, armature=zeros, gravity_compensation=False, physics_dt=_DT
     )
-    plant = make_plant(engine, scene, free)
-    hole = Pose(np.array([0.6, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
-    chain = scene.robot().chain()
+    plant = make_plant(engine, cell, free)
+    fixture = Pose(np.array([0.6, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
+    chain = cell.loaded_robot().chain()
 
     def accelerate(q: Vec7, tau: Vec7) -> Vec7:
-        plant.reset(q, hole)
+        plant.reset(q, fixture)
         plant.apply(tau, _DT)
         return plant.read()[1] / _DT
 
     pose, gravity, inertia = 0.0, 0.0, 0.0
     for q in _configurations(5):
-        plant.reset(q, hole)
+        plant.reset(q, fixture)
         error = plant.tool_pose().position - chain.pose(q)[0]
         pose = max(pose, float(np.abs(error).max()))
         M, g = chain.inertia_matrix(q), chain.gravity(q)
@@ -186,10 +186,10 @@ def _check_cycle(scheme: str) -> str:
     from dovetail import _core
     from dovetail.control.build import make_controller
     from dovetail.control.config import LimitConfig, OscConfig
-    from dovetail.scene import SceneConfig
+    from dovetail.envs.registered import find_cell
 
     period = 0.001
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     limits = LimitConfig.for_period(robot, period, scheme=scheme)
     task = "XYZ:force A:pose BC:hold"
     osc = OscConfig.for_period(period)

@@ -15,7 +15,7 @@ from dovetail.feel.feeling import Feeling
 from dovetail.feel.missed_load import MissedLoad, explain_by_load
 from dovetail.feel.resting import Resting
 from dovetail.feel.torque_balance import JointFit
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 SPRING_MIN = 10.0

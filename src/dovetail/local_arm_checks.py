@@ -15,17 +15,16 @@ from dovetail.arms.address import PlantAddress, TwinAddress
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
-from dovetail.envs.arm_setup import NEAR_SPEED, build_local_arm
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.arm_setup import build_local_arm
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell
 from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
-from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
+from dovetail.poses import Pose, quat_about_z, tool_down
 
-HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
-Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 
 
 def run_local_checks(
@@ -43,7 +42,7 @@ def run_local_checks(
     """
     yield check_period_proven(period)
     arm = _build(address, period)
-    q = arm.robot.inverse_kinematics(START, Q_SEED)
+    q = arm.robot.inverse_kinematics(START, arm.robot.posture("rest"))
     limits = arm.limits
     felt = LocalArm(
         arm.plant,
@@ -53,7 +52,7 @@ def run_local_checks(
         period,
     )
     try:
-        felt.reset(q, HOLE)
+        felt.reset(q, FIXTURE)
         hold = _core.Target(joint_mode=True, q_d=q)
         yield check_rest(measure_rest(watch(felt, hold), period))
         yield from feel_checks(
@@ -64,7 +63,7 @@ def run_local_checks(
             sends_position=False,
             integration_step=simulated_step(period),
         )
-        arm.reset(q, HOLE)
+        arm.reset(q, FIXTURE)
         yield check_as_configured(arm)
     finally:
         arm.close()
@@ -73,11 +72,12 @@ def run_local_checks(
 def _build(address: PlantAddress | TwinAddress, period: float) -> LocalArm:
     is_twin = isinstance(address, TwinAddress)
     return build_local_arm(
-        SceneConfig(),
+        find_cell(),
         TaskSpec.parse("XYZABC:hold"),
-        plant="mujoco" if is_twin else address.engine,
-        twin=address.twin if is_twin else None,
-        period=period,
-        force_damping=0.0,
-        near_speed=NEAR_SPEED,
+        EnvConfig.of(
+            plant="mujoco" if is_twin else address.engine,
+            twin=address.twin if is_twin else None,
+            period=period,
+            force_damping=0.0,
+        ),
     )

@@ -97,6 +97,27 @@ def quat_about_z(theta: float) -> Vec4:
     return quat if quat[0] >= 0.0 else -quat
 
 
+TOOL_DOWN: Vec4 = np.array([0.0, 1.0, 0.0, 0.0])
+"""Tool rotation (wxyz) with its z axis down and zero yaw: half a turn about x."""
+
+
+def tool_down(yaw: float) -> Vec4:
+    """Return the tool's rotation (wxyz) with z down, turned by `yaw` [rad]."""
+    return quat_multiply(quat_about_z(yaw), TOOL_DOWN)
+
+
+def theta_about_vertical(quat: Vec4, quat_goal: Vec4) -> float:
+    """Return the turn about world z [rad] from the goal to `quat`, in (-pi, pi]."""
+    w, x, y, z = quat.tolist()
+    gw, gx, gy, gz = quat_goal.tolist()
+    real = w * gw + x * gx + y * gy + z * gz
+    vertical = -w * gz - x * gy + y * gx + z * gw
+    theta = 2.0 * math.atan2(vertical, real)
+    if theta > math.pi:
+        return theta - 2.0 * math.pi
+    return theta + 2.0 * math.pi if theta <= -math.pi else theta
+
+
 def rotation_error(quat_d: Vec4, quat: Vec4) -> Vec3:
     r"""Return the world rotation vector that turns ``quat`` into ``quat_d``.
 

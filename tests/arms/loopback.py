@@ -54,7 +54,7 @@ class CabinetArm(FriArm):
         settings = {"clock": clock, **(cabinet or {})}
         self.cabinet = make_cabinet(plant, port, period, **settings)
         options.setdefault("control", str(self.cabinet.control_address))
-        robot = plant.scene.robot()
+        robot = plant.cell.loaded_robot()
         try:
             super().__init__(
                 robot, osc, limits, task, period, bind=(LOOPBACK, port), **options

@@ -11,16 +11,17 @@ from dovetail.arms.address import (
     is_simulated_here,
     parse_address,
     parse_endpoint,
-    places_hole,
+    places_fixture,
 )
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.durations import parse_time
 from dovetail.envs.arm_setup import build_arm
-from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell, make_env
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.scene import SceneConfig
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 TASK = TaskSpec.parse("XYZ:force A:pose BC:hold")
 
@@ -36,7 +37,7 @@ def test_a_bare_fri_address_is_a_real_cabinet_with_the_usual_port():
     address = parse_address("fri://0.0.0.0")
     assert address == FriAddress(host="0.0.0.0", port=30200)
     assert address.margins == "hardware"
-    assert not places_hole(address)
+    assert not places_fixture(address)
     assert not is_simulated_here(address)
 
 
@@ -60,7 +61,7 @@ def test_every_fri_key_is_read():
         peer="192.170.10.2",
         margins="model",
     )
-    assert places_hole(address)
+    assert places_fixture(address)
 
 
 def test_what_public_reports_leave_open_can_be_said():
@@ -173,7 +174,9 @@ def test_an_endpoint_is_host_and_port(text):
 def test_an_address_in_this_process_gives_the_arm_that_the_settings_give():
     states = []
     for settings in ({"arm": "twin:easy"}, {"arm": None, "twin": "easy"}):
-        arm = build_arm(scene=SceneConfig(), task=TASK, **settings)
+        arm = build_arm(
+            settings.pop("arm"), find_cell(), TASK, EnvConfig.of(**settings)
+        )
         assert isinstance(arm, LocalArm)
         states.append(arm.plant.dynamics)
         arm.close()
@@ -181,8 +184,8 @@ def test_an_address_in_this_process_gives_the_arm_that_the_settings_give():
 
 
 def test_the_environment_takes_an_address_for_an_arm():
-    with_address = PegInHoleEnv("mujoco")
-    without = PegInHoleEnv(plant="mujoco")
+    with_address = make_env(PegInHole, "mujoco")
+    without = make_env(PegInHole, plant="mujoco")
     for env in (with_address, without):
         env.reset(seed=1)
     np.testing.assert_array_equal(with_address.state.q, without.state.q)
@@ -191,22 +194,23 @@ def test_the_environment_takes_an_address_for_an_arm():
 
 
 def test_what_an_address_names_cannot_be_given_twice():
+    physics = EnvConfig.of(dynamics=DynamicsConfig())
     with pytest.raises(ConfigError, match="exclude each other"):
-        build_arm("mujoco", SceneConfig(), TASK, twin="easy")
+        build_arm("mujoco", find_cell(), TASK, EnvConfig.of(twin="easy"))
     with pytest.raises(ConfigError, match="a twin has its own"):
-        build_arm("twin:easy", SceneConfig(), TASK, dynamics=DynamicsConfig())
+        build_arm("twin:easy", find_cell(), TASK, physics)
     with pytest.raises(ConfigError, match="of this process only"):
-        build_arm("fri://0.0.0.0", SceneConfig(), TASK, dynamics=DynamicsConfig())
+        build_arm("fri://0.0.0.0", find_cell(), TASK, physics)
 
 
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
         "dovetail.envs.arm_setup.build_fri_arm",
-        lambda address, scene, osc, limits, task, period: built.append(
+        lambda address, cell, osc, limits, task, period: built.append(
             (limits.delta_v, period)
         ),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
-        build_arm(f"fri://0.0.0.0?{keys}", SceneConfig(), TASK)
+        build_arm(f"fri://0.0.0.0?{keys}", find_cell(), TASK)
     assert built == [(0.20, 0.001), (0.01, 0.001), (0.20, 0.001)]

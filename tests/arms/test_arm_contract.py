@@ -6,11 +6,11 @@ import pytest
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
-from dovetail.scene import SceneConfig
 from extras import need
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
@@ -24,13 +24,13 @@ def build(kind, task="XYZ:force A:pose BC:hold", period=0.005):
     """Build a local arm over an engine or the easy twin."""
     if kind == "bullet":
         need("pybullet")
-    scene = SceneConfig()
-    robot = scene.robot()
+    cell = find_cell()
+    robot = cell.loaded_robot()
     if kind == "twin":
-        plant = TwinPlant(load_twin("easy"), scene)
+        plant = TwinPlant(load_twin("easy"), cell)
     else:
         engine = "mujoco" if kind in ("remote", "fri") else kind
-        plant = make_plant(engine, scene, DynamicsConfig())
+        plant = make_plant(engine, cell, DynamicsConfig())
     osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
     limits = LimitConfig.for_period(robot, period)
     if kind == "remote":

@@ -6,11 +6,11 @@ import pytest
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, PLANTS, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply
-from dovetail.scene import SceneConfig
 from extras import need
 
 from .loopback import CabinetArm
@@ -23,9 +23,9 @@ PERIOD = 0.005
 SAME = 1e-6  # rad
 
 
-def settings(scene, period=PERIOD):
+def settings(cell, period=PERIOD):
     osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
-    return osc, LimitConfig.for_period(scene.robot(), period)
+    return osc, LimitConfig.for_period(cell.loaded_robot(), period)
 
 
 def targets(seed, count):
@@ -38,10 +38,10 @@ def targets(seed, count):
         yield _core.Target(f_star=f_star, quat_wxyz_d=quat)
 
 
-def make(name, scene):
+def make(name, cell):
     if name in PLANTS:
-        return make_plant(name, scene, DynamicsConfig())
-    plant = TwinPlant(load_twin(name), scene)
+        return make_plant(name, cell, DynamicsConfig())
+    plant = TwinPlant(load_twin(name), cell)
     plant.seed(7)
     return plant
 
@@ -57,18 +57,18 @@ def make(name, scene):
 def test_same_episode_same_targets_same_motion_as_a_local_arm(engine):
     if engine != "mujoco":
         need("pybullet")
-    scene = SceneConfig()
-    osc, limits = settings(scene)
-    start = scene.robot().inverse_kinematics(
+    cell = find_cell()
+    osc, limits = settings(cell)
+    start = cell.loaded_robot().inverse_kinematics(
         Pose(np.array([0.60, 0.0, 0.16]), TOOL_DOWN), Q_SEED
     )
-    plant = EncoderPlant(make(engine, scene), PERIOD)
-    local = LocalArm(plant, scene.robot(), osc, limits, TASK, PERIOD)
+    plant = EncoderPlant(make(engine, cell), PERIOD)
+    local = LocalArm(plant, cell.loaded_robot(), osc, limits, TASK, PERIOD)
     local.reset(start, HOLE)
     mine = [local.step(target) for target in targets(1, 200)]
     local.close()
 
-    plant = make(engine, scene)
+    plant = make(engine, cell)
     arm = CabinetArm(plant, osc, limits, TASK, PERIOD)
     arm.seed(7)
     arm.reset(start, HOLE)

@@ -7,16 +7,16 @@ from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 
 from .loopback import CabinetArm
-from .test_fri_session import HOLE, SCENE, START, TASK, push
+from .test_fri_session import CELL, HOLE, START, TASK, push
 
 
 @pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.005])
 def test_every_twin_is_driven_for_a_second_in_one_motion(twin, period):
-    plant = TwinPlant(load_twin(twin), SCENE)
+    plant = TwinPlant(load_twin(twin), CELL)
     plant.reset(START, HOLE)
     osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
-    limits = LimitConfig.for_period(SCENE.robot(), period, hardware=True)
+    limits = LimitConfig.for_period(CELL.loaded_robot(), period, hardware=True)
     arm = CabinetArm(plant, osc, limits, TASK, period)
     try:
         arm.reset(START, HOLE)

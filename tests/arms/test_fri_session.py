@@ -12,10 +12,10 @@ from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.fri_errors import socket_error
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
 from .loopback import LOOPBACK, CabinetArm, free_port, make_cabinet
 
@@ -24,8 +24,8 @@ Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 TASK = "XYZ:force A:pose BC:hold"
 PERIOD = 0.005
-SCENE = SceneConfig()
-START = SCENE.robot().inverse_kinematics(
+CELL = find_cell()
+START = CELL.loaded_robot().inverse_kinematics(
     Pose(np.array([0.60, 0.0, 0.20]), TOOL_DOWN), Q_SEED
 )
 
@@ -33,17 +33,17 @@ START = SCENE.robot().inverse_kinematics(
 def make_arm(**options):
     period = options.pop("period", PERIOD)
     osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
-    limits = LimitConfig.for_period(SCENE.robot(), period)
-    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    limits = LimitConfig.for_period(CELL.loaded_robot(), period)
+    plant = make_plant("mujoco", CELL, DynamicsConfig())
     plant.reset(START, HOLE)
     return CabinetArm(plant, osc, limits, TASK, period, **options)
 
 
 def alone(port=0, **options):
     """An arm without a cabinet."""
-    osc, limits = OscConfig(), LimitConfig.for_period(SCENE.robot(), PERIOD)
+    osc, limits = OscConfig(), LimitConfig.for_period(CELL.loaded_robot(), PERIOD)
     return FriArm(
-        SCENE.robot(), osc, limits, TASK, PERIOD,
+        CELL.loaded_robot(), osc, limits, TASK, PERIOD,
         bind=(LOOPBACK, port), log_folder=None, **options,
     )  # fmt: skip
 
@@ -117,8 +117,8 @@ def test_any_other_socket_error_is_passed_on():
 
 
 def test_address_of_another_machine_is_refused():
-    osc, limits = OscConfig(), LimitConfig.for_period(SCENE.robot(), PERIOD)
-    robot = SCENE.robot()
+    osc, limits = OscConfig(), LimitConfig.for_period(CELL.loaded_robot(), PERIOD)
+    robot = CELL.loaded_robot()
     for host, words in (("192.0.2.1", "no address of this"), ("robot", "not of the")):
         with pytest.raises((ArmError, ConfigError), match=words):
             FriArm(robot, osc, limits, TASK, PERIOD, bind=(host, 0))
@@ -135,7 +135,7 @@ def test_wrong_version_is_named():
 def test_strangers_beside_a_pinned_cabinet_are_named():
     port = free_port()
     arm = alone(port, timeout=0.5, peer="127.0.0.2")
-    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    plant = make_plant("mujoco", CELL, DynamicsConfig())
     plant.reset(START, HOLE)
     named = pytest.raises(ArmError, match=r"last from 127\.0\.0\.1:.*peer=")
     with make_cabinet(plant, port, PERIOD), named as error:
@@ -147,7 +147,7 @@ def test_strangers_beside_a_pinned_cabinet_are_named():
 def test_another_period_is_named_and_never_commanded():
     port = free_port()
     arm = alone(port, timeout=2.0)
-    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    plant = make_plant("mujoco", CELL, DynamicsConfig())
     plant.reset(START, HOLE)
     with make_cabinet(plant, port, 0.01) as cabinet:
         with pytest.raises(ArmError, match=r"every 10 ms x 1.*made for 5 ms") as error:
@@ -237,14 +237,14 @@ def test_a_receive_multiplier_gives_the_period_of_two_messages():
     arm = make_arm(period=0.004)
     arm.close()
     osc = OscConfig.for_period(0.004, force_damping=[16.0] * 3 + [0.0] * 3)
-    limits = LimitConfig.for_period(SCENE.robot(), 0.004)
-    plant = make_plant("mujoco", SCENE, DynamicsConfig())
+    limits = LimitConfig.for_period(CELL.loaded_robot(), 0.004)
+    plant = make_plant("mujoco", CELL, DynamicsConfig())
     plant.reset(START, HOLE)
     port = free_port()
     settings = {"receive_multiplier": 2, "clock": "lockstep"}
     with make_cabinet(plant, port, 0.002, **settings) as cabinet:
         arm = FriArm(
-            SCENE.robot(), osc, limits, TASK, 0.004, bind=(LOOPBACK, port),
+            CELL.loaded_robot(), osc, limits, TASK, 0.004, bind=(LOOPBACK, port),
             clock="lockstep", control=str(cabinet.control_address), log_folder=None,
         )  # fmt: skip
         before = arm.reset(START, HOLE)
@@ -306,5 +306,5 @@ def test_lost_doubled_and_late_messages_leave_time_right():
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
     assert steps.max() > 1.5
     speed = np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1])
-    assert (speed < SCENE.robot().dq_max).all()
+    assert (speed < CELL.loaded_robot().dq_max).all()
     arm.close()

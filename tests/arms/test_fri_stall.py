@@ -21,9 +21,9 @@ CLIENT = """
 import sys
 from dovetail.arms.fri_arm import FriArm
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.scene import SceneConfig
+from dovetail.envs.registered import find_cell
 
-robot = SceneConfig().robot()
+robot = find_cell().loaded_robot()
 arm = FriArm(robot, OscConfig(), LimitConfig.for_period(robot, 0.005),
              "XYZ:force A:pose BC:hold", 0.005, bind=("127.0.0.1", 0), log_folder=None)
 print(arm.port, flush=True)

@@ -129,10 +129,10 @@ def test_a_reset_that_moves_arrives_below_the_limits():
 
 
 def test_the_way_back_goes_straight_up_out_of_the_hole():
+    from dovetail.envs.registered import find_cell
     from dovetail.poses import Pose
-    from dovetail.scene import SceneConfig
 
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     inserted = robot.inverse_kinematics(
         Pose(HOLE.position - np.array([0.0, 0.0, 0.02]), np.array([0, 1.0, 0, 0])),
         START,

@@ -13,9 +13,9 @@ from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose
 
 from .loopback import free_port
-from .test_fri_session import HOLE, SCENE, START, TOOL_DOWN, make_arm
+from .test_fri_session import CELL, HOLE, START, TOOL_DOWN, make_arm
 
-ROBOT = SCENE.robot()
+ROBOT = CELL.loaded_robot()
 CANDLE = np.array([0.0, 0.02, 0.0, -0.05, 0.0, 0.05, 0.0])
 
 
@@ -54,7 +54,7 @@ def test_on_a_robot_all_axes_together_keep_the_speed_of_t1():
 
     def speed(keys):
         address = parse_address(f"fri://127.0.0.1:{free_port()}{keys}")
-        arm = build_fri_arm(address, SCENE, OscConfig(), limits, "XYZABC:hold", 0.005)
+        arm = build_fri_arm(address, CELL, OscConfig(), limits, "XYZABC:hold", 0.005)
         arm.close()
         return arm.limits.dx_max
 

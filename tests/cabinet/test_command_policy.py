@@ -7,7 +7,7 @@ import pytest
 
 from dovetail.cabinet.command_policy import CommandPolicy
 from dovetail.cabinet.config import CabinetConfig
-from dovetail.robot import iiwa14
+from dovetail.robots.iiwa14 import iiwa14
 
 ZERO = [0.0] * 7
 IPO = [0.1 * i for i in range(7)]

@@ -7,12 +7,12 @@ from dovetail.cabinet.body import Body
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.protocol import Quality, SafetyState, SessionState
 from dovetail.cabinet.stops import DECELERATION, Ramp, StopCategory
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
-from dovetail.scene import SceneConfig
 from extras import need
 
-from .conftest import HOLE, Q_START, LightPlant
+from .conftest import FIXTURE, Q_START, LightPlant
 from .test_wire import Direct, push_with
 
 ACTIVE = SessionState.COMMANDING_ACTIVE
@@ -23,13 +23,13 @@ TWINS = ["easy", "medium", "hard"]
 
 def build(name):
     if name == "crooked":
-        plant = make_plant("mujoco", SceneConfig(), CROOKED)
+        plant = make_plant("mujoco", find_cell(), CROOKED)
     elif name == "bullet":
         need("pybullet")
-        plant = make_plant("bullet", SceneConfig(), DynamicsConfig())
+        plant = make_plant("bullet", find_cell(), DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(name), SceneConfig())
-    plant.reset(Q_START, HOLE)
+        plant = TwinPlant(load_twin(name), find_cell())
+    plant.reset(Q_START, FIXTURE)
     return plant
 
 

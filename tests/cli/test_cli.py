@@ -214,7 +214,7 @@ def test_a_policy_for_the_rail_clip_is_trained_and_then_evaluated(tmp_path, caps
     words += ["--tries", "1", "--hole", "0.84", "0", "0.41", "0"]
     assert run([*words, "--out", str(tmp_path / "given")]) == 0
     assert run([*words, "--start", "below", "--out", str(tmp_path / "below")]) == 2
-    assert "for a hole that opens upwards" in capsys.readouterr().err
+    assert "for a fixture that opens upwards" in capsys.readouterr().err
 
 
 def test_the_command_runs_as_a_program_without_the_learning_stack():

@@ -61,8 +61,8 @@ def test_pybullet_beyond_3_11_has_no_wheel(monkeypatch):
 
 
 def test_an_arm_heavier_than_the_model_is_found(monkeypatch):
-    def make_heavier(name, scene, dynamics):
-        return make_plant(name, scene, replace(dynamics, mass_scale=(1.05,) * 7))
+    def make_heavier(name, cell, dynamics):
+        return make_plant(name, cell, replace(dynamics, mass_scale=(1.05,) * 7))
 
     monkeypatch.setattr("dovetail.plants.plant.make_plant", make_heavier)
     check = doctor._guard("agreement", lambda: doctor._check_agreement("mujoco"))

@@ -16,12 +16,12 @@ from dovetail.cli import run
 from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell
 from dovetail.local_arm_checks import run_local_checks
 from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig, make_plant
 from dovetail.plants.twin import load_twin
-from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
+from dovetail.poses import Pose, quat_about_z, tool_down
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
@@ -45,7 +45,7 @@ NAMES = [
 @contextmanager
 def cabinet(dynamics=None, **settings):
     """Yields the address of an arm behind a lockstep cabinet; resets move there."""
-    plant = make_plant("mujoco", SceneConfig(), dynamics or DynamicsConfig())
+    plant = make_plant("mujoco", find_cell(), dynamics or DynamicsConfig())
     plant.reset(plant.robot.inverse_kinematics(START, Q_SEED), HOLE)
     with lockstep_address(plant, **settings) as address:
         yield f"{address}&reset=move"
@@ -196,9 +196,10 @@ def test_an_arm_that_oscillates_at_rest_is_said_to_and_let_go_of(tmp_path):
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     arm = build_local_arm(
-        SceneConfig(), TaskSpec.parse("XYZABC:hold"), plant="mujoco", twin=path,
-        period=0.001, force_damping=0.0, near_speed=0.02,
-    )  # fmt: skip
+        find_cell(),
+        TaskSpec.parse("XYZABC:hold"),
+        EnvConfig.of(twin=path, period=0.001, force_damping=0.0),
+    )
     q = arm.robot.inverse_kinematics(START, Q_SEED)
     arm.reset(q, HOLE)
     check = check_as_configured(arm)
@@ -219,7 +220,7 @@ class StubArm:
     """An arm of which only what is measured matters."""
 
     def __init__(self, **state):
-        self.robot = SceneConfig().robot()
+        self.robot = find_cell().loaded_robot()
         self.q = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.0, 0.0])
         self.follows = state.pop("follows", 1.0)
         self.state = SimpleNamespace(**state)

@@ -8,7 +8,7 @@ import pytest
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 
 
 @dataclass

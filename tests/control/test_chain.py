@@ -4,9 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from dovetail.iiwa14 import INERTIA_SETS
 from dovetail.poses import quat_from_matrix
-from dovetail.robot import Robot, iiwa14
+from dovetail.robots.iiwa14 import INERTIA_SETS, iiwa14
+from dovetail.robots.robot import Robot
 from extras import need
 
 STATES = 200

@@ -9,7 +9,8 @@ from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.proven import DECLARED
 from dovetail.errors import ConfigError
-from dovetail.robot import Payload, iiwa14
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot import Payload
 
 TASK = "XYZ:force A:pose BC:hold"
 

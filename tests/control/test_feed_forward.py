@@ -7,10 +7,10 @@ from dovetail import _core, poses
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.poses import Pose
-from dovetail.scene import SceneConfig
 
 POSE = "XYZABC:pose"
 STEP = 0.05  # s, of the policy
@@ -180,7 +180,7 @@ def test_damping_of_force_axes_pulls_towards_the_velocity(robot, limits, q_home)
 def moved_by(roads):
     """Where each road brings the arm that follows a path for 50 ms."""
     ends = []
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     period = 5e-3
     limits = LimitConfig.for_period(plant.robot, period, **WIDE)
     arm = LocalArm(

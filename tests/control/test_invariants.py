@@ -17,7 +17,7 @@ from dovetail.poses import (
     quat_from_matrix,
     quat_multiply,
 )
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from extras import need
 
 TASK = "XYZ:force A:pose BC:hold"

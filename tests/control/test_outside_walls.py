@@ -1,5 +1,7 @@
 """A start outside a wall: the wall takes the tool back in, slowly."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,10 +10,10 @@ from dovetail.arms.local_arm import LocalArm
 from dovetail.control.period import PERIODS
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import COLUMN
-from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
+from dovetail.poses import Pose, quat_about_z, tool_down
 
 TASK = "XYZ:force ABC:hold"
 LOW, HIGH = np.array([0.53, -0.1, 0.14]), np.array([0.65, 0.1, 0.20])
@@ -27,14 +29,9 @@ MOTOR_SHARE = 0.35  # of tau_max; gravity alone takes 0.25 here
 
 def make_arm(period, twin=None):
     return build_local_arm(
-        SceneConfig(),
+        replace(find_cell(), walls=(tuple(LOW), tuple(HIGH))),
         TaskSpec.parse(TASK),
-        plant="mujoco",
-        twin=twin,
-        period=period,
-        force_damping=16.0,
-        near_speed=0.05,
-        walls=(tuple(LOW), tuple(HIGH)),
+        EnvConfig.of(twin=twin, period=period, force_damping=16.0, near_speed=0.05),
     )
 
 

@@ -3,9 +3,9 @@
 import numpy as np
 
 from dovetail.arms.arm import ArmState
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import CYCLE_COLUMNS
-from dovetail.scene import SceneConfig
+from dovetail.poses import tool_down
 
 
 class FakeArm:
@@ -14,7 +14,7 @@ class FakeArm:
     period = 0.005
 
     def __init__(self):
-        self.robot = SceneConfig().robot()
+        self.robot = find_cell().loaded_robot()
         self.targets = []
         self.closed = False
         self.place()

@@ -7,12 +7,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from dovetail.envs.hole_tracker import CoveredHole
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.rail_clip import RailClipEnv
-from dovetail.envs.randomisation import RandomisationConfig
+from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
 from dovetail.evaluate.perturbation import Perturbation, make_perturbed
+from dovetail.tasks.peg_in_hole.starts import RandomisationConfig
+from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.tasks.rail_clip.task import RailClip
+from dovetail.trackers.covered import Covered
 
 ID = "dovetail/PegInHole-v0"
 
@@ -36,8 +37,8 @@ def path(env):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: PegInHoleEnv("twin:medium", peg="round", stack=1),
-        lambda: RailClipEnv(clearance=0.002),
+        lambda: make_env(PegInHole, "twin:medium", peg="round", stack=1),
+        lambda: make_env(RailClip, clearance=0.002),
         lambda: gym.make(ID, twin="easy", randomisation=RandomisationConfig()),
         lambda: gym.make("dovetail/RailClip-v0"),
         lambda: make_perturbed(ID, Perturbation(hole_shift=0.002, push=20.0), {}),
@@ -53,14 +54,14 @@ def test_a_copy_runs_as_the_original_does(make):
 
 
 def test_a_copy_has_a_tracker_of_its_own():
-    env = PegInHoleEnv(tracker=CoveredHole())
+    env = make_env(PegInHole, tracker=Covered())
     other = copy.deepcopy(env)
-    assert isinstance(other.tracker, CoveredHole)
+    assert isinstance(other.tracker, Covered)
     assert other.tracker is not env.tracker
 
 
 def test_a_begun_environment_has_no_copy():
-    env = PegInHoleEnv()
+    env = make_env(PegInHole)
     env.reset(seed=0)
     for attempt in (copy.deepcopy, pickle.dumps):
         with pytest.raises(ConfigError, match="copy it before reset"):
@@ -68,8 +69,8 @@ def test_a_begun_environment_has_no_copy():
 
 
 def test_an_arm_that_is_an_object_has_no_copy():
-    arm = PegInHoleEnv().arm
-    for env in (PegInHoleEnv(arm), PegInHoleEnv(arm=arm)):
+    arm = make_env(PegInHole).arm
+    for env in (make_env(PegInHole, arm), make_env(PegInHole, arm=arm)):
         with pytest.raises(ConfigError, match="give the arm's address"):
             copy.deepcopy(env)
 

@@ -104,7 +104,9 @@ def test_start_and_hole_of_a_seed_are_those_without_randomisation():
     _, one = with_it.reset(seed=9)
     _, other = without.reset(seed=9)
     np.testing.assert_array_equal(one["observation_raw"], other["observation_raw"])
-    for part, same in zip(with_it.unwrapped.hole, without.unwrapped.hole, strict=True):
+    for part, same in zip(
+        with_it.unwrapped.fixture, without.unwrapped.fixture, strict=True
+    ):
         np.testing.assert_array_equal(part, same)
 
 

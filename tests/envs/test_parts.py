@@ -3,20 +3,10 @@ import pytest
 
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import CommandMap
-from dovetail.envs.hole_tracker import TrueHole
 from dovetail.envs.observation import (
-    OBSERVATION_HIGH,
-    ObservationScaling,
-    theta_about_vertical,
+    USUAL_GROUPS,
+    Layout,
 )
-from dovetail.envs.randomisation import (
-    RandomisationConfig,
-    is_clear_of_block,
-    sample_hole,
-    sample_start,
-    tool_down,
-)
-from dovetail.envs.rewards import RewardConfig, insertion_reward
 from dovetail.envs.stacking import History
 from dovetail.errors import ConfigError
 from dovetail.poses import (
@@ -26,7 +16,18 @@ from dovetail.poses import (
     quat_multiply,
     quat_normalized,
     swing_twist,
+    theta_about_vertical,
+    tool_down,
 )
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.tasks.peg_in_hole.starts import (
+    RandomisationConfig,
+    is_clear_of_block,
+    sample_hole,
+    sample_start,
+)
+from dovetail.tasks.reward import RewardConfig, distance_reward
+from dovetail.trackers.truth import Truth
 
 
 class Recorder:
@@ -77,17 +78,17 @@ def test_pose_rotations_turn_about_the_world_axes():
 
 
 def test_reward_by_hand():
-    reward = insertion_reward(np.array([0.3, 0.0, -0.4]), 0.5, False, RewardConfig())
+    reward = distance_reward(np.array([0.3, 0.0, -0.4]), 0.5, False, RewardConfig())
     assert reward == pytest.approx(-(0.6 * 0.5 + 0.4 * 0.7 + 0.1 * 0.5))
-    assert insertion_reward(np.zeros(3), 0.0, True, RewardConfig()) == 50.0
+    assert distance_reward(np.zeros(3), 0.0, True, RewardConfig()) == 50.0
 
 
 def test_contact_force_costs_nothing_unless_asked_for():
     x = np.zeros(3)
-    assert insertion_reward(x, 0.0, False, RewardConfig(), 1e3) == 0.0
+    assert distance_reward(x, 0.0, False, RewardConfig(), 1e3) == 0.0
     config = RewardConfig(force_weight=0.01, force_free=10.0)
-    assert insertion_reward(x, 0.0, False, config, 9.0) == 0.0
-    assert insertion_reward(x, 0.0, False, config, 30.0) == pytest.approx(-0.2)
+    assert distance_reward(x, 0.0, False, config, 9.0) == 0.0
+    assert distance_reward(x, 0.0, False, config, 30.0) == pytest.approx(-0.2)
 
 
 def test_history_appends_past_pairs_newest_first():
@@ -129,20 +130,21 @@ def test_theta_equals_the_swing_twist_of_poses():
 
 
 def test_scaling_is_monotone_and_inside_its_bounds():
-    scaling = ObservationScaling(-np.ones(7), np.ones(7), np.array([0.0, 0.0, 0.03]))
+    scaling = Layout(USUAL_GROUPS, iiwa14(), np.array([0.0, 0.0, 0.03]))
     values = [scaling.scale(np.full(14, v)) for v in np.linspace(-2.0, 2.0, 401)]
     assert (np.diff(values, axis=0) >= 0.0).all()
     assert (np.diff(values, axis=0)[100:300, 7:] > 0.0).all()
     extreme = scaling.scale(np.full(14, 1e6))
-    np.testing.assert_array_equal(extreme, OBSERVATION_HIGH)
+    high = np.array([1.1] * 7 + [7.0] * 3 + [5.1] + [5.0] * 3, dtype=np.float32)
+    np.testing.assert_array_equal(extreme, high)
 
 
 def test_the_scaled_position_is_zero_at_the_mouth():
-    scaling = ObservationScaling(-np.ones(7), np.ones(7), np.array([0.0, 0.0, 0.03]))
+    scaling = Layout(USUAL_GROUPS, iiwa14(), np.array([0.0, 0.0, 0.03]))
     raw = np.zeros(14)
     raw[9] = 0.03
     np.testing.assert_array_equal(scaling.scale(raw), np.zeros(14))
-    assert scaling.describe()["mouth_offset"] == [0.0, 0.0, 0.03]
+    assert scaling.describe()["zero"][7:10] == [0.0, 0.0, 0.03]
 
 
 def test_holes_and_starts_fill_their_ranges_and_stay_inside():
@@ -187,9 +189,9 @@ def test_ranges_without_a_free_start_are_an_error():
 
 
 def test_the_true_hole_is_never_late():
-    tracker = TrueHole()
+    tracker = Truth()
     with pytest.raises(RuntimeError, match="call reset"):
         tracker.estimate()
     hole = sample_hole(np.random.default_rng(0), RandomisationConfig())
-    tracker.reset(hole)
+    tracker.reset(hole, 0)
     assert tracker.estimate() == (hole, 0.0)

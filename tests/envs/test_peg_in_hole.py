@@ -6,13 +6,14 @@ from gymnasium.utils.env_checker import check_env
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.randomisation import RandomisationConfig, tool_down
+from dovetail.envs.registered import make_env
 from dovetail.envs.violations import count_bad_input
 from dovetail.errors import ConfigError, MissingDependencyError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
+from dovetail.tasks.peg_in_hole.starts import RandomisationConfig, tool_down
+from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.workcell.workcell import WALLS
 from extras import need
 
 from .fake_arm import FakeArm
@@ -25,14 +26,14 @@ TARGET = np.array([0.6, 0.0, 0.07])
 def fake():
     """Environment over a fake arm, the hole at HOLE."""
     arm = FakeArm()
-    env = PegInHoleEnv(arm)
-    env.reset(seed=0, options={"hole": HOLE, "start": np.zeros(7)})
+    env = make_env(PegInHole, arm)
+    env.reset(seed=0, options={"fixture": HOLE, "start": np.zeros(7)})
     return env, arm
 
 
 @pytest.fixture(scope="module")
 def real():
-    env = PegInHoleEnv()
+    env = make_env(PegInHole)
     yield env
     env.close()
 
@@ -55,7 +56,7 @@ def test_gymnasium_makes_it_by_name_and_it_passes_check_env():
 
 
 def test_check_env_passes_with_stacking():
-    env = PegInHoleEnv(stack=4)
+    env = make_env(PegInHole, stack=4)
     check_env(env)
     assert env.observation_space.shape == (14 + 4 * 18,)
     env.close()
@@ -97,7 +98,7 @@ def test_theta_is_relative_to_the_hole(fake):
     env, arm = fake
     turned = Pose(HOLE.position, quat_about_z(0.25))
     arm.place(yaw=0.35)
-    _, info = env.reset(options={"hole": turned, "start": np.zeros(7)})
+    _, info = env.reset(options={"fixture": turned, "start": np.zeros(7)})
     assert info["theta_error"] == pytest.approx(0.10)
     act(env, 0, 0, 0, 0)
     np.testing.assert_allclose(arm.targets[-1][2], tool_down(0.25), atol=1e-9)
@@ -156,16 +157,16 @@ def test_too_high_or_beside_the_hole_is_no_success(fake, offset):
 
 
 def test_after_max_steps_the_episode_is_truncated_not_terminated():
-    env = PegInHoleEnv(FakeArm(), max_steps=3)
-    env.reset(options={"hole": HOLE, "start": np.zeros(7)})
+    env = make_env(PegInHole, FakeArm(), max_steps=3)
+    env.reset(options={"fixture": HOLE, "start": np.zeros(7)})
     ends = [act(env)[2:4] for _ in range(3)]
     assert ends == [(False, False), (False, False), (False, True)]
 
 
 def test_success_in_the_last_step_terminates():
     arm = FakeArm()
-    env = PegInHoleEnv(arm, max_steps=1)
-    env.reset(options={"hole": HOLE, "start": np.zeros(7)})
+    env = make_env(PegInHole, arm, max_steps=1)
+    env.reset(options={"fixture": HOLE, "start": np.zeros(7)})
     arm.place(TARGET)
     assert act(env)[2:4] == (True, False)
 
@@ -207,7 +208,7 @@ def test_state_and_hole_can_be_read_and_close_closes_the_arm(fake):
     env, arm = fake
     act(env)
     assert env.state is arm.state
-    np.testing.assert_array_equal(env.hole.position, HOLE.position)
+    np.testing.assert_array_equal(env.fixture.position, HOLE.position)
     env.close()
     assert arm.closed
 
@@ -229,12 +230,12 @@ def test_no_start_touches_anything(real):
 
 
 def test_what_is_seen_on_a_twin_is_what_the_joints_measure():
-    env = PegInHoleEnv(twin="medium")
+    env = make_env(PegInHole, twin="medium")
     chain = env.arm.robot.chain()
     env.reset(seed=0)
     info = act(env, 0.5, 0.5, -0.5, 0.5)[4]
     raw = info["observation_raw"]
-    seen = raw[7:10] + env.hole.position - [0.0, 0.0, 0.03]
+    seen = raw[7:10] + env.fixture.position - [0.0, 0.0, 0.03]
     np.testing.assert_allclose(seen, chain.pose(raw[:7])[0], atol=1e-12)
     true = env.arm.plant.tool_pose().position
     assert 0.0 < np.linalg.norm(seen - true) < 0.01
@@ -243,7 +244,7 @@ def test_what_is_seen_on_a_twin_is_what_the_joints_measure():
 
 def test_the_walls_hold_every_start_and_hole(real):
     limits = real.arm.limits
-    config = real.randomisation
+    config = real.task.randomisation
     centre = np.asarray(config.hole_centre)
     reach = np.asarray(config.hole_range)
     low = centre - reach + [-config.start_xy, -config.start_xy, -0.030]
@@ -258,8 +259,8 @@ def test_the_walls_hold_every_start_and_hole(real):
     [
         ({"plant": "gazebo"}, "plant 'gazebo' is unknown; known plants: mujoco"),
         ({"peg": "hexagon"}, "peg 'hexagon' is unknown; known shapes: square"),
-        ({"clearance": -0.001}, "clearance is -0.001 m, allowed is 0 to 0.01 m"),
-        ({"clearance": "x"}, "clearance is 'x'; give a number from 0 to 0.01 m"),
+        ({"clearance": -0.001}, "clearance is -0.001 m; allowed: 0 to 0.01 m"),
+        ({"clearance": "x"}, "clearance must be numbers .m.: could not convert"),
         ({"task": "XYW:force"}, "unknown task axis 'W'"),
         ({"task": "XYZ:push"}, "unknown mode 'push'"),
         ({"task": "XYZ:hold ABC:hold"}, "nothing to command"),
@@ -288,43 +289,45 @@ def test_the_walls_hold_every_start_and_hole(real):
 )
 def test_a_wrong_setting_is_an_error_that_says_what_is_known(settings, message):
     with pytest.raises(ConfigError, match=message):
-        PegInHoleEnv(**settings)
+        make_env(PegInHole, **settings)
 
 
 def test_an_arm_of_another_task_is_refused(real):
     with pytest.raises(ConfigError, match="the arm's task is"):
-        PegInHoleEnv(real.arm, task="XYZ:force ABC:hold")
+        make_env(PegInHole, real.arm, task="XYZ:force ABC:hold")
 
 
 @pytest.mark.parametrize(
     ("position", "message"),
     [
-        ((0.9, 0.0, 0.1), "is too far by 0.088 m"),
+        ((0.9, 0.0, 0.1), "is too far by 0.089 m"),
         ((0.6, 0.3, 0.1), "y = 0.3000 m, which is 0.0980 m outside"),
-        ((0.6, 0.0, 0.01), "raise the hole"),
+        ((0.6, 0.0, 0.01), "inside the table: .* 0.0300 m; raise it"),
     ],
 )
 def test_a_hole_out_of_reach_is_refused_saying_by_how_much(real, position, message):
     hole = Pose(np.array(position), quat_about_z(0.0))
     with pytest.raises(ConfigError, match=message):
-        real.reset(options={"hole": hole})
+        real.reset(options={"fixture": hole})
 
 
 def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is():
     arm = FakeArm()
-    arm.places_hole = False
-    env = PegInHoleEnv(arm)
+    arm.places_fixture = False
+    env = make_env(PegInHole, arm)
     with pytest.raises(ConfigError, match="cannot move the hole: say where it is"):
         env.reset(seed=0)
-    env.reset(seed=0, options={"hole": HOLE})
+    env.reset(seed=0, options={"fixture": HOLE})
     np.testing.assert_array_equal(arm.hole.position, HOLE.position)
     fixed = RandomisationConfig(hole_range=(0.0, 0.0, 0.0), hole_yaw=0.0)
-    env = PegInHoleEnv(arm, randomisation=fixed)
+    env = make_env(PegInHole, arm, randomisation=fixed)
     env.reset(seed=0)
 
 
 def test_an_unknown_reset_option_lists_the_known_ones(real):
-    with pytest.raises(ConfigError, match="unknown reset options: holes; known: hole"):
+    with pytest.raises(
+        ConfigError, match="unknown reset options: holes; known: fixture"
+    ):
         real.reset(options={"holes": HOLE})
 
 
@@ -339,7 +342,7 @@ def test_an_unknown_reset_option_lists_the_known_ones(real):
     ],
 )
 def test_other_tasks_step(task, num_actions):
-    env = PegInHoleEnv(task=task)
+    env = make_env(PegInHole, task=task)
     env.reset(seed=0)
     action = np.full(num_actions, 0.5, dtype=np.float32)
     observation, reward, *_ = env.step(action)
@@ -352,9 +355,9 @@ def test_other_tasks_step(task, num_actions):
 @pytest.mark.bullet
 def test_the_environment_runs_on_pybullet():
     need("pybullet")
-    env = PegInHoleEnv(plant="bullet")
+    env = make_env(PegInHole, plant="bullet")
     first, _ = env.reset(seed=0)
-    again, _ = PegInHoleEnv().reset(seed=0)
+    again, _ = make_env(PegInHole).reset(seed=0)
     np.testing.assert_allclose(first, again, atol=1e-4)
     act(env, 0.5, 0.5, -0.5, 0.5)
     env.close()
@@ -364,16 +367,16 @@ def test_the_environment_runs_on_pybullet():
 def test_pybullet_refuses_the_triangle():
     need("pybullet")
     with pytest.raises((ConfigError, MissingDependencyError), match="triangle"):
-        PegInHoleEnv(plant="bullet", peg="triangle")
+        make_env(PegInHole, plant="bullet", peg="triangle")
 
 
 def test_force_damping_and_limits_reach_the_controller():
-    env = PegInHoleEnv(force_damping=16.0, period=0.001)
+    env = make_env(PegInHole, force_damping=16.0, period=0.001)
     assert env.arm.period == 0.001
     np.testing.assert_allclose(env.arm.limits.dx_max, [0.25] * 3)
     osc = OscConfig.for_period(0.001, force_damping=[16.0] * 6)
     limits = LimitConfig.for_period(env.arm.robot, 0.001)
-    controller = make_controller(env.arm.robot, osc, limits, env.task, 0.001)
+    controller = make_controller(env.arm.robot, osc, limits, env.axes, 0.001)
     assert controller is not None
     env.reset(seed=0)
     act(env, 0.0, 0.0, 1.0, 0.0)
@@ -382,14 +385,14 @@ def test_force_damping_and_limits_reach_the_controller():
 
 
 def test_a_floor_inside_the_margin_that_hardware_needs_is_refused_with_the_remedy():
-    local = PegInHoleEnv()
+    local = make_env(PegInHole)
     limits = LimitConfig.for_period(
-        local.arm.robot, 0.005, hardware=True, x_min=WALLS_MIN, x_max=WALLS_MAX
+        local.arm.robot, 0.005, hardware=True, x_min=WALLS[0], x_max=WALLS[1]
     )
     local.arm.limits = limits
     hole = Pose(np.array([0.56, 0.0, 0.075]), quat_about_z(0.0))
     with pytest.raises(ConfigError, match=r"z = 0.0450 m.*1 or 2 ms, or margins=model"):
-        local.reset(seed=0, options={"hole": hole})
+        local.reset(seed=0, options={"fixture": hole})
     local.arm.limits = LimitConfig.for_period(local.arm.robot, 0.002, hardware=True)
-    local.reset(seed=0, options={"hole": hole})
+    local.reset(seed=0, options={"fixture": hole})
     local.close()

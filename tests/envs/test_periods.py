@@ -8,13 +8,13 @@ import pytest
 
 from arms.loopback import lockstep_address
 from dovetail.control.period import FRI_PERIODS, PERIODS, POLICY_PERIOD
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
 ID = "dovetail/PegInHole-v0"
 GROUNDS = (None, "easy", "medium", "hard")
@@ -70,11 +70,11 @@ def test_a_twin_is_the_same_arm_at_every_period(ground, period, usual_tare):
 @pytest.mark.parametrize("ground", GROUNDS)
 @pytest.mark.parametrize("period", FRI_PERIODS)
 def test_an_arm_over_fri_is_the_same_at_every_period(ground, period, usual_tare):
-    scene = SceneConfig()
+    cell = find_cell()
     if ground is None:
-        plant = make_plant("mujoco", scene, DynamicsConfig())
+        plant = make_plant("mujoco", cell, DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(ground), scene)
+        plant = TwinPlant(load_twin(ground), cell)
     plant.reset(Q_START, HOLE)
     with lockstep_address(plant, period=period) as address:
         env = gym.make(ID, arm=address, tare=True)
@@ -94,7 +94,7 @@ def test_the_shipped_policy_inserts_within_the_limits_while_pushed(ground, perio
     options = policy.metadata["env"] | {"twin": ground, "period": period}
     del options["plant"]
     env = make_perturbed(ID, Perturbation(push=30.0), options)
-    observation, info = env.reset(seed=3, options={"hole": HOLE})
+    observation, info = env.reset(seed=3, options={"fixture": HOLE})
     outside, done = info["limit_violations"], False
     while not done:
         observation, _, ended, cut, info = env.step(policy(observation))

@@ -6,14 +6,19 @@ import numpy as np
 import pytest
 
 from dovetail.arms.arm import ArmState
-from dovetail.envs.hole_tracker import CoveredHole, TrueHole
-from dovetail.envs.observation import theta_about_vertical
-from dovetail.envs.randomisation import TOOL_DOWN
-from dovetail.envs.search import SearchConfig, SpiralSearch
 from dovetail.errors import ConfigError
 from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.poses import Pose, quat_about_z, quat_multiply
+from dovetail.poses import (
+    TOOL_DOWN,
+    Pose,
+    quat_about_z,
+    quat_multiply,
+    theta_about_vertical,
+)
+from dovetail.trackers.covered import Covered
+from dovetail.trackers.spiral import SearchConfig, SpiralSearch
+from dovetail.trackers.truth import Truth
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.4))
 
@@ -42,8 +47,8 @@ def follow(search, steps, height=0.0, start=0.0):
 
 @pytest.fixture
 def search():
-    search = SpiralSearch(CoveredHole(), SearchConfig(reach=0.01))
-    search.reset(HOLE)
+    search = SpiralSearch(Covered(), SearchConfig(reach=0.01))
+    search.reset(HOLE, 0)
     return search
 
 
@@ -143,8 +148,8 @@ def test_the_believed_hole_turns_against_what_the_peg_is_turned_by(search):
 
 
 def test_a_tracker_that_sees_is_left_alone():
-    search = SpiralSearch(TrueHole())
-    search.reset(HOLE)
+    search = SpiralSearch(Truth())
+    search.reset(HOLE, 0)
     follow(search, 50)
     np.testing.assert_array_equal(search.estimate().pose.position, HOLE.position)
     assert search.estimate().age == 0.0
@@ -152,7 +157,7 @@ def test_a_tracker_that_sees_is_left_alone():
 
 def test_reset_begins_in_the_middle(search):
     follow(search, 100)
-    search.reset(HOLE)
+    search.reset(HOLE, 0)
     np.testing.assert_array_equal(search.point()[:2], np.zeros(2))
     np.testing.assert_array_equal(search.estimate().pose.position, HOLE.position)
 
@@ -170,7 +175,7 @@ def test_the_shipped_policy_finds_a_hole_that_was_moved_by_4_mm():
         asked = Perturbation(hole_shift=0.004, search=search)
         options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 1200}
         env = make_perturbed(policy.metadata["env_id"], asked, options)
-        observation, info = env.reset(seed=4, options={"hole": HOLE})
+        observation, info = env.reset(seed=4, options={"fixture": HOLE})
         done = False
         while not done:
             observation, _, ended, cut, info = env.step(policy(observation))

@@ -121,7 +121,7 @@ def sag(name, axes, *, tare):
     for _ in range(20):
         env.step(np.zeros(env.action_space.shape))
     moved = env.state.position - start.position
-    tilt = rotation_error(env._goal_quat, env.state.quat_wxyz)
+    tilt = rotation_error(env._goal.quat_wxyz, env.state.quat_wxyz)
     env.close()
     return np.abs(np.append(moved, tilt)[axes]).max()
 
@@ -171,7 +171,7 @@ def test_near_contact_the_press_is_bounded_and_nothing_else():
     arm = FakeArm()
     env = gym.make("dovetail/PegInHole-v0", arm=arm, near_press=1.5).unwrapped
     env.reset(seed=0)
-    hole = env.hole.position
+    hole = env.fixture.position
     for height, pushed in ((0.005, -1.5), (0.2, -4.0)):
         arm.place(position=hole + np.array([0.0, 0.0, height]))
         env.step(np.zeros(4))

@@ -55,15 +55,15 @@ def blind_arm(monkeypatch):
     monkeypatch.setattr("dovetail.envs.arm_setup.LocalArm", BlindArm)
     monkeypatch.setattr(BlindArm, "opened", 0)
     monkeypatch.setattr(
-        "dovetail.envs.peg_in_hole.build_arm", build_instead_of_connecting
+        "dovetail.envs.contact_env.build_arm", build_instead_of_connecting
     )
     return BlindArm
 
 
-def build_instead_of_connecting(arm, scene, task, **settings):
+def build_instead_of_connecting(arm, cell, axes, config):
     from dovetail.envs.arm_setup import build_arm
 
-    return build_arm(None, scene, task, **settings)
+    return build_arm(None, cell, axes, config)
 
 
 def test_a_twin_by_address_gives_the_numbers_of_the_twin(config, tmp_path):
@@ -81,7 +81,7 @@ def test_a_given_hole_is_the_only_pose(config):
     assert "given" in text
     assert "--hole 0.6 0.01 0.1 0.1" in evaluation.report.command
     episode = Episode.load(evaluation.folder / "logs" / "given_00.npz")
-    assert episode.metadata["hole_pose"]["x"] == 0.6
+    assert episode.metadata["fixture_pose"]["x"] == 0.6
 
 
 def test_force_that_is_not_measured_is_a_dash_not_a_zero(config, blind_arm):
@@ -124,7 +124,7 @@ def test_what_cannot_be_tried_is_refused_before_anything_is_written(
 def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
     config, monkeypatch
 ):
-    monkeypatch.setattr(LocalArm, "places_hole", False, raising=False)
+    monkeypatch.setattr(LocalArm, "places_fixture", False, raising=False)
     with pytest.raises(ConfigError, match="say where it is with --hole"):
         run(config)
     assert not config.out.exists()

@@ -8,11 +8,11 @@ import pytest
 from rich.console import Console
 
 from arms.loopback import lockstep_address
+from dovetail.envs.registered import find_cell
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 from extras import need
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
@@ -22,7 +22,7 @@ Q_START = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
 @contextmanager
 def cabinet(clearance=0.002):
     """Yields the address of an arm behind a lockstep cabinet."""
-    plant = make_plant("mujoco", SceneConfig(clearance=clearance), DynamicsConfig())
+    plant = make_plant("mujoco", find_cell(clearance=clearance), DynamicsConfig())
     plant.reset(Q_START, HOLE)
     with lockstep_address(plant) as address:
         yield address

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from arms.loopback import lockstep_address
-from dovetail.envs.hole_pose import HOLE_POSES
+from dovetail.envs.registered import find_cell
 from dovetail.evaluate.trials import Job, run_trials
 from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Policy
 from dovetail.plants.plant import DynamicsConfig, make_plant
-from dovetail.scene import SceneConfig
+from dovetail.tasks.peg_in_hole.task import PegInHole
 from extras import need
 
 ID = "dovetail/PegInHole-v0"
@@ -40,8 +40,8 @@ def here():
 
 @contextmanager
 def cabinet():
-    plant = make_plant("mujoco", SceneConfig(), DynamicsConfig())
-    plant.reset(Q_START, HOLE_POSES[0].pose())
+    plant = make_plant("mujoco", find_cell(), DynamicsConfig())
+    plant.reset(Q_START, PegInHole.trial_poses[0].pose())
     with lockstep_address(plant) as address:
         yield address
 
@@ -52,7 +52,7 @@ def service():
     from dovetail.rpc.builders import LocalBuilder
     from dovetail.rpc.server import ArmServer
 
-    plant = make_plant("mujoco", SceneConfig(), DynamicsConfig())
+    plant = make_plant("mujoco", find_cell(), DynamicsConfig())
     server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
     server.start()
     try:
@@ -65,7 +65,7 @@ def paths(address, load):
     """Return the paths of three tries of which two have the same seed."""
     jobs = [Job(0, i, seed) for i, seed in enumerate((5, 6, 5))]
     make = lambda: gym.make(ID, arm=address, max_steps=STEPS)  # noqa: E731
-    return [o.path for o in run_trials(make, load, jobs)]
+    return [o.path for o in run_trials(make, load, jobs, poses=PegInHole.trial_poses)]
 
 
 @pytest.mark.parametrize("ground", [here, cabinet, service])

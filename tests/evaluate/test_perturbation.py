@@ -9,7 +9,6 @@ import pytest
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
-from dovetail.envs.randomisation import tool_down
 from dovetail.errors import ConfigError
 from dovetail.evaluate.evaluation import EvaluationConfig, command_line, evaluate
 from dovetail.evaluate.perturbation import (
@@ -20,7 +19,7 @@ from dovetail.evaluate.perturbation import (
     draw_pushes,
     make_perturbed,
 )
-from dovetail.poses import Pose, quat_about_z
+from dovetail.poses import Pose, quat_about_z, tool_down
 from extras import need
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
@@ -53,9 +52,9 @@ def test_a_covered_camera_is_off_by_the_distance_in_a_random_horizontal_directio
     env = make(hole_shift=0.02)
     angles = []
     for seed in range(40):
-        env.reset(seed=seed, options={"hole": HOLE})
-        np.testing.assert_array_equal(env.core.hole.position, HOLE.position)
-        off = env.core.hole.position - env.core.tracker.estimate().pose.position
+        env.reset(seed=seed, options={"fixture": HOLE})
+        np.testing.assert_array_equal(env.core.fixture.position, HOLE.position)
+        off = env.core.fixture.position - env.core.tracker.estimate().pose.position
         assert np.linalg.norm(off) == pytest.approx(0.02)
         assert off[2] == 0.0
         angles.append(np.arctan2(off[1], off[0]))
@@ -65,8 +64,8 @@ def test_a_covered_camera_is_off_by_the_distance_in_a_random_horizontal_directio
 
 def test_under_a_covered_camera_the_policy_sees_the_old_pose_and_its_age(make):
     env = make(hole_shift=0.02)
-    _, plain = make().reset(seed=1, options={"hole": HOLE})
-    _, info = env.reset(seed=1, options={"hole": HOLE})
+    _, plain = make().reset(seed=1, options={"fixture": HOLE})
+    _, info = env.reset(seed=1, options={"fixture": HOLE})
     off = info["observation_raw"][7:10] - plain["observation_raw"][7:10]
     np.testing.assert_allclose(off, info["perturbation"]["hole_shift [m]"], atol=1e-12)
     env.step(STILL)
@@ -78,15 +77,15 @@ def test_success_and_depth_are_those_of_the_true_hole(make):
     env = make(hole_shift=0.03)
     robot = env.core.arm.robot
     bottom = Pose(HOLE.position - [0, 0, 0.029], tool_down(0.0))
-    inside = robot.inverse_kinematics(bottom, env.core.q_seed)
-    _, info = env.reset(seed=1, options={"hole": HOLE, "start": inside})
+    inside = robot.inverse_kinematics(bottom, env.core.arm.robot.posture("down"))
+    _, info = env.reset(seed=1, options={"fixture": HOLE, "start": inside})
     assert info["success"]
     assert info["depth"] == pytest.approx(0.029, abs=1e-4)
     believed = Pose(
         bottom.position - info["perturbation"]["hole_shift [m]"], bottom.quat_wxyz
     )
-    beside = robot.inverse_kinematics(believed, env.core.q_seed)
-    _, info = env.reset(seed=1, options={"hole": HOLE, "start": beside})
+    beside = robot.inverse_kinematics(believed, env.core.arm.robot.posture("down"))
+    _, info = env.reset(seed=1, options={"fixture": HOLE, "start": beside})
     assert not info["success"]
     assert np.abs(info["position_error"][:2]).max() < 1e-4
 
@@ -117,16 +116,16 @@ def test_the_arm_is_pushed_as_was_told_and_the_same_for_a_seed(make, plant):
     env, calm = make(plant, push=30.0), make(plant)
     paths = []
     for seed in (5, 5, 6):
-        _, info = env.reset(seed=seed, options={"hole": HOLE})
+        _, info = env.reset(seed=seed, options={"fixture": HOLE})
         pushed = [push["start [s]"] for push in info["perturbation"]["pushes"]]
         assert pushed == sorted(pushed)
         paths.append([env.step(STILL)[4]["observation_raw"][7:10] for _ in range(60)])
-    calm.reset(seed=5, options={"hole": HOLE})
+    calm.reset(seed=5, options={"fixture": HOLE})
     still = [calm.step(STILL)[4]["observation_raw"][7:10] for _ in range(60)]
     np.testing.assert_array_equal(paths[0], paths[1])
     assert np.abs(np.subtract(paths[0], paths[2])).max() > 1e-3
     away = np.abs(np.subtract(paths[0], still)).max(axis=1)
-    _, info = env.reset(seed=5, options={"hole": HOLE})
+    _, info = env.reset(seed=5, options={"fixture": HOLE})
     first = round(info["perturbation"]["pushes"][0]["start [s]"] / 0.05)
     assert away[:first].max() < 1e-9
     assert away.max() > 1e-3
@@ -151,18 +150,18 @@ def test_the_moving_hole_is_where_the_environment_says_and_the_tracker_sees(
         need("pybullet")
     env = make(plant, hole_speed=0.03)
     moved = []
-    env.reset(seed=2, options={"hole": HOLE})
+    env.reset(seed=2, options={"fixture": HOLE})
     engine = env.core.arm.plant
-    plain = engine.move_hole
-    engine.move_hole = lambda hole: (moved.append(hole.position), plain(hole))
+    plain = engine.move_fixture
+    engine.move_fixture = lambda hole: (moved.append(hole.position), plain(hole))
     for step in range(1, 51):
         _, _, _, _, info = env.step(STILL)
-        way = env.core.hole.position - HOLE.position
+        way = env.core.fixture.position - HOLE.position
         expected = distance_out(0.05 * step, 0.03)
         assert np.linalg.norm(way) == pytest.approx(expected, abs=1e-9)
-        np.testing.assert_allclose(moved[-1], env.core.hole.position, atol=1e-12)
-        assert env.core.tracker.estimate().pose is env.core.hole
-        goal = env.core.hole.position - [0, 0, env.core.scene.hole_depth]
+        np.testing.assert_allclose(moved[-1], env.core.fixture.position, atol=1e-12)
+        assert env.core.tracker.estimate().pose is env.core.fixture
+        goal = env.core.fixture.position - [0, 0, env.core.task.block.depth]
         error = env.core.state.position - goal
         np.testing.assert_allclose(info["position_error"], error, atol=1e-12)
     jumps = np.linalg.norm(np.diff(moved, axis=0), axis=1)
@@ -173,7 +172,7 @@ def test_a_hole_near_the_edge_moves_inwards(make):
     env = make(hole_speed=0.02)
     corner = Pose(np.array([0.42, -0.20, 0.10]), HOLE.quat_wxyz)
     for seed in range(10):
-        options = {"hole": corner, "start": env.core.q_seed}
+        options = {"fixture": corner, "start": env.core.arm.robot.posture("down")}
         _, info = env.reset(seed=seed, options=options)
         velocity = np.array(info["perturbation"]["hole_velocity [m/s]"])
         end = corner.position + HOLE_TRAVEL * velocity / 0.02
@@ -184,8 +183,8 @@ def test_a_hole_near_the_edge_moves_inwards(make):
 def test_starts_below_are_below_the_mouth_and_beside_the_block(make):
     env = make(start="below")
     for seed in range(20):
-        _, info = env.reset(seed=seed, options={"hole": HOLE})
-        x, y, z = info["position_error"] - [0, 0, env.core.scene.hole_depth]
+        _, info = env.reset(seed=seed, options={"fixture": HOLE})
+        x, y, z = info["position_error"] - [0, 0, env.core.task.block.depth]
         assert z <= 1e-4
         assert max(abs(x), abs(y)) > 0.07
 

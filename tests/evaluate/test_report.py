@@ -7,11 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.evaluate.figures import draw_forces, draw_paths, hole_outline
+from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.transfer import summarise
-from dovetail.scene import SceneConfig
+from dovetail.tasks.peg_in_hole.geometry import HoleBlock, Peg, hole_outline
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -95,17 +96,17 @@ def test_a_twin_is_never_called_a_robot(report):
 
 
 @pytest.mark.parametrize(
-    "scene",
+    "task",
     [
-        SceneConfig(peg="square"),
-        SceneConfig(peg="triangle", floor_thickness=0.01),
-        SceneConfig(peg="round"),
+        PegInHole(),
+        PegInHole(peg="triangle", block=HoleBlock(floor_thickness=0.01)),
+        PegInHole(peg="round"),
     ],
-    ids=lambda scene: scene.peg,
+    ids=lambda cell: cell.peg,
 )
-def test_figures_are_png_for_every_peg(report, scene):
+def test_figures_are_png_for_every_peg(report, task):
     figure = draw_paths(
-        report.outcomes, ["A", "B"], scene=scene, title="paths of a test"
+        report.outcomes, ["A", "B"], outline=task.outline(), title="paths of a test"
     )
     assert figure.startswith(PNG)
     assert draw_forces(report.outcomes).startswith(PNG)
@@ -117,7 +118,9 @@ def test_tries_that_the_arm_ended_before_their_first_step_are_drawn(report):
         for o in report.outcomes
     ]
     for outcomes in ([report.outcomes[0], ended[1]], ended):
-        figure = draw_paths(outcomes, ["A", "B"], scene=SceneConfig(), title="ended")
+        figure = draw_paths(
+            outcomes, ["A", "B"], outline=PegInHole().outline(), title="ended"
+        )
         assert figure.startswith(PNG)
         assert draw_forces(outcomes).startswith(PNG)
 
@@ -129,9 +132,8 @@ def test_forces_without_any_contact_are_drawn(report):
 
 @pytest.mark.parametrize("peg", ["square", "triangle", "round"])
 def test_outline_is_closed_and_its_flats_lie_clearance_outside_the_peg(peg):
-    scene = SceneConfig(peg=peg, clearance=0.001)
-    outline = hole_outline(scene)
+    outline = hole_outline(Peg(shape=peg), 0.001)
     np.testing.assert_allclose(outline[0], outline[-1], atol=1e-12)
     middles = 0.5 * (outline[1:] + outline[:-1])
     nearest = np.linalg.norm(middles, axis=1).min()
-    assert nearest == pytest.approx(scene.inner_radius + 0.001, rel=2e-3)
+    assert nearest == pytest.approx(Peg(shape=peg).inner_radius + 0.001, rel=2e-3)

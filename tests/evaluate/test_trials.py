@@ -9,8 +9,9 @@ import pytest
 
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
-from dovetail.evaluate.trials import HOLE_POSES, Job, plan_trials, run_trials
+from dovetail.evaluate.trials import Job, plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 CYCLES = 10
 
@@ -28,7 +29,7 @@ class FallingEnv(gym.Env):
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
-        self.hole = options["hole"]
+        self.hole = options["fixture"]
         self.height = self.np_random.uniform(0.01, 0.05)
         self.time, self.steps = 0.0, 0
         return np.zeros(14), {"success": False, "depth": -self.height}
@@ -69,14 +70,17 @@ class IdlePolicy:
         return np.zeros(4, dtype=np.float32)
 
 
+POSES = PegInHole.trial_poses
+
+
 def run(jobs, make_env=FallingEnv, **options):
-    return list(run_trials(make_env, IdlePolicy, jobs, **options))
+    return list(run_trials(make_env, IdlePolicy, jobs, poses=POSES, **options))
 
 
 def test_hole_poses_differ_in_x_y_z_and_theta():
-    for values in zip(*(pose[1:5] for pose in HOLE_POSES), strict=True):
+    for values in zip(*(pose[1:5] for pose in PegInHole.trial_poses), strict=True):
         assert len(set(values)) == 3
-    assert len({pose.name for pose in HOLE_POSES}) == 3
+    assert len({pose.name for pose in PegInHole.trial_poses}) == 3
 
 
 def test_plan_gives_every_try_a_seed_of_its_own_and_the_same_each_time():
@@ -138,7 +142,7 @@ def test_every_try_leaves_a_log_that_loads(tmp_path):
         episode = Episode.load(tmp_path / o.log)
         assert len(episode) == CYCLES * o.steps
         assert episode.metadata["seed"] == o.seed
-        assert episode.metadata["hole_pose"]["name"] == "A"
+        assert episode.metadata["fixture_pose"]["name"] == "A"
 
 
 def test_a_try_that_dies_still_leaves_its_log(tmp_path):

@@ -8,8 +8,9 @@ import pytest
 from arms.loopback import CabinetArm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, make_settings
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.arm_setup import make_settings
+from dovetail.envs.config import USUAL
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
 from dovetail.feel.busy import busy_words
 from dovetail.feel.feeling import feel_arm
@@ -18,12 +19,12 @@ from dovetail.feel.missed_load import explain_by_load
 from dovetail.feel.spring import feel_spring
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
-from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
+from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.workcell.workcell import WALLS
 
-SCENE = SceneConfig()
+CELL = find_cell()
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-START = SCENE.robot().inverse_kinematics(
+START = CELL.loaded_robot().inverse_kinematics(
     Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0)),
     np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0]),
 )
@@ -32,14 +33,14 @@ HOLD = TaskSpec.parse("XYZABC:hold")
 
 def settings(period):
     osc, limits = make_settings(
-        SCENE, period, 0.0, NEAR_SPEED, (WALLS_MIN, WALLS_MAX), "qp", is_hardware=True
+        CELL, period, 0.0, USUAL.approach.near_speed, WALLS, "qp", is_hardware=True
     )
     return quiet(osc, limits)
 
 
 def local(plant, period):
     osc, limits = settings(period)
-    arm = LocalArm(plant, SCENE.robot(), osc, limits, HOLD, period)
+    arm = LocalArm(plant, CELL.loaded_robot(), osc, limits, HOLD, period)
     arm.reset(START, HOLE)
     return arm
 
@@ -52,7 +53,7 @@ def over_fri(plant, period, **cabinet):
 
 
 def twin(name, delay):
-    return TwinPlant(replace(load_twin(name), command_delay=delay), SCENE)
+    return TwinPlant(replace(load_twin(name), command_delay=delay), CELL)
 
 
 def feel(arm, seconds=1.5):
@@ -98,7 +99,7 @@ def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
 
 def test_a_gravity_error_is_measured_and_its_load_found():
     heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
-    arm = local(make_plant("mujoco", SCENE, heavy), 0.002)
+    arm = local(make_plant("mujoco", CELL, heavy), 0.002)
     robot = arm.robot
     planted = replace(robot, mass=robot.mass * np.array([1.0] * 6 + [1.5]))
     error = planted.chain().gravity(START) - robot.chain().gravity(START)
@@ -113,7 +114,7 @@ def test_a_gravity_error_is_measured_and_its_load_found():
 
 
 def test_logs_with_too_many_gaps_are_refused():
-    arm = local(make_plant("mujoco", SCENE, DynamicsConfig()), 0.005)
+    arm = local(make_plant("mujoco", CELL, DynamicsConfig()), 0.005)
     step = arm.step
     count = 0
 

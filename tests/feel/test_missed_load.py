@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dovetail.feel.missed_load import explain_by_load, load_torques
-from dovetail.robot import Payload, iiwa14
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.robot import Payload
 
 Q = np.array([0.2, 0.6, -0.1, -1.5, 0.3, 1.0, 0.4])
 TURN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

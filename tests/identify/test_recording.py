@@ -6,16 +6,16 @@ import shutil
 import numpy as np
 import pytest
 
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.randomisation import tool_down
+from dovetail.envs.registered import find_cell, make_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError, LogError
 from dovetail.identify.log_checks import assign_steps
 from dovetail.identify.recorder import RecordConfig, _contact, record
 from dovetail.identify.recording import Recording
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
-from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
+from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 FIRST = "sequence-00.npz"
 
@@ -47,13 +47,13 @@ def test_a_recording_holds_what_was_asked_for(folder):
         assert sequence.cycles == (10,) * 10
     assert recording.period == 0.005
     assert str(recording.task) == "XYZ:force A:pose BC:hold"
-    assert recording.metadata["robot"] == SceneConfig().robot().name
+    assert recording.metadata["robot"] == find_cell().loaded_robot().name
     assert "0.8 to 3.2 Hz" in recording.metadata["excitation"]["description"]
 
 
 def test_positions_are_the_models_at_the_measured_configuration(folder):
     recording = Recording.load(folder)
-    robot = SceneConfig().robot()
+    robot = find_cell().loaded_robot()
     q = recording.sequences[1].log[42, COLUMN["q1"] : COLUMN["q7"] + 1]
     found = recording.positions()[1][42]
     np.testing.assert_allclose(found, robot.tool_pose(q).position, atol=1e-9)
@@ -104,12 +104,12 @@ def test_contact_is_recorded_where_it_is_asked_for(tmp_path, settings, quiet):
 
 def test_without_a_force_the_pegs_place_tells_of_contact():
     """As behind FRI, where no contact force is measured."""
-    env = PegInHoleEnv()
+    env = make_env(PegInHole)
     hole = Pose(np.array([0.6, 0.0, 0.09]), quat_about_z(0.0))
     high = Pose(np.array([0.6, 0.0, 0.2]), tool_down(0.0))
-    free = env.arm.robot.inverse_kinematics(high, env.q_seed)
-    for start, expected in ((touching_start(), "at the block"), (free, "")):
-        env.reset(options={"hole": hole, "start": start})
+    free = env.arm.robot.inverse_kinematics(high, env.arm.robot.posture("down"))
+    for start, expected in ((touching_start(), "at its block"), (free, "")):
+        env.reset(options={"fixture": hole, "start": start})
         env.step(np.zeros(4, dtype=np.float32))
         assert _contact(env, np.nan).endswith(expected)
         assert bool(_contact(env, np.nan)) == bool(expected)
@@ -118,7 +118,7 @@ def test_without_a_force_the_pegs_place_tells_of_contact():
 def touching_start():
     """Configuration with the peg's end on the block beside the hole [rad]."""
     pose = Pose(np.array([0.63, 0.0, 0.0895]), tool_down(0.0))
-    return SceneConfig().robot().inverse_kinematics(pose, PegInHoleEnv.q_seed)
+    return find_cell().loaded_robot().inverse_kinematics(pose, iiwa14().posture("down"))
 
 
 def test_an_arm_that_cannot_move_the_hole_needs_to_be_told_where_it_is(tmp_path, quiet):

@@ -22,6 +22,7 @@ import stable_baselines3 as sb3
 import torch
 
 from dovetail.cli import run
+from dovetail.envs import registered
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.foreign import import_file, import_model, make_policy
@@ -29,6 +30,7 @@ from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Policy
 from dovetail.learn.policy_env import make_env
 from dovetail.learn.sb3_file import read_actor
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 ID = "dovetail/PegInHole-v0"
 TOLERANCE = 1e-5
@@ -158,7 +160,7 @@ def test_a_model_in_this_process_brings_its_environments_settings(rng, tmp_path)
     assert settings["f_scale"] == [4.0, 4.0, 2.0]
     assert settings["task"] == "XYZ:force A:pose BC:hold"
     again = make_env(policy)
-    assert again.unwrapped.scene.peg == "round"
+    assert again.unwrapped.task.peg == "round"
     policy.reset()
     observation, _ = again.reset(seed=0)
     assert again.action_space.contains(policy(observation))
@@ -177,7 +179,7 @@ def test_normalised_observations_are_refused(rng):
 
 def test_an_environment_without_a_name_is_refused(rng):
     with pytest.raises(ConfigError, match=r"gymnasium\.make"):
-        make_policy([], environment().unwrapped.__class__(), activation="", output="")
+        make_policy([], registered.make_env(PegInHole), activation="", output="")
 
 
 def test_a_recurrent_network_of_ones_own_becomes_a_policy(rng, tmp_path):

@@ -31,7 +31,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
     assert set(settings) == set(TAKEN)
     assert not lax_contact(settings)
     env = make_env(policy, twin="easy")
-    assert env.unwrapped.scene.peg == settings["peg"]
+    assert env.unwrapped.task.peg == settings["peg"]
     env.close()
 
 
@@ -42,7 +42,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
         ("twin", "easy"),
         ("engine", "bullet"),
         ("dynamics", {"friction": 0.0}),
-        ("tracker", "truth"),
+        ("slack", 1.0),
         ("randomisation", {}),
         ("reward", {}),
         ("render_mode", "human"),
@@ -55,8 +55,10 @@ def test_where_a_policy_runs_is_not_for_its_file_to_say(policy, name, value):
     assert "\x1b" not in str(error.value)
 
 
-def test_the_plant_of_the_training_is_told_and_not_taken(policy):
-    assert "plant" not in policy_settings(changed(policy, "env", plant="x").metadata)
+@pytest.mark.parametrize("name", ["plant", "robot", "tracker"])
+def test_what_the_training_had_is_told_and_not_taken(policy, name):
+    told = changed(policy, "env", **{name: "os:system"})
+    assert name not in policy_settings(told.metadata)
 
 
 @pytest.mark.parametrize(
@@ -86,9 +88,22 @@ def test_no_settings_at_all_are_refused(policy, env):
         policy_settings(policy.metadata | {"env": env})
 
 
-@pytest.mark.parametrize("env_id", ["os:Env-v0", "CartPole-v1", None, ["x"]])
-def test_an_environment_that_is_not_dovetails_is_not_even_imported(policy, env_id):
-    with pytest.raises(ConfigError, match=r"is unknown; known: dovetail/PegInHole-v0"):
+@pytest.mark.parametrize(
+    ("env_id", "words"),
+    [
+        (
+            "no_such:Env-v0",
+            "imports the module 'no_such'; add --env no_such",
+        ),
+        ("CartPole-v1", "is unknown; known: dovetail/PegInHole-v0"),
+        (None, "is unknown; known: dovetail/PegInHole-v0"),
+        (["x"], "is unknown; known: dovetail/PegInHole-v0"),
+    ],
+)
+def test_an_environment_that_is_not_dovetails_is_not_even_imported(
+    policy, env_id, words
+):
+    with pytest.raises(ConfigError, match=words):
         make_env(Policy(policy.layers, policy.metadata | {"env_id": env_id}))
 
 
@@ -125,16 +140,11 @@ def test_stricter_contact_needs_no_yes():
 @pytest.mark.parametrize(
     ("section", "part", "index", "words"),
     [
-        ("observation", "joint_middle", 1, "column obs_q2 .*joint middle is 0 rad"),
-        ("observation", "joint_half_range", 6, "column obs_q7 .*joint half range"),
-        ("observation", "symmetric_log", 3, "column obs_theta .*0.02 rad here and"),
-        (
-            "observation",
-            "symmetric_log",
-            6,
-            "column obs_vz .*log is 0.02 m/s",
-        ),
-        ("observation", "mouth_offset", 2, "column obs_z .*mouth offset is 0.03 m"),
+        ("observation", "zero", 1, "column obs_q2 .*zero is 0 rad"),
+        ("observation", "unit", 6, "column obs_q7 .*unit is 3.05433 rad here"),
+        ("observation", "unit", 10, "column obs_theta .*0.02 rad here and"),
+        ("observation", "unit", 13, "column obs_vz .*unit is 0.02 m/s"),
+        ("observation", "zero", 9, "column obs_z .*zero is 0.03 m"),
         ("action", "scale", 3, "axis A means 0.2 at 1 here and 1.2"),
     ],
 )
@@ -173,3 +183,17 @@ def test_a_file_that_does_not_say_its_scaling_is_refused(policy):
     del metadata["observation"]
     with pytest.raises(PolicyError, match="export the policy again"):
         make_env(Policy(policy.layers, metadata))
+
+
+def test_a_scaling_by_groups_as_older_files_have_it_still_loads(policy):
+    now = policy.metadata["observation"]["scaling"]
+    older = {
+        "joint_middle": now["zero"][:7],
+        "joint_half_range": now["unit"][:7],
+        "symmetric_log": now["unit"][7:],
+        "mouth_offset": now["zero"][7:10],
+    }
+    make_env(changed(policy, "observation", scaling=older)).close()
+    older["mouth_offset"] = [0.0, 0.0, 0.04]
+    with pytest.raises(PolicyError, match=r"obs_z .*zero is 0.03 m here and was"):
+        make_env(changed(policy, "observation", scaling=older))

@@ -23,9 +23,9 @@ def begin(config):
 
 
 def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
-    from dovetail.envs.peg_in_hole import PegInHoleEnv
+    from dovetail.envs.contact_env import ContactEnv
 
-    step, taken = PegInHoleEnv.step, []
+    step, taken = ContactEnv.step, []
 
     def diverge_once(self, action):
         taken.append(1)
@@ -33,7 +33,7 @@ def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
             raise PlantError("the simulation diverged")
         return step(self, action)
 
-    monkeypatch.setattr(PegInHoleEnv, "step", diverge_once)
+    monkeypatch.setattr(ContactEnv, "step", diverge_once)
     words = ["--out", str(small.out), "--tare"]
     for name, value in SMALL.items():
         values = value if isinstance(value, tuple) else [value]

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 from extras import need
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
@@ -30,9 +30,9 @@ def make(engine):
     """Build plants of the engine under test and close them afterwards."""
     plants = []
 
-    def build(scene=None, **dynamics):
+    def build(cell=None, **dynamics):
         base = DynamicsConfig()
-        plant = make_plant(engine, scene or SceneConfig(), replace(base, **dynamics))
+        plant = make_plant(engine, cell or find_cell(), replace(base, **dynamics))
         plants.append(plant)
         return plant
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.poses import rotation_error
-from dovetail.scene import PEG_SHAPES, SceneConfig
+from dovetail.tasks.peg_in_hole.geometry import PEG_SHAPES
 from plants.conftest import HOLE, TOOL_DOWN, start_above
 
 PERIODS = [0.005, 0.001]
@@ -30,7 +31,7 @@ def hold_and_push(plant, force, seconds, period):
 @pytest.mark.parametrize("clearance", [0.00006, 0.0001, 0.0005, 0.004])
 @pytest.mark.parametrize("peg", PEG_SHAPES)
 def test_wall_gives_less_than_the_clearance_under_30_newton(peg, clearance, period):
-    plant = MujocoPlant(SceneConfig(peg=peg, clearance=clearance))
+    plant = MujocoPlant(find_cell(peg=peg, clearance=clearance))
     # The +x side: a flat of square and round, the corner of the triangle.
     direction = np.array([-1.0 if peg == "triangle" else 1.0, 0.0, 0.0])
     plant.reset(start_above(plant.robot, z=0.085), HOLE)
@@ -45,16 +46,16 @@ def test_wall_gives_less_than_the_clearance_under_30_newton(peg, clearance, peri
 @pytest.mark.parametrize("clearance", [0.00006, 0.0001, 0.0005, 0.004])
 @pytest.mark.parametrize("peg", PEG_SHAPES)
 def test_peg_in_the_mouth_slides_through(peg, clearance, period):
-    scene = SceneConfig(peg=peg, clearance=clearance)
-    plant = MujocoPlant(scene)
+    cell = find_cell(peg=peg, clearance=clearance)
+    plant = MujocoPlant(cell)
     plant.reset(start_above(plant.robot, z=0.098), HOLE)
     offset = hold_and_push(plant, np.array([0.0, 0.0, -10.0]), 2.5, period)
-    assert offset[2] < -scene.success_depth
+    assert offset[2] < -0.028
 
 
 @pytest.mark.parametrize("peg", PEG_SHAPES)
 def test_peg_beside_the_hole_stays_outside(peg):
-    plant = MujocoPlant(SceneConfig(peg=peg))
+    plant = MujocoPlant(find_cell(peg=peg))
     plant.reset(start_above(plant.robot, x=0.603, z=0.102), HOLE)
     offset = hold_and_push(plant, np.array([0.0, 0.0, -30.0]), 0.5, 0.005)
     assert offset[2] > -0.003  # it may tilt into the mouth, no further

@@ -5,7 +5,7 @@ import pytest
 
 from dovetail import _core
 from dovetail.control.config import LimitConfig
-from dovetail.scene import SceneConfig
+from dovetail.envs.registered import find_cell
 
 H = 1e-3
 HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
@@ -13,7 +13,7 @@ HOME = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
 
 @pytest.fixture
 def robot():
-    return SceneConfig().robot()
+    return find_cell().loaded_robot()
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ import pytest
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
-from dovetail.scene import SceneConfig
 from plants.conftest import HOLE, start_above
 
 FORCE = slice(COLUMN["fx"], COLUMN["fz"] + 1)
@@ -18,7 +18,7 @@ FORCE = slice(COLUMN["fx"], COLUMN["fz"] + 1)
 
 @pytest.fixture(scope="module")
 def robot():
-    return SceneConfig().robot()
+    return find_cell().loaded_robot()
 
 
 def random_log(rng, rows):
@@ -61,7 +61,7 @@ def test_rows_outside_are_counted_once_and_nan_is_not_outside(rng):
 
 
 def test_a_cycle_whose_target_is_refused_still_logs_where_the_tool_is(robot):
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     limits = LimitConfig.for_period(robot, 0.005)
     task = "XYZ:force A:pose BC:hold"
     controller = make_controller(robot, OscConfig(), limits, task, 0.005)
@@ -77,6 +77,6 @@ def test_a_cycle_whose_target_is_refused_still_logs_where_the_tool_is(robot):
 
 
 def test_mujoco_does_not_read_the_clock_for_its_statistics():
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     clock = ctypes.c_void_p.in_dll(ctypes.CDLL(plant._library), "mjcb_time")
     assert clock.value is None

@@ -8,9 +8,9 @@ import pytest
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, DynamicsConfig
-from dovetail.scene import SceneConfig
 
 from .conftest import HOLE, Q_SEED
 
@@ -26,7 +26,7 @@ class Rig:
 
     def __init__(self):
         self.plant = MujocoPlant(
-            SceneConfig(), replace(DynamicsConfig(), physics_dt=1e-3)
+            find_cell(), replace(DynamicsConfig(), physics_dt=1e-3)
         )
         self.robot = self.plant.robot
         self.controller = self.make_controller()

@@ -9,11 +9,11 @@ import pytest
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.plants.twin import TwinPlant, load_twin
-from dovetail.scene import SceneConfig
 from plants.conftest import HOLE, start_above
 
 
@@ -49,8 +49,8 @@ def fast(plant, controller, target, cycles, period, start):
 @pytest.mark.parametrize("period", [0.005, 0.001])
 @pytest.mark.parametrize("twin", [None, "medium"])
 def test_loop_writes_what_the_python_loop_writes(twin, period):
-    scene = SceneConfig()
-    plant = TwinPlant(load_twin(twin), scene) if twin else MujocoPlant(scene)
+    cell = find_cell()
+    plant = TwinPlant(load_twin(twin), cell) if twin else MujocoPlant(cell)
     expected = play(plant, run_cycles, period)
     log = play(plant, fast, period)
     assert np.abs(log[:, COLUMN["fz"]]).max() > 1.0  # the peg did touch
@@ -59,7 +59,7 @@ def test_loop_writes_what_the_python_loop_writes(twin, period):
 
 
 def test_log_describes_each_cycle():
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     log = play(plant, fast, 0.005)
     columns = dict(zip(CYCLE_COLUMNS, log.T, strict=True))
     np.testing.assert_allclose(np.diff(columns["time"]), 0.005, atol=1e-12)
@@ -73,7 +73,7 @@ def test_log_describes_each_cycle():
 
 
 def test_log_of_another_width_is_refused():
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     with pytest.raises(TypeError):
         plant._loop.run(None, _core.Target(), 1, np.empty((3, 41)))
 
@@ -101,13 +101,13 @@ def test_another_mujoco_version_is_an_error_not_a_crash(tmp_path):
     subprocess.run(
         [compiler, "-shared", "-fPIC", "-o", str(library), str(source)], check=True
     )
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     with pytest.raises(RuntimeError, match="version 4000001, the control loop was"):
         loop_over(plant, library)
 
 
 def test_missing_library_is_named(tmp_path):
-    plant = MujocoPlant(SceneConfig())
+    plant = MujocoPlant(find_cell())
     with pytest.raises(RuntimeError, match=r"libmujoco\.so\.9 cannot be opened"):
         loop_over(plant, tmp_path / "libmujoco.so.9")
 

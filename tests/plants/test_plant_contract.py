@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dovetail.control.period import PERIODS
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, PlantError
 from dovetail.plants.plant import DynamicsConfig, make_plant, physics_steps
 from dovetail.poses import Pose, quat_about_z, rotation_error
-from dovetail.scene import SceneConfig
 from plants.conftest import HOLE, Q_BENT, TOOL_DOWN, start_above
 
 ZERO = (0.0,) * 7
@@ -92,7 +92,7 @@ def test_compensated_arm_without_torque_stays(make):
 @pytest.mark.parametrize("name", ["drake", "pybullet", "lbr"])
 def test_inertia_matrix_agrees_with_the_model(make, name):
     plant = make(inertia=name)
-    chain = plant.scene.robot(name).chain()
+    chain = plant.cell.loaded_robot(name).chain()
     rng = np.random.default_rng(3)
     h = 0.001
     gravity = plant.robot.chain().gravity  # what is compensated: the nominal one
@@ -208,7 +208,7 @@ def test_hole_out_of_reach_is_refused_with_the_distance(make):
 def test_without_pybullet_its_plant_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(MissingDependencyError, match=r"pip install '.\[bullet\]'"):
-        make_plant("bullet", SceneConfig(), DynamicsConfig())
+        make_plant("bullet", find_cell(), DynamicsConfig())
 
 
 def test_configuration_with_nan_is_refused_by_joint(make):
@@ -244,10 +244,10 @@ def test_period_is_split_into_equal_steps(period, physics_dt, steps):
 @pytest.mark.parametrize("contact_time", [0.002, 0.005, 0.02])
 def test_a_contact_is_as_stiff_at_every_period(contact_time):
     """The peg is pushed on the block by 30 N from 2 mm above it."""
-    scene, peaks = SceneConfig(), []
+    cell, peaks = find_cell(), []
     for period in PERIODS:
         dynamics = DynamicsConfig(contact_time=contact_time)
-        plant = make_plant("mujoco", scene, dynamics)
+        plant = make_plant("mujoco", cell, dynamics)
         above = Pose(HOLE.position + np.array([0.035, 0.0, 0.002]), TOOL_DOWN)
         plant.reset(plant.robot.inverse_kinematics(above, Q_BENT), HOLE)
         plant.push(np.array([0.0, 0.0, -30.0]))

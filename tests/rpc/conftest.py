@@ -11,6 +11,7 @@ import pytest
 from dovetail import _core
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.poses import Pose, quat_about_z
 from dovetail.rpc import dovetail_pb2 as pb
@@ -19,7 +20,6 @@ from dovetail.rpc.calls import Stub
 from dovetail.rpc.problems import problem_in
 from dovetail.rpc.server import ArmServer
 from dovetail.rpc.version import own_version
-from dovetail.scene import SceneConfig
 
 from .recording_arm import RecordingBuilder
 
@@ -35,23 +35,23 @@ def push(*f_star):
 
 
 @pytest.fixture(scope="session")
-def scene():
-    return SceneConfig()
+def cell():
+    return find_cell()
 
 
 @pytest.fixture(scope="session")
-def start(scene):
+def start(cell):
     seed = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
-    return scene.robot().inverse_kinematics(
+    return cell.loaded_robot().inverse_kinematics(
         Pose(np.array([0.60, 0.0, 0.16]), TOOL_DOWN), seed
     )
 
 
 @pytest.fixture(scope="session")
-def settings(scene):
+def settings(cell):
     """Law, limits, task, period: the arguments of every arm after the robot."""
     osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
-    return osc, LimitConfig.for_period(scene.robot(), PERIOD), TASK, PERIOD
+    return osc, LimitConfig.for_period(cell.loaded_robot(), PERIOD), TASK, PERIOD
 
 
 @pytest.fixture
@@ -61,18 +61,18 @@ def news():
 
 
 @pytest.fixture
-def simulation(scene, news):
+def simulation(cell, news):
     """A service over MuJoCo."""
-    plant = make_plant("mujoco", scene, DynamicsConfig())
+    plant = make_plant("mujoco", cell, DynamicsConfig())
     server = ArmServer(LocalBuilder("mujoco", plant), "127.0.0.1:0", notify=news.append)
     with server:
         yield server
 
 
 @pytest.fixture
-def builder(scene):
+def builder(cell):
     """Makes an arm that records what it is told and waits as long as it moves."""
-    return RecordingBuilder(scene)
+    return RecordingBuilder(cell)
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ import numpy as np
 from dovetail import _core
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import find_cell
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
-robot = SceneConfig().robot()
+robot = find_cell().loaded_robot()
 arm = RemoteArm(
     sys.argv[1],
     OscConfig(),

@@ -63,10 +63,10 @@ class RecordingArm:
 class RecordingBuilder:
     name = "recording"
     is_real_time = True
-    places_hole = True
+    places_fixture = True
 
-    def __init__(self, scene):
-        self.scene, self.robot = scene, scene.robot()
+    def __init__(self, cell):
+        self.cell, self.robot = cell, cell.loaded_robot()
         self.arm = None
         self.built = []
         self.closed = False

@@ -23,15 +23,15 @@ def clock(request):
 
 
 @pytest.fixture
-def over_fri(scene, clock, news):
+def over_fri(cell, clock, news):
     """Builder of an arm over FRI; the cabinet runs beside it."""
     port = free_port()
-    plant = make_plant("mujoco", scene, DynamicsConfig())
+    plant = make_plant("mujoco", cell, DynamicsConfig())
     with make_cabinet(plant, port, PERIOD, clock=clock) as cabinet:
 
         def make(settings):
             return FriArm(
-                scene.robot(),
+                cell.loaded_robot(),
                 *(settings.osc, settings.limits, settings.task, settings.period),
                 bind=(LOOPBACK, port),
                 clock=clock,
@@ -40,7 +40,7 @@ def over_fri(scene, clock, news):
             )
 
         yield RebuiltArm(
-            "fri", scene, make, is_real_time=clock == "wall", places_hole=True
+            "fri", cell, make, is_real_time=clock == "wall", places_fixture=True
         )
     plant.close()
 

@@ -34,8 +34,8 @@ def test_the_arm_moves_as_one_in_this_process_at_every_period(simulation, period
     np.testing.assert_allclose(remote[:, columns], here[:, columns], atol=1e-12)
 
 
-def test_a_service_that_offers_one_period_refuses_any_other(scene):
-    plant = make_plant("mujoco", scene, DynamicsConfig())
+def test_a_service_that_offers_one_period_refuses_any_other(cell):
+    plant = make_plant("mujoco", cell, DynamicsConfig())
     with ArmServer(LocalBuilder("mujoco", plant, 0.0025), "127.0.0.1:0") as server:
         address = f"grpc://{server.address}"
         with pytest.raises(ConfigError) as error:

@@ -9,6 +9,7 @@ import pytest
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError, PlantError
 from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
@@ -18,7 +19,6 @@ from dovetail.rpc.builders import LocalBuilder
 from dovetail.rpc.fields import FieldReader
 from dovetail.rpc.messages import read_target, write_target
 from dovetail.rpc.server import ArmServer
-from dovetail.scene import SceneConfig
 
 from .conftest import HOLE, TOOL_DOWN, push
 
@@ -30,16 +30,16 @@ def assert_equal_states(one, other):
 
 @pytest.mark.parametrize("kind", ["mujoco", "twin"])
 def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
-    kind, scene, settings, start, connect, rng
+    kind, cell, settings, start, connect, rng
 ):
     def plant():
         if kind == "twin":
-            return TwinPlant(load_twin("medium"), scene)
-        return make_plant("mujoco", scene, DynamicsConfig())
+            return TwinPlant(load_twin("medium"), cell)
+        return make_plant("mujoco", cell, DynamicsConfig())
 
-    local = LocalArm(plant(), scene.robot(), *settings)
+    local = LocalArm(plant(), cell.loaded_robot(), *settings)
     with ArmServer(LocalBuilder(kind, plant()), "127.0.0.1:0") as server:
-        remote = connect(server, robot=scene.robot(), scene=scene)
+        remote = connect(server, robot=cell.loaded_robot(), cell=cell)
         for seed in (3, 4):
             local.plant.seed(seed)
             remote.seed(seed)
@@ -58,14 +58,14 @@ def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
     local.close()
 
 
-@pytest.mark.parametrize("places_hole", [False, True])
+@pytest.mark.parametrize("places_fixture", [False, True])
 def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
-    scene, connect, places_hole
+    cell, connect, places_fixture
 ):
-    builder = LocalBuilder("mujoco", make_plant("mujoco", scene, DynamicsConfig()))
-    builder.places_hole = places_hole
+    builder = LocalBuilder("mujoco", make_plant("mujoco", cell, DynamicsConfig()))
+    builder.places_fixture = places_fixture
     with ArmServer(builder, "127.0.0.1:0") as server:
-        assert connect(server).places_hole is places_hole
+        assert connect(server).places_fixture is places_fixture
 
 
 @pytest.mark.parametrize("joint_mode", [False, True])
@@ -94,11 +94,11 @@ def test_a_plane_that_is_nowhere_arrives():
     np.testing.assert_array_equal(plane, [0.0, 0.0, 0.0, -np.inf])
 
 
-def test_robot_and_what_the_arm_is_come_from_the_service(simulation, scene, connect):
+def test_robot_and_what_the_arm_is_come_from_the_service(simulation, cell, connect):
     arm = connect(simulation)
-    assert arm.robot.name == scene.robot().name
-    assert arm.robot.payload.mass == scene.robot().payload.mass
-    np.testing.assert_array_equal(arm.robot.inertia, scene.robot().inertia)
+    assert arm.robot.name == cell.loaded_robot().name
+    assert arm.robot.payload.mass == cell.loaded_robot().payload.mass
+    np.testing.assert_array_equal(arm.robot.inertia, cell.loaded_robot().inertia)
     assert arm.info.arm == "mujoco"
     assert not arm.info.real_time
     assert tuple(arm.info.columns) == CYCLE_COLUMNS
@@ -242,14 +242,17 @@ def test_nobody_listens_says_what_to_start(connect):
 
 
 def test_another_robot_is_refused_by_name_of_what_differs(server, connect):
-    other = SceneConfig(peg="triangle").robot()
+    other = find_cell(peg="triangle").loaded_robot()
     with pytest.raises(ConfigError, match="differ, for example"):
         connect(server, robot=other)
 
 
 def test_another_scene_is_refused(server, connect):
-    with pytest.raises(ConfigError, match=r"clearance 0.001, the service's has 0.0005"):
-        connect(server, scene=SceneConfig(clearance=0.001))
+    with pytest.raises(
+        ConfigError,
+        match=r"1 mm clearance per side', the service's is 'square peg, 0.5 mm",
+    ):
+        connect(server, cell=find_cell(clearance=0.001))
 
 
 def test_a_service_of_another_version_is_refused(server, connect, monkeypatch):
@@ -263,7 +266,7 @@ def test_a_service_of_another_version_is_refused(server, connect, monkeypatch):
 
 def test_a_learner_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr("dovetail.rpc.client.require_version", refuse_as_client)
-    with pytest.raises(ConfigError, match=r"service speaks protocol 2 .*speaks 7"):
+    with pytest.raises(ConfigError, match=r"service speaks protocol 3 .*speaks 7"):
         connect(server)
 
 
@@ -274,9 +277,9 @@ def refuse_as_client(other, who):
 
 
 def test_settings_the_service_refuses_arrive_with_their_names(
-    server, scene, settings, connect
+    server, cell, settings, connect
 ):
-    robot = scene.robot()
+    robot = cell.loaded_robot()
     wide = LimitConfig.for_period(robot, 0.005, q_max=robot.q_max + 0.1)
     with pytest.raises(ConfigError, match=r"limits\.q_max\[A1\] is .* rad; allowed"):
         connect(server, limits=wide)

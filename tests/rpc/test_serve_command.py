@@ -35,9 +35,9 @@ def serve():
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_it_serves_until_it_is_told_to_end(serve, connect, start, scene, number):
+def test_it_serves_until_it_is_told_to_end(serve, connect, start, cell, number):
     process, address = serve("--arm", "mujoco")
-    arm = connect(address, robot=scene.robot(), scene=scene)
+    arm = connect(address, robot=cell.loaded_robot(), cell=cell)
     arm.reset(start, HOLE)
     for _ in range(3):
         arm.step(push(1.0))
@@ -52,7 +52,7 @@ def test_a_twin_with_another_peg(serve, connect):
     _, address = serve("--twin", "medium", "--peg", "round")
     arm = connect(address)
     assert arm.info.arm == "twin:medium"
-    assert arm.info.scene.peg == "round"
+    assert arm.info.cell.name.startswith("round peg")
 
 
 def test_a_cabinets_period_is_told_to_the_learner(serve, connect):

@@ -7,7 +7,7 @@ from dovetail.types import Array, Vec3, Vec4, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 
 class ArmState(NamedTuple):
@@ -42,8 +42,8 @@ class Arm(Protocol):
     period: float
     """Control period [s]."""
 
-    def reset(self, q: Vec7, hole: Pose) -> ArmState:
-        """Go to q [rad], at rest, with the hole at its pose; latch what is held."""
+    def reset(self, q: Vec7, fixture: Pose) -> ArmState:
+        """Go to q [rad], at rest, with the fixture at its pose; latch what is held."""
         ...
 
     def step(self, target: "_core.Target", duration: float = 0.05) -> ArmState:

@@ -17,14 +17,14 @@ from dovetail.errors import (
 )
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
     from dovetail.rpc import dovetail_pb2 as pb
     from dovetail.rpc.client import Connection
-    from dovetail.scene import SceneConfig
+    from dovetail.workcell.workcell import Workcell
 
 
 class RemoteArm:
@@ -43,7 +43,7 @@ class RemoteArm:
         period: float,
         *,
         robot: Robot | None = None,
-        scene: "SceneConfig | None" = None,
+        cell: "Workcell | None" = None,
         name: str | None = None,
         timeout: float = 30.0,
         reset_timeout: float = 120.0,
@@ -59,7 +59,7 @@ class RemoteArm:
             period: Control period [s].
             robot: Controller's model that this program computes with; refused if the
                 service has another one. None takes the service's.
-            scene: Geometry of the task; refused if the service has another peg or
+            cell: What stands there; refused if the service has another part or
                 clearance. None does not ask.
             name: What others are told about who holds the arm; default the program.
             timeout: Longest wait for an answer, beyond a step's own duration [s].
@@ -69,7 +69,7 @@ class RemoteArm:
 
         Raises:
             ArmError: No service there, or another client holds the arm.
-            ConfigError: Settings, robot, scene or versions do not fit the service's.
+            ConfigError: Settings, robot, cell or versions do not fit the service's.
             MissingDependencyError: grpcio is not installed.
         """
         _require_grpc()
@@ -99,7 +99,7 @@ class RemoteArm:
                 target=self._keep_alive, name="dovetail-lease", daemon=True
             )
             self._keeper.start()
-            self._configure(osc, scene)
+            self._configure(osc, cell)
         except BaseException:
             self.close()
             raise
@@ -110,16 +110,16 @@ class RemoteArm:
         return self._connection.info
 
     @property
-    def places_hole(self) -> bool:
-        """Whether the hole goes where a reset says; if not, it is where it is."""
-        return self.info.places_hole
+    def places_fixture(self) -> bool:
+        """Whether the fixture goes where a reset says; if not, it is where it is."""
+        return self.info.places_fixture
 
     def seed(self, seed: int) -> None:
         """Start a simulation's noise again with the next reset."""
         self._seed = int(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> ArmState:
-        """Go to q [rad], at rest, with the hole at its pose; latch what is held.
+    def reset(self, q: Vec7, fixture: Pose) -> ArmState:
+        """Go to q [rad], at rest, with the fixture at its pose; latch what is held.
 
         Raises:
             ConfigError: Wrong numbers; names them.
@@ -132,7 +132,7 @@ class RemoteArm:
             lease=self._lease, q=np.asarray(q, dtype=float).tolist(), seed=self._seed
         )
         self._seed = None
-        write_pose(hole, request.hole)
+        write_pose(fixture, request.fixture)
         with self._connection.words("the reset failed"):
             report = self._stub.reset(request, timeout=self._reset_timeout)
         return read_state(report.state)
@@ -211,7 +211,7 @@ class RemoteArm:
         self._rest = lease.timeout / 3.0
         return lease.lease
 
-    def _configure(self, osc: OscConfig, scene: "SceneConfig | None") -> None:
+    def _configure(self, osc: OscConfig, cell: "Workcell | None") -> None:
         from dovetail.rpc import dovetail_pb2 as pb
         from dovetail.rpc.settings import Settings, write_settings
         from dovetail.rpc.version import own_version
@@ -221,8 +221,8 @@ class RemoteArm:
             osc=osc, limits=self.limits, task=self.task, period=self.period
         )
         write_settings(settings, request)
-        if scene is not None:
-            request.scene.peg, request.scene.clearance = scene.peg, scene.clearance
+        if cell is not None:
+            request.cell.name = cell.name
         with self._connection.words("the arm refuses its settings"):
             self._stub.configure(request, timeout=self._reset_timeout)
 
@@ -274,6 +274,6 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
             f"the service's robot {offered.name} is not this program's {robot.name}: "
             f"{', '.join(different)} differ, for example {first} is "
             f"{getattr(offered, first).tolist()} there and "
-            f"{getattr(robot, first).tolist()} here; give both the same peg and tool"
+            f"{getattr(robot, first).tolist()} here; give both the same tool"
         )
     return robot

@@ -8,7 +8,7 @@ from dovetail.errors import ArmError
 from dovetail.types import JOINTS, Vec7
 
 if TYPE_CHECKING:
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 FARTHEST = 0.15
 """Distance of the tool from its start that is gone unasked [m]."""

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.protocol import CommandMode
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import JOINTS
 
 _TORQUE_SLACK = 1e-6

@@ -17,7 +17,7 @@ from dovetail.types import Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail.plants.plant import DynamicsConfig
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 _SERVO_RATE = 100.0
 """Natural frequency of the position servo [rad/s]; critically damped."""

@@ -23,17 +23,16 @@ from dovetail.cabinet.signals import parse_signal
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.durations import parse_duration
-from dovetail.envs.randomisation import TOOL_DOWN
+from dovetail.envs.registered import DEFAULT_ENV, find_cell
 from dovetail.errors import ConfigError, PlantError
-from dovetail.plants.plant import DrivenPlant, DynamicsConfig, make_plant
+from dovetail.plants.plant import DrivenPlant, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
-from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import PegShape, SceneConfig
+from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
+from dovetail.robots.find import DEFAULT_ROBOT
 
-_HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+_FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 _ABOVE = 0.06
-"""Height of the start over the hole [m]."""
-_Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
+"""Height of the start over the fixture [m]."""
 _PLAIN_EVERY = 10.0
 """Time between two status lines where there is no terminal [s]."""
 
@@ -81,10 +80,14 @@ class Cabinet:
     """Missing commands in a row that end the motion; by default 10, at most 50 ms."""
     restart_delay: str = "500ms"
     """Time after a motion that ended with an error until the next, or never."""
-    peg: PegShape = "square"
-    """Shape of peg and hole."""
-    clearance: float = 0.0005
-    """Gap between peg and hole on each side [m]."""
+    env: str = DEFAULT_ENV
+    """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
+    robot: str = DEFAULT_ROBOT
+    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    peg: str | None = None
+    """Shape of peg and hole: square, triangle or round; default the task's."""
+    clearance: float | None = None
+    """Gap between held part and fixture on each side [m]; default the task's."""
     io: tuple[str, ...] = ()
     """IO signals, each NAME:TYPE:DIRECTION[=VALUE]; TYPE is boolean, digital or analog,
     DIRECTION input or output."""
@@ -165,20 +168,22 @@ class Cabinet:
         )
 
     def _build_plant(self) -> DrivenPlant:
-        """Return the arm, at rest over the hole."""
+        """Return the arm, at rest over the fixture."""
         if self.twin is not None and self.plant is not None:
             raise ConfigError(
                 "--twin and --plant exclude each other: a twin has its own"
             )
-        scene = SceneConfig(peg=self.peg, clearance=self.clearance)
+        cell = find_cell(self.env, self.robot, peg=self.peg, clearance=self.clearance)
         if self.plant is not None:
-            plant = make_plant(self.plant, scene, DynamicsConfig())
+            plant = make_plant(self.plant, cell)
         else:
             twin = load_twin(self.twin or "medium")
-            plant = cast("DrivenPlant", TwinPlant(twin, scene))
-        above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
-        start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
-        plant.reset(start, _HOLE)
+            plant = cast("DrivenPlant", TwinPlant(twin, cell))
+        above = _FIXTURE.position + np.array([0.0, 0.0, _ABOVE])
+        robot = plant.robot
+        pose = Pose(above, TOOL_DOWN)
+        start = robot.inverse_kinematics(pose, robot.posture("rest"))
+        plant.reset(start, _FIXTURE)
         return plant
 
 

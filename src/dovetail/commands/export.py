@@ -37,7 +37,7 @@ class Export(EnvSettings):
         for file in policy_files(out):
             if file.exists():
                 raise ConfigError(f"{file} exists; choose another --out")
-        _ = self.environment
+        _ = self.task_class
         env = gymnasium.make(self.env, disable_env_checker=True, **self.env_options())
         try:
             weights = import_file(model, env, self).save(out)

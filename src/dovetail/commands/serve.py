@@ -17,15 +17,17 @@ from dovetail.arms.address import (
     TwinAddress,
     parse_address,
     period_of,
-    places_hole,
+    places_fixture,
 )
 from dovetail.arms.arm import Arm
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period import require_period
 from dovetail.control.period_option import Period
+from dovetail.envs.registered import DEFAULT_ENV, find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
-from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
-from dovetail.scene import PegShape, SceneConfig
+from dovetail.plants.plant import Plant, make_plant
+from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
     from dovetail.rpc.arm_host import ArmBuilder
@@ -45,10 +47,14 @@ class Serve:
     period: Period | None = None
     """Control period that a learner has to ask for: 1ms, 2ms, 2.5ms or 5ms; default the
     one in the arm's address, or else whichever it asks for."""
-    peg: PegShape = "square"
-    """Shape of peg and hole: square, triangle or round."""
-    clearance: float = 0.0005
-    """Gap between peg and hole on each side [m]."""
+    env: str = DEFAULT_ENV
+    """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
+    robot: str = DEFAULT_ROBOT
+    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    peg: str | None = None
+    """Shape of peg and hole: square, triangle or round; default the task's."""
+    clearance: float | None = None
+    """Gap between held part and fixture on each side [m]; default the task's."""
     listen: str = "127.0.0.1:50051"
     """Where to listen; anything but this machine's loopback needs certificates."""
     cert: Path | None = None
@@ -120,17 +126,19 @@ def _builder(settings: Serve) -> "ArmBuilder":
     from dovetail.rpc.builders import LocalBuilder
 
     address = _address(settings)
-    scene = SceneConfig(peg=settings.peg, clearance=settings.clearance)
+    cell = find_cell(
+        settings.env, settings.robot, peg=settings.peg, clearance=settings.clearance
+    )
     if isinstance(address, FriAddress):
-        return _fri_builder(settings.arm, address, scene)
+        return _fri_builder(settings.arm, address, cell)
     period = None if settings.period is None else require_period(settings.period)
     if isinstance(address, PlantAddress):
-        plant = make_plant(address.engine, scene, DynamicsConfig())
+        plant = make_plant(address.engine, cell)
         return LocalBuilder(address.engine, plant, period)
     assert isinstance(address, TwinAddress)
     from dovetail.plants.twin import TwinPlant, load_twin
 
-    twin = cast("Plant", TwinPlant(load_twin(address.twin), scene))
+    twin = cast("Plant", TwinPlant(load_twin(address.twin), cell))
     return LocalBuilder(f"twin:{address.twin}", twin, period)
 
 
@@ -159,18 +167,18 @@ def _address(settings: Serve) -> ArmAddress:
     return replace(address, realtime=True)
 
 
-def _fri_builder(name: str, address: FriAddress, scene: SceneConfig) -> "ArmBuilder":
+def _fri_builder(name: str, address: FriAddress, cell: Workcell) -> "ArmBuilder":
     from dovetail.envs.arm_setup import build_fri_arm
     from dovetail.rpc.builders import RebuiltArm, require_offered
 
     def make(s: "Settings") -> Arm:
         require_offered(name, address.period, s)
-        return build_fri_arm(address, scene, s.osc, s.limits, s.task, s.period)
+        return build_fri_arm(address, cell, s.osc, s.limits, s.task, s.period)
 
     return RebuiltArm(
         name,
-        scene,
+        cell,
         make,
         is_real_time=address.clock == "wall",
-        places_hole=places_hole(address),
+        places_fixture=places_fixture(address),
     )

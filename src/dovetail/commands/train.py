@@ -49,5 +49,6 @@ def _describe(result: TrainResult, config: TrainConfig) -> str:
             f"  {successes}/{episodes} inserted {place} "
             f"(Wilson 95 %: {100 * low:.1f}-{100 * high:.1f} %)"
         )
-    lines.append(f"  next: dovetail evaluate {result.policy} --twin medium")
+    own = f" --env {config.env}" if ":" in config.env else ""
+    lines.append(f"  next: dovetail evaluate {result.policy}{own} --twin medium")
     return "\n".join(lines)

@@ -9,7 +9,7 @@ from dovetail.errors import ConfigError
 from dovetail.types import JOINTS, Vec7
 
 if TYPE_CHECKING:
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 REFERENCE = np.array([15.0, 15.0, 15.0, 15.0, 20.0, 20.0, 20.0])
 """Acceleration that worked on an iiwa 14 with at most 1.2 kg [rad/s2]."""

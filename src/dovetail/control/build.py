@@ -7,7 +7,7 @@ from dovetail.control.task_spec import TaskSpec
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 
 def make_controller(

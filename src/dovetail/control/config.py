@@ -19,7 +19,7 @@ from dovetail.types import JOINTS, Array, Vec3, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 SCHEMES = ("qp", "paper")
 BOUNDS = ("viability", "paper-corrected", "paper-printed")
@@ -237,7 +237,7 @@ class LimitConfig:
         """Return the limits of a robot at a control period, as measured to hold.
 
         Between tabulated periods the margins of the longer one are used. Damping and
-        armature default to the nominal plant's (`DynamicsConfig`).
+        armature default to the robot's.
 
         Args:
             robot: Its limits, and its payload for ddq_max.
@@ -286,8 +286,8 @@ class LimitConfig:
             "delta_q": margin(_DELTA_Q, _DELTA_Q_HARDWARE),
             "delta_v": margin(_DELTA_V, _DELTA_V_HARDWARE),
             "delta_x": margin(_DELTA_X, _DELTA_X_HARDWARE),
-            "damping": 0.5,
-            "armature": 0.1,
+            "damping": robot.damping,
+            "armature": robot.armature,
         } | overrides
         if "ddq_max" in settings:
             return cls(**settings)

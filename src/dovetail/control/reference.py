@@ -18,7 +18,7 @@ from dovetail.types import Array
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 
 NEAR_TIME = 0.04

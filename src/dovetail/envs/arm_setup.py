@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -20,119 +18,98 @@ from dovetail.arms.address import (
 from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.period import (
-    DEFAULT_PERIOD,
-    FRI_PERIODS,
-    require_period,
-)
+from dovetail.control.period import FRI_PERIODS, require_period
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
-from dovetail.envs.usual import FORCE_DAMPING, NEAR_SPEED
-from dovetail.envs.workspace import Walls
+from dovetail.envs.config import USUAL, EnvConfig
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
-from dovetail.plants.twin import TwinConfig, TwinPlant, load_twin
-from dovetail.scene import SceneConfig
+from dovetail.plants.plant import Plant, make_plant
+from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.workcell.workcell import Walls, Workcell
 
 if TYPE_CHECKING:
     from dovetail.arms.watchdog import WatchdogConfig
 
-WALLS_MIN = (0.38, -0.22, 0.03)
-WALLS_MAX = (0.82, 0.22, 0.30)
-"""Walls of the TCP [m], world axes: they enclose every start and every hole."""
 SPEED_MAX = 0.25
 """Speed limit of the TCP per axis [m/s]; all axes together keep it on a robot."""
 
 
 def build_arm(
     arm: Arm | ArmAddress | str | None,
-    scene: SceneConfig,
-    task: TaskSpec,
-    *,
-    plant: str = "mujoco",
-    twin: TwinConfig | str | Path | None = None,
-    period: float = DEFAULT_PERIOD,
-    force_damping: float | Sequence[float] = FORCE_DAMPING,
-    near_speed: float = NEAR_SPEED,
-    walls: Walls = (WALLS_MIN, WALLS_MAX),
-    scheme: str = "qp",
-    engine: str | None = None,
-    dynamics: DynamicsConfig | None = None,
+    cell: Workcell,
+    axes: TaskSpec,
+    config: EnvConfig = USUAL,
 ) -> Arm:
     """Build the arm that an address names.
 
     Args:
-        arm: An address, see `arms.address`; None is the plant or twin of the next
-            arguments; an arm that is built already is returned.
-        scene: Geometry of the task.
-        task: Mode of each axis.
-        plant: Engine's name; an address, or a twin, names its own.
-        twin: A twin, its name or its file; an address names its own.
-        period: Control period [s]; an address may give its own.
-        force_damping: Damping D of force axes [1/s], one number or one for each of
-            X Y Z; the paper has 0, see `PegInHoleEnv`.
-        near_speed: Speed limit of the TCP per axis where contact is near [m/s].
-        walls: Lower and upper walls of the TCP [m].
-        scheme: How limits are kept, "qp" or "paper".
-        engine: Physics engine of the twin, if not the one in its file.
-        dynamics: Physics of the plain plant; every other arm has its own.
+        arm: An address, see `arms.address`; None is the plant or twin of the settings;
+            an arm that is built already is returned.
+        cell: What stands around it.
+        axes: Mode of each axis.
+        config: Its sections action, approach, control and place; an address may give
+            its own period, and a plant or twin of its own.
 
     Raises:
         ConfigError: An unknown address or name, or a setting out of range.
         MissingDependencyError: What the address needs is not installed.
     """
-    period = require_period(period)
+    place, period = config.place, require_period(config.control.period)
     address = parse_address(arm) if isinstance(arm, str) else arm
-    if engine is not None and twin is None and not isinstance(address, TwinAddress):
+    is_twin = place.twin is not None or isinstance(address, TwinAddress)
+    if place.engine is not None and not is_twin:
         raise ConfigError(
-            f"engine is {engine!r}, which is a twin's, and no twin is given; add twin, "
-            "or give plant"
+            f"engine is {place.engine!r}, which is a twin's, and no twin is given; add "
+            "twin, or give plant"
         )
-    build = partial(
-        build_local_arm,
-        scene,
-        task,
-        force_damping=force_damping,
-        near_speed=near_speed,
-        walls=walls,
-        scheme=scheme,
-    )
     if address is None:
-        return build(
-            plant=plant, twin=twin, period=period, engine=engine, dynamics=dynamics
-        )
-    if twin is not None:
+        return build_local_arm(cell, axes, config)
+    if place.twin is not None:
         raise ConfigError("an arm's address and a twin exclude each other; give one")
     if isinstance(address, PlantAddress):
-        return build(plant=address.engine, twin=None, period=period, dynamics=dynamics)
+        return build_local_arm(cell, axes, config.having(plant=address.engine))
     if isinstance(address, TwinAddress):
-        return build(
-            plant=plant,
-            twin=address.twin,
-            period=period,
-            engine=engine,
-            dynamics=dynamics,
-        )
+        return build_local_arm(cell, axes, config.having(twin=address.twin))
     if not isinstance(address, (FriAddress, GrpcAddress)):
         require_period(address.period, "the arm's control period")
         return address
-    if dynamics is not None:
+    if place.dynamics is not None:
         raise ConfigError(
             "dynamics can be given to a plant of this process only; the arm behind "
             "the address has its own"
         )
     period = address.period or period
     is_hardware = address.margins == "hardware"
-    osc, limits = make_settings(
-        scene, period, force_damping, near_speed, walls, scheme, is_hardware=is_hardware
-    )
+    config = config.having(period=period)
+    osc, limits = settings_of(cell, config, is_hardware=is_hardware)
     if isinstance(address, FriAddress):
-        return build_fri_arm(address, scene, osc, limits, task, period)
-    return _build_remote_arm(address, scene, osc, limits, task, period)
+        return build_fri_arm(address, cell, osc, limits, axes, period)
+    return _build_remote_arm(address, cell, osc, limits, axes, period)
+
+
+def settings_of(
+    cell: Workcell, config: EnvConfig, *, is_hardware: bool
+) -> tuple[OscConfig, LimitConfig]:
+    """Return law and limits of the controller of an environment.
+
+    Args:
+        cell: Its robot and its walls.
+        config: Its sections action, approach and control.
+        is_hardware: Margins for an arm that is not as the model says.
+    """
+    return make_settings(
+        cell,
+        config.control.period,
+        config.action.force_damping,
+        config.approach.near_speed,
+        cell.walls,
+        config.control.scheme,
+        is_hardware=is_hardware,
+    )
 
 
 def make_settings(
-    scene: SceneConfig,
+    cell: Workcell,
     period: float,
     force_damping: float | Sequence[float],
     near_speed: float,
@@ -144,7 +121,7 @@ def make_settings(
     """Return law and limits of a task's controller.
 
     Args:
-        scene: Geometry of the task.
+        cell: Its robot, tool and held part.
         period: Control period [s].
         force_damping: Damping D of force axes [1/s], one number or three.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].
@@ -153,7 +130,7 @@ def make_settings(
         is_hardware: Margins for an arm that is not as the model says.
     """
     limits = LimitConfig.for_period(
-        scene.robot(),
+        cell.loaded_robot(),
         period,
         hardware=is_hardware,
         x_min=walls[0],
@@ -167,54 +144,35 @@ def make_settings(
     return osc, limits
 
 
-def build_local_arm(
-    scene: SceneConfig,
-    task: TaskSpec,
-    *,
-    plant: str,
-    twin: TwinConfig | str | Path | None,
-    period: float,
-    force_damping: float | Sequence[float],
-    near_speed: float,
-    walls: Walls = (WALLS_MIN, WALLS_MAX),
-    scheme: str = "qp",
-    engine: str | None = None,
-    dynamics: DynamicsConfig | None = None,
-) -> LocalArm:
-    """Build controller and plant.
+def build_local_arm(cell: Workcell, axes: TaskSpec, config: EnvConfig) -> LocalArm:
+    """Build controller and plant in this process.
 
     Args:
-        scene: Geometry of the task.
-        task: Mode of each axis.
-        plant: Engine's name; not used with a twin, which names its own.
-        twin: A twin, its name or its file; None for the plain plant.
-        period: Control period [s].
-        force_damping: Damping D of force axes [1/s], one number or one for each of
-            X Y Z; the paper has 0, see `PegInHoleEnv`.
-        near_speed: Speed limit of the TCP per axis where contact is near [m/s].
-        walls: Lower and upper walls of the TCP [m].
-        scheme: How limits are kept, "qp" or "paper".
-        engine: Physics engine of the twin, if not the one in its file.
-        dynamics: Physics of the plain plant; a twin has its own.
+        cell: What stands in it.
+        axes: Mode of each axis.
+        config: Its sections action, approach, control and place; the margins are those
+            of hardware, as the same policy has to run there.
 
     Raises:
         ConfigError: Dynamics given with a twin, unknown plant or twin, or a setting out
             of range.
     """
-    if twin is not None and dynamics is not None:
+    place, period = config.place, config.control.period
+    if place.twin is not None and place.dynamics is not None:
         raise ConfigError("dynamics and twin exclude each other: a twin has its own")
-    osc, limits = make_settings(scene, period, force_damping, near_speed, walls, scheme)
+    osc, limits = settings_of(cell, config, is_hardware=True)
     body: Plant
-    if twin is None:
-        body = make_plant(plant, scene, dynamics or DynamicsConfig())
+    if place.twin is None:
+        body = make_plant(place.plant, cell, place.dynamics)
     else:
-        body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
-    return LocalArm(body, scene.robot(), osc, limits, task, period)
+        twin = TwinPlant(load_twin(place.twin), cell, engine=place.engine)
+        body = cast("Plant", twin)
+    return LocalArm(body, cell.loaded_robot(), osc, limits, axes, period)
 
 
 def build_fri_arm(
     address: FriAddress,
-    scene: SceneConfig,
+    cell: Workcell,
     osc: OscConfig,
     limits: LimitConfig,
     task: TaskSpec | str,
@@ -229,7 +187,7 @@ def build_fri_arm(
     if address.control is None:  # a robot: T1's limit is one of the velocity's norm
         limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
     return FriArm(
-        scene.robot(),
+        cell.loaded_robot(),
         osc,
         limits,
         task,
@@ -252,7 +210,7 @@ def build_fri_arm(
 
 def _build_remote_arm(
     address: GrpcAddress,
-    scene: SceneConfig,
+    cell: Workcell,
     osc: OscConfig,
     limits: LimitConfig,
     task: TaskSpec,
@@ -266,6 +224,6 @@ def _build_remote_arm(
         limits,
         task,
         period,
-        robot=scene.robot(),
-        scene=scene,
+        robot=cell.loaded_robot(),
+        cell=cell,
     )

@@ -37,7 +37,7 @@ class RebuiltOnCopy:
                 "an environment whose first episode has begun cannot be copied or "
                 "pickled: copy it before reset, or make another by gymnasium.make"
             )
-        arm = options.get("arm", next(iter(arguments), None))
+        arm = options.get("arm", arguments[1] if len(arguments) > 1 else None)
         if arm is not None and not isinstance(arm, str):
             raise ConfigError(
                 f"an environment that was given a {type(arm).__name__} cannot be "

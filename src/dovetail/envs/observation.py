@@ -1,22 +1,20 @@
-"""The fourteen numbers a policy sees, from what the arm measured."""
+"""The numbers that a policy sees, from what the arm measured, in groups of columns."""
 
-import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.arms.arm import ArmState
-from dovetail.types import Array, Vec3, Vec4, Vec7
+from dovetail.errors import ConfigError
+from dovetail.poses import theta_about_vertical
+from dovetail.robots.robot import Robot
+from dovetail.tasks.task import Goal
+from dovetail.types import Array, Vec3
 
-NUM_OBSERVATIONS = 14
-
-COLUMNS: tuple[tuple[str, str], ...] = (
-    *((f"obs_q{i}", "rad") for i in range(1, 8)),
-    *((f"obs_{axis}", "m") for axis in "xyz"),
-    ("obs_theta", "rad"),
-    *((f"obs_v{axis}", "m/s") for axis in "xyz"),
-)
-"""Name and unit of each unscaled number, in order."""
+USUAL_GROUPS = ("joints", "position", "theta", "velocity")
+"""What tasks show where they do not say."""
 
 POSITION_SCALE = 0.002
 """Symmetric log: below this distance [m] the scaling is nearly linear."""
@@ -24,81 +22,169 @@ THETA_SCALE = 0.02
 """The same for the rotation about the vertical [rad]."""
 VELOCITY_SCALE = 0.02
 """The same for the velocity [m/s]."""
-
-OBSERVATION_HIGH: NDArray[np.float32] = np.array(
-    [1.1] * 7 + [7.0] * 3 + [5.1] + [5.0] * 3, dtype=np.float32
-)
-"""Bounds of the scaled observation: 10 % past a joint limit, 2.2 m, 3.2 rad, 2.9 m/s;
-further values are clipped."""
+FORCE_SCALE = 1.0
+"""The same for the contact force [N]."""
 
 
-class ObservationScaling:
-    r"""Scales joint angles by their limits, the rest by a symmetric logarithm.
+class Column(NamedTuple):
+    """One number that a policy sees."""
+
+    name: str
+    unit: str
+    """Unit of the unscaled number."""
+    frame: str
+    """What it is relative to, and in whose axes."""
+
+
+class Group(NamedTuple):
+    """Columns that belong together."""
+
+    columns: tuple[Column, ...]
+    scale: float
+    """Symmetric log: below this the scaling is nearly linear; 0: by joint limits."""
+    high: float
+    """Bound of the scaled numbers; further values are clipped."""
+    read: Callable[[ArmState, Goal], Any]
+    """Gives the unscaled numbers."""
+
+
+def _columns(names: str, unit: str, frame: str) -> tuple[Column, ...]:
+    return tuple(Column(f"obs_{name}", unit, frame) for name in names.split())
+
+
+_GOAL = "tool minus goal, world axes"
+GROUPS: Mapping[str, Group] = {
+    "joints": Group(
+        _columns("q1 q2 q3 q4 q5 q6 q7", "rad", "joints"),
+        0.0,
+        1.1,  # 10 % past a joint limit
+        lambda state, goal: state.q,
+    ),
+    "position": Group(
+        _columns("x y z", "m", _GOAL),
+        POSITION_SCALE,
+        7.0,  # 2.2 m
+        lambda state, goal: state.position - goal.position,
+    ),
+    "theta": Group(
+        _columns("theta", "rad", "about the vertical, relative to the goal"),
+        THETA_SCALE,
+        5.1,  # 3.2 rad
+        lambda state, goal: theta_about_vertical(state.quat_wxyz, goal.quat_wxyz),
+    ),
+    "velocity": Group(
+        _columns("vx vy vz", "m/s", "tool, world axes"),
+        VELOCITY_SCALE,
+        5.0,  # 2.9 m/s
+        lambda state, goal: state.velocity[:3],
+    ),
+    "spin": Group(
+        _columns("wx wy wz", "rad/s", "tool, world axes"),
+        VELOCITY_SCALE,
+        7.0,  # 22 rad/s
+        lambda state, goal: state.velocity[3:],
+    ),
+    "force": Group(
+        _columns("fx fy fz", "N", "on the tool, world axes; simulations only"),
+        FORCE_SCALE,
+        7.0,  # 1.1 kN
+        lambda state, goal: state.contact_force,
+    ),
+}
+"""Every group that a task may show."""
+
+
+class Layout:
+    r"""The columns of one environment: how they are read and scaled.
+
+    Joint angles are scaled by their limits, the rest by a symmetric logarithm:
 
     .. math:: y = sign(x) \ln(1 + |x| / s)
 
-    It is monotone and invertible and gives the network millimetres near the hole. The
-    position is taken from the hole's mouth, a fixed `mouth_offset` from the target,
+    It is monotone and invertible and gives the network millimetres near the goal. The
+    position is counted from `zero_offset` from the goal, the mouth of an opening,
     because that is where millimetres decide: without it the peg was inserted half as
     often after 15,000 steps.
     """
 
-    def __init__(self, q_min: Vec7, q_max: Vec7, mouth_offset: Vec3) -> None:
-        """Take the joint limits [rad] and the mouth minus the target [m], world."""
-        self._zero = np.array([*(q_max + q_min) / 2.0, *mouth_offset, *[0.0] * 4])
-        self._unit = np.array(
-            [
-                *(q_max - q_min) / 2.0,
-                *[POSITION_SCALE] * 3,
-                THETA_SCALE,
-                *[VELOCITY_SCALE] * 3,
-            ]
-        )
-        self._high = OBSERVATION_HIGH.astype(float)
+    def __init__(self, groups: Sequence[str], robot: Robot, zero_offset: Vec3) -> None:
+        """Lay out the columns.
+
+        Args:
+            groups: Names of `GROUPS`, in order.
+            robot: Its joint limits scale joint angles.
+            zero_offset: Zero of the scaled position minus the goal [m], world axes.
+
+        Raises:
+            ConfigError: An unknown group, or one twice.
+        """
+        unknown = [name for name in groups if name not in GROUPS]
+        if unknown or len(set(groups)) < len(groups) or not groups:
+            raise ConfigError(
+                f"observation columns are {', '.join(groups) or 'none'}; give each of "
+                f"these at most once: {', '.join(GROUPS)}"
+            )
+        self.columns = tuple(c for name in groups for c in GROUPS[name].columns)
+        size = len(self.columns)
+        self._zero, self._unit = np.zeros(size), np.ones(size)
+        self._is_log, high = np.ones(size, dtype=bool), np.zeros(size)
+        self._read: list[tuple[slice, Callable[[ArmState, Goal], Any]]] = []
+        start = 0
+        for name in groups:
+            group = GROUPS[name]
+            place = slice(start, start + len(group.columns))
+            start = place.stop
+            self._unit[place], high[place] = group.scale, group.high
+            if name == "joints":
+                self._zero[place] = (robot.q_max + robot.q_min) / 2.0
+                self._unit[place] = (robot.q_max - robot.q_min) / 2.0
+                self._is_log[place] = False
+            if name == "position":
+                self._zero[place] = zero_offset
+            self._read.append((place, group.read))
+        self.high: NDArray[np.float32] = high.astype(np.float32)
+        self._high = self.high.astype(float)
         self._low = -self._high
+        firsts = np.flatnonzero(self._is_log)
+        is_tail = len(firsts) > 0 and bool(self._is_log[firsts[0] :].all())
+        self._log: Any = slice(int(firsts[0]), size) if is_tail else self._is_log
+
+    def __len__(self) -> int:
+        """How many columns there are."""
+        return len(self.columns)
+
+    def read(self, state: ArmState, goal: Goal) -> Array:
+        """Return the unscaled observation, shape (len(self),)."""
+        raw = np.empty(len(self.columns))
+        for place, read in self._read:
+            raw[place] = read(state, goal)
+        return raw
 
     def scale(self, raw: Array) -> NDArray[np.float32]:
-        """Scale an unscaled observation, shape (14,)."""
+        """Scale an unscaled observation, shape (len(self),)."""
         out = (raw - self._zero) / self._unit
-        tail = out[7:]
-        np.copysign(np.log1p(np.abs(tail)), tail, out=tail)
+        part = out[self._log]
+        out[self._log] = np.copysign(np.log1p(np.abs(part)), part)
         np.maximum(out, self._low, out=out)
         np.minimum(out, self._high, out=out)
         return out.astype(np.float32)
 
-    def describe(self) -> dict[str, object]:
+    def describe(self) -> dict[str, list[Any]]:
         """Return the scaling as plain data, for a policy's JSON."""
         return {
-            "joint_middle": self._zero[:7].tolist(),
-            "joint_half_range": self._unit[:7].tolist(),
-            "symmetric_log": self._unit[7:].tolist(),
-            "mouth_offset": self._zero[7:10].tolist(),
+            "zero": self._zero.tolist(),
+            "unit": self._unit.tolist(),
+            "is_logarithmic": self._is_log.tolist(),
         }
 
 
-def theta_about_vertical(quat: Vec4, quat_goal: Vec4) -> float:
-    """Return the turn about world z [rad] from the goal to `quat`, in (-pi, pi]."""
-    w, x, y, z = quat.tolist()
-    gw, gx, gy, gz = quat_goal.tolist()
-    real = w * gw + x * gx + y * gy + z * gz
-    vertical = -w * gz - x * gy + y * gx + z * gw
-    theta = 2.0 * math.atan2(vertical, real)
-    if theta > math.pi:
-        return theta - 2.0 * math.pi
-    return theta + 2.0 * math.pi if theta <= -math.pi else theta
-
-
-def observe(state: ArmState, goal_position: Vec3, goal_quat: Vec4) -> Array:
-    """Return the unscaled observation, shape (14,), see `COLUMNS`.
-
-    Args:
-        state: What the arm measured.
-        goal_position: Tool position when done [m], world axes.
-        goal_quat: Tool rotation when done, wxyz.
-    """
-    raw = np.empty(NUM_OBSERVATIONS)
-    raw[:7] = state.q
-    raw[7:10] = state.position - goal_position
-    raw[10] = theta_about_vertical(state.quat_wxyz, goal_quat)
-    raw[11:14] = state.velocity[:3]
-    return raw
+def by_columns(scaling: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a scaling by columns; files of version 0.3 and before had it by groups."""
+    if "joint_middle" not in scaling:
+        return dict(scaling)
+    offset = scaling.get("mouth_offset", [0.0] * 3)
+    return {
+        "zero": [*scaling["joint_middle"], *offset, *[0.0] * 4],
+        "unit": [*scaling["joint_half_range"], *scaling["symmetric_log"]],
+        "is_logarithmic": [False] * 7 + [True] * 7,
+    }

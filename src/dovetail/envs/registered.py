@@ -1,23 +1,168 @@
-"""The environments that have a name, and what a name stands for."""
+"""Environments that have a name: a task and a few short settings.
+
+``gym.make("dovetail/PegInHole-v0", clearance=0.001, twin="medium")``. A task outside
+the package is registered by its own module with `register_task` and named
+``my_module:MyTask-v0``.
+"""
+
+import importlib
+import sys
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
 
 import gymnasium
-from gymnasium.envs.registration import load_env_creator
 
-from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.arms.arm import Arm
+from dovetail.envs.config import SECTION_OF, EnvConfig
+from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
+from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.tasks.task import Task
+from dovetail.trackers.tracker import Tracker
+from dovetail.workcell.workcell import Workcell
+
+DEFAULT_ENV = "dovetail/PegInHole-v0"
+_MAKE = "dovetail.envs.registered:make_env"
 
 
-def environment_class(env_id: str) -> type[PegInHoleEnv]:
-    """Return the class behind a Gymnasium id.
+class UnknownSettingError(ConfigError, TypeError):
+    """A setting that neither the task nor its environment takes."""
+
+
+def register_task(env_id: str, task: type[Task] | str) -> None:
+    """Give a task a name for `gym.make` and for every command's `--env`.
+
+    Args:
+        env_id: Gymnasium id, such as ``MyTask-v0``.
+        task: The task's class, or ``module:Class``.
+    """
+    if env_id not in gymnasium.registry:
+        gymnasium.register(env_id, entry_point=_MAKE, kwargs={"task_class": task})
+
+
+def make_env(
+    task_class: type[Task] | str,
+    arm: Arm | str | None = None,
+    config: EnvConfig | None = None,
+    tracker: Tracker | str | None = None,
+    render_mode: str | None = None,
+    **settings: Any,
+) -> ContactEnv:
+    """Build the environment of a task.
+
+    Args:
+        task_class: The task's class, or ``module:Class``.
+        arm: The arm to use, or its address; None is the settings'.
+        config: Settings to begin with; None is the usual ones.
+        tracker: Where the fixture is, or its name; None is the settings'.
+        render_mode: None; there is nothing to render.
+        **settings: Fields of the task, and of the sections of `EnvConfig`; ``task`` is
+            the mode of each axis.
 
     Raises:
-        ConfigError: No environment of dovetail; lists them.
+        ConfigError: An unknown setting, or a value out of range.
     """
-    spec = gymnasium.registry.get(env_id)
-    found = spec.entry_point if spec else None
-    if isinstance(found, str):
-        found = load_env_creator(found)
-    if not (isinstance(found, type) and issubclass(found, PegInHoleEnv)):
-        known = ", ".join(name for name in gymnasium.registry if "dovetail/" in name)
-        raise ConfigError(f"environment {env_id!r} is unknown; known: {known}")
-    return found
+    kind = _class(task_class)
+    own, rest = split_settings(kind, settings)
+    base = config or EnvConfig()
+    if isinstance(tracker, str):
+        base, tracker = base.having(tracker=tracker), None
+    return ContactEnv(
+        kind(**own), arm, base.having(**rest), tracker=tracker, render_mode=render_mode
+    )
+
+
+def split_settings(
+    task: type[Task], settings: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return what a task takes of these settings, and what the environment takes.
+
+    Raises:
+        UnknownSettingError: Something that neither takes; lists what both do.
+    """
+    given = {("axes" if k == "task" else k): v for k, v in settings.items()}
+    known = {f.name for f in fields(task)}
+    if unknown := sorted(set(given) - known - set(SECTION_OF)):
+        raise UnknownSettingError(
+            f"{task.__name__} has no settings {', '.join(unknown)}; known: "
+            f"{', '.join(sorted(known))}; of its environment: {', '.join(SECTION_OF)}"
+        )
+    # None is what a caller says who has nothing to say.
+    own = {k: v for k, v in given.items() if k in known and v is not None}
+    return own, {k: v for k, v in given.items() if k not in known}
+
+
+def task_class(env_id: str) -> type[Task]:
+    """Return the class of the task behind a name.
+
+    ``module:Id`` imports the module first, which registers the id.
+
+    Raises:
+        ConfigError: No task has this name; lists those that do.
+    """
+    module, _, name = env_id.rpartition(":")
+    if module:
+        _import(module, env_id)
+    spec = gymnasium.registry.get(name)
+    found = spec.kwargs.get("task_class") if spec else None
+    if found is None:
+        known = [n for n, s in gymnasium.registry.items() if "task_class" in s.kwargs]
+        raise ConfigError(
+            f"environment {env_id!r} is unknown; known: {', '.join(known)}; or give "
+            "MODULE:ID of your own, see docs/your-own-task.md"
+        )
+    return _class(found)
+
+
+def find_cell(
+    env_id: str = DEFAULT_ENV, robot: str = DEFAULT_ROBOT, **settings: Any
+) -> Workcell:
+    """Return the workcell of a task.
+
+    Args:
+        env_id: Its name.
+        robot: The robot in it, see `robots.find`.
+        **settings: Fields of the task; None is its own.
+
+    Raises:
+        ConfigError: An unknown name or setting, or a value out of range.
+    """
+    return make_task(env_id, settings).workcell(find_robot(robot))
+
+
+def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
+    """Build the task behind a name.
+
+    Args:
+        env_id: Its name.
+        settings: Fields of the task; None is its own.
+
+    Raises:
+        ConfigError: An unknown name or setting, or a value out of range.
+    """
+    kind = task_class(env_id)
+    given = {name: value for name, value in settings.items() if value is not None}
+    own, _ = split_settings(kind, given)
+    return kind(**own)
+
+
+def _import(module: str, env_id: str) -> None:
+    """Import a stranger's module, also from the folder where the command was given."""
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.append(here)
+    try:
+        importlib.import_module(module)
+    except ImportError as error:
+        raise ConfigError(
+            f"environment {env_id!r}: Python finds no module {module!r} ({error}); "
+            "start where its file lies, or set PYTHONPATH"
+        ) from error
+
+
+def _class(task: type[Task] | str) -> type[Task]:
+    if isinstance(task, type):
+        return task
+    module, _, name = task.partition(":")
+    return vars(importlib.import_module(module))[name]

@@ -18,10 +18,10 @@ from dovetail.arms.arm import Arm, ArmState
 from dovetail.control.period import POLICY_PERIOD as STEP_TIME
 from dovetail.control.task_spec import FORCE, HOLD, POSE, TaskSpec
 from dovetail.envs.commands import CommandMap, per_axis
-from dovetail.envs.workspace import Walls
 from dovetail.errors import ArmError, ConfigError
 from dovetail.poses import Pose, rotation_error
 from dovetail.types import Array, Vec3, Vec6
+from dovetail.workcell.workcell import Walls
 
 SPEED = 0.015
 """Speed along each axis [m/s]: below the speed limit near contact."""

@@ -7,7 +7,7 @@ import numpy as np
 from dovetail import _core
 from dovetail.arms.arm import ArmState
 from dovetail.plants.plant import CYCLE_COLUMNS
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import Array
 
 _FLAGS = CYCLE_COLUMNS.index("flags")

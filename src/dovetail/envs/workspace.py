@@ -1,56 +1,51 @@
-"""Whether an arm is built for the task, and the hole lies where it may work."""
+"""Whether an arm is built for the task, and the fixture stands where it may work."""
 
 from dovetail.arms.arm import Arm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError
-from dovetail.poses import Pose, matrix_from_quat
-from dovetail.scene import SceneConfig
-
-Walls = tuple[tuple[float, ...], tuple[float, ...]]
-"""Lower and upper walls of the TCP [m], world axes."""
+from dovetail.poses import Pose
+from dovetail.tasks.task import Task
+from dovetail.workcell.workcell import Workcell
 
 
-def require_inside(scene: SceneConfig, arm: Arm, walls: Walls, hole: Pose) -> None:
-    """Refuse a hole whose mouth or floor the arm's limits keep the peg from.
+def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
+    """Refuse a fixture where the arm's limits keep the tool from a place of the task.
 
     Args:
-        scene: Geometry of the hole.
+        task: Its places and slack.
+        cell: Its walls and reach.
         arm: The arm, with its limits where it knows them.
-        walls: Walls of the TCP [m].
-        hole: The hole's pose.
+        fixture: The fixture's pose.
 
     Raises:
         ConfigError: Names the axis, by how much it lies outside, and what is allowed.
     """
-    scene.require_reachable(arm.robot, hole)
-    axis = matrix_from_quat(hole.quat_wxyz)[:, 2]
-    bottom = hole.position - scene.hole_depth * axis
-    low, high = walls
+    cell.require_reachable(fixture)
+    low, high = cell.walls
     limits = getattr(arm, "limits", None)
-    room = scene.hole_depth - scene.success_depth
-    margin = max(0.005, getattr(limits, "delta_x", 0.0) - room)
-    for point, place in ((hole.position, "mouth"), (bottom, "floor")):
+    margin = max(0.005, getattr(limits, "delta_x", 0.0) - task.slack())
+    for place, point in task.places(fixture).items():
         for i, name in enumerate("xyz"):
             excess = max(low[i] - point[i], point[i] - high[i]) + margin
             if excess > 0.0:
                 raise ConfigError(
-                    f"the hole's {place} has {name} = {point[i]:.4f} m, which is "
-                    f"{excess:.4f} m outside the workspace; allowed: "
-                    f"{low[i] + margin:g} to {high[i] - margin:g} m; move the hole"
-                    f"{_margin_advice(margin)}"
+                    f"the {cell.fixture.name}'s {place} has {name} = {point[i]:.4f} m, "
+                    f"which is {excess:.4f} m outside the workspace; allowed: "
+                    f"{low[i] + margin:g} to {high[i] - margin:g} m; move the "
+                    f"{cell.fixture.name}{_margin_advice(margin)}"
                 )
 
 
-def require_task(arm: Arm, task: TaskSpec) -> None:
-    """Refuse an arm that was built for another task.
+def require_axes(arm: Arm, axes: TaskSpec) -> None:
+    """Refuse an arm that was built for other axes.
 
     Raises:
         ConfigError: Names both.
     """
-    own = getattr(arm, "task", task)
-    if own != task:
+    own = getattr(arm, "task", axes)
+    if own != axes:
         raise ConfigError(
-            f"the arm's task is '{own}', the environment's is '{task}'; give both the "
+            f"the arm's task is '{own}', the environment's is '{axes}'; give both the "
             "same"
         )
 

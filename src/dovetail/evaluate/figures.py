@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dovetail.evaluate.outcome import Outcome
-from dovetail.scene import SceneConfig
-from dovetail.types import Array
+from dovetail.tasks.task import Outline
 
 INSERTED = "#0b7a75"
 MISSED = "#d1495b"
@@ -20,32 +19,22 @@ _INK = "#4a4640"
 _VIEW = 60.0  # half width of a view [mm]
 
 
-def hole_outline(scene: SceneConfig) -> Array:
-    """Return the hole's outline in its own frame [m], closed, shape (points, 2)."""
-    edge = scene.inner_radius + scene.clearance
-    if scene.peg == "square":
-        return edge * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1.0]])
-    radius, corners = (2.0 * edge, 3) if scene.peg == "triangle" else (edge, 72)
-    angle = np.arange(corners + 1) * 2.0 * np.pi / corners
-    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-
-
 def draw_paths(
     outcomes: Sequence[Outcome],
     labels: Sequence[str],
     *,
-    scene: SceneConfig,
+    outline: Outline | None,
     title: str,
 ) -> bytes:
-    """Draw the peg tip's path of every try, one column per hole pose.
+    """Draw the tool's path of every try, one column per pose of the fixture.
 
-    Above the view from the top with the hole's outline, below the view along the
-    hole's y with a cut through the block; both in the hole's frame.
+    Above the view from the top with the fixture's outline, below the view along its
+    y with a cut through it; both in the fixture's frame.
 
     Args:
         outcomes: The tries.
-        labels: Names of the hole poses.
-        scene: Geometry of the hole.
+        labels: Names of the fixture's poses.
+        outline: Of the fixture; None draws the paths alone.
         title: Line above the figure: what was tried on what.
 
     Returns:
@@ -59,7 +48,8 @@ def draw_paths(
         top, side = grid[0, column], grid[1, column]
         inserted = sum(outcome.success for outcome in tries)
         top.set_title(f"pose {label}: {inserted}/{len(tries)}", fontsize=10)
-        _draw_block(top, side, scene)
+        if outline is not None:
+            _draw_fixture(top, side, outline)
         for outcome in tries:
             if not len(outcome.path):
                 continue  # the arm ended it before the first step
@@ -82,24 +72,24 @@ def draw_paths(
     return _png(figure)
 
 
-def _draw_block(top: Any, side: Any, scene: SceneConfig) -> None:
+def _draw_fixture(top: Any, side: Any, outline: Outline) -> None:
     style = {"facecolor": _BLOCK, "edgecolor": _INK, "linewidth": 0.8}
-    outline, outer = 1e3 * hole_outline(scene), 0.5e3 * scene.block_width
+    opening, outer = 1e3 * outline.opening, 1e3 * outline.outer
     corners = outer * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     top.fill(*corners.T, **style)
-    top.fill(*outline.T, **style | {"facecolor": "white"})
-    for part in _cut(scene, outline[:, 0].min(), outline[:, 0].max(), outer):
+    top.fill(*opening.T, **style | {"facecolor": "white"})
+    for part in _cut(outline, opening[:, 0].min(), opening[:, 0].max(), outer):
         side.fill(*np.array(part).T, **style)
 
 
 def _cut(
-    scene: SceneConfig, left: float, right: float, outer: float
+    outline: Outline, left: float, right: float, outer: float
 ) -> list[list[tuple[float, float]]]:
-    """Return the pieces of the block in the side view [mm]: two without a floor."""
-    floor, bottom = -1e3 * scene.hole_depth, -1e3 * scene.block_height
+    """Return the pieces of the fixture in the side view [mm]: two without a floor."""
+    floor, bottom = -1e3 * outline.depth, -1e3 * outline.bottom
     walls = [(-outer, 0.0), (left, 0.0), (left, floor)]
     others = [(right, floor), (right, 0.0), (outer, 0.0)]
-    if scene.floor_thickness == 0.0:
+    if outline.bottom == outline.depth:
         return [[*walls, (-outer, floor)], [*others, (outer, floor)]]
     return [[*walls, *others, (outer, bottom), (-outer, bottom)]]
 

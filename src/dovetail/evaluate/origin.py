@@ -17,10 +17,10 @@ from dovetail.arms.address import (
     parse_address,
 )
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD, format_period
-from dovetail.envs.hole_pose import HolePose
 from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
+from dovetail.tasks.fixture_pose import FixturePose
 
 if TYPE_CHECKING:
     from dovetail.evaluate.evaluation import EvaluationConfig
@@ -81,7 +81,7 @@ def other_period(period: float, policy: Mapping[str, Any]) -> str:
 
 
 def describe_settings(
-    config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[HolePose]
+    config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[FixturePose]
 ) -> dict[str, Any]:
     """Return everything that was asked for, for a report.
 
@@ -100,10 +100,16 @@ def describe_settings(
     return {name: value for name, value in settings.items() if value is not None}
 
 
+_GIVEN = (
+    *("env", "robot", "tracker", "plant", "twin", "arm"),
+    *("hole", "peg", "clearance", "tries", "seed"),
+)
+
+
 def command_line(config: "EvaluationConfig") -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
-    for name in ("plant", "twin", "arm", "hole", "peg", "clearance", "tries", "seed"):
+    for name in _GIVEN:
         if (value := getattr(config, name)) is not None:
             values = value if isinstance(value, tuple) else [value]
             words += [f"--{name}", *map(str, values)]

@@ -12,17 +12,16 @@ from dovetail.arms.address import (
     ArmAddress,
     FriAddress,
     GrpcAddress,
-    places_hole,
+    places_fixture,
 )
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.envs.hole_pose import UPRIGHT
-from dovetail.envs.hole_tracker import CoveredHole
-from dovetail.envs.randomisation import RandomisationConfig
-from dovetail.envs.registered import environment_class
-from dovetail.envs.search import SearchConfig, SpiralSearch
+from dovetail.envs.registered import task_class
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose
+from dovetail.tasks.fixture_pose import UPRIGHT
+from dovetail.trackers.covered import Covered
+from dovetail.trackers.spiral import SearchConfig, SpiralSearch
 from dovetail.types import Vec3
 
 HOLE_TRAVEL = 0.05
@@ -112,7 +111,7 @@ class Perturbation:
                     f"an arm over gRPC cannot be perturbed by --{option}; try it where "
                     "the arm is: --plant, --twin, or fri:// with control=HOST:PORT"
                 )
-            if isinstance(arm, FriAddress) and not places_hole(arm):
+            if isinstance(arm, FriAddress) and not places_fixture(arm):
                 raise ConfigError(
                     f"--{option} needs a simulation, or the control port of a "
                     "simulated cabinet (control=HOST:PORT); a real arm is pushed by "
@@ -168,13 +167,14 @@ class Perturbed(gym.Wrapper):
     """Perturbs the episodes of a peg-in-hole environment, each by its reset's seed."""
 
     def __init__(self, env: gym.Env, perturbation: Perturbation) -> None:
-        """Take the environment; with a `hole_shift` its tracker is a CoveredHole."""
+        """Take the environment; with a `hole_shift` its tracker is a Covered."""
         super().__init__(env)
         self.perturbation = perturbation
         self.core: Any = env.unwrapped
         self._covered = self.core.tracker
         if perturbation.search != "none":
-            search = SearchConfig.for_clearance(self.core.scene.clearance)
+            gap = self.core.task.gap()
+            search = SearchConfig.for_clearance(gap) if gap else SearchConfig()
             self.core.tracker = SpiralSearch(self._covered, search)
         self._rng = np.random.default_rng()
         self._pushes: list[Push] = []
@@ -212,7 +212,7 @@ class Perturbed(gym.Wrapper):
                 distance_out(step * POLICY_PERIOD, self.perturbation.hole_speed)
                 for step in (self._step, self._step + 1)
             )
-            self.core.slide_hole((end - begin) / POLICY_PERIOD * self._direction)
+            self.core.slide_fixture((end - begin) / POLICY_PERIOD * self._direction)
         while self._pushes and self._pushes[0].step <= self._step:
             push = self._pushes.pop(0)
             self.core.arm.push(push.force, push.duration)
@@ -225,12 +225,12 @@ class Perturbed(gym.Wrapper):
         Raises:
             ConfigError: There is none among 32.
         """
-        core, hole = self.core, self.core.hole
+        core, fixture = self.core, self.core.fixture
         for last in [False] * 31 + [True]:
             direction = _horizontal(self._rng)
-            end = Pose(hole.position + HOLE_TRAVEL * direction, hole.quat_wxyz)
+            end = Pose(fixture.position + HOLE_TRAVEL * direction, fixture.quat_wxyz)
             try:
-                require_inside(core.scene, core.arm, core.walls(), end)
+                require_inside(core.task, core.cell, core.arm, end)
             except ConfigError:
                 if last:
                     raise
@@ -257,19 +257,23 @@ def make_perturbed(
     Raises:
         ConfigError: This cannot be done in this environment.
     """
+    task = task_class(env_id)
     make = partial(gym.make, env_id, disable_env_checker=True)
     if not perturbation:
         return make(**options)
-    is_upright = environment_class(env_id).hole_poses[0].facing == UPRIGHT
+    is_upright = task.trial_poses[0].facing == UPRIGHT
     if not is_upright and (perturbation.hole_shift or perturbation.start == "below"):
         raise ConfigError(
-            f"--hole-shift and --start below are for a hole that opens upwards; that "
-            f"of {env_id} does not: leave them out"
+            f"--hole-shift and --start below are for a fixture that opens upwards; "
+            f"that of {env_id} does not: leave them out"
         )
     more: dict[str, Any] = {}
     if perturbation.hole_shift:
-        more["tracker"] = CoveredHole()
+        more["tracker"] = Covered()
     if perturbation.start == "below":
-        low, _ = RandomisationConfig().start_z
-        more["randomisation"] = RandomisationConfig(start_z=(low, 0.0))
-    return Perturbed(make(**options, **more), perturbation)
+        more |= task.low_starts()
+        if not more:
+            raise ConfigError(
+                f"{env_id} has no starts below a surface: no --start below"
+            )
+    return Perturbed(make(**{**options, **more}), perturbation)

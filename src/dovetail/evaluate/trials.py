@@ -1,4 +1,4 @@
-"""Run a policy many times at given hole poses, from seeded starts."""
+"""Run a policy many times at given poses of the fixture, from seeded starts."""
 
 import math
 import multiprocessing
@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from dovetail.envs.hole_pose import HOLE_POSES, HolePose
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.outcome import Outcome
 from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, matrix_from_quat
+from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Array
 
 CONTACT_THRESHOLD = 0.1
@@ -60,7 +60,7 @@ class Trialist:
         self,
         make_env: Callable[[], gym.Env],
         load_policy: Callable[[], Actor],
-        poses: Sequence[HolePose],
+        poses: Sequence[FixturePose],
         logs: Path | None,
     ) -> None:
         """Build the environment and load the policy once.
@@ -68,7 +68,7 @@ class Trialist:
         Args:
             make_env: Builds the environment; the tries share it.
             load_policy: Loads the policy.
-            poses: Hole poses that jobs refer to by index.
+            poses: Poses of the fixture that jobs refer to by index.
             logs: Existing folder for the Episode logs, or None to keep none.
         """
         self._policy = load_policy()
@@ -78,14 +78,16 @@ class Trialist:
 
     def run(self, job: Job) -> Outcome:
         """Run one try from reset to success, time-out or the arm's stop, and log it."""
-        hole = self._poses[job.pose].pose()
+        fixture = self._poses[job.pose].pose()
         file = self._log_file(job)
         try:
-            observation, info = self._env.reset(seed=job.seed, options={"hole": hole})
+            observation, info = self._env.reset(
+                seed=job.seed, options={"fixture": fixture}
+            )
         except ArmError as error:
             if error.reason != "tare":
                 raise
-            return self._without_tare(job, hole, error)
+            return self._without_tare(job, fixture, error)
         self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
@@ -108,15 +110,15 @@ class Trialist:
                 violations += int(info["limit_violations"])
                 done = ended or cut
         log = "" if file is None else file.name
-        outcome = _outcome(job, blocks, hole, steps, violations, info, log)
+        outcome = _outcome(job, blocks, fixture, steps, violations, info, log)
         outcome = replace(outcome, perturbation=perturbation, tare=tuple(tare))
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
 
-    def _without_tare(self, job: Job, hole: Pose, error: ArmError) -> Outcome:
+    def _without_tare(self, job: Job, fixture: Pose, error: ArmError) -> Outcome:
         """Return a try that ended before it began: the tool did not follow its lead."""
         violations = self._env.unwrapped.violations.count(error.state.log)  # type: ignore[attr-defined]
         nothing = {"success": False, "depth": math.nan}
-        outcome = _outcome(job, [], hole, 0, violations, nothing, "")
+        outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
         return replace(outcome, stopped=error.reason)
 
     def close(self) -> None:
@@ -128,7 +130,7 @@ class Trialist:
 
     def _describe(self, job: Job) -> dict[str, Any]:
         pose = self._poses[job.pose]
-        return {"hole_pose": pose._asdict(), **job._asdict()}
+        return {"fixture_pose": pose._asdict(), **job._asdict()}
 
     def _log_file(self, job: Job) -> Path | None:
         if self._logs is None:
@@ -139,14 +141,14 @@ class Trialist:
 def _outcome(
     job: Job,
     blocks: list[Array],
-    hole: Pose,
+    fixture: Pose,
     steps: int,
     violations: int,
     info: dict[str, Any],
     file: str,
 ) -> Outcome:
     log = np.vstack([np.empty((0, len(CYCLE_COLUMNS))), *blocks])
-    path = _columns(log, "x", "y", "z") - hole.position
+    path = _columns(log, "x", "y", "z") - fixture.position
     return Outcome(
         pose=job.pose,
         attempt=job.attempt,
@@ -156,7 +158,7 @@ def _outcome(
         depth=float(info["depth"]),
         violations=violations,
         stopped="",
-        path=path @ matrix_from_quat(hole.quat_wxyz),
+        path=path @ matrix_from_quat(fixture.quat_wxyz),
         log=file,
         **_forces(blocks),
     )
@@ -192,7 +194,7 @@ def run_trials(
     load_policy: Callable[[], Actor],
     jobs: Sequence[Job],
     *,
-    poses: Sequence[HolePose] = HOLE_POSES,
+    poses: Sequence[FixturePose],
     logs: Path | None = None,
     workers: int = 1,
 ) -> Iterator[Outcome]:
@@ -205,7 +207,7 @@ def run_trials(
             worker it must be picklable.
         load_policy: Loads the policy, under the same condition.
         jobs: The tries.
-        poses: Hole poses that the jobs refer to by index.
+        poses: Poses of the fixture that the jobs refer to by index.
         logs: Existing folder for the Episode logs, or None to keep none.
         workers: Number of processes, at least 1; 1 stays in this one.
     """

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec3, Vec7
 
 _GRAVITY = 9.81

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dovetail.errors import LogError
 from dovetail.plants.plant import COLUMN
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.types import Array
 
 GAP = 0.25

@@ -3,7 +3,7 @@
 from typing import Any, NamedTuple
 
 from dovetail.arms.local_arm import LocalArm
-from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.envs.contact_env import ContactEnv
 from dovetail.feel.declared_delay import JudgedDelay, judge_delay
 from dovetail.feel.feeling import feel_arm
 from dovetail.feel.gains import quiet, simulated_step
@@ -20,7 +20,7 @@ class MeasuredDelay(NamedTuple):
     """The same in words."""
 
 
-def measure_delay(env: PegInHoleEnv, q: Vec7, hole: Pose) -> MeasuredDelay:
+def measure_delay(env: ContactEnv, q: Vec7, fixture: Pose) -> MeasuredDelay:
     """Push every joint a little at a start.
 
     A simulated arm of this process is felt with gains that bear any delay. Another one
@@ -30,7 +30,7 @@ def measure_delay(env: PegInHoleEnv, q: Vec7, hole: Pose) -> MeasuredDelay:
     Args:
         env: Its arm is moved.
         q: A start in free air [rad].
-        hole: Where the hole is.
+        fixture: Where the fixture is.
 
     Raises:
         ArmError: The arm was stopped, or too many cycles were lost.
@@ -40,8 +40,8 @@ def measure_delay(env: PegInHoleEnv, q: Vec7, hole: Pose) -> MeasuredDelay:
     if isinstance(arm, LocalArm):
         osc, limits = quiet(arm.osc, arm.limits)
         arm = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, arm.period)
-    arm.reset(q, hole)
-    step = simulated_step(arm.period) if env.places_hole else 0.0
+    arm.reset(q, fixture)
+    step = simulated_step(arm.period) if env.places_fixture else 0.0
     feeling = feel_arm(arm, q, arm.limits.armature, integration_step=step)
     delay = feeling.delay
     facts = {"measured": delay.delay, "spread": delay.spread, "declared": declared}

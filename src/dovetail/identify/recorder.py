@@ -19,26 +19,13 @@ from dovetail.arms.address import (
     GrpcAddress,
     parse_address,
     period_of,
-    places_hole,
+    places_fixture,
 )
-from dovetail.control.config import LimitConfig
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
-from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.randomisation import (
-    RandomisationConfig,
-    is_clear_of_block,
-    tool_down,
-)
-from dovetail.envs.usual import (
-    F_SCALE_ANGULAR,
-    FORCE_DAMPING,
-    NEAR_DISTANCE,
-    NEAR_SPEED,
-    POSITION_RANGE,
-    THETA_RANGE,
-)
+from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
+from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.registered import DEFAULT_ENV, make_task
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.files import write_atomic
@@ -52,10 +39,10 @@ from dovetail.identify.recording import (
     sequence_path,
 )
 from dovetail.plants.plant import COLUMN
-from dovetail.poses import Pose, quat_about_z
-from dovetail.robot import Robot
-from dovetail.scene import PegShape
+from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec7
+from dovetail.workcell.workcell import WALLS
 
 CONTACT_FORCE = 0.1
 """Contact force from which the peg counts as in contact [N]."""
@@ -94,10 +81,14 @@ class RecordConfig:
     """Damping of X Y Z [1/s]."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
-    peg: PegShape = "square"
-    """Shape of the peg in the gripper: square, triangle or round."""
-    clearance: float = 0.0005
-    """Gap between peg and hole on each side [m]."""
+    env: str = DEFAULT_ENV
+    """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
+    robot: str = USUAL.place.robot
+    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    peg: str | None = None
+    """Shape of the peg held: square, triangle or round; default the task's."""
+    clearance: float | None = None
+    """Gap between peg and hole on each side [m]; default the task's."""
     allow_contact: bool = False
     """Keep a sequence in which the peg touched something."""
 
@@ -118,25 +109,24 @@ def record(
     """
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
-    _require_hole(config, can_place=places_hole(address))
+    _require_hole(config, can_place=places_fixture(address))
     x, y, z, yaw = config.hole or DEFAULT_HOLE
     hole = (x, y, z, yaw)
     usual = RecordConfig.period
     asked = None if config.period == usual else config.period
     height = _start_height(config, z)
-    env = PegInHoleEnv(
-        config.arm,
-        peg=config.peg,
-        clearance=config.clearance,
+    task = make_task(config.env, {"peg": config.peg, "clearance": config.clearance})
+    settings = EnvConfig.of(
+        robot=config.robot,
         period=period_of(address, asked, usual),
         max_steps=config.steps + 1,
         f_scale=config.f_scale,
         force_damping=config.force_damping,
-        near_distance=NEAR_DISTANCE,
         near_press=math.inf,  # the log is of the actions as they were drawn
     )
+    env = ContactEnv(task, config.arm, settings)
     with closing(env):
-        _require_hole(config, can_place=env.places_hole)
+        _require_hole(config, can_place=env.places_fixture)
         if starts is None:
             robot = env.arm.robot
             starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])
@@ -166,7 +156,7 @@ def _start_height(config: RecordConfig, mouth: float) -> float:
         return START_HEIGHT
     raise ConfigError(
         f"the hole's mouth is {mouth:g} m high: the motions need {FREE_AIR:g} m of "
-        f"free air above it, below the wall at {WALLS_MAX[2]:g} m; put the block at "
+        f"free air above it, below the wall at {WALLS[1][2]:g} m; put the block at "
         f"{START_HEIGHT_MAX - FREE_AIR:g} m or lower, or give --allow-contact"
     )
 
@@ -202,7 +192,7 @@ def plan_starts(
         turn = yaw + rng.uniform(-0.15, 0.15)
         pose = Pose(np.array([x, y, z]), tool_down(turn))
         swivel = rng.uniform(-1.0, 1.0)
-        q_seed = PegInHoleEnv.q_seed + swivel * ELBOW
+        q_seed = robot.posture("down") + swivel * ELBOW
         q_seed[6] = -turn
         starts.append(robot.inverse_kinematics(pose, q_seed))
     return starts
@@ -210,12 +200,13 @@ def plan_starts(
 
 def _describe(
     config: RecordConfig,
-    env: PegInHoleEnv,
+    env: ContactEnv,
     hole: tuple[float, float, float, float],
     starts: Sequence[Vec7],
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
     address = parse_address(config.arm)
+    action, approach = env.config.action, env.config.approach
     is_hardware = (
         not isinstance(address, (FriAddress, GrpcAddress))
         or address.margins == "hardware"
@@ -223,24 +214,25 @@ def _describe(
     return {
         "format": FORMAT,
         "robot": env.arm.robot.name,
-        "task": str(env.task),
+        "env_id": config.env,
+        "arm_model": config.robot,
+        "task": str(env.axes),
         "period": env.arm.period,
-        "peg": config.peg,
-        "clearance": config.clearance,
+        **{name: getattr(env.task, name, None) for name in ("peg", "clearance")},
         "hole": list(hole),
-        "near_height": hole[2] + NEAR_DISTANCE,
+        "near_height": hole[2] + approach.near_distance,
         "arm": config.arm,
         "commands": {
-            "f_scale": config.f_scale,
-            "f_scale_angular": F_SCALE_ANGULAR,
-            "theta_range": THETA_RANGE,
-            "position_range": POSITION_RANGE,
+            "f_scale": action.f_scale,
+            "f_scale_angular": action.f_scale_angular,
+            "theta_range": action.theta_range,
+            "position_range": action.position_range,
         },
         "controller": {
-            "force_damping": config.force_damping,
-            "near_speed": NEAR_SPEED,
-            "walls": [list(WALLS_MIN), list(WALLS_MAX)],
-            "scheme": LimitConfig.scheme,
+            "force_damping": action.force_damping,
+            "near_speed": approach.near_speed,
+            "walls": [list(side) for side in env.cell.walls],
+            "scheme": env.config.control.scheme,
             "is_hardware": is_hardware,
         },
         "excitation": {
@@ -275,7 +267,7 @@ def _is_begun(folder: Path, metadata: dict[str, Any]) -> bool:
 
 
 def _begin(
-    env: PegInHoleEnv, folder: Path, metadata: dict[str, Any], console: Console
+    env: ContactEnv, folder: Path, metadata: dict[str, Any], console: Console
 ) -> None:
     """Measure and say the arm's delay, and write the description."""
     q_start = np.array(metadata["q_start"][0])
@@ -301,7 +293,7 @@ def _hole(metadata: dict[str, Any]) -> Pose:
 
 
 def _play(
-    env: PegInHoleEnv,
+    env: ContactEnv,
     config: RecordConfig,
     metadata: dict[str, Any],
     number: int,
@@ -311,7 +303,7 @@ def _play(
     """Play one sequence and write its log."""
     hole = _hole(metadata)
     seed = config.seed * 1000 + number
-    env.reset(seed=seed, options={"hole": hole, "start": q_start})
+    env.reset(seed=seed, options={"fixture": hole, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}
     facts |= {"q_start": env.state.q, "sequence": number}
     episode = Episode(metadata=facts)
@@ -329,7 +321,7 @@ def _play(
     episode.save(sequence_path(config.out, number))
 
 
-def _contact(env: PegInHoleEnv, force: float) -> str:
+def _contact(env: ContactEnv, force: float) -> str:
     """Say in words how the peg touched something in the last step; "" is not at all.
 
     Args:
@@ -339,14 +331,12 @@ def _contact(env: PegInHoleEnv, force: float) -> str:
     """
     if math.isfinite(force):
         return f"{force:.1f} N" if force > CONTACT_FORCE else ""
-    w, _, _, z = env.hole.quat_wxyz
-    yaw = 2.0 * math.atan2(z, w)
-    block = RandomisationConfig(gap=PLAY)
     tips = env.state.log[:, COLUMN["x"] : COLUMN["z"] + 1]
     for tip in tips:
-        offset = tip - env.hole.position
-        if not is_clear_of_block(offset, yaw, block):
+        if not env.cell.is_free(tip, env.fixture, PLAY):
+            height = 1e3 * (tip[2] - env.fixture.position[2])
             return (
-                f"the peg's end {1e3 * offset[2]:.1f} mm above the mouth, at the block"
+                f"the {env.cell.held.name}'s end {height:.1f} mm above the "
+                f"{env.cell.fixture.name}, at its block"
             )
     return ""

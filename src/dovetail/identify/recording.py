@@ -7,6 +7,7 @@ for each sequence, `sequence-00.npz` on, holds every control cycle.
 import hashlib
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,6 +17,7 @@ from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.commands import CommandMap
+from dovetail.envs.registered import DEFAULT_ENV, make_task
 from dovetail.episode import Episode
 from dovetail.errors import LogError
 from dovetail.identify.log_checks import (
@@ -26,9 +28,11 @@ from dovetail.identify.log_checks import (
 )
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
-from dovetail.robot import Robot
-from dovetail.scene import SceneConfig
+from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.robots.robot import Robot
+from dovetail.tasks.task import Goal, Task
 from dovetail.types import Array, Vec7
+from dovetail.workcell.workcell import Workcell
 
 FORMAT = 1
 DESCRIPTION = "recording.json"
@@ -72,14 +76,18 @@ class Recording:
         """Mode of each axis."""
         return TaskSpec.parse(self.metadata["task"])
 
-    @property
-    def scene(self) -> SceneConfig:
-        """Geometry of the task."""
-        return _scene(self.metadata)
+    @cached_property
+    def cell(self) -> Workcell:
+        """What stood around the arm."""
+        return _cell(self.metadata)
+
+    def goal(self) -> Goal:
+        """Return the goal to which pose axes were relative."""
+        return _task(self.metadata).goal(self.fixture)
 
     @property
-    def hole(self) -> Pose:
-        """Where the hole was."""
+    def fixture(self) -> Pose:
+        """Where the fixture was."""
         x, y, z, yaw = self.metadata["hole"]
         return Pose(np.array([x, y, z]), quat_about_z(yaw))
 
@@ -89,7 +97,7 @@ class Recording:
 
     def settings(self) -> tuple[OscConfig, LimitConfig]:
         """Return law and limits of the controller that played the motions."""
-        return make_settings(self.scene, self.period, **self.metadata["controller"])
+        return make_settings(self.cell, self.period, **self.metadata["controller"])
 
     def positions(self) -> list[Array]:
         """Return the TCP by the controller's model at each cycle [m].
@@ -134,7 +142,7 @@ class Recording:
         """
         folder = Path(folder)
         metadata = read_description(folder)
-        robot = _scene(metadata).robot()
+        robot = _cell(metadata).loaded_robot()
         require_robot(folder / DESCRIPTION, metadata["robot"], robot)
         count = metadata["excitation"]["sequences"]
         sequences = []
@@ -182,8 +190,15 @@ def read_description(folder: Path) -> dict[str, Any]:
     return metadata
 
 
-def _scene(metadata: dict[str, Any]) -> SceneConfig:
-    return SceneConfig(peg=metadata["peg"], clearance=metadata["clearance"])
+def _task(metadata: dict[str, Any]) -> Task:
+    """Return the task; recordings of version 0.3 and before do not name it."""
+    given = {name: metadata[name] for name in ("peg", "clearance")}
+    return make_task(metadata.get("env_id", DEFAULT_ENV), given)
+
+
+def _cell(metadata: dict[str, Any]) -> Workcell:
+    robot = find_robot(metadata.get("arm_model", DEFAULT_ROBOT))
+    return _task(metadata).workcell(robot)
 
 
 def _read_sequence(

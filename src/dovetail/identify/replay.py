@@ -10,13 +10,11 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.control.build import make_controller
-from dovetail.envs.randomisation import TOOL_DOWN
 from dovetail.errors import PlantError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording, Sequence
 from dovetail.plants.plant import COLUMN
 from dovetail.plants.twin import TwinConfig, TwinPlant
-from dovetail.poses import quat_multiply
 from dovetail.types import Array
 
 DIVERGED = 10.0
@@ -39,9 +37,9 @@ class Replay:
         """
         self.recording = recording
         self.engine = engine
-        scene = recording.scene
-        self._robot = scene.robot()
-        self._plant = TwinPlant(nominal_model(), scene, engine=engine)
+        cell = recording.cell
+        self._robot = cell.loaded_robot()
+        self._plant = TwinPlant(nominal_model(), cell, engine=engine)
         self._controller = make_controller(
             self._robot, *recording.settings(), recording.task, recording.period
         )
@@ -50,17 +48,16 @@ class Replay:
 
     def _make_targets(self, sequence: Sequence) -> list["_core.Target"]:
         """Return the Target of each step, as the environment made it."""
-        hole, scene = self.recording.hole, self.recording.scene
         commands = self.recording.commands()
-        up = np.array([0.0, 0.0, 1.0])  # a recording's hole is never tilted
-        goal = hole.position - scene.hole_depth * up
-        quat = quat_multiply(hole.quat_wxyz, TOOL_DOWN)
-        plane = np.append(up, self.recording.metadata["near_height"])
+        goal = self.recording.goal()
+        plane = np.append(goal.normal, self.recording.metadata["near_height"])
         targets = []
         for action in sequence.actions:
             target = _core.Target()
             target.near_plane = plane
-            commands.fill(target, action.astype(np.float32), goal, quat)
+            commands.fill(
+                target, action.astype(np.float32), goal.position, goal.quat_wxyz
+            )
             targets.append(target)
         return targets
 
@@ -91,7 +88,7 @@ class Replay:
 
     def _play(self, sequence: Sequence, targets: list["_core.Target"]) -> Array:
         period, plant = self.recording.period, self._plant
-        plant.reset(sequence.q_start, self.recording.hole)
+        plant.reset(sequence.q_start, self.recording.fixture)
         hold = self._robot.tool_pose(sequence.q_commanded)
         self._controller.reset(plant.read()[0], hold.position, hold.quat_wxyz)
         logs = [

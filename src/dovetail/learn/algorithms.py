@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 
 from dovetail.arms.address import with_approach
-from dovetail.envs.hole_pose import HolePose
 from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
+from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.reward import RewardConfig
 
 ACTOR_SHARE = 0.1
 """Share of the learning rate for the actor of a run that starts from a policy [1]: what
@@ -67,8 +68,7 @@ def make_vec_env(config: TrainConfig) -> Any:
     from stable_baselines3.common.vec_env import DummyVecEnv
 
     from dovetail.envs.dynamics_randomisation import RandomDynamics
-    from dovetail.envs.fixed_goal import FixedGoal
-    from dovetail.envs.rewards import RewardConfig
+    from dovetail.envs.fixed_fixture import FixedFixture
 
     options = config.env_options()
     options["reward"] = RewardConfig(force_weight=config.force_weight)
@@ -84,8 +84,8 @@ def make_vec_env(config: TrainConfig) -> Any:
         if config.randomise_dynamics:
             env = RandomDynamics(env, config.dynamics_randomisation)
         if config.fixed_goal:
-            facing = config.environment.hole_poses[0].facing
-            env = FixedGoal(env, HolePose.given(config.hole, facing).pose())
+            facing = config.task_class.trial_poses[0].facing
+            env = FixedFixture(env, FixturePose.given(config.hole, facing).pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
     return DummyVecEnv([make] * config.num_envs)

@@ -13,15 +13,18 @@ from dovetail.arms.address import (
     is_simulated_here,
     parse_address,
     period_of,
-    places_hole,
+    places_fixture,
 )
 from dovetail.control.period import format_period, require_period
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
+from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.model_file import ModelFile
+from dovetail.robots.find import find_robot
+from dovetail.trackers.find import find_tracker
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
@@ -135,7 +138,9 @@ class TrainConfig(EnvSettings):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         object.__setattr__(self, "period", require_period(self.period, "period"))
         self.entropy_coefficient()
-        _ = self.environment
+        split_settings(self.task_class, self.given())
+        find_robot(self.robot)
+        find_tracker(self.tracker)
         object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
         if self.hole != _CENTRE and not self.fixed_goal:
             raise ConfigError("hole is given, which needs --fixed-goal")
@@ -209,7 +214,7 @@ class TrainConfig(EnvSettings):
                 f"seeds is {self.seeds}, but there is one arm at {text}; train one "
                 "seed after the other, each with its own --out"
             )
-        if not places_hole(arm) and not self.fixed_goal:
+        if not places_fixture(arm) and not self.fixed_goal:
             raise ConfigError(
                 f"the arm at {text} cannot move the hole: add --fixed-goal and say "
                 "where it is with --hole X Y Z YAW [m, rad]"
@@ -243,7 +248,7 @@ class TrainConfig(EnvSettings):
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)} | self._own()
+        values = {f.name: getattr(self, f.name) for f in fields(self)} | self.own()
         if self.model_file is not None:
             values["model"] = self.model_file.table()
         return {

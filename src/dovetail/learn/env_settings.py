@@ -1,49 +1,59 @@
 """What a training and an export say about the environment, written once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
-from dovetail.envs import usual
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.registered import environment_class
+from dovetail.envs.config import F_SCALE, FORCE_DAMPING, USUAL
+from dovetail.envs.registered import DEFAULT_ENV, task_class
+from dovetail.tasks.task import Task
 
 ENV_FIELDS = (
     *("plant", "peg", "clearance", "task", "stack", "period"),
+    *("robot", "tracker"),
     *("f_scale", "f_scale_angular", "force_damping", "tare"),
     *("near_speed", "near_press", "near_distance"),
     *("theta_range", "position_range", "max_steps", "scheme"),
 )
 """Fields that are handed to the environment as they are."""
+_TASK_FIELDS = {"peg": "peg", "clearance": "clearance", "task": "axes"}
+"""Option, and the field of a task that it is; left out, it is the task's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EnvSettings:
     """The environment of a policy."""
 
-    env: str = "dovetail/PegInHole-v0"
-    """Gymnasium id of the environment."""
-    plant: str = "mujoco"
+    env: str = DEFAULT_ENV
+    """Gymnasium id of the environment: a task of dovetail, or MODULE:ID of your own."""
+    plant: str = USUAL.place.plant
     """Physics engine to train in: mujoco or bullet."""
-    peg: str = "square"
-    """Shape of peg and hole: square, triangle (MuJoCo only) or round."""
+    peg: str | None = None
+    """Shape of peg and hole: square, triangle (MuJoCo only) or round; default the
+    environment's: square in peg in hole."""
+    robot: str = USUAL.place.robot
+    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    tracker: str = USUAL.observation.tracker
+    """Where the fixture is, as far as the policy may know: truth, delayed?delay=0.1,
+    noisy?offset=0.001, or MODULE:CLASS of your own."""
     clearance: float | None = None
     """Gap between peg and hole on each side [m]; default the environment's: 0.0005 in
     peg in hole, 0.001 for the rail clip."""
     task: str | None = None
     """Mode of each axis: force, pose, hold or free; default the environment's: "XYZ:
     force A:pose BC:hold" in peg in hole, "X:force A:pose YZBC:hold" for the clip."""
-    stack: int = 0
+    stack: int = USUAL.observation.stack
     """Number of past (observation, action) pairs in the observation."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms; an action acts for 50 ms at any of them.
     An arm's address may give its own."""
-    f_scale: tuple[float, ...] = (usual.F_SCALE,)
+    f_scale: tuple[float, ...] = (F_SCALE,)
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
-    f_scale_angular: float = usual.F_SCALE_ANGULAR
+    f_scale_angular: float = USUAL.action.f_scale_angular
     """f* at action 1 on A B C [rad/s2]."""
-    force_damping: tuple[float, ...] = (usual.FORCE_DAMPING,)
+    force_damping: tuple[float, ...] = (FORCE_DAMPING,)
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
     speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
     f_scale, no tare."""
@@ -52,36 +62,45 @@ class EnvSettings:
     misses, and take it off what the policy commands: in training with `model`,
     `randomise_dynamics` or `arm`, as there is none in the nominal model; and wherever
     the policy is evaluated."""
-    near_speed: float = usual.NEAR_SPEED
+    near_speed: float = USUAL.approach.near_speed
     """Speed limit of the tool per axis where contact is near [m/s]."""
-    near_press: float = usual.NEAR_PRESS
+    near_press: float = USUAL.approach.near_press
     """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
     the tool can stand on the rim."""
-    near_distance: float = usual.NEAR_DISTANCE
+    near_distance: float = USUAL.approach.near_distance
     """How far above the hole's mouth that begins [m]."""
-    theta_range: float = usual.THETA_RANGE
+    theta_range: float = USUAL.action.theta_range
     """Rotation at action 1 on pose axes A B C [rad]."""
-    position_range: float = usual.POSITION_RANGE
+    position_range: float = USUAL.action.position_range
     """Displacement at action 1 on pose axes X Y Z [m]."""
-    max_steps: int = 200
+    max_steps: int = USUAL.episode.max_steps
     """Actions per episode."""
-    scheme: str = "qp"
+    scheme: str = USUAL.control.scheme
     """How the controller keeps its limits: qp or paper."""
 
-    @property
-    def environment(self) -> type[PegInHoleEnv]:
-        """The environment's class.
+    @cached_property
+    def task_class(self) -> type[Task]:
+        """The class of the environment's task.
 
         Raises:
             ConfigError: No such environment; lists the known ones.
         """
-        return environment_class(self.env)
+        return task_class(self.env)
 
     def env_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the environment, as JSON knows them."""
-        return {name: getattr(self, name) for name in ENV_FIELDS} | self._own()
+        return self.given() | self.own()
 
-    def _own(self) -> dict[str, Any]:
-        """Return what is not given and so is the environment's own."""
-        own = self.environment.defaults
-        return {name: own[name] for name in own if getattr(self, name) is None}
+    def given(self) -> dict[str, Any]:
+        """Return the settings of the environment that are given."""
+        given = {name: getattr(self, name) for name in ENV_FIELDS}
+        return {name: value for name, value in given.items() if value is not None}
+
+    def own(self) -> dict[str, Any]:
+        """Return what is not given and so is the task's own."""
+        own = {f.name: f.default for f in fields(self.task_class)}
+        return {
+            option: own[name]
+            for option, name in _TASK_FIELDS.items()
+            if name in own and getattr(self, option) is None
+        }

@@ -42,7 +42,7 @@ def settings_of_env(env: gymnasium.Env) -> EnvSettings:
         if name in given:
             given[name] = tuple(np.atleast_1d(given[name]).tolist())
     settings = EnvSettings(env=spec.id, **given)
-    _ = settings.environment
+    _ = settings.task_class
     return settings
 
 

@@ -11,13 +11,13 @@ from typing import Any
 import gymnasium
 
 from dovetail.arms.address import FriAddress, is_simulated_here, parse_address
-from dovetail.envs import usual
-from dovetail.envs.registered import environment_class
+from dovetail.envs.config import USUAL
+from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import require_spaces
 
-TOLD = ("plant",)
+TOLD = ("plant", "robot", "tracker")
 """Settings that say where the policy was trained: read, and never taken."""
 
 
@@ -54,19 +54,30 @@ TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
 environment checks their ranges."""
 
 
-def known_env_id(metadata: Mapping[str, Any]) -> str:
-    """Return the Gymnasium id of a policy's environment, which is one of dovetail's.
+def known_env_id(metadata: Mapping[str, Any], said: str | None = None) -> str:
+    """Return the Gymnasium id of a policy's environment, dovetail's or the one said.
 
     Gymnasium imports whatever module an id names; a file must not choose that.
 
     Args:
         metadata: Content of the policy's JSON file.
+        said: What whoever runs it says that it is, MODULE:ID.
 
     Raises:
-        ConfigError: No environment of dovetail; lists them.
+        ConfigError: No environment of dovetail (lists them), another than is said, or
+            a module's that nobody has said.
     """
     env_id = str(metadata.get("env_id"))
-    environment_class(env_id)
+    if said not in (None, env_id):
+        raise ConfigError(
+            f"env is {said!r}, the policy was trained in {env_id!r}; give that one"
+        )
+    if said is None and ":" in env_id:
+        raise ConfigError(
+            f"the policy's environment is {env_id!r}: it imports the module "
+            f"{env_id.rpartition(':')[0]!r}; add --env {env_id} if you trust it"
+        )
+    task_class(env_id)
     return env_id
 
 
@@ -108,16 +119,16 @@ def lax_contact(settings: Mapping[str, Any]) -> str:
     Args:
         settings: Keyword arguments of an environment, by `policy_settings`.
     """
-    speed = settings.get("near_speed", usual.NEAR_SPEED)
-    press = settings.get("near_press", usual.NEAR_PRESS)
-    distance = settings.get("near_distance", usual.NEAR_DISTANCE)
-    words = []
-    if speed > usual.NEAR_SPEED:
-        words.append(f"near_speed {speed:g} m/s (default {usual.NEAR_SPEED:g})")
-    if press > usual.NEAR_PRESS:
-        words.append(f"near_press {press:g} m/s2 (default {usual.NEAR_PRESS:g})")
-    if distance < usual.NEAR_DISTANCE:
-        words.append(f"near_distance {distance:g} m (default {usual.NEAR_DISTANCE:g})")
+    usual, words = USUAL.approach, []
+    speed = settings.get("near_speed", usual.near_speed)
+    press = settings.get("near_press", usual.near_press)
+    distance = settings.get("near_distance", usual.near_distance)
+    if speed > usual.near_speed:
+        words.append(f"near_speed {speed:g} m/s (default {usual.near_speed:g})")
+    if press > usual.near_press:
+        words.append(f"near_press {press:g} m/s2 (default {usual.near_press:g})")
+    if distance < usual.near_distance:
+        words.append(f"near_distance {distance:g} m (default {usual.near_distance:g})")
     if (scheme := settings.get("scheme", "qp")) != "qp":
         words.append(f"scheme {scheme} (default qp)")
     return ", ".join(words)
@@ -157,12 +168,17 @@ def _may_be_robot(arm: str) -> bool:
 
 
 def make_env(
-    policy: Policy, *, accept_contact: bool = False, **where: Any
+    policy: Policy,
+    *,
+    env_id: str | None = None,
+    accept_contact: bool = False,
+    **where: Any,
 ) -> gymnasium.Env:
     """Build the environment that a policy was trained for, somewhere.
 
     Args:
         policy: Any policy.
+        env_id: Its environment, where that is a module's: MODULE:ID.
         accept_contact: Yes to laxer contact settings than the defaults on a robot.
         where: `plant`, `twin` or `arm`, and whatever else the environment takes; it
             goes before what the policy's file says. Nothing is the nominal plant.
@@ -172,7 +188,7 @@ def make_env(
         PolicyError: The file sets what is not its to choose, or observation or action
             mean something else here than in training: names the column or axis.
     """
-    env_id = known_env_id(policy.metadata)
+    env_id = known_env_id(policy.metadata, env_id)
     settings = policy_settings(policy.metadata) | where
     require_yes(settings, where.get("arm"), is_given=accept_contact)
     env = gymnasium.make(env_id, disable_env_checker=True, **settings)

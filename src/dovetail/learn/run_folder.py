@@ -30,9 +30,9 @@ def place_run(config: TrainConfig) -> TrainConfig:
     """Return the settings with a folder: a new one by the time where none is given."""
     if config.out is not None or config.resume:
         return config
-    _, _, name = config.env.partition("/")
+    name = config.env.replace(":", "/").rpartition("/")[2]
     if config.env == TrainConfig.env:
-        name = f"peg_{config.peg}"
+        name = f"peg_{config.env_options()['peg']}"
     return replace(config, out=dated_folder("runs", f"{name}-"))
 
 

@@ -4,26 +4,20 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from dovetail.envs.observation import by_columns
 from dovetail.errors import PolicyError
 
-_FIRST_COLUMN = {
-    "joint_middle": 0,
-    "joint_half_range": 0,
-    "symmetric_log": 7,
-    "mouth_offset": 7,
-}
-"""Column that the first number of each part of the scaling belongs to."""
+_PARTS = ("zero", "unit", "is_logarithmic")
+"""Parts of the scaling, each with a number for every column."""
 
 
 def describe_spaces(env: Any) -> dict[str, Any]:
     """Return size and meaning of observation and action, for a policy's JSON file."""
-    from dovetail.envs.observation import COLUMNS
-
     core = env.unwrapped
     return {
         "observation": {
             "size": int(env.observation_space.shape[0]),
-            "columns": [list(column) for column in COLUMNS],
+            "columns": [list(column) for column in core.scaling.columns],
             "scaling": core.scaling.describe(),
         },
         "action": {
@@ -69,8 +63,9 @@ class _Spaces(NamedTuple):
 def _read(described: Mapping[str, Any]) -> _Spaces:
     """Return a description of `describe_spaces`, each entry of its own type."""
     seen, action = described["observation"], described["action"]
-    columns = [(str(name), str(unit)) for name, unit in seen["columns"]]
-    parts = {part: seen["scaling"][part] for part in _FIRST_COLUMN}
+    columns = [(str(column[0]), str(column[1])) for column in seen["columns"]]
+    whole = by_columns(seen["scaling"])
+    parts = {part: whole[part] for part in _PARTS}
     scaling = {part: [float(x) for x in parts[part]] for part in parts}
     axes = [str(axis) for axis in action["axes"]]
     scale = [float(value) for value in action["scale"]]
@@ -90,7 +85,7 @@ def _require_same_columns(trained: _Spaces, here: _Spaces) -> None:
     for part, values in here.scaling.items():
         _require_count(part.replace("_", " "), trained.scaling[part], values)
         for i, (old, new) in enumerate(zip(trained.scaling[part], values, strict=True)):
-            column, unit = here.columns[_FIRST_COLUMN[part] + i]
+            column, unit = here.columns[i]
             if not _is_close(old, new):
                 raise PolicyError(
                     f"the observation's column {column} is scaled in another way than "

@@ -32,9 +32,9 @@ from dovetail.plants.plant import (
     require_configuration,
 )
 from dovetail.poses import Pose, quat_from_matrix
-from dovetail.robot import GRAVITY, Robot
-from dovetail.scene import SceneConfig
+from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
+from dovetail.workcell.workcell import TABLE, Workcell
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -58,49 +58,48 @@ def _import_pybullet() -> Any:
 
 
 class BulletPlant:
-    """The arm and the scene in PyBullet: torque control, gravity compensated inside."""
+    """The workcell in PyBullet: torque control, gravity compensated inside."""
 
-    def __init__(
-        self, scene: SceneConfig, dynamics: DynamicsConfig | None = None
-    ) -> None:
+    def __init__(self, cell: Workcell, dynamics: DynamicsConfig | None = None) -> None:
         """Connect to an engine of its own.
 
         Args:
-            scene: Geometry of peg and hole; the triangle is refused.
-            dynamics: Physics; the default is the model's.
+            cell: What stands in it, of boxes and cylinders.
+            dynamics: Physics; the default is the robot model's.
 
         Raises:
             MissingDependencyError: PyBullet is not installed.
-            ConfigError: The peg is a triangle.
+            ConfigError: A part is a prism.
         """
-        if scene.peg == "triangle":
+        shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
+        if prism := next((s.name for s in shapes if s.kind == "prism"), None):
             raise ConfigError(
-                "plant 'bullet' has no triangle peg: a convex mesh carries a 1 mm "
-                "margin in PyBullet, more than the clearance; use plant 'mujoco', or "
-                "peg 'square' or 'round'"
+                f"plant 'bullet' cannot build the prism {prism!r} of {cell.name}: a "
+                "convex mesh carries a 1 mm margin in PyBullet, more than a clearance; "
+                "use plant 'mujoco', or boxes and cylinders"
             )
         self._bullet = _import_pybullet()
         from dovetail import _core
 
-        self.scene = scene
-        self.robot: Robot = scene.robot()
+        self.cell = cell
+        self.robot: Robot = cell.loaded_robot()
         self._channel = _core.Channel()
         self._client = self._bullet.connect(self._bullet.DIRECT)
         self._nominal = self.robot.chain()
         self._body = -1
-        self._block: list[int] = []
+        self._fixture: list[int] = []
         self._push = np.zeros(3)
         self._time = 0.0
         self._q = self._dq = np.zeros(7)
         self._force = self._peak = np.zeros(3)
         self._contact_torque = np.zeros(7)
-        self.configure(DynamicsConfig() if dynamics is None else dynamics)
+        self.configure(dynamics or DynamicsConfig.of(cell.robot))
 
     def configure(self, dynamics: DynamicsConfig) -> None:
         """Change the dynamics; call `reset` before the next torque."""
         from dovetail import _core
 
-        robot = self.scene.robot(dynamics.inertia)
+        robot = self.cell.loaded_robot(dynamics.inertia)
         scale = np.array(dynamics.mass_scale)
         self._mass = robot.mass * scale
         self._inertia = robot.inertia * scale[:, None, None]
@@ -139,17 +138,17 @@ class BulletPlant:
         """Start the channel's noise again."""
         self._channel.seed(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.
 
         The world is built anew: Bullet keeps contacts between steps, and a trial must
         not remember the last one.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
         q = require_configuration(q)
-        self.scene.require_reachable(self.robot, hole)
+        self.cell.require_reachable(fixture)
         p, client = self._bullet, self._client
         p.resetSimulation(physicsClientId=client)
         p.setPhysicsEngineParameter(
@@ -162,11 +161,11 @@ class BulletPlant:
         )
         p.setGravity(*self._gravity, physicsClientId=client)
         world = BulletWorld(p, client)
-        world.add_fixed([self.scene.table_primitive()], WORLD)
-        self._block = world.add_fixed(self.scene.block_primitives(), hole)
+        world.add_fixed(TABLE.primitives, WORLD)
+        self._fixture = world.add_fixed(self.cell.fixture.primitives, fixture)
         self._body = world.add_arm(
             self.robot,
-            self.scene.tool_primitives(),
+            self.cell.tool_primitives(),
             (self._mass, self._com, self._body_inertia),
             self.dynamics.contact_friction,
         )
@@ -182,15 +181,15 @@ class BulletPlant:
         self._push = np.zeros(3)
         self._measure()
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched.
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
-        self.scene.require_reachable(self.robot, hole)
+        self.cell.require_reachable(fixture)
         world = BulletWorld(self._bullet, self._client)
-        world.move_fixed(self._block, self.scene.block_primitives(), hole)
+        world.move_fixed(self._fixture, self.cell.fixture.primitives, fixture)
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -322,7 +321,7 @@ class BulletPlant:
         return run_cycles(self, controller, target, cycles, period, self._time)
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         return self._force
 
     def contact_force_peak(self) -> Vec3:

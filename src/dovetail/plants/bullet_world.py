@@ -1,13 +1,14 @@
-"""Bodies in PyBullet: the arm as a multi-body, block and table as fixed boxes."""
+"""Bodies in PyBullet: the arm as a multi-body, fixture and table as fixed boxes."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from dovetail.poses import Pose, quat_from_matrix, quat_multiply
-from dovetail.robot import Robot
-from dovetail.scene import Primitive
+from dovetail.robots.robot import Robot
 from dovetail.types import Array
+from dovetail.workcell.parts import Primitive
 
 WORLD = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
 """The world's own frame."""
@@ -46,7 +47,7 @@ class BulletWorld:
             physicsClientId=self._client,
         )
 
-    def add_fixed(self, parts: list[Primitive], frame: Pose) -> list[int]:
+    def add_fixed(self, parts: Sequence[Primitive], frame: Pose) -> list[int]:
         """Add fixed shapes given in a frame; return their body ids."""
         p, client = self._bullet, self._client
         bodies = []
@@ -69,7 +70,7 @@ class BulletWorld:
         return bodies
 
     def move_fixed(
-        self, bodies: list[int], parts: list[Primitive], frame: Pose
+        self, bodies: list[int], parts: Sequence[Primitive], frame: Pose
     ) -> None:
         """Put bodies of `add_fixed` where their frame now is."""
         for body, part in zip(bodies, parts, strict=True):

@@ -1,4 +1,4 @@
-"""Write robot, tool, hole block and table as one MuJoCo model (MJCF)."""
+"""Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
 import importlib.util
 import math
@@ -8,12 +8,13 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from dovetail.poses import quat_from_matrix, quat_multiply
-from dovetail.robot import Robot
-from dovetail.scene import Primitive, SceneConfig
+from dovetail.robots.robot import Robot
+from dovetail.workcell.parts import Primitive
+from dovetail.workcell.workcell import TABLE, Workcell
 
 # The time constant is DynamicsConfig.contact_time, set on the compiled model, and at
 # least twice the step. With 5 ms this impedance lets 30 N press a wall in by 3 um;
-# closer to 1, a peg in a corner chatters. Fewer line-search iterations than this let
+# closer to 1, a part in a corner chatters. Fewer line-search iterations than this let
 # the solver stop early and throw the arm.
 _SOLREF = "0.002 1"
 _SOLIMP = "0.95 0.99 0.0001 0.5 2"
@@ -40,8 +41,8 @@ _HEADER = """\
 """
 
 
-def build_mjcf(robot: Robot, scene: SceneConfig, *, visual_meshes: bool = False) -> str:
-    """Return the scene as an MJCF string.
+def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> str:
+    """Return the workcell as an MJCF string.
 
     Dynamics (masses as simulated, damping, friction, gravity) are not written here:
     `MujocoPlant.configure` sets them on the compiled model, so that changing them does
@@ -49,13 +50,13 @@ def build_mjcf(robot: Robot, scene: SceneConfig, *, visual_meshes: bool = False)
 
     Args:
         robot: The arm with its tool.
-        scene: Geometry of peg and hole.
+        cell: What stands around it.
         visual_meshes: Draw the arm with pybullet_data's meshes where that package is
             installed; capsules otherwise. Never used for collisions.
     """
     meshes = _mesh_folder() if visual_meshes else None
-    lines = [_table(scene), *_block(scene), *_links(robot, scene, meshes)]
-    assets = _assets(scene, meshes)
+    lines = [_table(), *_fixture(cell), *_links(robot, cell, meshes)]
+    assets = _assets(cell, meshes)
     header = _HEADER.format(
         solref=_SOLREF,
         solimp=_SOLIMP,
@@ -74,18 +75,18 @@ def _mesh_folder() -> Path | None:
     return folder if (folder / "link_7.stl").exists() else None
 
 
-def _assets(scene: SceneConfig, meshes: Path | None) -> str:
+def _assets(cell: Workcell, meshes: Path | None) -> str:
     lines = []
-    peg = scene.peg_primitive()
-    if peg.kind == "prism":
-        radius, half = peg.size
+    shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
+    for part in (part for part in shapes if part.kind == "prism"):
+        radius, half = part.size
         corners = [
             (radius * math.cos(a), radius * math.sin(a), z)
             for z in (-half, half)
             for a in (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
         ]
         vertices = "  ".join(_numbers(corner) for corner in corners)
-        lines.append(f'    <mesh name="peg" vertex="{vertices}"/>')
+        lines.append(f'    <mesh name="{part.name}" vertex="{vertices}"/>')
     if meshes is not None:
         lines += [f'    <mesh file="link_{i}.stl"/>' for i in range(8)]
     if not lines:
@@ -93,21 +94,21 @@ def _assets(scene: SceneConfig, meshes: Path | None) -> str:
     return "  <asset>\n" + "\n".join(lines) + "\n  </asset>\n"
 
 
-def _table(scene: SceneConfig) -> str:
-    return "    " + _geom(scene.table_primitive(), "world")
+def _table() -> str:
+    return "    " + _geom(TABLE.primitives[0], "world")
 
 
-def _block(scene: SceneConfig) -> list[str]:
-    parts = ["      " + _geom(part, "world") for part in scene.block_primitives()]
+def _fixture(cell: Workcell) -> list[str]:
+    parts = ["      " + _geom(part, "world") for part in cell.fixture.primitives]
     return [
-        '    <body name="hole" mocap="true" pos="0.6 0 0.1">',
+        '    <body name="fixture" mocap="true" pos="0.6 0 0.1">',
         *parts,
         "    </body>",
     ]
 
 
-def _links(robot: Robot, scene: SceneConfig, meshes: Path | None) -> list[str]:
-    """Write the serial chain; gripper and peg are geoms of the last link."""
+def _links(robot: Robot, cell: Workcell, meshes: Path | None) -> list[str]:
+    """Write the serial chain; the tool is geoms of the last link."""
     lines = [_link_visual(0, robot, meshes)]
     for i in range(7):
         pad = "    " + "  " * i
@@ -118,7 +119,7 @@ def _links(robot: Robot, scene: SceneConfig, meshes: Path | None) -> list[str]:
         lines.append(f'{pad}  <joint name="A{i + 1}" type="hinge" axis="0 0 1"/>')
         lines.append(f"{pad}  {_link_visual(i + 1, robot, meshes)}")
     flange = _pose(robot.flange_position, robot.flange_rotation)
-    for part in scene.tool_primitives():
+    for part in cell.tool_primitives():
         T_flange = np.eye(4)
         T_flange[:3, :3], T_flange[:3, 3] = robot.flange_rotation, robot.flange_position
         position = (T_flange @ [*part.position, 1.0])[:3]
@@ -150,6 +151,11 @@ def _link_visual(link: int, robot: Robot, meshes: Path | None) -> str:
         )
     end = robot.origin_position[link] if link < 7 else robot.flange_position
     radius = 0.06 if link < 5 else 0.045
+    if np.linalg.norm(end) < 1e-6:  # MuJoCo builds no capsule without a length
+        return (
+            f'<geom class="visual" type="sphere" size="{radius}" '
+            f'rgba="0.85 0.5 0.2 1" mass="0"/>'
+        )
     return (
         f'<geom class="visual" type="capsule" size="{radius}" rgba="0.85 0.5 0.2 1" '
         f'fromto="0 0 0 {_numbers(end)}" mass="0"/>'
@@ -160,7 +166,7 @@ def _geom(part: Primitive, group: str) -> str:
     shape = {
         "box": f'type="box" size="{_numbers(part.size)}"',
         "cylinder": f'type="cylinder" size="{_numbers(part.size)}"',
-        "prism": 'type="mesh" mesh="peg"',
+        "prism": f'type="mesh" mesh="{part.name}"',
     }[part.kind]
     return (
         f'<geom class="{group}" name="{part.name}" {shape} '

@@ -14,9 +14,9 @@ from dovetail.plants.plant import (
     require_configuration,
 )
 from dovetail.poses import Pose, quat_from_matrix
-from dovetail.robot import GRAVITY, Robot
-from dovetail.scene import SceneConfig
+from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
+from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -39,11 +39,11 @@ def _library_path(mujoco: Any) -> str:
 
 
 class MujocoPlant:
-    """The arm and the scene in MuJoCo: torque control, gravity compensated inside."""
+    """The workcell in MuJoCo: torque control, gravity compensated inside."""
 
     def __init__(
         self,
-        scene: SceneConfig,
+        cell: Workcell,
         dynamics: DynamicsConfig | None = None,
         *,
         visual_meshes: bool = False,
@@ -51,8 +51,8 @@ class MujocoPlant:
         """Build the model.
 
         Args:
-            scene: Geometry of peg and hole.
-            dynamics: Physics; the default is the model's.
+            cell: What stands in it.
+            dynamics: Physics; the default is the robot model's.
             visual_meshes: Draw the arm with meshes where pybullet_data is installed.
 
         Raises:
@@ -65,9 +65,9 @@ class MujocoPlant:
         engine: Any = mujoco  # its stubs do not name what the package re-exports
         self._mujoco = engine
         self._core = _core
-        self.scene = scene
-        self.robot: Robot = scene.robot()
-        text = build_mjcf(self.robot, scene, visual_meshes=visual_meshes)
+        self.cell = cell
+        self.robot: Robot = cell.loaded_robot()
+        text = build_mjcf(self.robot, cell, visual_meshes=visual_meshes)
         self.model = engine.MjModel.from_xml_string(text)
         self.data = engine.MjData(self.model)
         self._pushed = self._pushed_body()
@@ -76,7 +76,7 @@ class MujocoPlant:
         self._is_ready = False
         self._soft = self.model.dof_solref.copy(), self.model.dof_solimp.copy()
         self._is_compensated: bool | None = None  # None: there is no loop yet
-        self.configure(DynamicsConfig() if dynamics is None else dynamics)
+        self.configure(dynamics or DynamicsConfig.of(cell.robot))
 
     def _pushed_body(self) -> int:
         """Return the body on which a force acts at the TCP.
@@ -92,7 +92,7 @@ class MujocoPlant:
     def configure(self, dynamics: DynamicsConfig) -> None:
         """Change the dynamics; call `reset` before the next torque."""
         model = self.model
-        robot = self.scene.robot(dynamics.inertia)
+        robot = self.cell.loaded_robot(dynamics.inertia)
         for i in range(7):
             body = model.body(f"link{i + 1}").id
             moments, axes = np.linalg.eigh(robot.inertia[i])
@@ -141,32 +141,32 @@ class MujocoPlant:
         self._channel.seed(seed)
         self._loop.seed(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
         q = require_configuration(q)
-        self.scene.require_reachable(self.robot, hole)
+        self.cell.require_reachable(fixture)
         data = self.data
         self.open_brakes()
         self._mujoco.mj_resetData(self.model, data)
         data.qpos[:] = q
-        data.mocap_pos[0] = hole.position
-        data.mocap_quat[0] = hole.quat_wxyz
+        data.mocap_pos[0] = fixture.position
+        data.mocap_quat[0] = fixture.quat_wxyz
         self._loop.reset()
         self._is_ready = True
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched.
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
-        self.scene.require_reachable(self.robot, hole)
-        self.data.mocap_pos[0] = hole.position
-        self.data.mocap_quat[0] = hole.quat_wxyz
+        self.cell.require_reachable(fixture)
+        self.data.mocap_pos[0] = fixture.position
+        self.data.mocap_quat[0] = fixture.quat_wxyz
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -247,7 +247,7 @@ class MujocoPlant:
         return steps
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         return self._loop.contact_force()
 
     def contact_force_peak(self) -> Vec3:

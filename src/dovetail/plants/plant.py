@@ -2,18 +2,20 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
+from dovetail.robots.iiwa14 import INERTIA_SETS
+from dovetail.robots.robot import NOMINAL
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
-    from dovetail.scene import SceneConfig
+    from dovetail.robots.robot import Robot
+    from dovetail.workcell.workcell import Workcell
 
 PLANTS = ("mujoco", "bullet")
 
@@ -30,12 +32,13 @@ CYCLE_COLUMNS: tuple[str, ...] = (
 """One row per control cycle, SI units: time [s] since reset; configuration [rad] and
 velocity [rad/s] as measured, noise included; overlay torque sent [Nm], without gravity;
 TCP pose [m, wxyz] and twist [m/s, rad/s] by the controller's model from the measured
-state; true contact force on peg and gripper [N], world axes, of the cycle's physics
+state; true contact force on the tool [N], world axes, of the cycle's physics
 step where it was largest; f* of the target [m/s2]; flags as one number (pack_flags)."""
 
 COLUMN: dict[str, int] = {name: i for i, name in enumerate(CYCLE_COLUMNS)}
 """Index of each column of a cycle log."""
 
+_INERTIA_SETS = (*INERTIA_SETS, NOMINAL)
 _SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
@@ -43,8 +46,9 @@ _SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 class DynamicsConfig:
     """The physics behind the torque: everything here may differ from the model."""
 
-    inertia: Literal["drake", "pybullet", "lbr"] = "drake"
-    """Published inertia set of the simulated arm; the controller's is drake."""
+    inertia: str = "drake"
+    """Published inertia set of the simulated arm; the iiwa 14's controller has drake,
+    a robot with one set has nominal."""
     mass_scale: tuple[float, ...] = (1.0,) * 7
     """Mass and inertia of each link over the set's, payload included in link 7 [1]."""
     gravity_residual: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -58,9 +62,9 @@ class DynamicsConfig:
     armature: tuple[float, ...] = (0.1,) * 7
     """Rotor inertia at each joint [kg m2]."""
     contact_friction: float = 0.3
-    """Sliding friction coefficient of peg and gripper on block and table [1]."""
+    """Sliding friction coefficient of the tool on fixture and table [1]."""
     contact_time: float = 0.005
-    """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the peg on the
+    """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the tool on the
     stiffness k of joints, gripper and surfaces. It is the same at every control period:
     MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
     step, whatever this says."""
@@ -69,10 +73,10 @@ class DynamicsConfig:
 
     def __post_init__(self) -> None:
         """Refuse numbers that no arm has, by name and index."""
-        if self.inertia not in ("drake", "pybullet", "lbr"):
+        if self.inertia not in _INERTIA_SETS:
             raise ConfigError(
-                f"dynamics inertia {self.inertia!r} is unknown; known sets: drake, "
-                "pybullet, lbr"
+                f"dynamics inertia {self.inertia!r} is unknown; known sets: "
+                f"{', '.join(_INERTIA_SETS)}"
             )
         for name, (low, high, unit) in DYNAMICS_RANGES.items():
             value = getattr(self, name)
@@ -89,6 +93,15 @@ class DynamicsConfig:
             for label, v in zip(labels, values, strict=True):
                 _require_range(f"{name}[{label}]", v, low, high, unit)
             object.__setattr__(self, name, values)
+
+    @classmethod
+    def of(cls, robot: "Robot") -> Self:
+        """Return the dynamics that a robot's model has."""
+        return cls(
+            inertia=robot.inertia_set,
+            damping=tuple(robot.damping.tolist()),
+            armature=tuple(robot.armature.tolist()),
+        )
 
 
 DYNAMICS_RANGES: dict[str, tuple[float, float, str]] = {
@@ -113,30 +126,30 @@ def _require_range(name: str, value: float, low: float, high: float, unit: str) 
 
 
 class Plant(Protocol):
-    """A simulated arm with the task's scene: torques in, joint state out."""
+    """A simulated arm in its workcell: torques in, joint state out."""
 
-    scene: "SceneConfig"
-    """Geometry of the task, as simulated."""
+    cell: "Workcell"
+    """What stands in it, as simulated."""
     robot: "Robot"
     """The nominal arm: the model whose gravity is compensated."""
     dynamics: DynamicsConfig
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
         ...
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched.
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched.
 
         The engines take it for standing where it is: what lies on it is pushed aside,
         not dragged along. Small moves in every control period are smooth.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
         ...
 
@@ -175,7 +188,7 @@ class Plant(Protocol):
         ...
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         ...
 
     def contact_force_peak(self) -> Vec3:
@@ -238,14 +251,14 @@ class DrivenPlant(Plant, Protocol):
 
 
 def make_plant(
-    name: str, scene: "SceneConfig", dynamics: DynamicsConfig
+    name: str, cell: "Workcell", dynamics: DynamicsConfig | None = None
 ) -> DrivenPlant:
     """Build a plant by its engine's name.
 
     Args:
         name: "mujoco" or "bullet".
-        scene: Geometry of the task.
-        dynamics: Physics of the arm and of the contacts.
+        cell: What stands in it.
+        dynamics: Physics of the arm and of the contacts; None is the robot's model.
 
     Raises:
         ConfigError: Unknown name.
@@ -254,11 +267,11 @@ def make_plant(
     if name == "mujoco":
         from dovetail.plants.mujoco_plant import MujocoPlant
 
-        return MujocoPlant(scene, dynamics)
+        return MujocoPlant(cell, dynamics)
     if name == "bullet":
         from dovetail.plants.bullet_plant import BulletPlant
 
-        return BulletPlant(scene, dynamics)
+        return BulletPlant(cell, dynamics)
     raise ConfigError(f"plant {name!r} is unknown; known plants: {', '.join(PLANTS)}")
 
 

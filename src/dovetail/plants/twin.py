@@ -6,7 +6,7 @@ result on a twin says "twin", never "robot".
 
 import difflib
 import tomllib
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,7 +23,7 @@ from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.scene import SceneConfig
+    from dovetail.workcell.workcell import Workcell
 
 TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 """Where the shipped twins are."""
@@ -61,7 +61,7 @@ class TwinConfig:
     """Physics engine: another one than the policy was trained in."""
     seed: int
     """Seed of the noise, >= 0."""
-    inertia: Literal["drake", "pybullet", "lbr"]
+    inertia: str
     """Published inertia set of the arm; the controller's is drake."""
     mass_scale: tuple[float, ...]
     """Mass and inertia of each link over the set's, payload in link 7 [1]."""
@@ -83,11 +83,11 @@ class TwinConfig:
     velocity_noise: float
     """Standard deviation of the measured velocity, per joint and reading [rad/s]."""
     contact_friction: float
-    """Sliding friction coefficient of peg and gripper [1]."""
+    """Sliding friction coefficient of the tool [1]."""
     contact_time: float
     """Time constant of contact [s], see `DynamicsConfig`; MuJoCo only."""
     clearance_offset: float
-    """True clearance minus the scene's, per side [m]."""
+    """True clearance minus the task's, per side [m]."""
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
@@ -201,13 +201,13 @@ class TwinPlant:
     """A plant with a twin's dynamics, and its delay and noise at the joints."""
 
     def __init__(
-        self, config: TwinConfig, scene: "SceneConfig", *, engine: str | None = None
+        self, config: TwinConfig, cell: "Workcell", *, engine: str | None = None
     ) -> None:
         """Build the engine with the twin's dynamics.
 
         Args:
             config: The twin.
-            scene: Geometry as the policy knows it; the twin's clearance differs.
+            cell: As the policy knows it; the twin's clearance differs.
             engine: Another engine than the file's.
 
         Raises:
@@ -216,17 +216,10 @@ class TwinPlant:
         """
         from dovetail import _core
 
-        clearance = scene.clearance + config.clearance_offset
-        if clearance < 0.0:
-            raise ConfigError(
-                f"twin clearance_offset {config.clearance_offset * 1e3:g} mm makes the "
-                f"clearance of {scene.clearance * 1e3:g} mm negative; allowed is "
-                f"{-scene.clearance * 1e3:g} mm and more"
-            )
         self.config = config
-        self.scene = replace(scene, clearance=clearance)
+        self.cell = cell.widened(config.clearance_offset)
         self.plant: DrivenPlant = make_plant(
-            engine or config.engine, self.scene, config.dynamics()
+            engine or config.engine, self.cell, config.dynamics()
         )
         self.robot = self.plant.robot
         self.plant.attach_channel(
@@ -260,13 +253,13 @@ class TwinPlant:
         """Start the noise again from another seed than the file's."""
         self.plant.seed(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0."""
-        self.plant.reset(q, hole)
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad], the fixture at its pose; time becomes 0."""
+        self.plant.reset(q, fixture)
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched."""
-        self.plant.move_hole(hole)
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched."""
+        self.plant.move_fixture(fixture)
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -314,7 +307,7 @@ class TwinPlant:
         return self.plant.run_cycles(controller, target, cycles, period)
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         return self.plant.contact_force()
 
     def contact_force_peak(self) -> Vec3:

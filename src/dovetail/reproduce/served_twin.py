@@ -47,7 +47,7 @@ def serve_twin(
         folder: Where the ports are noted.
         hole: x y z [m] of the hole's mouth and yaw [rad], world axes.
         period: Control period [s].
-        scene: Peg and clearance, see `SceneConfig`.
+        scene: Peg and clearance, see `PegInHole`.
 
     Raises:
         ConfigError: A port has been taken meanwhile.
@@ -115,17 +115,15 @@ def _serve(
 
     from dovetail.cabinet.cabinet import Cabinet
     from dovetail.cabinet.config import CabinetConfig, Endpoint
-    from dovetail.envs.peg_in_hole import PegInHoleEnv
-    from dovetail.envs.randomisation import tool_down
+    from dovetail.envs.registered import find_cell
     from dovetail.plants.twin import TwinPlant, load_twin
-    from dovetail.poses import Pose, quat_about_z
-    from dovetail.scene import SceneConfig
+    from dovetail.poses import Pose, quat_about_z, tool_down
 
     x, y, z, yaw = settings["hole"]
-    scene = SceneConfig(**settings["scene"])
-    plant = cast("DrivenPlant", TwinPlant(load_twin(file), scene))
+    cell = find_cell(**settings["scene"])
+    plant = cast("DrivenPlant", TwinPlant(load_twin(file), cell))
     above = Pose(np.array([x, y, z + _ABOVE]), tool_down(yaw))
-    start = plant.robot.inverse_kinematics(above, PegInHoleEnv.q_seed)
+    start = plant.robot.inverse_kinematics(above, plant.robot.posture("down"))
     plant.reset(start, Pose(np.array([x, y, z]), quat_about_z(yaw)))
     config = CabinetConfig(
         period=settings["period"],

@@ -101,16 +101,15 @@ class ArmService:
             version=own_version(),
             arm=builder.name,
             real_time=builder.is_real_time,
-            places_hole=builder.places_hole,
+            places_fixture=builder.places_fixture,
             holder=str(holder or ""),
             stopped=self._host.stop_reason,
             joints=JOINTS,
             columns=CYCLE_COLUMNS,
         )
         write_robot(builder.robot, info.robot)
-        if builder.scene is not None:
-            info.scene.peg = builder.scene.peg
-            info.scene.clearance = builder.scene.clearance
+        if builder.cell is not None:
+            info.cell.name = builder.cell.name
         if self._host.settings is not None:
             write_settings(self._host.settings, info.configured)
         return info
@@ -147,7 +146,7 @@ class ArmService:
         """Build the arm with the caller's settings."""
         require_version(request.version, "client")
         with self.leases.use(request.lease):
-            self._require_scene(request)
+            self._require_cell(request)
             settings = read_settings(request, self._host.builder.robot)
             key = pb.Configuration()
             write_settings(settings, key)
@@ -162,9 +161,9 @@ class ArmService:
     def reset(self, request: pb.ResetRequest, context: Any) -> pb.Report:
         """Begin a motion."""
         with self.leases.use(request.lease):
-            q, hole = read_configuration(request, self._host.builder.robot)
+            q, fixture = read_configuration(request, self._host.builder.robot)
             seed = request.seed if request.HasField("seed") else None
-            report = _report(0, self._host.reset(q, hole, seed))
+            report = _report(0, self._host.reset(q, fixture, seed))
         for note in self._host.notes():
             if note not in self._noted:
                 self._noted.add(note)
@@ -276,17 +275,15 @@ class ArmService:
             write_state(state, report.state)
         return report
 
-    def _require_scene(self, request: pb.Configuration) -> None:
-        scene = self._host.builder.scene
-        if scene is None or not request.HasField("scene"):
+    def _require_cell(self, request: pb.Configuration) -> None:
+        cell = self._host.builder.cell
+        if cell is None or not request.HasField("cell"):
             return
-        for name in ("peg", "clearance"):
-            wanted, own = getattr(request.scene, name), getattr(scene, name)
-            if wanted != own:
-                raise ConfigError(
-                    f"the learner's scene has {name} {wanted!r}, the service's has "
-                    f"{own!r}: start both with the same --{name}"
-                )
+        if request.cell.name != cell.name:
+            raise ConfigError(
+                f"the learner's cell is {request.cell.name!r}, the service's is "
+                f"{cell.name!r}: start both with the same options of the task"
+            )
 
     def _lease_ended(self, holder: Holder, reason: str) -> None:
         why = f"{holder} has left: {reason}"

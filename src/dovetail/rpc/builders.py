@@ -11,8 +11,8 @@ from dovetail.plants.plant import Plant
 from dovetail.rpc.settings import Settings
 
 if TYPE_CHECKING:
-    from dovetail.robot import Robot
-    from dovetail.scene import SceneConfig
+    from dovetail.robots.robot import Robot
+    from dovetail.workcell.workcell import Workcell
 
 
 def require_offered(name: str, period: float | None, settings: Settings) -> None:
@@ -39,7 +39,7 @@ class LocalBuilder:
     """A new controller for each learner's settings, over the same simulation."""
 
     is_real_time = False
-    places_hole = True
+    places_fixture = True
 
     def __init__(self, name: str, plant: Plant, period: float | None = None) -> None:
         """Own a plant.
@@ -51,8 +51,8 @@ class LocalBuilder:
         """
         self._period = period
         self.name = name
-        self.scene: SceneConfig | None = plant.scene
-        self.robot: Robot = plant.scene.robot()
+        self.cell: Workcell | None = plant.cell
+        self.robot: Robot = plant.robot
         self._plant = plant
 
     def build(self, settings: Settings) -> Arm:
@@ -81,26 +81,26 @@ class RebuiltArm:
     def __init__(
         self,
         name: str,
-        scene: "SceneConfig",
+        cell: "Workcell",
         make: Callable[[Settings], Arm],
         *,
         is_real_time: bool,
-        places_hole: bool,
+        places_fixture: bool,
     ) -> None:
         """Own whatever `make` returns.
 
         Args:
             name: Address of the arm.
-            scene: Geometry of the task, as the user says it is.
+            cell: What stands there, as the user says it is.
             make: Makes the arm.
             is_real_time: Whether the arm moves on while the learner thinks.
-            places_hole: Whether it can put the hole where a reset says.
+            places_fixture: Whether it can put the fixture where a reset says.
         """
         self.name = name
-        self.scene: SceneConfig | None = scene
-        self.robot: Robot = scene.robot()
+        self.cell: Workcell | None = cell
+        self.robot: Robot = cell.loaded_robot()
         self.is_real_time = is_real_time
-        self.places_hole = places_hole
+        self.places_fixture = places_fixture
         self._make = make
         self._arm: Arm | None = None
 

@@ -21,33 +21,33 @@ class InfoRequest(_message.Message):
     def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ...) -> None: ...
 
 class Info(_message.Message):
-    __slots__ = ("version", "arm", "real_time", "robot", "scene", "holder", "stopped", "joints", "columns", "configured", "places_hole")
+    __slots__ = ("version", "arm", "real_time", "robot", "cell", "holder", "stopped", "joints", "columns", "configured", "places_fixture")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     ARM_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FIELD_NUMBER: _ClassVar[int]
     ROBOT_FIELD_NUMBER: _ClassVar[int]
-    SCENE_FIELD_NUMBER: _ClassVar[int]
+    CELL_FIELD_NUMBER: _ClassVar[int]
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     STOPPED_FIELD_NUMBER: _ClassVar[int]
     JOINTS_FIELD_NUMBER: _ClassVar[int]
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
     CONFIGURED_FIELD_NUMBER: _ClassVar[int]
-    PLACES_HOLE_FIELD_NUMBER: _ClassVar[int]
+    PLACES_FIXTURE_FIELD_NUMBER: _ClassVar[int]
     version: Version
     arm: str
     real_time: bool
     robot: RobotModel
-    scene: Scene
+    cell: Workcell
     holder: str
     stopped: str
     joints: _containers.RepeatedScalarFieldContainer[str]
     columns: _containers.RepeatedScalarFieldContainer[str]
     configured: Configuration
-    places_hole: bool
-    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., arm: _Optional[str] = ..., real_time: _Optional[bool] = ..., robot: _Optional[_Union[RobotModel, _Mapping]] = ..., scene: _Optional[_Union[Scene, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., joints: _Optional[_Iterable[str]] = ..., columns: _Optional[_Iterable[str]] = ..., configured: _Optional[_Union[Configuration, _Mapping]] = ..., places_hole: _Optional[bool] = ...) -> None: ...
+    places_fixture: bool
+    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., arm: _Optional[str] = ..., real_time: _Optional[bool] = ..., robot: _Optional[_Union[RobotModel, _Mapping]] = ..., cell: _Optional[_Union[Workcell, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., joints: _Optional[_Iterable[str]] = ..., columns: _Optional[_Iterable[str]] = ..., configured: _Optional[_Union[Configuration, _Mapping]] = ..., places_fixture: _Optional[bool] = ...) -> None: ...
 
 class RobotModel(_message.Message):
-    __slots__ = ("name", "origin_position", "origin_rotation", "mass", "com", "inertia", "flange_position", "flange_rotation", "tool_position", "tool_rotation", "q_min", "q_max", "dq_max", "tau_max", "payload")
+    __slots__ = ("name", "origin_position", "origin_rotation", "mass", "com", "inertia", "flange_position", "flange_rotation", "tool_position", "tool_rotation", "q_min", "q_max", "dq_max", "tau_max", "payload", "damping", "armature")
     NAME_FIELD_NUMBER: _ClassVar[int]
     ORIGIN_POSITION_FIELD_NUMBER: _ClassVar[int]
     ORIGIN_ROTATION_FIELD_NUMBER: _ClassVar[int]
@@ -63,6 +63,8 @@ class RobotModel(_message.Message):
     DQ_MAX_FIELD_NUMBER: _ClassVar[int]
     TAU_MAX_FIELD_NUMBER: _ClassVar[int]
     PAYLOAD_FIELD_NUMBER: _ClassVar[int]
+    DAMPING_FIELD_NUMBER: _ClassVar[int]
+    ARMATURE_FIELD_NUMBER: _ClassVar[int]
     name: str
     origin_position: _containers.RepeatedScalarFieldContainer[float]
     origin_rotation: _containers.RepeatedScalarFieldContainer[float]
@@ -78,7 +80,9 @@ class RobotModel(_message.Message):
     dq_max: _containers.RepeatedScalarFieldContainer[float]
     tau_max: _containers.RepeatedScalarFieldContainer[float]
     payload: Payload
-    def __init__(self, name: _Optional[str] = ..., origin_position: _Optional[_Iterable[float]] = ..., origin_rotation: _Optional[_Iterable[float]] = ..., mass: _Optional[_Iterable[float]] = ..., com: _Optional[_Iterable[float]] = ..., inertia: _Optional[_Iterable[float]] = ..., flange_position: _Optional[_Iterable[float]] = ..., flange_rotation: _Optional[_Iterable[float]] = ..., tool_position: _Optional[_Iterable[float]] = ..., tool_rotation: _Optional[_Iterable[float]] = ..., q_min: _Optional[_Iterable[float]] = ..., q_max: _Optional[_Iterable[float]] = ..., dq_max: _Optional[_Iterable[float]] = ..., tau_max: _Optional[_Iterable[float]] = ..., payload: _Optional[_Union[Payload, _Mapping]] = ...) -> None: ...
+    damping: _containers.RepeatedScalarFieldContainer[float]
+    armature: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, name: _Optional[str] = ..., origin_position: _Optional[_Iterable[float]] = ..., origin_rotation: _Optional[_Iterable[float]] = ..., mass: _Optional[_Iterable[float]] = ..., com: _Optional[_Iterable[float]] = ..., inertia: _Optional[_Iterable[float]] = ..., flange_position: _Optional[_Iterable[float]] = ..., flange_rotation: _Optional[_Iterable[float]] = ..., tool_position: _Optional[_Iterable[float]] = ..., tool_rotation: _Optional[_Iterable[float]] = ..., q_min: _Optional[_Iterable[float]] = ..., q_max: _Optional[_Iterable[float]] = ..., dq_max: _Optional[_Iterable[float]] = ..., tau_max: _Optional[_Iterable[float]] = ..., payload: _Optional[_Union[Payload, _Mapping]] = ..., damping: _Optional[_Iterable[float]] = ..., armature: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Payload(_message.Message):
     __slots__ = ("mass", "com", "inertia")
@@ -90,13 +94,11 @@ class Payload(_message.Message):
     inertia: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, mass: _Optional[float] = ..., com: _Optional[_Iterable[float]] = ..., inertia: _Optional[_Iterable[float]] = ...) -> None: ...
 
-class Scene(_message.Message):
-    __slots__ = ("peg", "clearance")
-    PEG_FIELD_NUMBER: _ClassVar[int]
-    CLEARANCE_FIELD_NUMBER: _ClassVar[int]
-    peg: str
-    clearance: float
-    def __init__(self, peg: _Optional[str] = ..., clearance: _Optional[float] = ...) -> None: ...
+class Workcell(_message.Message):
+    __slots__ = ("name",)
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class LeaseRequest(_message.Message):
     __slots__ = ("version", "client", "timeout")
@@ -127,22 +129,22 @@ class Done(_message.Message):
     def __init__(self) -> None: ...
 
 class Configuration(_message.Message):
-    __slots__ = ("lease", "version", "task", "period", "osc", "limits", "scene")
+    __slots__ = ("lease", "version", "task", "period", "osc", "limits", "cell")
     LEASE_FIELD_NUMBER: _ClassVar[int]
     VERSION_FIELD_NUMBER: _ClassVar[int]
     TASK_FIELD_NUMBER: _ClassVar[int]
     PERIOD_FIELD_NUMBER: _ClassVar[int]
     OSC_FIELD_NUMBER: _ClassVar[int]
     LIMITS_FIELD_NUMBER: _ClassVar[int]
-    SCENE_FIELD_NUMBER: _ClassVar[int]
+    CELL_FIELD_NUMBER: _ClassVar[int]
     lease: str
     version: Version
     task: str
     period: float
     osc: _containers.RepeatedCompositeFieldContainer[Setting]
     limits: _containers.RepeatedCompositeFieldContainer[Setting]
-    scene: Scene
-    def __init__(self, lease: _Optional[str] = ..., version: _Optional[_Union[Version, _Mapping]] = ..., task: _Optional[str] = ..., period: _Optional[float] = ..., osc: _Optional[_Iterable[_Union[Setting, _Mapping]]] = ..., limits: _Optional[_Iterable[_Union[Setting, _Mapping]]] = ..., scene: _Optional[_Union[Scene, _Mapping]] = ...) -> None: ...
+    cell: Workcell
+    def __init__(self, lease: _Optional[str] = ..., version: _Optional[_Union[Version, _Mapping]] = ..., task: _Optional[str] = ..., period: _Optional[float] = ..., osc: _Optional[_Iterable[_Union[Setting, _Mapping]]] = ..., limits: _Optional[_Iterable[_Union[Setting, _Mapping]]] = ..., cell: _Optional[_Union[Workcell, _Mapping]] = ...) -> None: ...
 
 class Setting(_message.Message):
     __slots__ = ("name", "numbers", "is_on", "choice")
@@ -165,16 +167,16 @@ class Pose(_message.Message):
     def __init__(self, position: _Optional[_Iterable[float]] = ..., quat_wxyz: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class ResetRequest(_message.Message):
-    __slots__ = ("lease", "q", "hole", "seed")
+    __slots__ = ("lease", "q", "fixture", "seed")
     LEASE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
-    HOLE_FIELD_NUMBER: _ClassVar[int]
+    FIXTURE_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     lease: str
     q: _containers.RepeatedScalarFieldContainer[float]
-    hole: Pose
+    fixture: Pose
     seed: int
-    def __init__(self, lease: _Optional[str] = ..., q: _Optional[_Iterable[float]] = ..., hole: _Optional[_Union[Pose, _Mapping]] = ..., seed: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease: _Optional[str] = ..., q: _Optional[_Iterable[float]] = ..., fixture: _Optional[_Union[Pose, _Mapping]] = ..., seed: _Optional[int] = ...) -> None: ...
 
 class Target(_message.Message):
     __slots__ = ("f_star", "position_d", "quat_wxyz_d", "q_d", "near_plane", "velocity_d", "acceleration_d", "age", "stay", "f_tare")

@@ -14,7 +14,7 @@ from dovetail.rpc.fields import LENGTH_TOLERANCE, PLANE, TASK_AXES, XYZ, FieldRe
 from dovetail.types import JOINTS, Array, Vec7
 
 if TYPE_CHECKING:
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 DURATION_MAX = 10.0
 """Longest step [s]: a learner that asks for more has mistaken the unit."""
@@ -170,16 +170,16 @@ def read_pose(path: str, message: pb.Pose, fields: FieldReader) -> Pose:
 
 
 def read_configuration(message: pb.ResetRequest, robot: "Robot") -> tuple[Vec7, Pose]:
-    """Return where a reset goes: q [rad], inside the robot's limits, and the hole.
+    """Return where a reset goes: q [rad], inside the robot's limits, and the fixture.
 
     Raises:
         FieldError: Names every wrong field.
     """
     fields = FieldReader()
     q = fields.vector("q", message.q, JOINTS, "rad", (robot.q_min, robot.q_max))
-    hole = read_pose("hole", message.hole, fields)
+    fixture = read_pose("fixture", message.fixture, fields)
     fields.finish()
-    return q, hole
+    return q, fixture
 
 
 def write_state(state: ArmState, message: pb.ArmState) -> None:

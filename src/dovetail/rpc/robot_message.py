@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.robot import Payload, Robot
+from dovetail.robots.robot import NO_ARRAYS, Payload, Robot
 from dovetail.rpc import dovetail_pb2 as pb
 
 _SHAPES = {
@@ -59,7 +59,7 @@ def differences(one: Robot, other: Robot) -> list[str]:
 
 
 def _arrays() -> list[str]:
-    return [f.name for f in fields(Robot) if f.name not in ("name", "payload")]
+    return [f.name for f in fields(Robot) if f.name not in NO_ARRAYS]
 
 
 def _shaped(values: Any, shape: tuple[int, ...] | None) -> Any:

@@ -16,7 +16,7 @@ from dovetail.control.config import (
 from dovetail.control.ranges import Range
 from dovetail.control.task_spec import FORCE, POSE, TaskSpec
 from dovetail.errors import ConfigError
-from dovetail.robot import Robot
+from dovetail.robots.robot import Robot
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.fields import FieldReader
 from dovetail.types import JOINTS

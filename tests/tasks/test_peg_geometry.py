@@ -3,15 +3,19 @@
 import numpy as np
 import pytest
 
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.plants.mjcf import build_mjcf
 from dovetail.poses import matrix_from_quat
-from dovetail.scene import PEG_SHAPES, SceneConfig
+from dovetail.tasks.peg_in_hole.geometry import PEG_SHAPES, HoleBlock, Peg
+from dovetail.tasks.peg_in_hole.task import PegInHole
+
+FLOOR = PegInHole(block=HoleBlock(floor_thickness=0.01))
 
 
 def solid_at(scene, point):
     """Say whether a point in the hole frame [m] lies inside a part of the block."""
-    for part in scene.block_primitives():
+    for part in scene.fixture(0.0).primitives:
         local = matrix_from_quat(part.quat_wxyz).T @ (point - part.position)
         if np.all(np.abs(local) <= np.array(part.size)):
             return True
@@ -34,8 +38,8 @@ def outline(peg, radius):
 @pytest.mark.parametrize("peg", PEG_SHAPES)
 @pytest.mark.parametrize("clearance", [0.0, 0.0001, 0.0005, 0.004])
 def test_hole_has_the_pegs_outline_plus_the_clearance(peg, clearance):
-    scene = SceneConfig(peg=peg, clearance=clearance)
-    edge = scene.inner_radius + clearance
+    scene = PegInHole(peg=peg, clearance=clearance)
+    edge = Peg(shape=peg).inner_radius + clearance
     # 36 flats stand for the circle: their corners are 0.4 % further out.
     beyond = 1.006 if peg == "round" else 1.001
     for z in (-0.001, -0.015, -0.0299):
@@ -45,20 +49,20 @@ def test_hole_has_the_pegs_outline_plus_the_clearance(peg, clearance):
 
 
 def test_hole_goes_through_unless_it_is_given_a_floor():
-    assert not solid_at(SceneConfig(), np.array([0.0, 0.0, -0.031]))
-    assert solid_at(SceneConfig(floor_thickness=0.01), np.array([0.0, 0.0, -0.031]))
+    assert not solid_at(PegInHole(), np.array([0.0, 0.0, -0.031]))
+    assert solid_at(FLOOR, np.array([0.0, 0.0, -0.031]))
 
 
 def test_hole_has_no_lid():
-    scene = SceneConfig(floor_thickness=0.01)
+    scene = FLOOR
     assert not solid_at(scene, np.array([0.0, 0.0, -0.029]))
     assert not solid_at(scene, np.array([0.03, 0.0, 0.0005]))
 
 
 @pytest.mark.parametrize("peg", PEG_SHAPES)
 def test_chamfer_widens_the_mouth_by_45_degrees_and_nothing_below(peg):
-    scene = SceneConfig(peg=peg, chamfer=0.002)
-    edge = scene.inner_radius + scene.clearance
+    scene = PegInHole(peg=peg, block=HoleBlock(chamfer=0.002))
+    edge = Peg(shape=peg).inner_radius + scene.clearance
     angle = np.pi / 3 if peg == "triangle" else 0.0
     normal = np.array([np.cos(angle), np.sin(angle), 0.0])
     for depth in (0.0002, 0.0010, 0.0018):
@@ -72,18 +76,17 @@ def test_chamfer_widens_the_mouth_by_45_degrees_and_nothing_below(peg):
 
 
 def test_payload_weighs_gripper_and_peg():
-    scene = SceneConfig()
     peg = 2700.0 * 0.030**2 * 0.070
-    payload = scene.payload()
+    payload = find_cell().payload()
     assert payload.mass == pytest.approx(1.2 + peg)
     assert 0.03 < payload.com[2] < 0.10
     np.testing.assert_allclose(payload.com[:2], 0.0, atol=1e-12)
 
 
 def test_tool_frame_is_the_pegs_end():
-    scene = SceneConfig()
-    robot = scene.robot()
-    peg = scene.peg_primitive()
+    cell = find_cell()
+    robot = cell.loaded_robot()
+    peg = cell.tool_primitives()[-1]
     end = peg.position[2] + peg.size[-1]
     assert end == pytest.approx(robot.tool_position[2])
     tool = robot.tool_pose(np.zeros(7))
@@ -91,27 +94,27 @@ def test_tool_frame_is_the_pegs_end():
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "words"),
+    ("kind", "field", "value", "words"),
     [
-        ("peg", "star", "square, triangle, round"),
-        ("clearance", -0.0001, "clearance is -0.0001 m, allowed is 0 to 0.01 m"),
-        ("peg_width", 0.2, "allowed is 0.005 to 0.06 m"),
-        ("success_depth", 0.031, "allowed is 0.001 to 0.03"),
-        ("clearance", float("nan"), "clearance is nan"),
-        ("gripper_mass", 9.0, "gripper_mass is 9 kg, allowed is 0.2 to 5 kg"),
-        ("clearance", "x", "clearance is 'x'; give a number from 0 to 0.01 m"),
+        (PegInHole, "peg", "star", "square, triangle, round"),
+        (PegInHole, "clearance", -0.0001, "is -0.0001 m; allowed: 0 to 0.01 m"),
+        (Peg, "width", 0.2, "allowed: 0.005 to 0.06 m"),
+        (HoleBlock, "success_depth", 0.031, "allowed: at most 0.03 m"),
+        (HoleBlock, "chamfer", 0.016, "allowed: at most 0.015 m"),
+        (PegInHole, "clearance", float("nan"), "clearance is nan"),
+        (PegInHole, "clearance", "x", "clearance must be numbers"),
     ],
 )
-def test_wrong_number_is_refused_with_the_allowed_range(field, value, words):
+def test_wrong_number_is_refused_with_the_allowed_range(kind, field, value, words):
     with pytest.raises(ConfigError, match=words):
-        SceneConfig(**{field: value})
+        kind(**{field: value})
 
 
 def test_bullet_refuses_the_triangle_and_says_what_works():
     from dovetail.plants.bullet_plant import BulletPlant
 
-    with pytest.raises(ConfigError, match="use plant 'mujoco', or peg 'square'"):
-        BulletPlant(SceneConfig(peg="triangle"))
+    with pytest.raises(ConfigError, match=r"prism 'peg' .* use plant 'mujoco', or"):
+        BulletPlant(find_cell(peg="triangle"))
 
 
 @pytest.mark.parametrize("visual_meshes", [False, True])
@@ -119,8 +122,8 @@ def test_bullet_refuses_the_triangle_and_says_what_works():
 def test_only_the_tool_collides_and_only_with_block_and_table(peg, visual_meshes):
     import mujoco
 
-    scene = SceneConfig(peg=peg)
-    text = build_mjcf(scene.robot(), scene, visual_meshes=visual_meshes)
+    cell = find_cell(peg=peg)
+    text = build_mjcf(cell.loaded_robot(), cell, visual_meshes=visual_meshes)
     model = mujoco.MjModel.from_xml_string(text)
     tool = {"gripper", "finger_left", "finger_right", "peg"}
     for i in range(model.ngeom):

@@ -10,7 +10,7 @@ from dovetail.types import Mat33, Vec3, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robot import Robot
+    from dovetail.robots.robot import Robot
 
 _STEP_MAX = 0.5  # rad per iteration, keeps the linearisation honest
 _LENGTH = 0.3  # m per rad: weighs rotation against translation while iterating

@@ -1,18 +1,20 @@
-"""Facts of a seven-joint arm: geometry, inertia, limits, payload; and the LBR iiwa 14.
+"""Facts of a seven-joint arm: geometry, inertia, limits, motors, payload.
 
 A `Robot` is plain data. The maths on it (pose, Jacobian, inertia matrix) is
 `dovetail._core.Chain`, which `Robot.chain` builds.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_from_matrix
+from dovetail.robots.inertia import merge_bodies, require_inertia
 from dovetail.types import JOINTS, Array, Mat33, Vec3, Vec7
 
 if TYPE_CHECKING:
@@ -22,6 +24,21 @@ if TYPE_CHECKING:
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s2]."""
+NOMINAL = "nominal"
+"""Name of the inertia set of a robot that has one only."""
+NO_ARRAYS = ("name", "postures", "inertia_set", "inertia_sets", "payload")
+"""Fields of a Robot that are no arrays."""
+
+
+class InertiaSet(NamedTuple):
+    """Masses of the seven links, as one source publishes them."""
+
+    mass: Array
+    """Link masses [kg], shape (7,)."""
+    com: Array
+    """Centres of mass in the link frames [m], shape (7, 3)."""
+    inertia: Array
+    """Inertias about the com, link axes [kg m2], shape (7, 3, 3)."""
 
 
 def _frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
@@ -34,18 +51,6 @@ def _frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
         raise ConfigError(f"{name}{list(index)} is {array[index]}: it must be finite")
     array.setflags(write=False)
     return array
-
-
-def _require_inertia(inertia: Mat33, name: str) -> None:
-    """Refuse a matrix that no body can have (negative, triangle inequality)."""
-    if not np.allclose(inertia, inertia.T, atol=1e-9):
-        raise ConfigError(f"inertia of {name} is not symmetric: {inertia.tolist()}")
-    moments = np.linalg.eigvalsh(inertia)
-    if moments[0] < 0.0 or moments[2] > (moments[0] + moments[1]) * (1 + 1e-6) + 1e-12:
-        raise ConfigError(
-            f"inertia of {name} has principal moments {moments.tolist()} kg m2: each "
-            "must be >= 0 and no larger than the sum of the other two"
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,7 +69,7 @@ class Payload:
             raise ConfigError(f"payload mass is {self.mass} kg: it must be >= 0")
         object.__setattr__(self, "com", _frozen(self.com, (3,), "payload com"))
         inertia = _frozen(self.inertia, (3, 3), "payload inertia")
-        _require_inertia(inertia, "the payload")
+        require_inertia(inertia, "the payload")
         object.__setattr__(self, "inertia", inertia)
 
 
@@ -103,6 +108,17 @@ class Robot:
     """Joint speed limits [rad/s], shape (7,)."""
     tau_max: Vec7
     """Motor torque limits [Nm], gravity included, shape (7,)."""
+    damping: Vec7 = field(default_factory=lambda: np.full(7, 0.5))
+    """Viscous friction of the joints that the model assumes [Nms/rad], shape (7,)."""
+    armature: Vec7 = field(default_factory=lambda: np.full(7, 0.1))
+    """Rotor inertia at the joints that the model assumes [kg m2], shape (7,)."""
+    postures: Mapping[str, Vec7] = field(default_factory=dict)
+    """Where inverse kinematics starts [rad], by name: "down" (the tool over a table),
+    "forward" (the tool level), "rest". Without down: the middle of the joints."""
+    inertia_set: str = NOMINAL
+    """Name of the inertia set that mass, com and inertia are."""
+    inertia_sets: Mapping[str, InertiaSet] = field(default_factory=dict)
+    """Other published sets of the same arm, by name; see `with_inertia`."""
     payload: Payload | None = None
     """What the flange carries; it is already merged into mass, com and inertia."""
 
@@ -118,17 +134,21 @@ class Robot:
             "tool_position": (3,),
         }
         for f in fields(self):
-            if f.name not in ("name", "payload"):
+            if f.name not in NO_ARRAYS:
                 value = _frozen(
                     getattr(self, f.name), shapes.get(f.name, (7,)), f"robot {f.name}"
                 )
                 object.__setattr__(self, f.name, value)
+        postures = {
+            n: _frozen(q, (7,), f"posture {n}") for n, q in self.postures.items()
+        }
+        object.__setattr__(self, "postures", postures)
         for i, joint in enumerate(JOINTS):
             if self.mass[i] <= 0.0:
                 raise ConfigError(
                     f"mass of link {joint} is {self.mass[i]} kg: it must be > 0"
                 )
-            _require_inertia(self.inertia[i], f"link {joint}")
+            require_inertia(self.inertia[i], f"link {joint}")
             if self.q_min[i] >= self.q_max[i]:
                 raise ConfigError(
                     f"joint {joint} has q_min {self.q_min[i]} rad >= "
@@ -150,17 +170,41 @@ class Robot:
 
     @classmethod
     def from_mjcf(cls, path: str | Path, **options: Any) -> Self:
-        """Read the arm from an MJCF file; see `robot_file.load_robot`."""
-        from dovetail.robot_file import load_robot
+        """Read the arm from an MJCF file; see `from_file.load_robot`."""
+        from dovetail.robots.from_file import load_robot
 
         return cls(**load_robot(Path(path), "mujoco", **options))
 
     @classmethod
     def from_urdf(cls, path: str | Path, **options: Any) -> Self:
-        """Read the arm from a URDF file; see `robot_file.load_robot`."""
-        from dovetail.robot_file import load_robot
+        """Read the arm from a URDF file; see `from_file.load_robot`."""
+        from dovetail.robots.from_file import load_robot
 
         return cls(**load_robot(Path(path), "robot", **options))
+
+    def posture(self, name: str) -> Vec7:
+        """Return where inverse kinematics starts [rad]: a posture, or "down"."""
+        usual = self.postures.get("down", (self.q_min + self.q_max) / 2.0)
+        return self.postures.get(name, usual)
+
+    def with_inertia(self, name: str) -> Self:
+        """Return the bare arm with another of its published inertia sets.
+
+        Raises:
+            ConfigError: The arm has no such set, or carries a tool already.
+        """
+        if name == self.inertia_set:
+            return self
+        if name not in self.inertia_sets or self.payload is not None:
+            known = dict.fromkeys((*self.inertia_sets, self.inertia_set))
+            raise ConfigError(
+                f"robot {self.name} has no inertia set {name!r}; known: "
+                f"{', '.join(known)}"
+                f"{'; take the bare robot' if self.payload is not None else ''}"
+            )
+        one = self.inertia_sets[name]
+        label = self.name.replace(self.inertia_set, name)
+        return replace(self, name=label, inertia_set=name, **one._asdict())
 
     def with_tool(
         self, payload: Payload, tool_position: Vec3, tool_rotation: Mat33 | None = None
@@ -233,26 +277,6 @@ class Robot:
 
     def inverse_kinematics(self, pose: Pose, q_seed: Vec7, **options: Any) -> Vec7:
         """Find a configuration with the TCP at a pose; see `kinematics.solve_pose`."""
-        from dovetail.kinematics import solve_pose
+        from dovetail.robots.kinematics import solve_pose
 
         return solve_pose(self, self._chain, pose, q_seed, **options)
-
-
-def merge_bodies(*bodies: tuple[float, Vec3, Mat33]) -> tuple[float, Vec3, Mat33]:
-    """Merge rigid bodies (mass, com, inertia about the com) given in one frame."""
-    mass = sum(body[0] for body in bodies)
-    if mass <= 0.0:
-        return 0.0, np.zeros(3), np.zeros((3, 3))
-    com = np.sum([m * np.asarray(c) for m, c, _ in bodies], axis=0) / mass
-    inertia = np.zeros((3, 3))
-    for m, c, body_inertia in bodies:
-        d = np.asarray(c) - com
-        inertia += body_inertia + m * ((d @ d) * np.eye(3) - np.outer(d, d))
-    return mass, com, inertia
-
-
-def iiwa14(inertia: str = "drake") -> Robot:
-    """Return the LBR iiwa 14 R820 without a tool; see `dovetail.iiwa14.iiwa14`."""
-    from dovetail import iiwa14 as facts
-
-    return facts.iiwa14(inertia)

@@ -8,7 +8,7 @@ from dovetail.types import Vec3
 
 @dataclass(frozen=True, kw_only=True)
 class RewardConfig:
-    """Weights of the insertion reward (Kaspar et al. 2020)."""
+    """Weights of the reward (Kaspar et al. 2020)."""
 
     alpha: float = 0.6
     """Weight of the Euclidean distance to the target [1/m]."""
@@ -24,7 +24,7 @@ class RewardConfig:
     """Contact force that costs nothing [N]."""
 
 
-def insertion_reward(
+def distance_reward(
     position_error: Vec3,
     theta_error: float,
     success: bool,

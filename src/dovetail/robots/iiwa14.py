@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from dovetail.errors import ConfigError
-from dovetail.robot import Robot
+from dovetail.robots.robot import InertiaSet, Robot
 from dovetail.types import Array
 
 # Joint origins and fixed rotations at q = 0, all axes local z: the convention of the
@@ -82,6 +81,13 @@ _LBR = (
 
 INERTIA_SETS = ("drake", "pybullet", "lbr")
 """Published inertia sets. The controller uses drake; they differ by up to 35 %."""
+_POSTURES = {
+    "down": np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0]),
+    "rest": np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0]),
+    "forward": np.array([0.0, 0.6, 0.0, -1.6, 0.0, -0.63, 0.0]),
+}
+"""Elbow up; the tool down over a table (rest: 0.1 m over a fixture), or
+level [rad]."""
 
 
 def iiwa14(inertia: str = "drake") -> Robot:
@@ -94,30 +100,29 @@ def iiwa14(inertia: str = "drake") -> Robot:
     Raises:
         ConfigError: Unknown inertia set.
     """
-    if inertia == "drake":
-        mass, com, inertias = _DRAKE_MASS, _COM, _diagonal(_DRAKE_INERTIA)
-    elif inertia == "pybullet":
-        mass, com, inertias = _PYBULLET_MASS, _COM, _diagonal(_PYBULLET_INERTIA)
-    elif inertia == "lbr":
-        mass, com, inertias = _lbr_in_our_frames()
-    else:
-        raise ConfigError(
-            f"unknown inertia set {inertia!r}; known: {', '.join(INERTIA_SETS)}"
+    drake, pybullet, lbr = (
+        InertiaSet(np.array(mass, dtype=float), np.array(com, dtype=float), inertias)
+        for mass, com, inertias in (
+            (_DRAKE_MASS, _COM, _diagonal(_DRAKE_INERTIA)),
+            (_PYBULLET_MASS, _COM, _diagonal(_PYBULLET_INERTIA)),
+            _lbr_in_our_frames(),
         )
+    )
     q_max = np.deg2rad(_Q_MAX_DEG)
     return Robot(
-        name=f"iiwa14-{inertia}",
+        name="iiwa14-drake",
         origin_position=np.array(_ORIGINS),
         origin_rotation=np.array(_ROTATIONS, dtype=float),
-        mass=np.array(mass, dtype=float),
-        com=np.array(com, dtype=float),
-        inertia=inertias,
+        **drake._asdict(),
         flange_position=np.array(_FLANGE),
         q_min=-q_max,
         q_max=q_max,
         dq_max=np.deg2rad(_DQ_MAX_DEG),
         tau_max=np.array(_TAU_MAX, dtype=float),
-    )
+        postures=_POSTURES,
+        inertia_set="drake",
+        inertia_sets={"drake": drake, "pybullet": pybullet, "lbr": lbr},
+    ).with_inertia(inertia)
 
 
 def _diagonal(moments: tuple[tuple[float, ...], ...]) -> Array:

@@ -6,16 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.poses import Pose, quat_about_z, quat_multiply
-from dovetail.types import Vec3, Vec4
-
-TOOL_DOWN: Vec4 = np.array([0.0, 1.0, 0.0, 0.0])
-"""Tool rotation (wxyz) with its z axis down and zero yaw: half a turn about x."""
-
-
-def tool_down(yaw: float) -> Vec4:
-    """Return the tool's rotation (wxyz) with z down, turned by `yaw` [rad]."""
-    return quat_multiply(quat_about_z(yaw), TOOL_DOWN)
+from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.types import Vec3
 
 
 @dataclass(frozen=True, kw_only=True)

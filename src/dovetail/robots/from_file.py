@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.robot import merge_bodies
+from dovetail.robots.inertia import merge_bodies
 from dovetail.types import Array, Mat33, Vec3
 
 if TYPE_CHECKING:

@@ -1,0 +1,305 @@
+"""The one Gymnasium environment: a task, on an arm."""
+
+import math
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail import _core
+from dovetail.arms.arm import Arm, ArmState
+from dovetail.control.period import POLICY_PERIOD
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import build_arm
+from dovetail.envs.commands import CommandMap
+from dovetail.envs.config import EnvConfig
+from dovetail.envs.copying import RebuiltOnCopy
+from dovetail.envs.observation import Layout
+from dovetail.envs.stacking import History
+from dovetail.envs.tare import ToolTare
+from dovetail.envs.violations import ViolationCounter, count_bad_input
+from dovetail.envs.workspace import require_axes, require_inside
+from dovetail.errors import ConfigError
+from dovetail.poses import Pose, theta_about_vertical
+from dovetail.robots.find import find_robot
+from dovetail.tasks.task import Goal, Task
+from dovetail.trackers.find import find_tracker
+from dovetail.trackers.tracker import Tracker
+from dovetail.types import Array, Vec3
+
+_STREAM = 0x72AC6
+"""Keeps the trackers' seeds apart from the draws of start and fixture."""
+
+
+class ContactEnv(
+    RebuiltOnCopy, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
+):
+    """Bring a held part to a fixture whose pose is known, under a torque-controlled arm.
+
+    All axes are the world's.
+
+    ## Action space
+
+    `Box(-1, 1)`, one number per commanded axis of the task, in the order X Y Z A B C.
+    For the axes `XYZ:force A:pose BC:hold`:
+
+    | index | meaning | unit | value at action 1 |
+    |---|---|---|---|
+    | 0, 1, 2 | f* x, y, z: acceleration of the unit-mass operational point | m/s2 | `f_scale` |
+    | 3 | theta_des: desired rotation about the vertical, relative to the goal's | rad | `theta_range` |
+
+    B and C are held: the tool points down. On force axes the controller adds
+    `-force_damping` x velocity, so that an action is close to a velocity. Less than
+    `near_distance` above the fixture's surface, and below it, the tool's speed is
+    limited to `near_speed`: contact happens at no more than that, whatever the policy
+    does; and f* towards the fixture to `near_press`.
+
+    ## Observation space
+
+    `Box`, the task's columns, then `stack` past (observation, action) pairs, newest
+    first. Of peg in hole:
+
+    | index | meaning | unit unscaled | scaling | range |
+    |---|---|---|---|---|
+    | 0-6 | joint angles q1..q7 | rad | (q - middle) / half of the joint's range | +-1.1 |
+    | 7-9 | tool minus goal x, y, z | m | symmetric log, s = 2 mm | +-7 |
+    | 10 | tool minus goal rotation about the vertical | rad | symmetric log, s = 0.02 rad | +-5.1 |
+    | 11-13 | tool velocity x, y, z | m/s | symmetric log, s = 0.02 m/s | +-5 |
+
+    The symmetric log is `sign(x) ln(1 + |x| / s)`; x is counted from the task's
+    `zero_offset`. Everything comes from measured joint angles and the tracker, never
+    from the simulation's truth.
+
+    ## Reward
+
+    The task's: usually `-(0.6 L2(x) + 0.4 L1(x) + 0.1 |theta|)` per step, x the tool
+    minus the goal [m], and 50 on success.
+
+    ## Starting state
+
+    Fixture pose and start pose are the task's to draw. `reset(options={"fixture": Pose,
+    "start": q})` fixes either.
+
+    ## Episode end
+
+    Terminated on the task's success. Truncated after `max_steps`.
+
+    ## Info
+
+    `success` and `depth` [m] by the fixture's true pose, `position_error` [m] and
+    `theta_error` [rad] (tool minus goal, by the tracker), `contact_force_max` [N] of
+    the step, `limit_violations` (control cycles of the step outside a joint or wall
+    limit, by the measured state), `bad_input` (those in which the controller held the
+    arm because of a number that is none), `observation_raw` (unscaled) and, from
+    `reset`, `tare` [m/s2, rad/s2]: the f* that holds the weight.
+
+    Args:
+        task: What is to be done.
+        arm: The arm to use, or its address (see `arms.address`); None is the place that
+            the settings name.
+        config: Every other setting; None is the usual ones.
+        tracker: Where the fixture is; None is the one that the settings name.
+        render_mode: None; there is nothing to render here.
+
+    Raises:
+        ConfigError: An unknown name or a number out of range.
+    """  # noqa: E501
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium's name)
+
+    state: ArmState
+    """What the arm said after the last step."""
+    fixture: Pose
+    """The fixture's true pose in this episode."""
+
+    def __init__(
+        self,
+        task: Task,
+        arm: Arm | str | None = None,
+        config: EnvConfig | None = None,
+        *,
+        tracker: Tracker | None = None,
+        render_mode: str | None = None,
+    ) -> None:
+        self.render_mode = render_mode
+        self.task, self.config = task, config or EnvConfig()
+        action, approach = self.config.action, self.config.approach
+        self.cell = task.workcell(find_robot(self.config.place.robot))
+        self.axes = TaskSpec.parse(task.axes)
+        self.arm = build_arm(
+            self.config.place.arm if arm is None else arm,
+            self.cell,
+            self.axes,
+            self.config,
+        )
+        self.tracker = tracker or find_tracker(self.config.observation.tracker)
+        self.commands = CommandMap(
+            self.axes,
+            f_scale=action.f_scale,
+            f_scale_angular=action.f_scale_angular,
+            theta_range=action.theta_range,
+            position_range=action.position_range,
+            press_max=approach.near_press,
+        )
+        self._tare: ToolTare | None = None
+        if self.config.episode.tare:
+            self._tare = ToolTare(self.arm, self.commands, action.force_damping)
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Take from the arm and the task what each step needs."""
+        require_axes(self.arm, self.axes)
+        self.max_steps = self.config.episode.max_steps
+        self._near_distance = self.config.approach.near_distance
+        robot = self.arm.robot
+        self.scaling = Layout(self.task.columns, robot, self.task.zero_offset())
+        self._walls = self.cell.walls
+        limits = getattr(self.arm, "limits", None)
+        if limits is not None and limits.walls:
+            self._walls = limits.x_min, limits.x_max
+        self.violations = ViolationCounter(robot, *self._walls)
+        self.places_fixture: bool = getattr(self.arm, "places_fixture", True)
+        self._target = _core.Target()
+        size = len(self.commands)
+        stack = self.config.observation.stack
+        self._history = History(stack, len(self.scaling), size)
+        high = self._history.highest(self.scaling.high)
+        self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
+        self._seeds = np.random.default_rng()
+        self._seen = self._true = b""
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: Starts the environment's random numbers again.
+            options: "fixture": its Pose; "start": the configuration q [rad].
+
+        Raises:
+            ConfigError: An unknown option, a fixture out of reach, or a drawn one on an
+                arm that cannot move it.
+        """
+        super().reset(seed=seed)
+        options = options or {}
+        if unknown := ", ".join(sorted(set(options) - {"fixture", "start"})):
+            raise ConfigError(
+                f"unknown reset options: {unknown}; known: fixture, start"
+            )
+        fixture = self.task.draw_fixture(self.np_random)
+        if options.get("fixture") is not None:
+            given = (np.asarray(part, dtype=float) for part in options["fixture"])
+            fixture = Pose(*given)
+        elif not (self.places_fixture or self.task.has_fixed_fixture()):
+            name = self.cell.fixture.name
+            raise ConfigError(
+                f"the arm cannot move the {name}: say where it is, with --fixed-goal "
+                "--hole X Y Z YAW [m, rad] or reset(options={'fixture': Pose})"
+            )
+        require_inside(self.task, self.cell, self.arm, fixture)
+        if options.get("start") is not None:
+            q = np.asarray(options["start"], dtype=float)
+        else:
+            robot = self.arm.robot
+            start = self.task.draw_start(self.np_random, fixture)
+            q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
+        self.fixture = fixture
+        self.slide_fixture(np.zeros(3))
+        if seed is not None:
+            self._seeds = np.random.default_rng([_STREAM, seed])
+            if hasattr(self.arm, "seed"):
+                self.arm.seed(seed)  # type: ignore[attr-defined]
+        self.tracker.reset(fixture, int(self._seeds.integers(1 << 31)))
+        self.state = self.arm.reset(q, fixture)
+        self._steps = 0
+        raw = self._locate()
+        if self._tare is not None:
+            plane = self._target.near_plane
+            self.state = self._tare.take(self.state, fixture, plane, self._walls)
+            raw = self._locate()
+        info = {**self._info(raw), "tare": self.commands.tare.copy()}
+        return self._history.reset(self.scaling.scale(raw)), info
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Follow an action for 50 ms."""
+        action = self.commands.usable(action)
+        goal = self._goal
+        self.commands.fill(self._target, action, goal.position, goal.quat_wxyz)
+        if self.state.position @ goal.normal < self._near_height:
+            self.commands.limit_press(self._target, goal.normal)
+        if self._is_sliding:
+            self._slide()
+        self.state = self.arm.step(self._target, POLICY_PERIOD)
+        self._steps += 1
+        raw = self._locate()
+        info = self._info(raw)
+        reward = self.task.weigh(
+            info["position_error"],
+            info["theta_error"],
+            info["success"],
+            info["contact_force_max"],
+        )
+        return (
+            self._history.push(action, self.scaling.scale(raw)),
+            reward,
+            info["success"],
+            self._steps >= self.max_steps and not info["success"],
+            info,
+        )
+
+    def slide_fixture(self, velocity: Vec3) -> None:
+        """Let the fixture move at a velocity [m/s], world axes, in the steps to come.
+
+        The arm must be able to: a simulation here, or a simulated cabinet.
+        """
+        self._fixture_velocity = np.array(velocity, dtype=float)
+        self._is_sliding = bool(self._fixture_velocity.any())
+
+    def _slide(self) -> None:
+        velocity = self._fixture_velocity
+        self.arm.move_fixture(self.fixture, velocity)  # type: ignore[attr-defined]
+        position = self.fixture.position + POLICY_PERIOD * velocity
+        self.fixture = self.fixture._replace(position=position)
+
+    def close(self) -> None:
+        """Close the arm."""
+        self.arm.close()
+
+    def _locate(self) -> Array:
+        """Ask the tracker for the fixture; return the unscaled observation."""
+        self.tracker.update(self.fixture, self.state)
+        seen = self.tracker.estimate().pose
+        # By value: a tracker may change its pose in place.
+        if (value := _value(seen)) != self._seen:
+            self._seen = value
+            self._goal = goal = self.task.goal(seen)
+            self._near_height = goal.surface + self._near_distance
+            self._target.near_plane = np.append(goal.normal, self._near_height)
+        if (value := _value(self.fixture)) != self._true:
+            self._true = value
+            self._true_goal: Goal = self.task.goal(self.fixture)
+        return self.scaling.read(self.state, self._goal)
+
+    def _info(self, raw: Array) -> dict[str, Any]:
+        state, goal, true = self.state, self._goal, self._true_goal
+        depth, success = self.task.judge(state.position - true.position, true, state)
+        fx, fy, fz = state.contact_force.tolist()
+        return {
+            "success": success,
+            "depth": depth,
+            "position_error": state.position - goal.position,
+            "theta_error": theta_about_vertical(state.quat_wxyz, goal.quat_wxyz),
+            "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
+            "limit_violations": self.violations.count(state.log),
+            "bad_input": count_bad_input(state),
+            "observation_raw": raw,
+        }
+
+
+def _value(pose: Pose) -> bytes:
+    return pose.position.tobytes() + pose.quat_wxyz.tobytes()

@@ -1,0 +1,200 @@
+"""What an evaluation is asked for, and what that means for its environment."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from dovetail.arms.address import (
+    SCHEMES,
+    ArmAddress,
+    is_simulated_here,
+    parse_address,
+    period_of,
+    places_fixture,
+    with_approach,
+)
+from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.period_option import Period
+from dovetail.envs.registered import task_class
+from dovetail.errors import ConfigError
+from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation
+from dovetail.learn.policy_env import known_env_id, policy_settings
+from dovetail.plants.plant import PLANTS
+from dovetail.plants.twin import list_twins, load_twin
+from dovetail.tasks.fixture_pose import FixturePose
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluationConfig:
+    """What to try, where, and how often."""
+
+    policy: str
+    """Policy: a file (.safetensors or .json) or the name of a shipped one."""
+    env: str | None = None
+    """Environment of the policy; needed for one of your own, MODULE:ID: a policy's file
+    alone lets no module be imported."""
+    robot: str | None = None
+    """Robot in the cell; default the policy's."""
+    tracker: str | None = None
+    """Where the fixture is, as far as the policy may know: truth, delayed?delay=0.1,
+    noisy?offset=0.001, or MODULE:CLASS of your own; default the policy's."""
+    plant: str | None = None
+    """Engine of an ideal plant, mujoco or bullet; or give a twin, or an arm."""
+    twin: str | None = None
+    """Twin to try on: the name of a shipped one, or a .toml file."""
+    arm: str | None = None
+    """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    approach: bool = False
+    """Let an arm behind fri:// go to its first start from afar, slowly."""
+    accept_contact: bool = False
+    """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
+    hole: tuple[float, float, float, float] | None = None
+    """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
+    three poses, which an arm must be able to put the hole at."""
+    period: Period | None = None
+    """Control period: 1ms, 2ms, 2.5ms or 5ms; default the one in the arm's address, or
+    else the policy's training's."""
+    peg: str | None = None
+    """Shape of peg and hole: square, triangle or round; default the policy's."""
+    clearance: float | None = None
+    """Gap between peg and hole on each side [m]; default the policy's."""
+    hole_shift: float = 0.0
+    """Cover the camera: the hole is this far [m], in a random horizontal direction,
+    from where it was seen last; 0 to 0.05."""
+    push: float = 0.0
+    """Push the tool at random times in random directions with up to this force [N];
+    0 to 100."""
+    hole_speed: float = 0.0
+    """Move the hole during the tries at this speed [m/s], out and back, the camera
+    following; 0 to 0.1."""
+    start: Literal["random", "below"] = "random"
+    """Where the tool starts: random, or below the block's surface, beside it."""
+    search: Literal["none", "spiral"] = "none"
+    """With `hole_shift`: lead the policy over the surface until the peg drops in."""
+    tare: bool = True
+    """Before each try measure, in free air, the weight that the arm's gravity
+    compensation misses, and take it off what the policy commands; not where the policy
+    was trained with --no-tare."""
+    max_steps: int | None = None
+    """Policy steps of 50 ms in a try; default the policy's, 20000 with a search."""
+    tries: int = 20
+    """Tries at each hole pose."""
+    seed: int = 0
+    """Seed of starts and noise, 0 or more."""
+    workers: int = 1
+    """Processes that share the tries; the outcome does not depend on it."""
+    keep_logs: bool = True
+    """Keep an Episode log of each try: a search of six minutes is one of 40 MB."""
+    out: Path | None = None
+    """Folder for table, figures, report and logs, new or empty; default a new one, by
+    the time, in results."""
+
+    def perturbation(self) -> Perturbation:
+        """Return what is done to arm and hole.
+
+        Raises:
+            ConfigError: A number out of range.
+        """
+        return Perturbation(
+            hole_shift=self.hole_shift,
+            push=self.push,
+            hole_speed=self.hole_speed,
+            start=self.start,
+            search=self.search,
+        )
+
+
+def environment_options(
+    config: EvaluationConfig, policy: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the keyword arguments of the environment for a policy.
+
+    Args:
+        config: Plant or twin, and what differs from the policy's own task.
+        policy: The policy's description; "env" holds its environment's settings.
+
+    Raises:
+        ConfigError: Neither or both of plant and twin, or an unknown one.
+    """
+    places = ("plant", "twin", "arm")
+    if sum(getattr(config, name) is not None for name in places) != 1:
+        raise ConfigError(
+            "give either a plant or a twin or an arm to try the policy on; known "
+            f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
+            f"arms: {', '.join(SCHEMES)}"
+        )
+    options = policy_settings(policy)
+    options |= _trained_robot(config, policy)
+    for name in (*places, "peg", "clearance", "robot", "tracker"):
+        if (value := getattr(config, name)) is not None:
+            options[name] = value
+    if config.plant is None:
+        options.pop("plant", None)
+    if config.twin is not None:
+        if Path(config.twin).suffix == ".toml":
+            options["twin"] = str(Path(config.twin).expanduser().absolute())
+        load_twin(options["twin"])
+    arm = None if config.arm is None else parse_address(config.arm)
+    trained = options.get("period", DEFAULT_PERIOD)
+    options["period"] = period_of(arm, config.period, trained)
+    if arm is not None:
+        options["arm"] = _usable(config, arm)
+    options["tare"] = config.tare and options.get("tare", True)
+    is_searching = config.perturbation().search != "none"
+    if config.max_steps is not None:
+        options["max_steps"] = config.max_steps
+    elif is_searching:
+        options["max_steps"] = SEARCH_STEPS
+    return options
+
+
+def _trained_robot(
+    config: EvaluationConfig, policy: Mapping[str, Any]
+) -> dict[str, str]:
+    """Return the robot of the policy's training, where no other is asked for.
+
+    Raises:
+        ConfigError: It is a module's, which only the command line may name.
+    """
+    told = policy["env"].get("robot")
+    if config.robot is not None or not isinstance(told, str):
+        return {}
+    if ":" in told:
+        raise ConfigError(
+            f"the policy was trained with the robot {told!r}, of a module; add --robot "
+            f"{told} if you trust it"
+        )
+    return {"robot": told}
+
+
+def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
+    """Return the address, or refuse what an arm outside this process cannot do."""
+    config.perturbation().require_possible(arm)
+    if not is_simulated_here(arm) and config.workers > 1:
+        raise ConfigError(
+            f"workers is {config.workers}, but there is one arm at {config.arm}; "
+            "needs 1"
+        )
+    require_place(config, can_place=places_fixture(arm))
+    return with_approach(str(config.arm)) if config.approach else str(config.arm)
+
+
+def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
+    """Refuse to guess where the hole is, for an arm that cannot move it."""
+    if config.hole is None and not can_place:
+        raise ConfigError(
+            f"the arm at {config.arm} cannot move the hole: say where it is with "
+            "--hole X Y Z YAW [m, rad], or add control=HOST:PORT for a simulated "
+            "cabinet"
+        )
+
+
+def fixture_poses(
+    config: EvaluationConfig, policy: Mapping[str, Any]
+) -> tuple[FixturePose, ...]:
+    """Return where the hole is for the tries: by the policy's environment, or given."""
+    poses = task_class(known_env_id(policy, config.env)).trial_poses
+    if config.hole is None:
+        return poses
+    return (FixturePose.given(config.hole, poses[0].facing),)

@@ -1,0 +1,1 @@
+"""Peg in hole, the paper's task."""

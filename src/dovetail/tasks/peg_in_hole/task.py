@@ -1,0 +1,153 @@
+"""Peg in hole (Kaspar et al. 2020): push a peg into a hole whose pose is known."""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from dovetail.control.ranges import in_range
+from dovetail.errors import ConfigError
+from dovetail.poses import Pose
+from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.opening import goal_inside, judge_insertion
+from dovetail.tasks.peg_in_hole.geometry import (
+    CLEARANCE,
+    HoleBlock,
+    Peg,
+    PegShape,
+    hole_outline,
+)
+from dovetail.tasks.peg_in_hole.starts import (
+    RandomisationConfig,
+    sample_hole,
+    sample_start,
+)
+from dovetail.tasks.task import Goal, Outline, Progress, Task
+from dovetail.types import Vec3
+from dovetail.workcell.parts import Part
+from dovetail.workcell.tool import Tool, wsg50
+
+if TYPE_CHECKING:
+    from dovetail.arms.arm import ArmState
+
+
+@dataclass(frozen=True, kw_only=True)
+class PegInHole(Task):
+    """The paper's task: XYZ as accelerations, the turn about the vertical as a pose.
+
+    The goal is the peg's pose when inserted: its end in the middle of the hole's floor,
+    its rotation the hole's. Done is `HoleBlock.success_depth` below the mouth and
+    inside the hole. Starts below the block's surface, beside it, are included: see
+    `RandomisationConfig`.
+    """
+
+    axes: str = "XYZ:force A:pose BC:hold"
+    """Mode of each axis."""
+    peg: PegShape = "square"
+    """Shape of peg and hole: square, triangle or round."""
+    clearance: float = 0.0005
+    """Gap between peg and hole on each side [m]."""
+    block: HoleBlock = field(default_factory=HoleBlock)
+    """What the peg goes into."""
+    randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
+    """Ranges of starts and holes."""
+
+    trial_poses: ClassVar[tuple[FixturePose, ...]] = (
+        FixturePose("A", 0.56, -0.045, 0.085, -0.15),
+        FixturePose("B", 0.60, 0.045, 0.10, 0.10),
+        FixturePose("C", 0.64, -0.01, 0.115, 0.20),
+    )
+    """The three hole poses of the transfer table: x, y, z and theta all differ."""
+
+    def __post_init__(self) -> None:
+        """Refuse a peg or a clearance that cannot be built."""
+        Peg(shape=self.peg)
+        gap = in_range("clearance", self.clearance, CLEARANCE)
+        object.__setattr__(self, "clearance", gap)
+
+    def held(self) -> Part:
+        """Return the peg; its end face is the TCP."""
+        return Peg(shape=self.peg).part()
+
+    def tool(self) -> Tool:
+        """Return the gripper about the peg."""
+        peg = Peg(shape=self.peg)
+        return wsg50(opening=peg.width, reach=peg.length)
+
+    def fixture(self, widened: float) -> Part:
+        """Return the hole's block in the hole's frame: its mouth's middle, z out.
+
+        Raises:
+            ConfigError: The clearance would be negative.
+        """
+        clearance = self.clearance + widened
+        if clearance < 0.0:
+            raise ConfigError(
+                f"clearance_offset {widened * 1e3:g} mm makes the clearance of "
+                f"{self.clearance * 1e3:g} mm negative; allowed is "
+                f"{-self.clearance * 1e3:g} mm and more"
+            )
+        return self.block.part(Peg(shape=self.peg), clearance)
+
+    def draw_fixture(self, rng: np.random.Generator) -> Pose:
+        """Draw the true pose of the hole's mouth for an episode."""
+        return sample_hole(rng, self.randomisation)
+
+    def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
+        """Draw the tool's start pose for an episode."""
+        yaw = 2.0 * math.atan2(fixture.quat_wxyz[3], fixture.quat_wxyz[0])
+        return sample_start(rng, fixture, yaw, self.randomisation)
+
+    def has_fixed_fixture(self) -> bool:
+        """Whether every hole that is drawn is the same."""
+        return self.randomisation.is_hole_fixed
+
+    def goal(self, fixture: Pose) -> Goal:
+        """Return the tool's pose with the peg on the hole's floor."""
+        return goal_inside(fixture, self.block.depth)
+
+    def judge(self, error: Vec3, goal: Goal, state: "ArmState") -> Progress:
+        """Return the depth of the peg's end below the mouth, and whether it is in."""
+        lateral = self.clearance * math.sqrt(2.0) + 0.002
+        block = self.block
+        return judge_insertion(error, goal, block.depth, block.success_depth, lateral)
+
+    def zero_offset(self) -> Vec3:
+        """Return the mouth from the goal [m]: there millimetres decide."""
+        return self.block.depth * np.array([0.0, 0.0, 1.0])
+
+    def places(self, fixture: Pose) -> dict[str, Vec3]:
+        """Return the middle of the hole's mouth and of its floor [m]."""
+        return {"mouth": fixture.position, "floor": self.goal(fixture).position}
+
+    def heights(self) -> tuple[float, ...]:
+        """Return the heights of the hole's mouth and floor over its mouth [m]."""
+        return 0.0, -self.block.depth
+
+    def slack(self) -> float:
+        """Return how far above the floor the peg counts as inserted [m]."""
+        return self.block.depth - self.block.success_depth
+
+    def gap(self) -> float:
+        """Return the clearance [m]."""
+        return self.clearance
+
+    @classmethod
+    def low_starts(cls) -> dict[str, Any]:
+        """Return the settings with which the peg starts beside the block."""
+        low, _ = RandomisationConfig().start_z
+        return {"randomisation": RandomisationConfig(start_z=(low, 0.0))}
+
+    def describe(self) -> list[str]:
+        """Return peg and clearance in words."""
+        return [f"{self.peg} peg", f"{1e3 * self.clearance:g} mm clearance per side"]
+
+    def outline(self) -> Outline:
+        """Return the hole from above, and the block around it."""
+        return Outline(
+            hole_outline(Peg(shape=self.peg), self.clearance),
+            self.block.width / 2.0,
+            self.block.depth,
+            self.block.height,
+        )

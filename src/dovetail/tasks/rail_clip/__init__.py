@@ -1,0 +1,1 @@
+"""Clip a component on a rail."""

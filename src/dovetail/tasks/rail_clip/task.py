@@ -1,0 +1,155 @@
+"""Clip a component on a rail: the second task, over the same arm."""
+
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from dovetail.control.ranges import Range, in_range
+from dovetail.errors import ConfigError
+from dovetail.poses import TOOL_DOWN, Pose, quat_about_z, quat_multiply
+from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.opening import goal_inside, judge_insertion
+from dovetail.tasks.rail_clip.geometry import (
+    DEPTH,
+    LENGTH,
+    SUCCESS_DEPTH,
+    WIDTH,
+    clip,
+    rail,
+)
+from dovetail.tasks.task import Goal, Progress, Task
+from dovetail.types import Vec3
+from dovetail.workcell.parts import Part
+from dovetail.workcell.tool import Tool, wsg50
+from dovetail.workcell.workcell import Walls
+
+if TYPE_CHECKING:
+    from dovetail.arms.arm import ArmState
+
+FACING_ROBOT = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
+"""Rotation (wxyz) of a slot whose z axis points out of it towards the robot, -x."""
+_CLEARANCE = Range(0.0, 0.010, "m")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClipStarts:
+    """Ranges of the slot and of the clip's start (uniform)."""
+
+    middle: tuple[float, float, float] = (0.87, 0.0, 0.40)
+    """Middle of the slot's mouth positions [m], world axes."""
+    half_range: float = 0.03
+    """Half range of the slot's mouth about it along each axis [m]."""
+    distance: tuple[float, float] = (0.02, 0.10)
+    """Range of the clip's distance in front of the slot [m]."""
+    turn: float = 0.2
+    """Half range of the clip's turn about the vertical at the start [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RailClip(Task):
+    """Push a clip along X into a rail's slot that faces the robot, turning it about A.
+
+    The tool is horizontal. The policy commands X as a force and A as a pose; Y, Z, B
+    and C are held where the episode starts, on the slot's axis. The clip starts turned
+    about the vertical, so it must be aligned before it goes in.
+    """
+
+    axes: str = "X:force A:pose YZBC:hold"
+    """Mode of each axis."""
+    clearance: float = 0.001
+    """Gap between clip and slot on each side [m]."""
+    randomisation: ClipStarts = field(default_factory=ClipStarts)
+    """Ranges of starts and slots."""
+
+    posture: ClassVar[str] = "forward"
+    """Elbow up, tool forward."""
+    walls: ClassVar[Walls] = (0.60, -0.15, 0.30), (0.95, 0.15, 0.50)
+    """Lower and upper walls of the TCP [m], world axes."""
+    trial_poses: ClassVar[tuple[FixturePose, ...]] = (
+        FixturePose("A", 0.85, -0.02, 0.39, 0.0, FACING_ROBOT),
+        FixturePose("B", 0.87, 0.02, 0.40, 0.0, FACING_ROBOT),
+        FixturePose("C", 0.89, -0.005, 0.415, 0.0, FACING_ROBOT),
+    )
+    """Where the slot's mouth is when a policy is tried; its axis is the world's -x."""
+
+    def __post_init__(self) -> None:
+        """Refuse a clearance that cannot be built."""
+        gap = in_range("clearance", self.clearance, _CLEARANCE)
+        object.__setattr__(self, "clearance", gap)
+
+    def held(self) -> Part:
+        """Return the clip; its end face is the TCP."""
+        return clip()
+
+    def tool(self) -> Tool:
+        """Return the gripper about the clip."""
+        return wsg50(opening=WIDTH, reach=LENGTH)
+
+    def fixture(self, widened: float) -> Part:
+        """Return the rail in the slot's frame.
+
+        Raises:
+            ConfigError: The clearance would be negative.
+        """
+        clearance = self.clearance + widened
+        if clearance < 0.0:
+            raise ConfigError(
+                f"clearance_offset {widened * 1e3:g} mm makes the clearance of "
+                f"{self.clearance * 1e3:g} mm negative; allowed is "
+                f"{-self.clearance * 1e3:g} mm and more"
+            )
+        return rail(clearance)
+
+    def draw_fixture(self, rng: np.random.Generator) -> Pose:
+        """Draw the pose of the slot's mouth; its axis is the world's -x."""
+        half = self.randomisation.half_range
+        position = np.array(self.randomisation.middle) + rng.uniform(-half, half, 3)
+        return Pose(position, np.array(FACING_ROBOT))
+
+    def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
+        """Draw the clip's start in front of the slot, turned about the vertical."""
+        ranges = self.randomisation
+        distance = rng.uniform(*ranges.distance)
+        turn = quat_about_z(rng.uniform(-ranges.turn, ranges.turn))
+        aligned = quat_multiply(fixture.quat_wxyz, TOOL_DOWN)
+        position = fixture.position + distance * np.array([-1.0, 0.0, 0.0])
+        return Pose(position, quat_multiply(turn, aligned))
+
+    def has_fixed_fixture(self) -> bool:
+        """Whether every slot that is drawn is the same."""
+        return not self.randomisation.half_range
+
+    def goal(self, fixture: Pose) -> Goal:
+        """Return the tool's pose with the clip on the slot's floor."""
+        return goal_inside(fixture, DEPTH)
+
+    def judge(self, error: Vec3, goal: Goal, state: "ArmState") -> Progress:
+        """Return the depth of the clip's end below the mouth, and whether it is in."""
+        lateral = self.clearance * math.sqrt(2.0) + 0.002
+        return judge_insertion(error, goal, DEPTH, SUCCESS_DEPTH, lateral)
+
+    def zero_offset(self) -> Vec3:
+        """Return the mouth from the goal [m]: there millimetres decide."""
+        return DEPTH * np.array([-1.0, 0.0, 0.0])
+
+    def places(self, fixture: Pose) -> dict[str, Vec3]:
+        """Return the middle of the slot's mouth and of its floor [m]."""
+        return {"mouth": fixture.position, "floor": self.goal(fixture).position}
+
+    def heights(self) -> tuple[float, ...]:
+        """Return the heights of the slot's mouth and floor over its mouth [m]."""
+        return 0.0, -DEPTH
+
+    def slack(self) -> float:
+        """Return how far above the floor the clip counts as clipped on [m]."""
+        return DEPTH - SUCCESS_DEPTH
+
+    def gap(self) -> float:
+        """Return the clearance [m]."""
+        return self.clearance
+
+    def describe(self) -> list[str]:
+        """Return the clearance in words."""
+        return ["rail clip", f"{1e3 * self.clearance:g} mm clearance per side"]

@@ -1,0 +1,198 @@
+"""What a task is: what is held, where it goes, when it is done and what it is worth.
+
+A task knows no arm, no engine and no policy. `ContactEnv` runs it on any arm.
+"""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+
+import numpy as np
+
+from dovetail.poses import Pose, matrix_from_quat
+from dovetail.robots.robot import Robot
+from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.reward import RewardConfig, distance_reward
+from dovetail.types import Array, Vec3, Vec4
+from dovetail.workcell.parts import Part
+from dovetail.workcell.tool import Tool, wsg50
+from dovetail.workcell.workcell import WALLS, Walls, Workcell
+
+if TYPE_CHECKING:
+    from dovetail.arms.arm import ArmState
+
+
+class Goal(NamedTuple):
+    """What a fixture at a pose asks of the tool, world axes."""
+
+    position: Vec3
+    """TCP when done [m]."""
+    quat_wxyz: Vec4
+    """Its rotation when done."""
+    normal: Vec3
+    """Out of the fixture, unit length: contact is near below its surface."""
+    surface: float
+    """Where that surface is along the normal [m]."""
+
+
+class Progress(NamedTuple):
+    """How far the task is, by the fixture's true pose."""
+
+    depth: float
+    """How far in the tool is [m]; what that means is the task's."""
+    success: bool
+    """Whether it is done."""
+
+
+class Outline(NamedTuple):
+    """What a figure shows of a fixture, in its own frame [m]."""
+
+    opening: Array
+    """Closed line seen from above, shape (points, 2)."""
+    outer: float
+    """Half side of the square around the fixture."""
+    depth: float
+    """Depth of the opening below z = 0."""
+    bottom: float
+    """Lower face of the fixture, below z = 0; equal to the depth where it is open."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task(ABC):
+    """The contract. A task is a frozen dataclass; its fields are its settings.
+
+    The fixture's frame is its task's choice: z points out of it, to where the tool
+    comes from. Methods draw from the generator they are given, and from nothing else.
+    """
+
+    axes: str
+    """Mode of each axis: force, pose, hold or free, as `TaskSpec` reads it."""
+    reward: RewardConfig = field(default_factory=RewardConfig)
+    """Weights of the reward."""
+
+    posture: ClassVar[str] = "down"
+    """The robot's posture in which inverse kinematics starts: down or forward."""
+    walls: ClassVar[Walls] = WALLS
+    """Lower and upper walls of the TCP [m], world axes."""
+    columns: ClassVar[tuple[str, ...]] = ("joints", "position", "theta", "velocity")
+    """Groups of numbers that a policy sees, see `envs.observation`."""
+    trial_poses: ClassVar[tuple[FixturePose, ...]]
+    """Where the fixture stands when a policy is tried; the first one's facing is that
+    of a place which a user gives."""
+
+    @abstractmethod
+    def held(self) -> Part:
+        """Return the part in the tool, in the TCP's frame: z points out of the tool."""
+
+    @abstractmethod
+    def fixture(self, widened: float) -> Part:
+        """Return the fixture in its own frame.
+
+        Args:
+            widened: How much wider than the task says every gap is [m]: a twin's.
+
+        Raises:
+            ConfigError: The gap would be negative.
+        """
+
+    @abstractmethod
+    def draw_fixture(self, rng: np.random.Generator) -> Pose:
+        """Draw the fixture's true pose for an episode."""
+
+    @abstractmethod
+    def draw_start(self, rng: np.random.Generator, fixture: Pose) -> Pose:
+        """Draw the tool's pose at the start of an episode, in free air."""
+
+    @abstractmethod
+    def goal(self, fixture: Pose) -> Goal:
+        """Return what a fixture at this pose asks of the tool."""
+
+    @abstractmethod
+    def judge(self, error: Vec3, goal: Goal, state: "ArmState") -> Progress:
+        """Say how far the task is.
+
+        Args:
+            error: TCP minus the goal's position [m], world axes, shape (3,).
+            goal: Of the fixture's true pose.
+            state: What the arm measured.
+        """
+
+    def tool(self) -> Tool:
+        """Return what holds the part; the fingers are 30 mm apart."""
+        return wsg50(opening=0.030, reach=-float(self.held().corners[:, 2].min()))
+
+    def has_fixed_fixture(self) -> bool:
+        """Whether every pose that `draw_fixture` gives is the same."""
+        return False
+
+    def zero_offset(self) -> Vec3:
+        """Return where the scaled position is 0, minus the goal [m], world axes.
+
+        There a policy tells millimetres apart. It is the same for every fixture.
+        """
+        return np.zeros(3)
+
+    def places(self, fixture: Pose) -> dict[str, Vec3]:
+        """Return the points [m] that the tool must be able to go to, by name."""
+        return {"place": fixture.position, "goal": self.goal(fixture).position}
+
+    def heights(self) -> tuple[float, ...]:
+        """Return the heights of the TCP that are gone to, along the fixture's z [m].
+
+        A fixture where the arm does not reach them is refused.
+        """
+        return (0.0,)
+
+    def slack(self) -> float:
+        """Return how far short of the goal is still success [m]."""
+        return 0.0
+
+    def weigh(
+        self, position_error: Vec3, theta_error: float, success: bool, force: float
+    ) -> float:
+        """Return the reward of one policy step.
+
+        Args:
+            position_error: TCP minus the goal [m], shape (3,), by the tracker.
+            theta_error: Rotation about the vertical minus the goal's [rad].
+            success: Whether the task is done in this step.
+            force: Largest contact force of the step [N].
+        """
+        return distance_reward(position_error, theta_error, success, self.reward, force)
+
+    def describe(self) -> list[str]:
+        """Return the task in words, for titles and for comparing two ends of a wire."""
+        return [type(self).__name__]
+
+    def gap(self) -> float | None:
+        """Return the gap between held part and fixture on each side [m], if any."""
+        return None
+
+    @classmethod
+    def low_starts(cls) -> dict[str, Any]:
+        """Return the settings with which starts lie below the fixture's surface.
+
+        Empty: the task has none.
+        """
+        return {}
+
+    def outline(self) -> Outline | None:
+        """Return what a figure shows of the fixture; None draws the paths alone."""
+        return None
+
+    def workcell(self, robot: Robot) -> Workcell:
+        """Return the cell in which a robot does this task."""
+        return Workcell(
+            name=", ".join(self.describe()),
+            robot=robot,
+            tool=self.tool(),
+            held=self.held(),
+            make_fixture=self.fixture,
+            heights=self.heights(),
+            walls=self.walls,
+        )
+
+
+def axis_of(fixture: Pose) -> Vec3:
+    """Return the fixture's z in world axes, unit length."""
+    return matrix_from_quat(fixture.quat_wxyz)[:, 2]

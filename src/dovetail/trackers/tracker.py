@@ -1,0 +1,41 @@
+"""Where the fixture is, as far as the environment may know."""
+
+from typing import NamedTuple, Protocol
+
+from dovetail.arms.arm import ArmState
+from dovetail.poses import Pose
+
+
+class Estimate(NamedTuple):
+    """One estimate of the fixture's pose."""
+
+    pose: Pose
+    """Its frame [m] and rotation (wxyz, z out of the fixture), world axes."""
+    age: float
+    """Time since it was measured [s]."""
+
+
+class Tracker(Protocol):
+    """Anything that can say where the fixture is."""
+
+    def reset(self, fixture: Pose, seed: int) -> None:
+        """Start an episode whose fixture really is at `fixture`.
+
+        Args:
+            fixture: Its true pose.
+            seed: Of this episode's noise.
+        """
+        ...
+
+    def update(self, fixture: Pose, state: ArmState) -> None:
+        """Take in what has happened since the last call.
+
+        Args:
+            fixture: Where it really is; a tracker that looks for itself ignores it.
+            state: What the arm has measured; `stamp` is the episode's time [s].
+        """
+        ...
+
+    def estimate(self) -> Estimate:
+        """Return the newest estimate; `reset` comes first."""
+        ...

@@ -1,0 +1,137 @@
+"""Rigid parts as primitives, with mass and colour, the same for every engine."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from dovetail.errors import ConfigError
+from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
+from dovetail.types import Array, Mat33, Vec3, Vec4
+
+IDENTITY: Vec4 = np.array([1.0, 0.0, 0.0, 0.0])
+"""No rotation (wxyz)."""
+_SIZES = {"box": 3, "cylinder": 2, "prism": 2}
+
+
+class Primitive(NamedTuple):
+    """One collision shape in the frame of its part."""
+
+    name: str
+    kind: Literal["box", "cylinder", "prism"]
+    size: tuple[float, ...]
+    """box: half extents x y z; cylinder: radius, half height; prism: circumradius of
+    the triangle, half height [m]. Cylinder and prism stand along z, a corner of the
+    prism on x."""
+    position: Vec3
+    """Centre [m]."""
+    quat_wxyz: Vec4 = IDENTITY
+    rgba: tuple[float, float, float, float] = (0.45, 0.60, 0.75, 1.0)
+    mass: float = 0.0
+    """Mass [kg], spread evenly; only what an arm carries needs one."""
+
+    def moved(self, position: Vec3, quat_wxyz: Vec4) -> "Primitive":
+        """Return it in a frame in which its own frame lies at this pose."""
+        return self._replace(
+            position=position + exact_rotation(quat_wxyz) @ self.position,
+            quat_wxyz=quat_multiply(quat_wxyz, self.quat_wxyz),
+        )
+
+    def corners(self) -> Array:
+        """Return the corners of the box around it in the part's frame, shape (8, 3)."""
+        across = self.size[:2] if self.kind == "box" else (self.size[0],) * 2
+        half = np.array([*across, self.size[-1]])
+        signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
+        return self.position + (signs * half) @ matrix_from_quat(self.quat_wxyz).T
+
+
+def exact_rotation(quat_wxyz: Vec4) -> Mat33:
+    """Return a rotation matrix whose quarter and half turns are exact."""
+    return matrix_from_quat(quat_wxyz).round(12)
+
+
+def turned_box(
+    name: str,
+    size: tuple[float, ...],
+    position: Vec3,
+    angle: float,
+    tilt: Vec4 = IDENTITY,
+) -> Primitive:
+    """Return a box described at angle 0, turned about the part's z: a wall of a ring.
+
+    Args:
+        name: Of the box.
+        size: Half extents x y z before the turn [m].
+        position: Its centre before the turn [m].
+        angle: Turn about z [rad].
+        tilt: Its own rotation (wxyz) before the turn.
+    """
+    turn = quat_about_z(angle)
+    place = matrix_from_quat(turn) @ position
+    return Primitive(name, "box", size, place, quat_multiply(turn, tilt))
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A rigid body: shapes that do not move against each other."""
+
+    name: str
+    """For messages."""
+    primitives: tuple[Primitive, ...]
+    """Its shapes, in the part's own frame."""
+
+    def __post_init__(self) -> None:
+        """Refuse shapes that no engine can build.
+
+        Raises:
+            ConfigError: Names the shape, the number and what is allowed.
+        """
+        object.__setattr__(self, "primitives", tuple(self.primitives))
+        if not self.primitives:
+            raise ConfigError(f"part {self.name} has no shape; give one primitive")
+        names = [primitive.name for primitive in self.primitives]
+        for name, kind, size, *_, mass in self.primitives:
+            if names.count(name) > 1:
+                raise ConfigError(f"part {self.name} has two shapes {name!r}")
+            if kind not in _SIZES:
+                raise ConfigError(
+                    f"shape {name!r} of part {self.name} is a {kind!r}; known: "
+                    f"{', '.join(_SIZES)}"
+                )
+            if len(size) != _SIZES[kind] or not all(0.0 < s < 10.0 for s in size):
+                raise ConfigError(
+                    f"shape {name!r} of part {self.name}, a {kind}, has the size "
+                    f"{size} m; give {_SIZES[kind]} numbers above 0 and below 10"
+                )
+            if not 0.0 <= mass < math.inf:
+                raise ConfigError(
+                    f"shape {name!r} of part {self.name} has a mass of {mass} kg; "
+                    "needs 0 or more"
+                )
+
+    @cached_property
+    def corners(self) -> Array:
+        """Corners of the boxes around the shapes, in the part's frame [m]."""
+        return np.vstack([primitive.corners() for primitive in self.primitives])
+
+    def lowest(self, pose: Pose) -> float:
+        """Return the height of the lowest corner with the part at a pose [m]."""
+        up = matrix_from_quat(pose.quat_wxyz)[2]
+        return float(pose.position[2] + (self.corners @ up).min())
+
+
+def unit_inertia(primitive: Primitive) -> Mat33:
+    """Return the inertia about the own centre per mass [m2], axes of the part."""
+    if primitive.kind == "box":
+        x, y, z = (2.0 * s for s in primitive.size)
+        own = np.diag([y * y + z * z, x * x + z * z, x * x + y * y]) / 12.0
+    else:
+        radius, half = primitive.size
+        # A disc has r^2/4 about a diameter; an equilateral triangle R^2/8.
+        across = radius**2 / (4.0 if primitive.kind == "cylinder" else 8.0)
+        side = across + (2.0 * half) ** 2 / 12.0
+        own = np.diag([side, side, 2.0 * across])
+    R = exact_rotation(primitive.quat_wxyz)
+    return R @ own @ R.T

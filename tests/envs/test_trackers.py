@@ -1,0 +1,99 @@
+"""Trackers: what each knows, when, and that the environment sees what they change."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dovetail.envs.registered import make_env
+from dovetail.errors import ConfigError
+from dovetail.poses import Pose, quat_about_z
+from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.trackers.delayed import Delayed
+from dovetail.trackers.find import find_tracker, list_trackers
+from dovetail.trackers.noisy import Noisy
+from dovetail.trackers.truth import Truth
+
+PLACE = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0))
+
+
+def at(x):
+    return PLACE._replace(position=np.array([x, 0.0, 0.1]))
+
+
+def state(stamp):
+    return SimpleNamespace(stamp=stamp)
+
+
+def test_every_file_with_a_class_of_its_name_is_a_tracker():
+    assert list_trackers() == ("covered", "delayed", "noisy", "truth")
+    assert find_tracker("delayed?delay=0.2").delay == 0.2
+    assert isinstance(find_tracker("dovetail.trackers.truth:Truth"), Truth)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("camera", "'camera' is unknown; known: covered, delayed, noisy, truth, or"),
+        ("delayed?delay=20", "tracker delay is 20 s; allowed: 0 to 10 s"),
+        ("delayed?lag=0.1", "does not take these arguments"),
+        ("noisy?offset=x", "NAME.ARGUMENT=NUMBER"),
+        ("no_module:Camera", "no class 'Camera' in a module 'no_module'"),
+    ],
+)
+def test_a_wrong_tracker_says_what_is_known(text, words):
+    with pytest.raises(ConfigError, match=words):
+        find_tracker(text)
+
+
+def test_a_delayed_tracker_tells_what_was_true():
+    tracker = Delayed(0.1)
+    tracker.reset(at(0.60), 0)
+    seen = []
+    for step in range(1, 6):
+        tracker.update(at(0.60 + 0.01 * step), state(0.05 * step))
+        pose, age = tracker.estimate()
+        seen.append((round(pose.position[0], 3), round(age, 3)))
+    assert seen == [(0.60, 0.05), (0.60, 0.1), (0.61, 0.1), (0.62, 0.1), (0.63, 0.1)]
+
+
+def test_a_noisy_tracker_has_the_errors_that_it_says():
+    tracker, offsets = Noisy(offset=0.002, jitter=0.0005), []
+    for seed in range(400):
+        tracker.reset(PLACE, seed)
+        first = tracker.estimate().pose.position
+        tracker.update(PLACE, state(0.05))
+        offsets.append(
+            [first - PLACE.position, tracker.estimate().pose.position - first]
+        )
+    spread = np.std(offsets, axis=0).mean(axis=1)
+    np.testing.assert_allclose(spread, [0.00206, 0.00071], rtol=0.1)
+
+
+def test_the_same_seed_gives_the_same_noise():
+    envs = [make_env(PegInHole, tracker="noisy?offset=0.001") for _ in range(2)]
+    first, second = (env.reset(seed=3)[0] for env in envs)
+    np.testing.assert_array_equal(first, second)
+    exact, _ = make_env(PegInHole).reset(seed=3)
+    assert np.abs(first[7:10] - exact[7:10]).max() > 0.01
+    np.testing.assert_array_equal(first[:7], exact[:7])  # the start is the same
+
+
+class Drifting(Truth):
+    """Moves its estimate in place, as a camera that reuses its buffer does."""
+
+    def reset(self, fixture, seed):
+        super().reset(Pose(fixture.position.copy(), fixture.quat_wxyz), seed)
+
+    def update(self, fixture, state):
+        self._fixture.position[0] += 0.01
+
+
+def test_a_pose_that_changes_in_place_is_seen():
+    env = make_env(PegInHole, tracker=Drifting())
+    _, info = env.reset(seed=1)
+    before = info["position_error"][0] - env.state.position[0]
+    *_, info = env.step(np.zeros(4, dtype=np.float32))
+    after = info["position_error"][0] - env.state.position[0]
+    assert before - after == pytest.approx(0.01)
+    env.close()
