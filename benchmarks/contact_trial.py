@@ -28,7 +28,7 @@ from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, make_settings
 from dovetail.plants.mujoco_plant import MujocoPlant
-from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, physics_steps
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, physics_steps
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
 from dovetail.scene import SceneConfig
 
@@ -47,7 +47,7 @@ PHYSICS_DT = 1e-3  # s: contacts of 2 ms need it, and the judge looks as often
 SPRING_MASS = 5.0  # kg, for its damping ratio
 ARMATURE = 0.1  # kg m2, the model's
 GROWTH, GROWN, SUSTAINED = 1.2, 0.1, 0.3  # 1, rad/s, rad/s
-IMPLAUSIBLE, ENDED = 1 << 45, 1 << 46  # of pack_flags in types.hpp
+IMPLAUSIBLE, ENDED = FLAG_MASK["implausible"], FLAG_MASK["ended"]
 CLEARANCE_STEP = 1e-4  # m: plants are built once each
 
 

@@ -14,7 +14,6 @@ limits. Below 0 is inside. Rows are printed as they come; `--json FILE` keeps ev
 
 import argparse
 import json
-import re
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
@@ -35,7 +34,7 @@ from dovetail.evaluate.transfer import wilson_interval
 from dovetail.evaluate.trials import Job, plan_trials
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.encoder_plant import EncoderPlant
-from dovetail.plants.plant import COLUMN, DynamicsConfig
+from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import list_twins
 
 PERIODS = (1.0, 2.0, 2.5, 5.0)
@@ -45,10 +44,8 @@ IDEAL = {
     "stiff": DynamicsConfig(contact_time=2e-3),
 }
 """Grounds without a twin: MuJoCo as it is, and with contacts as stiff as at 1 ms."""
-HEADER = Path(__file__).parents[1] / "cpp/include/dovetail/types.hpp"
-"""Says which bit of a cycle's flags is what."""
 COUNTED = ("bad_input", "unsafe", "implausible", "ended")
-"""Flags whose cycles are counted; one that the controller does not have is 0."""
+"""Flags whose cycles are counted."""
 
 _Q = slice(COLUMN["q1"], COLUMN["q7"] + 1)
 _DQ = slice(COLUMN["dq1"], COLUMN["dq7"] + 1)
@@ -91,13 +88,6 @@ class Try(NamedTuple):
     """Cycles with each of COUNTED."""
     stopped: str
     """Why it ended before its time; empty where it did not."""
-
-
-@cache
-def flag_bits() -> dict[str, int]:
-    """Return the bit of each of COUNTED that the controller packs."""
-    found = re.findall(r"flags\.(\w+), (\d+)\)", HEADER.read_text(encoding="utf-8"))
-    return {name: int(bit) for name, bit in found if name in COUNTED}
 
 
 @cache
@@ -180,8 +170,7 @@ def judge(log: np.ndarray, core: Any, *, success: bool, stopped: str) -> Try:
         wall=float(np.max(np.maximum(x - high, low - x), initial=-9.0)),
         peak=float(np.max(np.linalg.norm(log[:, _FORCE], axis=1), initial=0.0)),
         flags={
-            name: int(np.count_nonzero(flags & (1 << bit)))
-            for name, bit in flag_bits().items()
+            name: int(np.count_nonzero(flags & FLAG_MASK[name])) for name in COUNTED
         },
         stopped=stopped,
     )
@@ -239,10 +228,7 @@ def row(cell: Cell, tries: list[Try]) -> list[str]:
         f"{1e3 * max(t.wall for t in tries):.1f} mm",
         f"{np.percentile(peaks, 95):.1f} N",
         f"{max(peaks):.1f} N",
-        *(
-            str(sum(t.flags[name] for t in tries)) if name in flag_bits() else "0"
-            for name in COUNTED
-        ),
+        *(str(sum(t.flags[name] for t in tries)) for name in COUNTED),
         ", ".join(sorted({t.stopped for t in tries} - {""})) or "-",
     ]
 

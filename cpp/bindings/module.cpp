@@ -237,11 +237,7 @@ void bind_data(nb::module_& m) {
       .def_ro("displaced", &Flags::displaced, "|a - a0| [rad/s2].")
       .def_prop_ro(
           "packed", &pack_flags,
-          "All in one int: bits 0-6 joint_position, 7-13 joint_velocity, 14-20 "
-          "joint_acceleration, 21-27 torque, 28-30 wall_position, 31-33 "
-          "wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced, 40 "
-          "bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped, 45 "
-          "implausible, 46 ended.");
+          "All in one int, as logged: flag_bits says which is which.");
   nb::class_<StepResult>(m, "StepResult", "What one cycle gave.")
       .def_ro("tau", &StepResult::tau, "Overlay torque, gravity excluded [Nm].")
       .def_ro("a", &StepResult::a, "Commanded joint acceleration [rad/s2].")

@@ -6,35 +6,35 @@ from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 
+from dovetail import _core
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
-    from dovetail import _core
     from dovetail.robot import Robot
     from dovetail.scene import SceneConfig
 
 PLANTS = ("mujoco", "bullet")
 
-CYCLE_COLUMNS: tuple[str, ...] = (
-    "time",
-    *(f"q{i}" for i in range(1, 8)),
-    *(f"dq{i}" for i in range(1, 8)),
-    *(f"tau{i}" for i in range(1, 8)),
-    *("x", "y", "z", "qw", "qx", "qy", "qz"),
-    *("vx", "vy", "vz", "wx", "wy", "wz"),
-    *("fx", "fy", "fz", "fsx", "fsy", "fsz"),
-    "flags",
-)
-"""One row per control cycle, SI units: time [s] since reset; configuration [rad] and
-velocity [rad/s] as measured, noise included; overlay torque sent [Nm], without gravity;
-TCP pose [m, wxyz] and twist [m/s, rad/s] by the controller's model from the measured
-state; true contact force on peg and gripper [N], world axes, of the cycle's physics
-step where it was largest; f* of the target [m/s2]; flags as one number (pack_flags)."""
+CYCLE_UNITS: dict[str, str] = dict(_core.cycle_columns())
+"""Unit of each column of a cycle log, by its name, in order. One row per control cycle:
+time since reset; configuration and velocity as measured, noise included; overlay torque
+sent, without gravity; TCP pose (wxyz) and twist by the controller's model from the
+measured state; true contact force on peg and gripper, world axes, of the cycle's
+physics step where it was largest; f* of the target; flags as one number (FLAG_MASK).
+C++ says which (cycle_row.hpp)."""
+
+CYCLE_COLUMNS: tuple[str, ...] = tuple(CYCLE_UNITS)
+"""Names of the columns of a cycle log."""
 
 COLUMN: dict[str, int] = {name: i for i, name in enumerate(CYCLE_COLUMNS)}
 """Index of each column of a cycle log."""
+
+FLAG_MASK: dict[str, int] = {
+    name: (1 << width) - 1 << bit for name, (bit, width) in _core.flag_bits().items()
+}
+"""The bits of each flag in the column `flags`."""
 
 _SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
@@ -158,8 +158,8 @@ class Plant(Protocol):
 
     def run_cycles(
         self,
-        controller: "_core.Controller",
-        target: "_core.Target",
+        controller: _core.Controller,
+        target: _core.Target,
         cycles: int,
         period: float,
     ) -> tuple[Array, Vec7, Vec7]:
@@ -194,7 +194,7 @@ class Plant(Protocol):
         """Start the noise again; an ideal plant has none."""
         ...
 
-    def attach_channel(self, channel: "_core.Channel") -> None:
+    def attach_channel(self, channel: _core.Channel) -> None:
         """Put a twin's delay and noise between controller and joints."""
         ...
 
