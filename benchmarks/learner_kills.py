@@ -137,7 +137,7 @@ def run(kills: int, twin: str, realtime: bool) -> None:
         )
 
     try:
-        builder = RebuiltArm("fri", scene, make, is_real_time=True, places_hole=True)
+        builder = RebuiltArm("fri", scene, make, is_real_time=True, places_fixture=True)
         time.sleep(4.0)
         with ArmServer(builder, "127.0.0.1:0") as server:
             results = np.array([kill_one(server, builder, i) for i in range(kills)])

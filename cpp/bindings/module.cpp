@@ -218,6 +218,7 @@ void bind_data(nb::module_& m) {
       .def_rw("q_d", &Target::q_d, "Desired configuration [rad], shape (7,).");
   nb::class_<Flags>(m, "Flags",
                     "What limited a cycle. Masks: bit i is joint A(i+1) or axis XYZ.")
+      .def(nb::init<>(), "Nothing limited it.")
       .def_ro("joint_position", &Flags::joint_position)
       .def_ro("joint_velocity", &Flags::joint_velocity)
       .def_ro("joint_acceleration", &Flags::joint_acceleration)

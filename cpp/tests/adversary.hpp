@@ -65,7 +65,7 @@ class Adversary {
       limits.x_min = p0 - Vec3::Constant(0.25);
       limits.x_max = p0 + Vec3::Constant(0.25);
     }
-    Controller controller(params, OscParams{}, limits, kPegTask, period_);
+    Controller controller(params, OscParams{}, limits, kUsualTask, period_);
     controller.reset(q0, p0, quat_of(R0));
     RigidPlant plant(params, params, settings_.plant);
     plant.reset(q0, Vec7::Zero());

@@ -1,5 +1,5 @@
-/// The arm of the tests: LBR iiwa 14 (Drake's inertia set) with a 1.3 kg gripper and
-/// peg.
+/// The arm of the tests: LBR iiwa 14 (Drake's inertia set) with a tool of
+/// 1.3 kg.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -94,7 +94,7 @@ inline Vec7 random_posture(std::mt19937_64& random, const LimitParams& limits,
   return limits.q_min + Vec7::Constant(margin) + share.cwiseProduct(width);
 }
 
-constexpr TaskSpec kPegTask = {AxisMode::kForce, AxisMode::kForce, AxisMode::kForce,
-                               AxisMode::kHold,  AxisMode::kHold,  AxisMode::kPose};
+constexpr TaskSpec kUsualTask = {AxisMode::kForce, AxisMode::kForce, AxisMode::kForce,
+                                 AxisMode::kHold,  AxisMode::kHold,  AxisMode::kPose};
 
 }  // namespace dovetail::testing

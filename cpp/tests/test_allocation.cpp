@@ -84,7 +84,7 @@ BOOST_AUTO_TEST_CASE(no_cycle_allocates_whatever_it_is_given) {
       LimitParams limits = limits_for(0.001);
       limits.scheme = scheme;
       limits.exact_sjs = is_exact;
-      Controller controller(chain, OscParams{}, limits, kPegTask, 0.001);
+      Controller controller(chain, OscParams{}, limits, kUsualTask, 0.001);
       const long before = allocations;
       controller.reset(tool_down_posture(), Vec3(0.6, 0.0, 0.2), Vec4(0, 1, 0, 0));
       for (int k = 0; k < 5000; ++k) {
@@ -125,7 +125,7 @@ BOOST_AUTO_TEST_CASE(no_datagram_makes_the_fri_session_allocate) {
 
 BOOST_AUTO_TEST_CASE(no_cycle_behind_fri_allocates_in_any_state) {
   ServoCycle cycle(ServoParams{}, iiwa14_with_tool(), OscParams{}, limits_for(0.005),
-                   kPegTask);
+                   kUsualTask);
   FakeCabinet cabinet;
   Order order;
   std::array<std::uint8_t, fri::kMaxDatagram> out;

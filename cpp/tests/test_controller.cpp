@@ -24,7 +24,7 @@ long closed_loop_cycles() {
 }
 
 Controller make_controller(const LimitParams& limits, const OscParams& osc = {}) {
-  return {iiwa14_with_tool(), osc, limits, kPegTask, kPeriod};
+  return {iiwa14_with_tool(), osc, limits, kUsualTask, kPeriod};
 }
 
 /// At rest, tool down, holding the pose that it has.
@@ -224,10 +224,10 @@ BOOST_AUTO_TEST_CASE(wrong_settings_are_refused_by_name_value_and_range) {
   BOOST_TEST(refuse([](auto& l) { l.kappa = 0.5; }).find("kappa is 0.5") == 0U);
   BOOST_TEST(refuse([](auto& l) { l.x_max[1] = -1.0; }).find("x_min[1]") == 0U);
   BOOST_TEST(message_of([] {
-               Controller(iiwa14_with_tool(), {}, {}, kPegTask, 1e-3);
+               Controller(iiwa14_with_tool(), {}, {}, kUsualTask, 1e-3);
              }).find("q_min[0] is nan") == 0U);
   BOOST_TEST(message_of([&] {
-               Controller(iiwa14_with_tool(), {}, limits, kPegTask, 0.0);
+               Controller(iiwa14_with_tool(), {}, limits, kUsualTask, 0.0);
              }).find("period is 0 s") == 0U);
 }
 
@@ -291,7 +291,7 @@ BOOST_AUTO_TEST_CASE(joint_targets_are_reached_and_obey_every_limit) {
   for (const double period : {0.001, 0.005}) {
     LimitParams limits = limits_for(period);
     limits.walls = false;
-    Controller controller(chain, {}, limits, kPegTask, period);
+    Controller controller(chain, {}, limits, kUsualTask, period);
     RigidPlant plant(chain, chain, {});
     plant.reset(tool_down_posture(), Vec7::Zero());
     controller.reset(plant.q(), Vec3::Zero(), Vec4(1, 0, 0, 0));

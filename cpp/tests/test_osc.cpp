@@ -67,7 +67,7 @@ BOOST_FIXTURE_TEST_SUITE(operational_space, Arm)
 
 BOOST_AUTO_TEST_CASE(away_from_singularities_the_task_gets_exactly_f_star) {
   int exact = 0;
-  for (const TaskSpec& task : {kAllForce, kPegTask, kScrew}) {
+  for (const TaskSpec& task : {kAllForce, kUsualTask, kScrew}) {
     const OperationalSpace osc(OscParams{}, task);
     for (int k = 0; k < kStates; ++k) {
       State state = draw();
@@ -102,7 +102,7 @@ BOOST_AUTO_TEST_CASE(null_space_damping_never_adds_energy_and_eigenvalues_stay_i
 
 BOOST_AUTO_TEST_CASE(the_posture_moves_no_axis_of_the_tool_free_ones_included) {
   int exact = 0;
-  for (const TaskSpec& task : {kAllForce, kPegTask, kScrew}) {
+  for (const TaskSpec& task : {kAllForce, kUsualTask, kScrew}) {
     const OperationalSpace osc(OscParams{}, task);
     for (int k = 0; k < kStates; ++k) {
       State state = draw();
@@ -301,7 +301,7 @@ BOOST_AUTO_TEST_CASE(scaling_all_masses_scales_the_torque) {
 }
 
 BOOST_AUTO_TEST_CASE(without_f_star_force_axes_never_add_power) {
-  for (const TaskSpec& task : {kAllForce, kPegTask}) {
+  for (const TaskSpec& task : {kAllForce, kUsualTask}) {
     TaskSpec force_only = task;
     for (int i = 3; i < 6; ++i) {
       if (task[i] != kForce) force_only[i] = kFree;

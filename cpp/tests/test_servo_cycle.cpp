@@ -20,7 +20,7 @@ struct Loop {
   ChainParams chain = iiwa14_with_tool();
   ServoParams params;
   LimitParams limits = limits_for(kPeriod);
-  ServoCycle cycle{params, chain, OscParams{}, limits, kPegTask};
+  ServoCycle cycle{params, chain, OscParams{}, limits, kUsualTask};
   Order order;
   std::array<std::uint8_t, fri::kMaxDatagram> out{};
   std::optional<fri::CommandMessage> command;
@@ -316,7 +316,7 @@ BOOST_AUTO_TEST_CASE(settings_that_are_no_number_are_refused_by_name) {
     ServoParams spoilt;
     spoilt.*member = value;
     try {
-      ServoCycle(spoilt, chain, OscParams{}, limits, kPegTask);
+      ServoCycle(spoilt, chain, OscParams{}, limits, kUsualTask);
     } catch (const std::invalid_argument& error) {
       return std::string(error.what());
     }

@@ -44,7 +44,7 @@ struct Network {
     loop_params.port = 0;
     params.lockstep = is_lockstep;
     loop = std::make_unique<ServoLoop>(loop_params, params, iiwa14_with_tool(),
-                                       OscParams{}, limits_for(kPeriod), kPegTask);
+                                       OscParams{}, limits_for(kPeriod), kUsualTask);
     sleep_ms(20);  // the thread drops what came before it was there
   }
 

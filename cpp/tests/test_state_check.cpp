@@ -68,7 +68,7 @@ struct Loop {
   }
 
   Loop(double period, std::uint64_t seed)
-      : controller(chain, law(), limits(period), kPegTask, period),
+      : controller(chain, law(), limits(period), kUsualTask, period),
         plant(chain, chain, nominal()) {
     std::mt19937_64 random(seed);
     const Vec7 q = tool_down_posture() + random_vector(random, 0.05);

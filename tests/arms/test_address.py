@@ -11,7 +11,7 @@ from dovetail.arms.address import (
     is_simulated_here,
     parse_address,
     parse_endpoint,
-    places_hole,
+    places_fixture,
 )
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
@@ -36,7 +36,7 @@ def test_a_bare_fri_address_is_a_real_cabinet_with_the_usual_port():
     address = parse_address("fri://0.0.0.0")
     assert address == FriAddress(host="0.0.0.0", port=30200)
     assert address.margins == "hardware"
-    assert not places_hole(address)
+    assert not places_fixture(address)
     assert not is_simulated_here(address)
 
 
@@ -60,7 +60,7 @@ def test_every_fri_key_is_read():
         peer="192.170.10.2",
         margins="model",
     )
-    assert places_hole(address)
+    assert places_fixture(address)
 
 
 def test_what_public_reports_leave_open_can_be_said():

@@ -58,7 +58,7 @@ def test_a_step_cycle_by_cycle_is_the_step_at_once(arm):
     target.f_star = np.array([1.0, -1.0, -2.0, 0, 0, 0])
     whole = [arm.step(target).log for _ in range(5)]
     start(arm)
-    arm.move_hole(HOLE, np.zeros(3))
+    arm.move_fixture(HOLE, np.zeros(3))
     pieces = []
     for _ in range(5):
         arm.push(np.zeros(3), 0.05)
@@ -69,10 +69,10 @@ def test_a_step_cycle_by_cycle_is_the_step_at_once(arm):
 def test_a_hole_moves_in_every_control_period(arm):
     target = start(arm)
     places = []
-    plain = arm.plant.move_hole
-    arm.plant.move_hole = lambda hole: (places.append(hole.position), plain(hole))
+    plain = arm.plant.move_fixture
+    arm.plant.move_fixture = lambda hole: (places.append(hole.position), plain(hole))
     velocity = np.array([0.02, 0.0, 0.0])
-    arm.move_hole(HOLE, velocity)
+    arm.move_fixture(HOLE, velocity)
     arm.step(target)
     steps = np.diff(np.array(places), axis=0)
     np.testing.assert_allclose(steps, np.tile(0.005 * velocity, (10, 1)), atol=1e-12)
@@ -84,7 +84,7 @@ def test_reset_ends_pushes_and_the_holes_motion(arm):
     quiet = arm.step(target).log
     start(arm)
     arm.push(np.array([0.0, 30.0, 0.0]), 10.0)
-    arm.move_hole(HOLE, np.array([0.02, 0.0, 0.0]))
+    arm.move_fixture(HOLE, np.array([0.02, 0.0, 0.0]))
     arm.step(target)
     start(arm)
     np.testing.assert_array_equal(arm.step(target).log, quiet)

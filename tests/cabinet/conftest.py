@@ -13,7 +13,7 @@ from dovetail.scene import SceneConfig
 
 from .client import Client
 
-HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
+FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 Q_START = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 
 
@@ -27,17 +27,17 @@ class LightPlant:
         self.robot = self.scene.robot()
         self.dynamics = DynamicsConfig()
         self.applied = []
-        self.hole = None
-        self.reset(Q_START, HOLE)
+        self.fixture = None
+        self.reset(Q_START, FIXTURE)
 
-    def reset(self, q, hole):
-        self.scene.require_reachable(self.robot, hole)
+    def reset(self, q, fixture):
+        self.scene.require_reachable(self.robot, fixture)
         self.is_braked = False
-        self.q, self.dq, self.hole = np.array(q, dtype=float), np.zeros(7), hole
+        self.q, self.dq, self.fixture = np.array(q, dtype=float), np.zeros(7), fixture
 
-    def move_hole(self, hole):
-        self.scene.require_reachable(self.robot, hole)
-        self.hole = hole
+    def move_fixture(self, fixture):
+        self.scene.require_reachable(self.robot, fixture)
+        self.fixture = fixture
 
     def read(self):
         return self.q.copy(), self.dq.copy()

@@ -16,7 +16,7 @@ from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose
 from dovetail.scene import SceneConfig
 
-from .conftest import HOLE, Q_START, LightPlant
+from .conftest import FIXTURE, Q_START, LightPlant
 
 PERIOD = 0.005
 STILL = DynamicsConfig(damping=(0.0,) * 7)
@@ -25,7 +25,7 @@ STILL = DynamicsConfig(damping=(0.0,) * 7)
 @pytest.fixture
 def plant():
     plant = MujocoPlant(SceneConfig(), STILL)
-    plant.reset(Q_START, HOLE)
+    plant.reset(Q_START, FIXTURE)
     return plant
 
 
@@ -70,7 +70,7 @@ def test_the_impedance_yields_by_torque_over_stiffness(plant):
 
 def test_damping_is_a_share_of_critical_damping(plant):
     def overshoot(ratio):
-        plant.reset(Q_START, HOLE)
+        plant.reset(Q_START, FIXTURE)
         body = released(plant, stiffness=(200.0,) * 7, damping=(ratio,) * 7)
         target = Q_START + 0.03 * np.eye(7)[0]
         highest = 0.0
@@ -154,7 +154,7 @@ def test_free_motion_is_no_external_torque(plant):
 
 def test_a_twins_noise_stays_small_in_the_external_torque():
     plant = TwinPlant(load_twin("medium"), SceneConfig())
-    plant.reset(Q_START, HOLE)
+    plant.reset(Q_START, FIXTURE)
     body = released(plant, stiffness=(500.0,) * 7, damping=(1.0,) * 7)
     readings = []
     for _ in range(400):
@@ -184,53 +184,53 @@ def test_a_diverged_plant_stands_until_it_is_placed():
     plant.apply = works
     body.drive(Q_START.tolist(), [0.0] * 7)
     assert plant.applied == []
-    body.place(Q_START, HOLE)
+    body.place(Q_START, FIXTURE)
     body.release()
     body.drive(Q_START.tolist(), [0.0] * 7)
     assert len(plant.applied) == 1
 
 
-def test_the_hole_moves_during_a_motion(plant):
+def test_the_fixture_moves_during_a_motion(plant):
     body = released(plant)
     body.drive(Q_START.tolist(), [0.0] * 7)
-    body.move_hole(Pose(np.array([0.62, 0.01, 0.11]), HOLE.quat_wxyz))
+    body.move_fixture(Pose(np.array([0.62, 0.01, 0.11]), FIXTURE.quat_wxyz))
     np.testing.assert_allclose(plant.data.mocap_pos[0], [0.62, 0.01, 0.11])
     with pytest.raises(ConfigError, match="too far"):
-        body.move_hole(Pose(np.array([3.0, 0.0, 0.1]), HOLE.quat_wxyz))
+        body.move_fixture(Pose(np.array([3.0, 0.0, 0.1]), FIXTURE.quat_wxyz))
 
 
-def test_a_hole_with_a_velocity_moves_on_while_the_arm_does():
+def test_a_fixture_with_a_velocity_moves_on_while_the_arm_does():
     plant = LightPlant()
     body = Body(plant, CabinetConfig())
-    there = Pose(np.array([0.62, 0.0, 0.1]), HOLE.quat_wxyz)
+    there = Pose(np.array([0.62, 0.0, 0.1]), FIXTURE.quat_wxyz)
     velocity = np.array([0.0, 0.02, 0.0])
-    body.move_hole(there, velocity)
+    body.move_fixture(there, velocity)
     body.hold()
-    assert plant.hole is there  # behind brakes no time passes
+    assert plant.fixture is there  # behind brakes no time passes
     body.release()
     for _ in range(10):
         body.drive(Q_START.tolist(), [0.0] * 7)
     moved = 10 * body.period * velocity
-    np.testing.assert_allclose(plant.hole.position, there.position + moved)
-    body.move_hole(there)
+    np.testing.assert_allclose(plant.fixture.position, there.position + moved)
+    body.move_fixture(there)
     body.drive(Q_START.tolist(), [0.0] * 7)
-    assert plant.hole is there
-    body.move_hole(there, velocity)
-    body.place(Q_START, HOLE)
+    assert plant.fixture is there
+    body.move_fixture(there, velocity)
+    body.place(Q_START, FIXTURE)
     body.release()
     body.drive(Q_START.tolist(), [0.0] * 7)
-    assert plant.hole is HOLE
+    assert plant.fixture is FIXTURE
 
 
-def test_a_moving_hole_stops_at_the_end_of_the_reach_and_the_cabinet_goes_on():
+def test_a_moving_fixture_stops_at_the_end_of_the_reach_and_the_cabinet_goes_on():
     plant = LightPlant()
     body = Body(plant, CabinetConfig())
     body.release()
-    body.move_hole(HOLE, np.array([100.0, 0.0, 0.0]))
+    body.move_fixture(FIXTURE, np.array([100.0, 0.0, 0.0]))
     body.drive(Q_START.tolist(), [0.0] * 7)
     body.drive(Q_START.tolist(), [0.0] * 7)
     assert not body.failure
-    assert plant.hole.position[0] < 1.2
+    assert plant.fixture.position[0] < 1.2
 
 
 def test_position_mode_follows_the_commanded_position(plant):
@@ -266,7 +266,7 @@ def test_every_twin_follows_a_joint_sine_as_late_as_its_wire_is(
     twin, period, amplitude
 ):
     plant = TwinPlant(load_twin(twin), SceneConfig())
-    plant.reset(Q_START, HOLE)
+    plant.reset(Q_START, FIXTURE)
     config = CabinetConfig(mode="position", period=period)
     body = released(plant, mode="position", period=period)
     policy = CommandPolicy(config, plant.robot)
@@ -301,11 +301,11 @@ def test_a_late_path_is_the_commanded_one_so_much_later():
 
 def test_a_twins_delay_is_on_the_wire_and_not_inside_the_drives():
     plant = TwinPlant(load_twin("hard"), SceneConfig())
-    plant.reset(Q_START, HOLE)
+    plant.reset(Q_START, FIXTURE)
     zero, pull = np.zeros(7), np.array([20.0, *[0.0] * 6])
     plant.apply(zero, 0.005, pull)
     assert plant.read()[1][0] > 0.01
-    plant.reset(Q_START, HOLE)
+    plant.reset(Q_START, FIXTURE)
     plant.apply(pull, 0.005)
     assert abs(plant.read()[1][0]) < 0.03  # the noise's
     plant.drop_commands()

@@ -13,11 +13,11 @@ from dovetail.cabinet.signals import parse_signal
 from dovetail.errors import ConfigError
 
 from .client import mirror, wait_until
-from .conftest import HOLE, Q_START, LightPlant
+from .conftest import FIXTURE, Q_START, LightPlant
 
 IDLE, WAIT, READY, C_WAIT, ACTIVE = SessionState
-WHERE = {"position": HOLE.position.tolist(), "quat_wxyz": HOLE.quat_wxyz.tolist()}
-PLACE = {"do": "place", "q": Q_START.tolist(), "hole": WHERE}
+WHERE = {"position": FIXTURE.position.tolist(), "quat_wxyz": FIXTURE.quat_wxyz.tolist()}
+PLACE = {"do": "place", "q": Q_START.tolist(), "fixture": WHERE}
 
 
 class Line:
@@ -70,7 +70,7 @@ def test_status_says_how_it_goes(line, client):
 def test_place_puts_the_arm_there_and_restarts_the_motion(cabinet, line, client):
     client.wait_for(ACTIVE)
     q = (Q_START + 0.1).tolist()
-    answer = line.ask(do="place", q=q, hole=WHERE, seed=5)
+    answer = line.ask(do="place", q=q, fixture=WHERE, seed=5)
     assert answer["ok"]
     client.wait_for(ACTIVE)
     wait_until(lambda: client.messages[-1].sequence > answer["sequence"] + 40)
@@ -90,20 +90,20 @@ def test_place_works_while_the_client_is_thinking(cabinet, line, client):
     client.wait_for(ACTIVE)
 
 
-def test_hole_moves_the_hole_alone(cabinet, line, client):
+def test_fixture_moves_the_fixture_alone(cabinet, line, client):
     client.wait_for(ACTIVE)
     moved = {**WHERE, "position": [0.61, 0.01, 0.1]}
-    assert line.ask(do="hole", hole=moved)["ok"]
-    assert cabinet.controller.body.plant.hole.position.tolist() == moved["position"]
+    assert line.ask(do="fixture", fixture=moved)["ok"]
+    assert cabinet.controller.body.plant.fixture.position.tolist() == moved["position"]
     assert client.state is ACTIVE
 
 
-def test_a_hole_cannot_move_faster_than_is_said(line, client):
+def test_a_fixture_cannot_move_faster_than_is_said(line, client):
     client.wait_for(ACTIVE)
-    answer = line.ask(do="hole", hole=WHERE, velocity=[0.0, 2.0, 0.0])
+    answer = line.ask(do="fixture", fixture=WHERE, velocity=[0.0, 2.0, 0.0])
     assert not answer["ok"]
     assert "velocity is 2 m/s; allowed is 0 to 1 m/s" in answer["error"]
-    assert line.ask(do="hole", hole=WHERE, velocity=[0.0, 0.02, 0.0])["ok"]
+    assert line.ask(do="fixture", fixture=WHERE, velocity=[0.0, 0.02, 0.0])["ok"]
 
 
 def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):
@@ -128,7 +128,7 @@ def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
-        ({}, "do is None; known: place, hole, push, io, fault, pause"),
+        ({}, "do is None; known: place, fixture, push, io, fault, pause"),
         ({"do": "fly"}, "do is 'fly'; known: place"),
         ({"do": ["place"]}, "known: place"),
         ({**PLACE, "q": [0.0] * 6}, "place: q is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; give"),
@@ -136,9 +136,9 @@ def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):
         ({**PLACE, "q": "zero"}, "give a list of 7 numbers"),
         ({**PLACE, "q": [True, *[0.0] * 6]}, "q[0] is True, which is no number"),
         ({**PLACE, "q": [1e300, *[0.0] * 6]}, "q[0] is 1e+300; give one within 1e6"),
-        ({"do": "place", "q": [0.0] * 7}, "hole is None; give"),
-        ({**PLACE, "hole": {**WHERE, "quat_wxyz": [0, 0, 0, 0]}}, "norm 0"),
-        ({**PLACE, "hole": {**WHERE, "position": [5, 0, 0.1]}}, "too far"),
+        ({"do": "place", "q": [0.0] * 7}, "fixture is None; give"),
+        ({**PLACE, "fixture": {**WHERE, "quat_wxyz": [0, 0, 0, 0]}}, "norm 0"),
+        ({**PLACE, "fixture": {**WHERE, "position": [5, 0, 0.1]}}, "too far"),
         ({**PLACE, "seed": -1}, "seed is -1"),
         ({**PLACE, "seed": "x"}, "seed is 'x'"),
         ({**PLACE, "seed": 2**70}, "seed is 1180591620717411303424"),

@@ -15,7 +15,7 @@ from dovetail.cabinet.protocol import SessionState
 from dovetail.cabinet.signals import parse_signal
 
 from .client import wait_until
-from .conftest import HOLE, LightPlant
+from .conftest import FIXTURE, LightPlant
 
 IDLE, WAIT, READY, C_WAIT, ACTIVE = SessionState
 POSITION = [0.0, 0.1, 0.2, 3 * 0.1, 0.4, 0.5, 6 * 0.1]
@@ -92,7 +92,7 @@ class GoldenClient:
 @pytest.fixture
 def plant():
     plant = LightPlant()
-    plant.reset(np.array(POSITION), HOLE)
+    plant.reset(np.array(POSITION), FIXTURE)
     return plant
 
 

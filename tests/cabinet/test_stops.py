@@ -11,7 +11,7 @@ from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.scene import SceneConfig
 
-from .conftest import HOLE, Q_START, LightPlant
+from .conftest import FIXTURE, Q_START, LightPlant
 from .test_wire import Direct, push_with
 
 ACTIVE = SessionState.COMMANDING_ACTIVE
@@ -28,7 +28,7 @@ def build(name):
         plant = make_plant("bullet", SceneConfig(), DynamicsConfig())
     else:
         plant = TwinPlant(load_twin(name), SceneConfig())
-    plant.reset(Q_START, HOLE)
+    plant.reset(Q_START, FIXTURE)
     return plant
 
 

@@ -124,7 +124,7 @@ def test_what_cannot_be_tried_is_refused_before_anything_is_written(
 def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
     config, monkeypatch
 ):
-    monkeypatch.setattr(LocalArm, "places_hole", False, raising=False)
+    monkeypatch.setattr(LocalArm, "places_fixture", False, raising=False)
     with pytest.raises(ConfigError, match="say where it is with --hole"):
         run(config)
     assert not config.out.exists()

@@ -152,8 +152,8 @@ def test_the_moving_hole_is_where_the_environment_says_and_the_tracker_sees(
     moved = []
     env.reset(seed=2, options={"hole": HOLE})
     engine = env.core.arm.plant
-    plain = engine.move_hole
-    engine.move_hole = lambda hole: (moved.append(hole.position), plain(hole))
+    plain = engine.move_fixture
+    engine.move_fixture = lambda hole: (moved.append(hole.position), plain(hole))
     for step in range(1, 51):
         _, _, _, _, info = env.step(STILL)
         way = env.core.hole.position - HOLE.position

@@ -75,7 +75,7 @@ def test_a_moved_hole_is_where_it_was_moved_to(make):
     plant.apply(np.zeros(7), 0.001)
     np.testing.assert_array_equal(plant.contact_force(), np.zeros(3))
     moved = shifted(x=0.001)
-    plant.move_hole(moved)
+    plant.move_fixture(moved)
     plant.apply(np.zeros(7), 0.001)
     assert plant.contact_force()[0] > 1.0  # the wall at -x now pushes towards +x
     plant.reset(q, HOLE)
@@ -90,7 +90,7 @@ def test_a_hole_that_moves_takes_the_peg_along(make):
     chain = plant.robot.chain()
     for i in range(400):  # 20 mm in one second, at the twentieth part of a millimetre
         hole = shifted(y=0.02 * i / 400)
-        plant.move_hole(hole)
+        plant.move_fixture(hole)
         q_m, dq_m = plant.read()
         up = 0.09 - plant.tool_pose().position[2]
         wrench = np.array([0.0, 0.0, 1000.0 * up, 0.0, 0.0, 0.0])
@@ -103,7 +103,7 @@ def test_a_hole_out_of_reach_is_refused_and_stays(make):
     plant = make()
     plant.reset(Q_BENT, HOLE)
     with pytest.raises(ConfigError, match="too far"):
-        plant.move_hole(HOLE._replace(position=np.array([3.0, 0.0, 0.1])))
+        plant.move_fixture(HOLE._replace(position=np.array([3.0, 0.0, 0.1])))
 
 
 @pytest.mark.parametrize("wrap", ["twin", "encoder"])
@@ -116,7 +116,7 @@ def test_wrappers_pass_pushes_and_holes_on(wrap, make):
         plant = EncoderPlant(inner, DT)
     plant.reset(Q_BENT, HOLE)
     plant.push(np.array([0.0, 30.0, 0.0]))
-    plant.move_hole(Pose(np.array([0.61, 0.0, 0.1]), HOLE.quat_wxyz))
+    plant.move_fixture(Pose(np.array([0.61, 0.0, 0.1]), HOLE.quat_wxyz))
     plant.apply(np.zeros(7), 0.05)
     assert np.abs(inner.read()[0] - Q_BENT).max() > 1e-4
     assert inner.dynamics == DynamicsConfig()

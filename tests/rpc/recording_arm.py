@@ -63,7 +63,7 @@ class RecordingArm:
 class RecordingBuilder:
     name = "recording"
     is_real_time = True
-    places_hole = True
+    places_fixture = True
 
     def __init__(self, scene):
         self.scene, self.robot = scene, scene.robot()

@@ -38,7 +38,7 @@ def step_request(lease):
 @pytest.fixture
 def reset_request(lease, start):
     request = pb.ResetRequest(lease=lease, q=start.tolist())
-    write_pose(HOLE, request.hole)
+    write_pose(HOLE, request.fixture)
     return request
 
 
@@ -134,11 +134,11 @@ def test_six_or_eight_joint_values(ready, reset_request, count):
 def test_every_wrong_field_of_a_reset_is_named(ready, reset_request):
     reset_request.q[1] = 3.0
     reset_request.q[4] = NAN
-    reset_request.hole.position[2] = INF
-    reset_request.hole.quat_wxyz[:] = []
+    reset_request.fixture.position[2] = INF
+    reset_request.fixture.quat_wxyz[:] = []
     problem = refused(ready.reset, reset_request)
     assert paths(problem) == [
-        *("q[A2]", "q[A5]", "hole.position[Z]", "hole.quat_wxyz"),
+        *("q[A2]", "q[A5]", "fixture.position[Z]", "fixture.quat_wxyz"),
     ]
     assert "q[A2] is 3 rad; allowed: -2.0944 to 2.0944 rad" in problem.text
 

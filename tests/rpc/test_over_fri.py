@@ -40,7 +40,7 @@ def over_fri(scene, clock, news):
             )
 
         yield RebuiltArm(
-            "fri", scene, make, is_real_time=clock == "wall", places_hole=True
+            "fri", scene, make, is_real_time=clock == "wall", places_fixture=True
         )
     plant.close()
 

@@ -58,14 +58,14 @@ def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
     local.close()
 
 
-@pytest.mark.parametrize("places_hole", [False, True])
+@pytest.mark.parametrize("places_fixture", [False, True])
 def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
-    scene, connect, places_hole
+    scene, connect, places_fixture
 ):
     builder = LocalBuilder("mujoco", make_plant("mujoco", scene, DynamicsConfig()))
-    builder.places_hole = places_hole
+    builder.places_fixture = places_fixture
     with ArmServer(builder, "127.0.0.1:0") as server:
-        assert connect(server).places_hole is places_hole
+        assert connect(server).places_fixture is places_fixture
 
 
 @pytest.mark.parametrize("joint_mode", [False, True])

@@ -26,7 +26,7 @@ struct CycleRow {
   Numbers<4> quat_wxyz;         ///< its rotation
   Numbers<3> velocity;          ///< its speed [m/s]
   Numbers<3> angular_velocity;  ///< [rad/s]
-  Numbers<3> contact_force;     ///< true force on the held part and the gripper [N], of
+  Numbers<3> contact_force;     ///< true force on the tool [N], of
                                 ///< the physics step where it was largest; kUnset where
                                 ///< nothing measures it
   Numbers<3> f_star;            ///< of the Target [m/s2]

@@ -75,7 +75,7 @@ class MujocoLoop {
   const Vec7& q() const noexcept { return q_; }
   const Vec7& dq() const noexcept { return dq_; }
 
-  /// Force on peg and gripper in the last physics step [N], world axes.
+  /// Force on the tool in the last physics step [N], world axes.
   const Vec3& contact_force() const noexcept { return force_; }
 
   /// The largest such force of the last command [N].

@@ -14,7 +14,7 @@ class StepProbe {
   virtual Vec3 force(const Vec7& q, const Vec7& dq) noexcept = 0;
 
   /// Called after each physics step of h [s], at the true state that it left.
-  /// \param contact  force on peg and gripper in that step [N], world axes
+  /// \param contact  force on the tool in that step [N], world axes
   virtual void look(const Vec7& q, const Vec7& dq, const Vec3& contact,
                     double h) noexcept = 0;
 

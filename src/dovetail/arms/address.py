@@ -140,11 +140,11 @@ def is_simulated_here(address: ArmAddress) -> bool:
     return isinstance(address, (PlantAddress, TwinAddress))
 
 
-def places_hole(address: ArmAddress) -> bool:
-    """Say whether the arm can put the hole where an episode wants it.
+def places_fixture(address: ArmAddress) -> bool:
+    """Say whether the arm can put the fixture where an episode wants it.
 
-    A cabinet without a control port cannot: there the hole is where it is. Of an arm
-    behind a service only the service knows (`RemoteArm.places_hole`); this says yes.
+    A cabinet without a control port cannot: there the fixture is where it is. Of an arm
+    behind a service only the service knows (`RemoteArm.places_fixture`); this says yes.
     """
     return not isinstance(address, FriAddress) or address.control is not None
 

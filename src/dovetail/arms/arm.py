@@ -42,8 +42,8 @@ class Arm(Protocol):
     period: float
     """Control period [s]."""
 
-    def reset(self, q: Vec7, hole: Pose) -> ArmState:
-        """Go to q [rad], at rest, with the hole at its pose; latch what is held."""
+    def reset(self, q: Vec7, fixture: Pose) -> ArmState:
+        """Go to q [rad], at rest, with the fixture at its pose; latch what is held."""
         ...
 
     def step(self, target: "_core.Target", duration: float = 0.05) -> ArmState:

@@ -1,4 +1,4 @@
-"""A simulated cabinet's control port: places the arm and the hole."""
+"""A simulated cabinet's control port: places the arm and the fixture."""
 
 import json
 import socket
@@ -52,15 +52,19 @@ class CabinetControl:
             raise ArmError(f"the cabinet refuses to {do}: {why}", "refused")
         return answer
 
-    def place(self, q: Vec7, hole: Pose, seed: int | None = None) -> dict[str, Any]:
-        """Put arm and hole; the running motion ends and another begins."""
+    def place(self, q: Vec7, fixture: Pose, seed: int | None = None) -> dict[str, Any]:
+        """Put arm and fixture; the running motion ends and another begins."""
         more = {} if seed is None else {"seed": int(seed)}
-        return self.request("place", q=list(map(float, q)), hole=_pose(hole), **more)
+        return self.request(
+            "place", q=list(map(float, q)), fixture=_pose(fixture), **more
+        )
 
-    def move_hole(self, hole: Pose, velocity: Vec3 | None = None) -> dict[str, Any]:
-        """Put the hole; the arm stays. It then moves at a velocity [m/s]."""
+    def move_fixture(
+        self, fixture: Pose, velocity: Vec3 | None = None
+    ) -> dict[str, Any]:
+        """Put the fixture; the arm stays. It then moves at a velocity [m/s]."""
         more = {} if velocity is None else {"velocity": list(map(float, velocity))}
-        return self.request("hole", hole=_pose(hole), **more)
+        return self.request("fixture", fixture=_pose(fixture), **more)
 
     def push(self, force: Vec3, duration: float) -> dict[str, Any]:
         """Push the TCP with a force [N], world axes, for a duration [s]."""

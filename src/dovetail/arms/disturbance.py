@@ -1,4 +1,4 @@
-"""What disturbs a simulated arm during a step: pushes at the TCP, a hole that moves."""
+"""What disturbs a simulated arm in a step: pushes at the TCP, a fixture that moves."""
 
 import math
 from typing import TYPE_CHECKING
@@ -23,7 +23,7 @@ class Disturbance:
         """Forget everything; the plant's own reset takes the force away."""
         self._force = np.zeros(3)
         self._cycles_left = 0
-        self._hole: Pose | None = None
+        self._fixture: Pose | None = None
         self._velocity = np.zeros(3)
 
     @property
@@ -36,18 +36,18 @@ class Disturbance:
         self._force = np.array(force, dtype=float)
         self._cycles_left = math.ceil(duration / period - 1e-9)
 
-    def slide(self, hole: Pose, velocity: Vec3) -> None:
-        """Move the hole on from a pose with a velocity [m/s], world axes."""
-        self._hole, self._velocity = hole, np.array(velocity, dtype=float)
+    def slide(self, fixture: Pose, velocity: Vec3) -> None:
+        """Move the fixture on from a pose with a velocity [m/s], world axes."""
+        self._fixture, self._velocity = fixture, np.array(velocity, dtype=float)
 
     def before_cycle(self, plant: "Plant", period: float) -> None:
         """Let one control cycle's share act on the plant."""
         if self._cycles_left > 0:
             plant.push(self._force)
-        if self._hole is not None and self._velocity.any():
-            position = self._hole.position + period * self._velocity
-            self._hole = self._hole._replace(position=position)
-            plant.move_hole(self._hole)
+        if self._fixture is not None and self._velocity.any():
+            position = self._fixture.position + period * self._velocity
+            self._fixture = self._fixture._replace(position=position)
+            plant.move_fixture(self._fixture)
 
     def after_cycle(self, plant: "Plant") -> None:
         """Take a push away whose time is over."""

@@ -181,7 +181,7 @@ class FriArm:
 
     # -- Arm ---------------------------------------------------------------------
 
-    def reset(self, q: Vec7, hole: Pose) -> ArmState:
+    def reset(self, q: Vec7, fixture: Pose) -> ArmState:
         """Bring the arm to q [rad], at rest; latch what is held. Ends a stop.
 
         Raises:
@@ -193,11 +193,11 @@ class FriArm:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
-            self._control.place(q, hole, self._seed)
+            self._control.place(q, fixture, self._seed)
             self._seed = None
             self._wait_for_motion(before.motion)
         else:
-            self._move_there(q, hole)
+            self._move_there(q, fixture)
         hold = self.robot.tool_pose(q)
         self._servo.hold_at(hold.position, hold.quat_wxyz)
         return self._begin_episode()
@@ -232,15 +232,15 @@ class FriArm:
         """Have a simulated cabinet push the TCP with a force [N] for a duration [s]."""
         self._require_control().push(force, duration)
 
-    def move_hole(self, hole: Pose, velocity: Vec3) -> None:
-        """Have it put the hole at a pose and move it on at a velocity [m/s]."""
-        self._require_control().move_hole(hole, velocity)
+    def move_fixture(self, fixture: Pose, velocity: Vec3) -> None:
+        """Have it put the fixture at a pose and move it on at a velocity [m/s]."""
+        self._require_control().move_fixture(fixture, velocity)
 
     def _require_control(self) -> CabinetControl:
         if self._control is None:
             raise ArmError(
                 "only the control port of a simulated cabinet can push the arm or move "
-                "the hole: give control=HOST:PORT",
+                "the fixture: give control=HOST:PORT",
                 "no_control",
             )
         return self._control
@@ -341,22 +341,22 @@ class FriArm:
         if state.is_stopped:
             raise stop_error(servo, state)
 
-    def _move_there(self, q: Vec7, hole: Pose) -> None:
+    def _move_there(self, q: Vec7, fixture: Pose) -> None:
         """Drive to q [rad], in the next motion where one ends on the way."""
         end = time.monotonic() + self._timeout
         while True:
             self.connect()
             if self._control is not None:
-                self._control.move_hole(hole)
+                self._control.move_fixture(fixture)
             try:
-                self._move_to(q, hole)
+                self._move_to(q, fixture)
                 return
             except ArmError as error:
                 if error.reason != "motion_ended" or time.monotonic() > end:
                     raise
                 self._left = self._servo.state().q
 
-    def _move_to(self, q: Vec7, hole: Pose) -> None:
+    def _move_to(self, q: Vec7, fixture: Pose) -> None:
         """Drive to q [rad], below the limits, if it is near or this was asked for.
 
         Raises:
@@ -370,7 +370,7 @@ class FriArm:
             self._servo.state,
             lambda target: self._follow(target, cycles),
             q,
-            hole,
+            fixture,
             float(self.limits.x_max[2] - 2.0 * self.limits.delta_x),
         )
 

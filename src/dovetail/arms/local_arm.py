@@ -47,9 +47,9 @@ class LocalArm:
         self._stamp = 0.0
         self._disturbance = Disturbance()
 
-    def reset(self, q: Vec7, hole: Pose) -> ArmState:
-        """Put the arm at rest at q [rad], the hole at its pose; latch what is held."""
-        self.plant.reset(q, hole)
+    def reset(self, q: Vec7, fixture: Pose) -> ArmState:
+        """Put the arm at rest at q [rad], the fixture there; latch what is held."""
+        self.plant.reset(q, fixture)
         self._disturbance.clear()
         q_m, dq_m = self.plant.read()
         hold = self.robot.tool_pose(np.asarray(q, dtype=float))
@@ -100,16 +100,16 @@ class LocalArm:
         """
         self._disturbance.push(force, duration, self.period)
 
-    def move_hole(self, hole: Pose, velocity: Vec3) -> None:
-        """Put the hole at a pose; it then moves at a velocity [m/s], world axes.
+    def move_fixture(self, fixture: Pose, velocity: Vec3) -> None:
+        """Put the fixture at a pose; it then moves at a velocity [m/s], world axes.
 
         It moves in every control period, until the next call or `reset`.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
-        self.plant.move_hole(hole)
-        self._disturbance.slide(hole, velocity)
+        self.plant.move_fixture(fixture)
+        self._disturbance.slide(fixture, velocity)
 
     def _state(self, q: Vec7, dq: Vec7, log: Array) -> ArmState:
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags

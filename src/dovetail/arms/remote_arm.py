@@ -59,7 +59,7 @@ class RemoteArm:
             period: Control period [s].
             robot: Controller's model that this program computes with; refused if the
                 service has another one. None takes the service's.
-            scene: Geometry of the task; refused if the service has another peg or
+            scene: Geometry of the task; refused if the service has another part or
                 clearance. None does not ask.
             name: What others are told about who holds the arm; default the program.
             timeout: Longest wait for an answer, beyond a step's own duration [s].
@@ -110,16 +110,16 @@ class RemoteArm:
         return self._connection.info
 
     @property
-    def places_hole(self) -> bool:
-        """Whether the hole goes where a reset says; if not, it is where it is."""
-        return self.info.places_hole
+    def places_fixture(self) -> bool:
+        """Whether the fixture goes where a reset says; if not, it is where it is."""
+        return self.info.places_fixture
 
     def seed(self, seed: int) -> None:
         """Start a simulation's noise again with the next reset."""
         self._seed = int(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> ArmState:
-        """Go to q [rad], at rest, with the hole at its pose; latch what is held.
+    def reset(self, q: Vec7, fixture: Pose) -> ArmState:
+        """Go to q [rad], at rest, with the fixture at its pose; latch what is held.
 
         Raises:
             ConfigError: Wrong numbers; names them.
@@ -132,7 +132,7 @@ class RemoteArm:
             lease=self._lease, q=np.asarray(q, dtype=float).tolist(), seed=self._seed
         )
         self._seed = None
-        write_pose(hole, request.hole)
+        write_pose(fixture, request.fixture)
         with self._connection.words("the reset failed"):
             report = self._stub.reset(request, timeout=self._reset_timeout)
         return read_state(report.state)
@@ -274,6 +274,6 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
             f"the service's robot {offered.name} is not this program's {robot.name}: "
             f"{', '.join(different)} differ, for example {first} is "
             f"{getattr(offered, first).tolist()} there and "
-            f"{getattr(robot, first).tolist()} here; give both the same peg and tool"
+            f"{getattr(robot, first).tolist()} here; give both the same tool"
         )
     return robot

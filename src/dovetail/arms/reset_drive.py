@@ -25,7 +25,7 @@ def drive_to(
     observe: Callable[[], "_core.ServoState"],
     follow: Callable[["_core.Target"], None],
     q: Vec7,
-    hole: Pose,
+    fixture: Pose,
     z_max: float,
 ) -> None:
     """Drive to q [rad], below the limits.
@@ -35,7 +35,7 @@ def drive_to(
         observe: Returns where it is.
         follow: Follows a target for `TICK`.
         q: The start [rad].
-        hole: The hole; its mouth is passed at a distance.
+        fixture: The fixture; it is passed at a distance.
         z_max: No higher than this [m].
 
     Raises:
@@ -43,7 +43,7 @@ def drive_to(
     """
     from dovetail import _core
 
-    for q_d in plan_reset(robot, observe().q, q, hole, z_max):
+    for q_d in plan_reset(robot, observe().q, q, fixture, z_max):
         follow(_core.Target(joint_mode=True, q_d=q_d))
     at_goal = _core.Target(joint_mode=True, q_d=q)
     error = np.zeros(7)

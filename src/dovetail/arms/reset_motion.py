@@ -1,4 +1,4 @@
-"""The way back to a start: up out of the hole, across, and down.
+"""The way back to a start: up out of the fixture, across, and down.
 
 For arms that cannot be placed. The path is joint targets at a fixed rate, followed
 below every limit like any other target.
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 TICK = 0.05
 """Time between two targets [s]."""
 LIFT = 0.06
-"""Height of the peg's end over the hole's mouth while it goes across [m]."""
+"""Height of the tool over the fixture while it goes across [m]."""
 SPEED_NEAR = 0.05
 """Speed of the tool on the way up and down [m/s]."""
 TURN_SPEED = 0.3
@@ -34,25 +34,25 @@ _SAMPLES = 33
 
 
 def plan_reset(
-    robot: "Robot", q: Vec7, q_start: Vec7, hole: Pose, z_max: float = np.inf
+    robot: "Robot", q: Vec7, q_start: Vec7, fixture: Pose, z_max: float = np.inf
 ) -> list[Vec7]:
     """Return joint targets, one for every `TICK`, from q to q_start.
 
-    The tool goes straight up to above the hole's block and the start, keeping its
+    The tool goes straight up to above the fixture and the start, keeping its
     rotation; across it moves in joint space; down it goes straight to the start.
 
     Args:
         robot: The arm, tool included.
         q: Where it is now [rad].
         q_start: Where it has to be in the end [rad].
-        hole: The hole; its mouth is passed at a distance of `LIFT`.
+        fixture: The fixture; it is passed at a distance of `LIFT`.
         z_max: No higher than this, where the walls are [m].
 
     Raises:
         ArmError: The way leads out of the arm's reach.
     """
     here, start = robot.tool_pose(q), robot.tool_pose(q_start)
-    safe = float(hole.position[2]) + LIFT
+    safe = float(fixture.position[2]) + LIFT
     height = max(safe, float(here.position[2]), float(start.position[2]))
     height = min(height, z_max)
     above_here = Pose(_with_height(here.position, height), here.quat_wxyz)
@@ -87,7 +87,7 @@ def _line(robot: "Robot", q: Vec7, begin: Pose, end: Pose) -> Iterator[Vec7]:
             raise ArmError(
                 f"the way back to the start leaves the arm's reach at "
                 f"{np.round(pose.position, 3).tolist()} m: {error}; move the arm by "
-                "hand, or choose a start or a hole nearer to the middle",
+                "hand, or choose a start or a fixture nearer to the middle",
                 "reset",
             ) from error
         yield q

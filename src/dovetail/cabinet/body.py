@@ -57,8 +57,8 @@ class Body:
         """Why the plant cannot go on; empty while it can. `place` mends it."""
         self._push_force = np.zeros(3)
         self._push_left = 0.0
-        self._hole: Pose | None = None
-        self._hole_velocity = np.zeros(3)
+        self._fixture: Pose | None = None
+        self._fixture_velocity = np.zeros(3)
         self._settle()
 
     def _settle(self) -> None:
@@ -82,31 +82,31 @@ class Body:
         """The client's part of it [Nm]."""
         self.sensors.rest(self.gravity, None)
 
-    def place(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose.
+    def place(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad] and the fixture at its pose.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
-        self.plant.reset(q, hole)
+        self.plant.reset(q, fixture)
         self.failure = ""
         self._push_left = 0.0
-        self._hole_velocity = np.zeros(3)
+        self._fixture_velocity = np.zeros(3)
         self._settle()
 
-    def move_hole(self, hole: Pose, velocity: Vec3 | None = None) -> None:
-        """Move the hole to a pose; the arm and its motion stay.
+    def move_fixture(self, fixture: Pose, velocity: Vec3 | None = None) -> None:
+        """Move the fixture to a pose; the arm and its motion stay.
 
         Args:
-            hole: Where it is now.
+            fixture: Where it is now.
             velocity: How it moves on while the arm is not held [m/s], world axes.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
-        self.plant.move_hole(hole)
-        self._hole = hole
-        self._hole_velocity = np.zeros(3) if velocity is None else velocity
+        self.plant.move_fixture(fixture)
+        self._fixture = fixture
+        self._fixture_velocity = np.zeros(3) if velocity is None else velocity
 
     def push(self, force: Vec3, duration: float) -> None:
         """Push the TCP with a force [N], world axes, for a duration [s]."""
@@ -226,7 +226,7 @@ class Body:
 
     def _apply(self, overlay: Vec7, drive: Vec7 | None, duration: float) -> None:
         push = self._push_torque(duration)
-        self._slide_hole(duration)
+        self._slide_fixture(duration)
         if push is not None:
             drive = push if drive is None else drive + push
         try:
@@ -239,16 +239,16 @@ class Body:
         if square > self._peak_square:
             self._peak, self._peak_square = (x, y, z), square
 
-    def _slide_hole(self, duration: float) -> None:
-        if self._hole is None or not self._hole_velocity.any():
+    def _slide_fixture(self, duration: float) -> None:
+        if self._fixture is None or not self._fixture_velocity.any():
             return
-        position = self._hole.position + duration * self._hole_velocity
+        position = self._fixture.position + duration * self._fixture_velocity
         try:
-            self.plant.move_hole(self._hole._replace(position=position))
+            self.plant.move_fixture(self._fixture._replace(position=position))
         except ConfigError:  # the end of the table, or of the reach
-            self._hole_velocity = np.zeros(3)
+            self._fixture_velocity = np.zeros(3)
             return
-        self._hole = self._hole._replace(position=position)
+        self._fixture = self._fixture._replace(position=position)
 
     def _observe(self, tau: Vec7, overlay: Vec7, q: Vec7, dq: Vec7) -> None:
         self.time += self.period

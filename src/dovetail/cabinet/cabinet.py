@@ -297,7 +297,7 @@ class Cabinet:
         """Ask the running cabinet as over the control port; any thread.
 
         Args:
-            request: {"do": "place" | "hole" | "push" | "io" | "fault" | "pause" |
+            request: {"do": "place" | "fixture" | "push" | "io" | "fault" | "pause" |
                 "resume" | "stop" | "status" | "truth", ...}.
 
         Returns:

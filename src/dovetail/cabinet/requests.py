@@ -11,8 +11,8 @@ from dovetail.errors import ConfigError, DovetailError
 from dovetail.poses import Pose
 from dovetail.types import Array
 
-MAX_HOLE_SPEED = 1.0
-"""Fastest that a hole may move [m/s]."""
+MAX_FIXTURE_SPEED = 1.0
+"""Fastest that a fixture may move [m/s]."""
 
 
 def numbers(request: dict[str, Any], name: str, count: int) -> Array:
@@ -79,7 +79,7 @@ class RequestDesk:
         self._install_faults = install_faults
         self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "place": self._place,
-            "hole": self._hole,
+            "fixture": self._fixture,
             "push": self._push,
             "io": self._io,
             "fault": self._fault,
@@ -116,18 +116,19 @@ class RequestDesk:
         seed = request.get("seed")
         if seed is not None and not (type(seed) is int and 0 <= seed < 2**63):
             raise ConfigError(f"seed is {_short(seed)}; give a whole number >= 0")
-        self._controller.place(numbers(request, "q", 7), pose(request, "hole"), seed)
+        self._controller.place(numbers(request, "q", 7), pose(request, "fixture"), seed)
         return self._where()
 
-    def _hole(self, request: dict[str, Any]) -> dict[str, Any]:
-        hole, velocity = pose(request, "hole"), np.zeros(3)
+    def _fixture(self, request: dict[str, Any]) -> dict[str, Any]:
+        fixture, velocity = pose(request, "fixture"), np.zeros(3)
         if request.get("velocity") is not None:
             velocity = numbers(request, "velocity", 3)
-            if not (speed := float(np.linalg.norm(velocity))) <= MAX_HOLE_SPEED:
+            if not (speed := float(np.linalg.norm(velocity))) <= MAX_FIXTURE_SPEED:
                 raise ConfigError(
-                    f"velocity is {speed:g} m/s; allowed is 0 to {MAX_HOLE_SPEED:g} m/s"
+                    f"velocity is {speed:g} m/s; allowed is 0 to "
+                    f"{MAX_FIXTURE_SPEED:g} m/s"
                 )
-        self._controller.body.move_hole(hole, velocity)
+        self._controller.body.move_fixture(fixture, velocity)
         return {}
 
     def _push(self, request: dict[str, Any]) -> dict[str, Any]:

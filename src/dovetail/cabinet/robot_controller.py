@@ -242,15 +242,15 @@ class RobotController:
 
     # -- requests ----------------------------------------------------------------
 
-    def place(self, q: Vec7, hole: Pose, seed: int | None) -> None:
-        """Put the arm at rest at q [rad], the hole at its pose; restart the motion.
+    def place(self, q: Vec7, fixture: Pose, seed: int | None) -> None:
+        """Put the arm at rest at q [rad], the fixture at its pose; restart the motion.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
         if seed is not None:
             self.body.plant.seed(seed)
-        self.body.place(q, hole)
+        self.body.place(q, fixture)
         self._restart("placed")
 
     def _restart(self, what: str) -> None:

@@ -17,7 +17,7 @@ from dovetail.arms.address import (
     TwinAddress,
     parse_address,
     period_of,
-    places_hole,
+    places_fixture,
 )
 from dovetail.arms.arm import Arm
 from dovetail.control.period import require_period
@@ -170,5 +170,5 @@ def _fri_builder(name: str, address: FriAddress, scene: SceneConfig) -> "ArmBuil
         scene,
         make,
         is_real_time=address.clock == "wall",
-        places_hole=places_hole(address),
+        places_fixture=places_fixture(address),
     )

@@ -162,7 +162,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """The hole's true pose in this episode."""
     violations: ViolationCounter
     """Counts the control cycles of a log outside a joint or wall limit."""
-    places_hole: bool
+    places_fixture: bool
     """Whether the arm can put the hole where an episode wants it."""
 
     def __init__(
@@ -241,7 +241,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if limits is not None and limits.walls:
             self._walls = limits.x_min, limits.x_max
         self.violations = ViolationCounter(robot, *self._walls)
-        self.places_hole = getattr(self.arm, "places_hole", True)
+        self.places_fixture = getattr(self.arm, "places_fixture", True)
         self._target = _core.Target()
         size = len(self.commands)
         self._history = History(stack, NUM_OBSERVATIONS, size)
@@ -290,7 +290,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         hole = self.draw_hole()
         if options.get("hole") is not None:
             hole = Pose(*(np.asarray(part, dtype=float) for part in options["hole"]))
-        elif not (self.places_hole or self.randomisation.is_hole_fixed):
+        elif not (self.places_fixture or self.randomisation.is_hole_fixed):
             raise ConfigError(
                 "the arm cannot move the hole: say where it is, with --fixed-goal "
                 "--hole X Y Z YAW [m, rad] or reset(options={'hole': Pose})"
@@ -301,7 +301,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         else:
             q = self.arm.robot.inverse_kinematics(self.draw_start(hole), self.q_seed)
         self.hole = hole
-        self.slide_hole(np.zeros(3))
+        self.slide_fixture(np.zeros(3))
         if seed is not None and hasattr(self.arm, "seed"):
             self.arm.seed(seed)  # type: ignore[attr-defined]
         self.tracker.reset(hole)
@@ -344,7 +344,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             info,
         )
 
-    def slide_hole(self, velocity: Vec3) -> None:
+    def slide_fixture(self, velocity: Vec3) -> None:
         """Let the hole move at a velocity [m/s], world axes, in the steps to come.
 
         The arm must be able to: a simulation here, or a simulated cabinet.
@@ -353,7 +353,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._is_sliding = bool(self._hole_velocity.any())
 
     def _slide(self) -> None:
-        self.arm.move_hole(self.hole, self._hole_velocity)  # type: ignore[attr-defined]
+        self.arm.move_fixture(self.hole, self._hole_velocity)  # type: ignore[attr-defined]
         position = self.hole.position + POLICY_PERIOD * self._hole_velocity
         self.hole = self.hole._replace(position=position)
 

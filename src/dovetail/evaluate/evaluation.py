@@ -30,7 +30,7 @@ from dovetail.arms.address import (
     is_simulated_here,
     parse_address,
     period_of,
-    places_hole,
+    places_fixture,
     with_approach,
 )
 from dovetail.control.period import DEFAULT_PERIOD
@@ -190,7 +190,7 @@ def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
             f"workers is {config.workers}, but there is one arm at {config.arm}; "
             "needs 1"
         )
-    _require_hole(config, can_place=places_hole(arm))
+    _require_hole(config, can_place=places_fixture(arm))
     return with_approach(str(config.arm)) if config.approach else str(config.arm)
 
 
@@ -310,7 +310,7 @@ def _inspect(
             f"the policy's JSON file does not describe a known environment: {error}"
         ) from error
     try:
-        _require_hole(config, can_place=env.unwrapped.places_hole)  # type: ignore[attr-defined]
+        _require_hole(config, can_place=env.unwrapped.places_fixture)  # type: ignore[attr-defined]
         pose = hole_poses(config, policy.metadata)[0].pose()
         observation, _ = env.reset(seed=config.seed, options={"hole": pose})
         action = policy(observation)

@@ -12,7 +12,7 @@ from dovetail.arms.address import (
     ArmAddress,
     FriAddress,
     GrpcAddress,
-    places_hole,
+    places_fixture,
 )
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.envs.hole_pose import UPRIGHT
@@ -112,7 +112,7 @@ class Perturbation:
                     f"an arm over gRPC cannot be perturbed by --{option}; try it where "
                     "the arm is: --plant, --twin, or fri:// with control=HOST:PORT"
                 )
-            if isinstance(arm, FriAddress) and not places_hole(arm):
+            if isinstance(arm, FriAddress) and not places_fixture(arm):
                 raise ConfigError(
                     f"--{option} needs a simulation, or the control port of a "
                     "simulated cabinet (control=HOST:PORT); a real arm is pushed by "
@@ -212,7 +212,7 @@ class Perturbed(gym.Wrapper):
                 distance_out(step * POLICY_PERIOD, self.perturbation.hole_speed)
                 for step in (self._step, self._step + 1)
             )
-            self.core.slide_hole((end - begin) / POLICY_PERIOD * self._direction)
+            self.core.slide_fixture((end - begin) / POLICY_PERIOD * self._direction)
         while self._pushes and self._pushes[0].step <= self._step:
             push = self._pushes.pop(0)
             self.core.arm.push(push.force, push.duration)

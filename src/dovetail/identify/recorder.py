@@ -19,7 +19,7 @@ from dovetail.arms.address import (
     GrpcAddress,
     parse_address,
     period_of,
-    places_hole,
+    places_fixture,
 )
 from dovetail.control.config import LimitConfig
 from dovetail.control.period import DEFAULT_PERIOD
@@ -117,7 +117,7 @@ def record(
     """
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
-    _require_hole(config, can_place=places_hole(address))
+    _require_hole(config, can_place=places_fixture(address))
     x, y, z, yaw = config.hole or DEFAULT_HOLE
     hole = (x, y, z, yaw)
     usual = RecordConfig.period
@@ -135,7 +135,7 @@ def record(
         near_press=math.inf,  # the log is of the actions as they were drawn
     )
     with closing(env):
-        _require_hole(config, can_place=env.places_hole)
+        _require_hole(config, can_place=env.places_fixture)
         if starts is None:
             robot = env.arm.robot
             starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])

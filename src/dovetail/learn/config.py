@@ -13,7 +13,7 @@ from dovetail.arms.address import (
     is_simulated_here,
     parse_address,
     period_of,
-    places_hole,
+    places_fixture,
 )
 from dovetail.control.period import DEFAULT_PERIOD, format_period, require_period
 from dovetail.control.period_option import Period
@@ -274,7 +274,7 @@ class TrainConfig:
                 f"seeds is {self.seeds}, but there is one arm at {text}; train one "
                 "seed after the other, each with its own --out"
             )
-        if not places_hole(arm) and not self.fixed_goal:
+        if not places_fixture(arm) and not self.fixed_goal:
             raise ConfigError(
                 f"the arm at {text} cannot move the hole: add --fixed-goal and say "
                 "where it is with --hole X Y Z YAW [m, rad]"

@@ -66,7 +66,7 @@ class BulletPlant:
         """Connect to an engine of its own.
 
         Args:
-            scene: Geometry of peg and hole; the triangle is refused.
+            scene: Geometry of held part and fixture; the triangle is refused.
             dynamics: Physics; the default is the model's.
 
         Raises:
@@ -139,17 +139,17 @@ class BulletPlant:
         """Start the channel's noise again."""
         self._channel.seed(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.
 
         The world is built anew: Bullet keeps contacts between steps, and a trial must
         not remember the last one.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
         q = require_configuration(q)
-        self.scene.require_reachable(self.robot, hole)
+        self.scene.require_reachable(self.robot, fixture)
         p, client = self._bullet, self._client
         p.resetSimulation(physicsClientId=client)
         p.setPhysicsEngineParameter(
@@ -163,7 +163,7 @@ class BulletPlant:
         p.setGravity(*self._gravity, physicsClientId=client)
         world = BulletWorld(p, client)
         world.add_fixed([self.scene.table_primitive()], WORLD)
-        self._block = world.add_fixed(self.scene.block_primitives(), hole)
+        self._block = world.add_fixed(self.scene.block_primitives(), fixture)
         self._body = world.add_arm(
             self.robot,
             self.scene.tool_primitives(),
@@ -182,15 +182,15 @@ class BulletPlant:
         self._push = np.zeros(3)
         self._measure()
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched.
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
-        self.scene.require_reachable(self.robot, hole)
+        self.scene.require_reachable(self.robot, fixture)
         world = BulletWorld(self._bullet, self._client)
-        world.move_fixed(self._block, self.scene.block_primitives(), hole)
+        world.move_fixed(self._block, self.scene.block_primitives(), fixture)
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -322,7 +322,7 @@ class BulletPlant:
         return run_cycles(self, controller, target, cycles, period, self._time)
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         return self._force
 
     def contact_force_peak(self) -> Vec3:

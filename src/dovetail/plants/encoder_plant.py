@@ -70,17 +70,17 @@ class EncoderPlant:
         """Start the plant's noise again."""
         self.plant.seed(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0."""
-        self.plant.reset(q, hole)
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad], the fixture at its pose; time becomes 0."""
+        self.plant.reset(q, fixture)
         self._q, _ = self.plant.read()
         self._observer.reset(self._q)
         self._a = np.zeros(7)
         self._time = 0.0
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched."""
-        self.plant.move_hole(hole)
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched."""
+        self.plant.move_fixture(fixture)
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -132,7 +132,7 @@ class EncoderPlant:
         self.apply(tau, dt)
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         return self.plant.contact_force()
 
     def contact_force_peak(self) -> Vec3:

@@ -1,4 +1,4 @@
-"""Write robot, tool, hole block and table as one MuJoCo model (MJCF)."""
+"""Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
 import importlib.util
 import math
@@ -13,7 +13,7 @@ from dovetail.scene import Primitive, SceneConfig
 
 # The time constant is DynamicsConfig.contact_time, set on the compiled model, and at
 # least twice the step. With 5 ms this impedance lets 30 N press a wall in by 3 um;
-# closer to 1, a peg in a corner chatters. Fewer line-search iterations than this let
+# closer to 1, a part in a corner chatters. Fewer line-search iterations than this let
 # the solver stop early and throw the arm.
 _SOLREF = "0.002 1"
 _SOLIMP = "0.95 0.99 0.0001 0.5 2"
@@ -49,7 +49,7 @@ def build_mjcf(robot: Robot, scene: SceneConfig, *, visual_meshes: bool = False)
 
     Args:
         robot: The arm with its tool.
-        scene: Geometry of peg and hole.
+        scene: Geometry of held part and fixture.
         visual_meshes: Draw the arm with pybullet_data's meshes where that package is
             installed; capsules otherwise. Never used for collisions.
     """
@@ -85,7 +85,7 @@ def _assets(scene: SceneConfig, meshes: Path | None) -> str:
             for a in (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
         ]
         vertices = "  ".join(_numbers(corner) for corner in corners)
-        lines.append(f'    <mesh name="peg" vertex="{vertices}"/>')
+        lines.append(f'    <mesh name="held" vertex="{vertices}"/>')
     if meshes is not None:
         lines += [f'    <mesh file="link_{i}.stl"/>' for i in range(8)]
     if not lines:
@@ -100,14 +100,14 @@ def _table(scene: SceneConfig) -> str:
 def _block(scene: SceneConfig) -> list[str]:
     parts = ["      " + _geom(part, "world") for part in scene.block_primitives()]
     return [
-        '    <body name="hole" mocap="true" pos="0.6 0 0.1">',
+        '    <body name="fixture" mocap="true" pos="0.6 0 0.1">',
         *parts,
         "    </body>",
     ]
 
 
 def _links(robot: Robot, scene: SceneConfig, meshes: Path | None) -> list[str]:
-    """Write the serial chain; gripper and peg are geoms of the last link."""
+    """Write the serial chain; the tool is geoms of the last link."""
     lines = [_link_visual(0, robot, meshes)]
     for i in range(7):
         pad = "    " + "  " * i
@@ -160,7 +160,7 @@ def _geom(part: Primitive, group: str) -> str:
     shape = {
         "box": f'type="box" size="{_numbers(part.size)}"',
         "cylinder": f'type="cylinder" size="{_numbers(part.size)}"',
-        "prism": 'type="mesh" mesh="peg"',
+        "prism": 'type="mesh" mesh="held"',
     }[part.kind]
     return (
         f'<geom class="{group}" name="{part.name}" {shape} '

@@ -51,7 +51,7 @@ class MujocoPlant:
         """Build the model.
 
         Args:
-            scene: Geometry of peg and hole.
+            scene: Geometry of held part and fixture.
             dynamics: Physics; the default is the model's.
             visual_meshes: Draw the arm with meshes where pybullet_data is installed.
 
@@ -141,32 +141,32 @@ class MujocoPlant:
         self._channel.seed(seed)
         self._loop.seed(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
         q = require_configuration(q)
-        self.scene.require_reachable(self.robot, hole)
+        self.scene.require_reachable(self.robot, fixture)
         data = self.data
         self.open_brakes()
         self._mujoco.mj_resetData(self.model, data)
         data.qpos[:] = q
-        data.mocap_pos[0] = hole.position
-        data.mocap_quat[0] = hole.quat_wxyz
+        data.mocap_pos[0] = fixture.position
+        data.mocap_quat[0] = fixture.quat_wxyz
         self._loop.reset()
         self._is_ready = True
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched.
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
-        self.scene.require_reachable(self.robot, hole)
-        self.data.mocap_pos[0] = hole.position
-        self.data.mocap_quat[0] = hole.quat_wxyz
+        self.scene.require_reachable(self.robot, fixture)
+        self.data.mocap_pos[0] = fixture.position
+        self.data.mocap_quat[0] = fixture.quat_wxyz
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -247,7 +247,7 @@ class MujocoPlant:
         return steps
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         return self._loop.contact_force()
 
     def contact_force_peak(self) -> Vec3:

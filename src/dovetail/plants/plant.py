@@ -21,7 +21,7 @@ CYCLE_UNITS: dict[str, str] = dict(_core.cycle_columns())
 """Unit of each column of a cycle log, by its name, in order. One row per control cycle:
 time since reset; configuration and velocity as measured, noise included; overlay torque
 sent, without gravity; TCP pose (wxyz) and twist by the controller's model from the
-measured state; true contact force on peg and gripper, world axes, of the cycle's
+measured state; true contact force on the tool, world axes, of the cycle's
 physics step where it was largest; f* of the target; flags as one number (FLAG_MASK).
 C++ says which (cycle_row.hpp)."""
 
@@ -58,9 +58,9 @@ class DynamicsConfig:
     armature: tuple[float, ...] = (0.1,) * 7
     """Rotor inertia at each joint [kg m2]."""
     contact_friction: float = 0.3
-    """Sliding friction coefficient of peg and gripper on block and table [1]."""
+    """Sliding friction coefficient of the tool on fixture and table [1]."""
     contact_time: float = 0.005
-    """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the peg on the
+    """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the tool on the
     stiffness k of joints, gripper and surfaces. It is the same at every control period:
     MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
     step, whatever this says."""
@@ -121,22 +121,22 @@ class Plant(Protocol):
     """The nominal arm: the model whose gravity is compensated."""
     dynamics: DynamicsConfig
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0.
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.
 
         Raises:
-            ConfigError: The hole is out of reach, or q is not seven finite numbers.
+            ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
         ...
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched.
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched.
 
         The engines take it for standing where it is: what lies on it is pushed aside,
         not dragged along. Small moves in every control period are smooth.
 
         Raises:
-            ConfigError: The hole is out of reach.
+            ConfigError: The fixture is out of reach.
         """
         ...
 
@@ -175,7 +175,7 @@ class Plant(Protocol):
         ...
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         ...
 
     def contact_force_peak(self) -> Vec3:

@@ -83,7 +83,7 @@ class TwinConfig:
     velocity_noise: float
     """Standard deviation of the measured velocity, per joint and reading [rad/s]."""
     contact_friction: float
-    """Sliding friction coefficient of peg and gripper [1]."""
+    """Sliding friction coefficient of the tool [1]."""
     contact_time: float
     """Time constant of contact [s], see `DynamicsConfig`; MuJoCo only."""
     clearance_offset: float
@@ -260,13 +260,13 @@ class TwinPlant:
         """Start the noise again from another seed than the file's."""
         self.plant.seed(seed)
 
-    def reset(self, q: Vec7, hole: Pose) -> None:
-        """Put the arm at rest at q [rad] and the hole at its pose; time becomes 0."""
-        self.plant.reset(q, hole)
+    def reset(self, q: Vec7, fixture: Pose) -> None:
+        """Put the arm at rest at q [rad], the fixture at its pose; time becomes 0."""
+        self.plant.reset(q, fixture)
 
-    def move_hole(self, hole: Pose) -> None:
-        """Put the hole at a pose at once, the arm's motion untouched."""
-        self.plant.move_hole(hole)
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched."""
+        self.plant.move_fixture(fixture)
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -314,7 +314,7 @@ class TwinPlant:
         return self.plant.run_cycles(controller, target, cycles, period)
 
     def contact_force(self) -> Vec3:
-        """Return the force on peg and gripper in the last physics step [N], world."""
+        """Return the force on the tool in the last physics step [N], world."""
         return self.plant.contact_force()
 
     def contact_force_peak(self) -> Vec3:

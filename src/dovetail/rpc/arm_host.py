@@ -34,8 +34,8 @@ class ArmBuilder(Protocol):
     """Geometry of the task; None where it is not known."""
     is_real_time: bool
     """Whether the arm moves on while the learner thinks."""
-    places_hole: bool
-    """Whether the arm can put the hole where a reset says."""
+    places_fixture: bool
+    """Whether the arm can put the fixture where a reset says."""
 
     def build(self, settings: Settings) -> Arm:
         """Return an arm with these settings; the one built before is not used again."""
@@ -124,7 +124,7 @@ class ArmHost:
         finally:
             self._turn.release()
 
-    def reset(self, q: Vec7, hole: Pose, seed: int | None) -> ArmState:
+    def reset(self, q: Vec7, fixture: Pose, seed: int | None) -> ArmState:
         """Go to q [rad], at rest; the log begins again.
 
         Raises:
@@ -139,7 +139,7 @@ class ArmHost:
                 _call(arm, "clear")
             if seed is not None:
                 _seed(arm, seed)
-            state = arm.reset(q, hole)
+            state = arm.reset(q, fixture)
             self._in_motion = True
             self._blocks.clear()
             self._rows = self._steps = 0

@@ -101,7 +101,7 @@ class ArmService:
             version=own_version(),
             arm=builder.name,
             real_time=builder.is_real_time,
-            places_hole=builder.places_hole,
+            places_fixture=builder.places_fixture,
             holder=str(holder or ""),
             stopped=self._host.stop_reason,
             joints=JOINTS,
@@ -162,9 +162,9 @@ class ArmService:
     def reset(self, request: pb.ResetRequest, context: Any) -> pb.Report:
         """Begin a motion."""
         with self.leases.use(request.lease):
-            q, hole = read_configuration(request, self._host.builder.robot)
+            q, fixture = read_configuration(request, self._host.builder.robot)
             seed = request.seed if request.HasField("seed") else None
-            report = _report(0, self._host.reset(q, hole, seed))
+            report = _report(0, self._host.reset(q, fixture, seed))
         for note in self._host.notes():
             if note not in self._noted:
                 self._noted.add(note)

@@ -39,7 +39,7 @@ class LocalBuilder:
     """A new controller for each learner's settings, over the same simulation."""
 
     is_real_time = False
-    places_hole = True
+    places_fixture = True
 
     def __init__(self, name: str, plant: Plant, period: float | None = None) -> None:
         """Own a plant.
@@ -85,7 +85,7 @@ class RebuiltArm:
         make: Callable[[Settings], Arm],
         *,
         is_real_time: bool,
-        places_hole: bool,
+        places_fixture: bool,
     ) -> None:
         """Own whatever `make` returns.
 
@@ -94,13 +94,13 @@ class RebuiltArm:
             scene: Geometry of the task, as the user says it is.
             make: Makes the arm.
             is_real_time: Whether the arm moves on while the learner thinks.
-            places_hole: Whether it can put the hole where a reset says.
+            places_fixture: Whether it can put the fixture where a reset says.
         """
         self.name = name
         self.scene: SceneConfig | None = scene
         self.robot: Robot = scene.robot()
         self.is_real_time = is_real_time
-        self.places_hole = places_hole
+        self.places_fixture = places_fixture
         self._make = make
         self._arm: Arm | None = None
 

@@ -21,7 +21,7 @@ class InfoRequest(_message.Message):
     def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ...) -> None: ...
 
 class Info(_message.Message):
-    __slots__ = ("version", "arm", "real_time", "robot", "scene", "holder", "stopped", "joints", "columns", "configured", "places_hole")
+    __slots__ = ("version", "arm", "real_time", "robot", "scene", "holder", "stopped", "joints", "columns", "configured", "places_fixture")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     ARM_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FIELD_NUMBER: _ClassVar[int]
@@ -32,7 +32,7 @@ class Info(_message.Message):
     JOINTS_FIELD_NUMBER: _ClassVar[int]
     COLUMNS_FIELD_NUMBER: _ClassVar[int]
     CONFIGURED_FIELD_NUMBER: _ClassVar[int]
-    PLACES_HOLE_FIELD_NUMBER: _ClassVar[int]
+    PLACES_FIXTURE_FIELD_NUMBER: _ClassVar[int]
     version: Version
     arm: str
     real_time: bool
@@ -43,8 +43,8 @@ class Info(_message.Message):
     joints: _containers.RepeatedScalarFieldContainer[str]
     columns: _containers.RepeatedScalarFieldContainer[str]
     configured: Configuration
-    places_hole: bool
-    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., arm: _Optional[str] = ..., real_time: _Optional[bool] = ..., robot: _Optional[_Union[RobotModel, _Mapping]] = ..., scene: _Optional[_Union[Scene, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., joints: _Optional[_Iterable[str]] = ..., columns: _Optional[_Iterable[str]] = ..., configured: _Optional[_Union[Configuration, _Mapping]] = ..., places_hole: _Optional[bool] = ...) -> None: ...
+    places_fixture: bool
+    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., arm: _Optional[str] = ..., real_time: _Optional[bool] = ..., robot: _Optional[_Union[RobotModel, _Mapping]] = ..., scene: _Optional[_Union[Scene, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., joints: _Optional[_Iterable[str]] = ..., columns: _Optional[_Iterable[str]] = ..., configured: _Optional[_Union[Configuration, _Mapping]] = ..., places_fixture: _Optional[bool] = ...) -> None: ...
 
 class RobotModel(_message.Message):
     __slots__ = ("name", "origin_position", "origin_rotation", "mass", "com", "inertia", "flange_position", "flange_rotation", "tool_position", "tool_rotation", "q_min", "q_max", "dq_max", "tau_max", "payload")
@@ -165,16 +165,16 @@ class Pose(_message.Message):
     def __init__(self, position: _Optional[_Iterable[float]] = ..., quat_wxyz: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class ResetRequest(_message.Message):
-    __slots__ = ("lease", "q", "hole", "seed")
+    __slots__ = ("lease", "q", "fixture", "seed")
     LEASE_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
-    HOLE_FIELD_NUMBER: _ClassVar[int]
+    FIXTURE_FIELD_NUMBER: _ClassVar[int]
     SEED_FIELD_NUMBER: _ClassVar[int]
     lease: str
     q: _containers.RepeatedScalarFieldContainer[float]
-    hole: Pose
+    fixture: Pose
     seed: int
-    def __init__(self, lease: _Optional[str] = ..., q: _Optional[_Iterable[float]] = ..., hole: _Optional[_Union[Pose, _Mapping]] = ..., seed: _Optional[int] = ...) -> None: ...
+    def __init__(self, lease: _Optional[str] = ..., q: _Optional[_Iterable[float]] = ..., fixture: _Optional[_Union[Pose, _Mapping]] = ..., seed: _Optional[int] = ...) -> None: ...
 
 class Target(_message.Message):
     __slots__ = ("f_star", "position_d", "quat_wxyz_d", "q_d", "near_plane", "velocity_d", "acceleration_d", "age", "stay", "f_tare")

@@ -170,16 +170,16 @@ def read_pose(path: str, message: pb.Pose, fields: FieldReader) -> Pose:
 
 
 def read_configuration(message: pb.ResetRequest, robot: "Robot") -> tuple[Vec7, Pose]:
-    """Return where a reset goes: q [rad], inside the robot's limits, and the hole.
+    """Return where a reset goes: q [rad], inside the robot's limits, and the fixture.
 
     Raises:
         FieldError: Names every wrong field.
     """
     fields = FieldReader()
     q = fields.vector("q", message.q, JOINTS, "rad", (robot.q_min, robot.q_max))
-    hole = read_pose("hole", message.hole, fields)
+    fixture = read_pose("fixture", message.fixture, fields)
     fields.finish()
-    return q, hole
+    return q, fixture
 
 
 def write_state(state: ArmState, message: pb.ArmState) -> None:
