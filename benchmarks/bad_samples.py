@@ -78,9 +78,10 @@ class Case:
         )
         self.observer = _core.VelocityObserver(period) if path == "observed" else None
         self.name = f"{plant}, {scene}, {path}"
-        self.chain = self.arm.robot.chain()
+        robot = self.arm.facts.robot
+        self.chain = robot.chain()
         place = ON_BLOCK if scene == "contact" else IN_AIR
-        self.start = self.arm.robot.inverse_kinematics(Pose(place, TOOL_DOWN), Q_SEED)
+        self.start = robot.inverse_kinematics(Pose(place, TOOL_DOWN), Q_SEED)
         self.tally = Tally()
 
     def target(self, action: int) -> _core.Target:
@@ -167,7 +168,7 @@ class Case:
 
     def is_broken(self) -> bool:
         """Return whether the arm is outside a limit, margins not taken off."""
-        limits = self.arm.limits
+        limits = self.arm.facts.limits
         q, dq = self.arm.plant.read()
         p = self.chain.pose(q)[0]
         return bool(

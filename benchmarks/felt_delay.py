@@ -33,9 +33,9 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
         force_damping=0.0,
         near_speed=NEAR_SPEED,
     )
-    osc, limits = quiet(arm.osc, arm.limits)
-    felt = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, period)
-    q = arm.robot.inverse_kinematics(START, Q_SEED)
+    osc, limits = quiet(arm.facts.osc, arm.facts.limits)
+    felt = LocalArm(arm.plant, arm.facts.robot, osc, limits, arm.facts.task, period)
+    q = arm.facts.robot.inverse_kinematics(START, Q_SEED)
     felt.reset(q, HOLE)
     step = simulated_step(period)
     feeling = feel_arm(felt, q, limits.armature, integration_step=step, seed=seed)

@@ -27,12 +27,12 @@ from dovetail import _core
 from dovetail.arms.arm import ArmState
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.robot import Robot
 from dovetail.rpc import step_stream
 from dovetail.rpc.server import ArmServer
-from dovetail.rpc.settings import Settings
 from dovetail.scene import SceneConfig
 from dovetail.types import Vec7
 
@@ -73,7 +73,7 @@ class Builder:
         self.scene: SceneConfig | None = SceneConfig()
         self.robot = self.scene.robot()
 
-    def build(self, settings: Settings) -> TimedArm:
+    def build(self, settings: ControllerSettings) -> TimedArm:
         """Return the arm."""
         return TimedArm(self.robot, settings.period)
 

@@ -56,7 +56,8 @@ def build(
     if path == "measured":
         return arm, None
     body = cast("Plant", EncoderPlant(arm.plant, period))
-    return LocalArm(body, arm.robot, arm.osc, arm.limits, TASK, period), None
+    facts = arm.facts
+    return LocalArm(body, facts.robot, facts.osc, facts.limits, TASK, period), None
 
 
 def build_behind_fri(

@@ -13,16 +13,20 @@ from dovetail.arm_feel import (
     simulated_step,
     watch,
 )
-from dovetail.arms.address import PlantAddress, TwinAddress
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
-from dovetail.envs.arm_setup import NEAR_SPEED, build_local_arm
+from dovetail.envs.arm_setup import (
+    NEAR_SPEED,
+    WALLS_MAX,
+    WALLS_MIN,
+    make_settings,
+)
 from dovetail.envs.randomisation import tool_down
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
+from dovetail.plants.plant import Plant
 from dovetail.poses import Pose, quat_about_z
-from dovetail.scene import SceneConfig
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
@@ -30,29 +34,26 @@ Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 
 
 def run_local_checks(
-    address: PlantAddress | TwinAddress, period: float, declared: dict[str, float]
+    plant: Plant, period: float, declared: dict[str, float]
 ) -> Iterator[Check]:
     """Yield every check of a simulated arm, over the table, as soon as it is done.
 
     Args:
-        address: The plant or twin.
+        plant: The simulation; closed in the end.
         period: Control period [s].
         declared: What is said of the arm.
 
     Raises:
-        DovetailError: The arm cannot be built, or its simulation diverged.
+        PlantError: The simulation diverged.
     """
     yield check_period_proven(period)
-    arm = _build(address, period)
-    q = arm.robot.inverse_kinematics(START, Q_SEED)
-    limits = arm.limits
-    felt = LocalArm(
-        arm.plant,
-        arm.robot,
-        *quiet(arm.osc, limits),
-        arm.task,
-        period,
+    robot, task = plant.scene.robot(), TaskSpec.parse("XYZABC:hold")
+    osc, limits = make_settings(
+        plant.scene, period, 0.0, NEAR_SPEED, (WALLS_MIN, WALLS_MAX), "qp"
     )
+    q = robot.inverse_kinematics(START, Q_SEED)
+    arm = LocalArm(plant, robot, osc, limits, task, period)
+    felt = LocalArm(plant, robot, *quiet(osc, limits), task, period)
     try:
         felt.reset(q, HOLE)
         hold = _core.Target(joint_mode=True, q_d=q)
@@ -62,23 +63,10 @@ def run_local_checks(
             q,
             limits,
             declared,
-            sends_position=False,
+            spring=None,
             integration_step=simulated_step(period),
         )
         arm.reset(q, HOLE)
         yield check_as_configured(arm)
     finally:
         arm.close()
-
-
-def _build(address: PlantAddress | TwinAddress, period: float) -> LocalArm:
-    is_twin = isinstance(address, TwinAddress)
-    return build_local_arm(
-        SceneConfig(),
-        TaskSpec.parse("XYZABC:hold"),
-        plant="mujoco" if is_twin else address.engine,
-        twin=address.twin if is_twin else None,
-        period=period,
-        force_damping=0.0,
-        near_speed=NEAR_SPEED,
-    )

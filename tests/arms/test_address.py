@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from dovetail.arms.address import (
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
-    is_simulated_here,
-    parse_address,
-    parse_endpoint,
-    places_fixture,
-)
+from dovetail.arms.address import parse_address
+from dovetail.arms.arm_address import parse_endpoint
+from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.local_address import PlantAddress, TwinAddress
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.durations import parse_time
@@ -28,16 +23,16 @@ TASK = TaskSpec.parse("XYZ:force A:pose BC:hold")
 def test_plants_and_twins_are_named_by_one_word():
     assert parse_address("mujoco") == PlantAddress(engine="mujoco")
     assert parse_address("bullet") == PlantAddress(engine="bullet")
-    assert parse_address("twin:medium") == TwinAddress(twin="medium")
-    assert parse_address("twin:./my.toml") == TwinAddress(twin="./my.toml")
+    assert parse_address("twin:medium") == TwinAddress(config="medium")
+    assert parse_address("twin:./my.toml") == TwinAddress(config="./my.toml")
 
 
 def test_a_bare_fri_address_is_a_real_cabinet_with_the_usual_port():
     address = parse_address("fri://0.0.0.0")
     assert address == FriAddress(host="0.0.0.0", port=30200)
     assert address.margins == "hardware"
-    assert not places_fixture(address)
-    assert not is_simulated_here(address)
+    assert not address.places_fixture
+    assert not address.is_here
 
 
 def test_every_fri_key_is_read():
@@ -60,7 +55,7 @@ def test_every_fri_key_is_read():
         peer="192.170.10.2",
         margins="model",
     )
-    assert places_fixture(address)
+    assert address.places_fixture
 
 
 def test_what_public_reports_leave_open_can_be_said():
@@ -202,11 +197,19 @@ def test_what_an_address_names_cannot_be_given_twice():
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
-        "dovetail.envs.arm_setup.build_fri_arm",
-        lambda address, scene, osc, limits, task, period: built.append(
-            (limits.delta_v, period)
-        ),
+        FriAddress,
+        "build",
+        lambda address, scene, s: built.append((s.limits.delta_v, s.period)),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
         build_arm(f"fri://0.0.0.0?{keys}", SceneConfig(), TASK)
     assert built == [(0.20, 0.001), (0.01, 0.001), (0.20, 0.001)]
+
+
+def test_the_cabinets_address_reaches_the_servo_loop(monkeypatch):
+    built = []
+    monkeypatch.setattr(
+        "dovetail.arms.fri_arm.FriArm", lambda *_, **options: built.append(options)
+    )
+    build_arm("fri://0.0.0.0?peer=192.170.10.2", SceneConfig(), TASK)
+    assert built[0]["peer"] == "192.170.10.2"

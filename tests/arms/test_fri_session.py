@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriArm, servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.errors import ArmError, ConfigError
@@ -142,14 +142,20 @@ def test_a_cabinet_that_starts_no_motion_is_named(arm):
     assert error.value.reason == "session"
 
 
+def servo_with(**values):
+    servo = servo_params(PERIOD)
+    for name, value in values.items():
+        setattr(servo, name, value)
+    return servo
+
+
 def test_settings_are_refused_by_name():
     for options, words in (
         ({"version": "3.0"}, "'3.0' is unknown: 1.11, 1.14, 1.15"),
         ({"clock": "sundial"}, "known: wall, lockstep"),
         ({"reset": "place"}, "needs the control port"),
-        ({"observer_gain": 2.0}, "observer gain is 2"),
-        ({"position_filter": 0.0}, "position_filter is 0"),
-        ({"no_such": 1.0}, "servo setting 'no_such' is unknown"),
+        ({"servo": servo_with(observer_gain=2.0)}, "observer gain is 2"),
+        ({"servo": servo_with(position_filter=0.0)}, "position_filter is 0"),
     ):
         with pytest.raises(ConfigError, match=words):
             alone(**options)

@@ -2,7 +2,10 @@
 
 import numpy as np
 
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN
 from dovetail.envs.randomisation import tool_down
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.scene import SceneConfig
@@ -11,10 +14,21 @@ from dovetail.scene import SceneConfig
 class FakeArm:
     """`place(...)` says what the next state measures; Targets are recorded."""
 
-    period = 0.005
-
-    def __init__(self):
-        self.robot = SceneConfig().robot()
+    def __init__(self, task="XYZ:force A:pose BC:hold", period=0.005):
+        robot = SceneConfig().robot()
+        self.facts = ArmFacts(
+            robot=robot,
+            osc=OscConfig.for_period(period),
+            limits=LimitConfig.for_period(
+                robot, period, x_min=WALLS_MIN, x_max=WALLS_MAX
+            ),
+            task=TaskSpec.parse(task),
+            period=period,
+            is_simulated=False,
+            is_real_time=False,
+            places_fixture=True,
+            measures_contact=True,
+        )
         self.targets = []
         self.closed = False
         self.place()
@@ -50,6 +64,9 @@ class FakeArm:
             )
         )
         return self.state
+
+    def seed(self, seed):
+        pass
 
     def close(self):
         self.closed = True

@@ -26,7 +26,7 @@ def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
 
 def holding_f_star(env, q):
     """J M^-1 g of the residual gravity alone: what must be pulled against it."""
-    chain = env.arm.robot.chain(gravity=RESIDUAL)
+    chain = env.arm.facts.robot.chain(gravity=RESIDUAL)
     M = chain.inertia_matrix(q) + np.diag(nominal_model().armature)
     return chain.jacobian(q) @ np.linalg.solve(M, chain.gravity(q))
 
@@ -99,7 +99,7 @@ def test_a_tool_that_was_led_is_back_at_its_start_and_all_of_the_way_is_counted(
     assert heights.max() - heights[0] == pytest.approx(TRAVEL, rel=0.1)
     assert heights.min() > heights[0] - 5e-4  # never down, where a table may be
     assert np.abs(led.state.log[:, COLUMN["vz"]]).max() < 2.0 * SPEED
-    assert len(led.state.log) == round(led.state.stamp / led.arm.period)
+    assert len(led.state.log) == round(led.state.stamp / led.arm.facts.period)
     led.close()
     placed.close()
 

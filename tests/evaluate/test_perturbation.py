@@ -75,7 +75,7 @@ def test_under_a_covered_camera_the_policy_sees_the_old_pose_and_its_age(make):
 
 def test_success_and_depth_are_those_of_the_true_hole(make):
     env = make(hole_shift=0.03)
-    robot = env.core.arm.robot
+    robot = env.core.arm.facts.robot
     bottom = Pose(HOLE.position - [0, 0, 0.029], tool_down(0.0))
     inside = robot.inverse_kinematics(bottom, env.core.q_seed)
     _, info = env.reset(seed=1, options={"hole": HOLE, "start": inside})
@@ -207,8 +207,12 @@ def test_what_is_out_of_range_is_refused_by_name(settings, words):
 @pytest.mark.parametrize(
     ("settings", "address", "words"),
     [
-        ({"push": 30.0}, "grpc://localhost:1", "over gRPC cannot .* by --push"),
-        ({"hole_speed": 0.02}, "grpc://localhost:1", "by --hole-speed"),
+        ({"push": 30.0}, "grpc://localhost:1", "--push cannot .* over gRPC"),
+        (
+            {"hole_speed": 0.02},
+            "grpc://localhost:1",
+            "--hole-speed cannot .* over gRPC",
+        ),
         ({"push": 30.0}, "fri://0.0.0.0:1", "--push needs .*pushed by hand"),
         ({"hole_speed": 0.02}, "fri://0.0.0.0:1", "--hole-speed needs a simulation"),
     ],

@@ -55,9 +55,9 @@ def twin(name, delay):
 
 
 def feel(arm, seconds=1.5):
-    step = simulated_step(arm.period)
+    step = simulated_step(arm.facts.period)
     return feel_arm(
-        arm, START, arm.limits.armature, integration_step=step, seconds=seconds
+        arm, START, arm.facts.limits.armature, integration_step=step, seconds=seconds
     )
 
 
@@ -82,7 +82,7 @@ def test_the_delay_of_a_twin_is_found(name, period, delay_ms):
 def test_the_delay_and_the_spring_of_a_cabinet_are_found():
     plant = twin("medium", 0.005)
     arm = over_fri(plant, 0.005, stiffness=(200.0,) * 7, damping=(0.7,) * 7)
-    fits = feel_spring(arm, START, arm.limits.armature, 0.005)
+    fits = feel_spring(arm, START, arm.facts.limits.armature, 0.005)
     np.testing.assert_allclose([f.sent_spring for f in fits], 200.0, rtol=0.15)
     arm.close()
 
@@ -90,7 +90,7 @@ def test_the_delay_and_the_spring_of_a_cabinet_are_found():
 def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
     arm = over_fri(twin("hard", 0.01), 0.005)
     assert feel(arm).delay.delay == pytest.approx(0.01, abs=5e-4)
-    fits = feel_spring(arm, START, arm.limits.armature, 0.01)
+    fits = feel_spring(arm, START, arm.facts.limits.armature, 0.01)
     assert max(abs(f.sent_spring) for f in fits) < 5.0
     arm.close()
 
@@ -98,7 +98,7 @@ def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
 def test_a_gravity_error_is_measured_and_its_load_found():
     heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
     arm = local(make_plant("mujoco", SCENE, heavy), 0.002)
-    robot = arm.robot
+    robot = arm.facts.robot
     planted = replace(robot, mass=robot.mass * np.array([1.0] * 6 + [1.5]))
     error = planted.chain().gravity(START) - robot.chain().gravity(START)
     feeling = feel(arm)

@@ -107,7 +107,7 @@ def test_without_a_force_the_pegs_place_tells_of_contact():
     env = PegInHoleEnv()
     hole = Pose(np.array([0.6, 0.0, 0.09]), quat_about_z(0.0))
     high = Pose(np.array([0.6, 0.0, 0.2]), tool_down(0.0))
-    free = env.arm.robot.inverse_kinematics(high, env.q_seed)
+    free = env.arm.facts.robot.inverse_kinematics(high, env.q_seed)
     for start, expected in ((touching_start(), "at the block"), (free, "")):
         env.reset(options={"hole": hole, "start": start})
         env.step(np.zeros(4, dtype=np.float32))

@@ -52,8 +52,8 @@ def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
                 logs.append(state.log)
                 assert_equal_states(remote.step(target, duration), state)
             np.testing.assert_array_equal(remote.cycles(), np.vstack(logs))
-        assert remote.robot.tool_pose(start).position.tobytes() == (
-            local.robot.tool_pose(start).position.tobytes()
+        assert remote.facts.robot.tool_pose(start).position.tobytes() == (
+            local.facts.robot.tool_pose(start).position.tobytes()
         )
     local.close()
 
@@ -65,7 +65,7 @@ def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
     builder = LocalBuilder("mujoco", make_plant("mujoco", scene, DynamicsConfig()))
     builder.places_fixture = places_fixture
     with ArmServer(builder, "127.0.0.1:0") as server:
-        assert connect(server).places_fixture is places_fixture
+        assert connect(server).facts.places_fixture is places_fixture
 
 
 @pytest.mark.parametrize("joint_mode", [False, True])
@@ -96,9 +96,9 @@ def test_a_plane_that_is_nowhere_arrives():
 
 def test_robot_and_what_the_arm_is_come_from_the_service(simulation, scene, connect):
     arm = connect(simulation)
-    assert arm.robot.name == scene.robot().name
-    assert arm.robot.payload.mass == scene.robot().payload.mass
-    np.testing.assert_array_equal(arm.robot.inertia, scene.robot().inertia)
+    assert arm.facts.robot.name == scene.robot().name
+    assert arm.facts.robot.payload.mass == scene.robot().payload.mass
+    np.testing.assert_array_equal(arm.facts.robot.inertia, scene.robot().inertia)
     assert arm.info.arm == "mujoco"
     assert not arm.info.real_time
     assert tuple(arm.info.columns) == CYCLE_COLUMNS

@@ -5,30 +5,20 @@ import threading
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from dovetail.arms.address import (
-    ArmAddress,
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
-    parse_address,
-    period_of,
-    places_fixture,
-)
+from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
-from dovetail.control.period import require_period
+from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period_option import Period
+from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
-from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
 from dovetail.scene import PegShape, SceneConfig
 
 if TYPE_CHECKING:
     from dovetail.rpc.arm_host import ArmBuilder
-    from dovetail.rpc.settings import Settings
 
 _STATUS_PERIOD = 0.5  # s
 
@@ -115,21 +105,25 @@ def _show_status(console: Console, server: Any, end: threading.Event) -> None:
 
 
 def _builder(settings: Serve) -> "ArmBuilder":
-    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
 
     address = _address(settings)
     scene = SceneConfig(peg=settings.peg, clearance=settings.clearance)
-    if isinstance(address, FriAddress):
-        return _fri_builder(settings.arm, address, scene)
-    period = None if settings.period is None else require_period(settings.period)
-    if isinstance(address, PlantAddress):
-        plant = make_plant(address.engine, scene, DynamicsConfig())
-        return LocalBuilder(address.engine, plant, period)
-    assert isinstance(address, TwinAddress)
-    from dovetail.plants.twin import TwinPlant, load_twin
+    plant = address.make_plant(scene)
+    if plant is not None:
+        return LocalBuilder(address.text, plant, address.period)
 
-    twin = cast("Plant", TwinPlant(load_twin(address.twin), scene))
-    return LocalBuilder(f"twin:{address.twin}", twin, period)
+    def make(learner: ControllerSettings) -> Arm:
+        require_offered(address.text, address.period, learner)
+        return address.build(scene, learner)
+
+    return RebuiltArm(
+        address.text,
+        scene,
+        make,
+        is_real_time=address.is_real_time,
+        places_fixture=address.places_fixture,
+    )
 
 
 def _address(settings: Serve) -> ArmAddress:
@@ -139,36 +133,12 @@ def _address(settings: Serve) -> ArmAddress:
             raise ConfigError("--arm and --twin exclude each other; give one")
         text = f"twin:{settings.twin}"
     address = parse_address(text)
-    if isinstance(address, GrpcAddress):
+    if address.is_service:
         raise ConfigError(
             f"the arm at {text} is served already: learners can use that address; "
             "give mujoco, bullet, twin:NAME or fri://HOST:PORT"
         )
-    if isinstance(address, FriAddress) and settings.period is not None:
-        period = period_of(address, settings.period, settings.period)
+    if settings.period is not None:
+        period = address.control_period(settings.period, settings.period)
         address = replace(address, period=period)
-    if not settings.realtime:
-        return address
-    if not isinstance(address, FriAddress):
-        raise ConfigError(
-            f"--realtime is for fri:// arms: {text} is a simulation, which has no "
-            "clock to keep"
-        )
-    return replace(address, realtime=True)
-
-
-def _fri_builder(name: str, address: FriAddress, scene: SceneConfig) -> "ArmBuilder":
-    from dovetail.envs.arm_setup import build_fri_arm
-    from dovetail.rpc.builders import RebuiltArm, require_offered
-
-    def make(s: "Settings") -> Arm:
-        require_offered(name, address.period, s)
-        return build_fri_arm(address, scene, s.osc, s.limits, s.task, s.period)
-
-    return RebuiltArm(
-        name,
-        scene,
-        make,
-        is_real_time=address.clock == "wall",
-        places_fixture=places_fixture(address),
-    )
+    return address.with_realtime() if settings.realtime else address

@@ -1,41 +1,24 @@
 """Build the arm of an environment: in this process, or behind an address."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
 
-import numpy as np
-
-from dovetail.arms.address import (
-    FRI_NAME,
-    ArmAddress,
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
-    parse_address,
-)
+from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
+from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.local_address import local_address
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.period import (
-    DEFAULT_PERIOD,
-    FRI_PERIODS,
-    require_period,
-)
+from dovetail.control.period import DEFAULT_PERIOD, require_period
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
 from dovetail.envs.usual import FORCE_DAMPING, NEAR_SPEED
 from dovetail.envs.workspace import Walls
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DynamicsConfig, Plant, make_plant
-from dovetail.plants.twin import TwinConfig, TwinPlant, load_twin
+from dovetail.plants.plant import DynamicsConfig
+from dovetail.plants.twin import TwinConfig
 from dovetail.scene import SceneConfig
-
-if TYPE_CHECKING:
-    from dovetail.arms.watchdog import WatchdogConfig
 
 WALLS_MIN = (0.38, -0.22, 0.03)
 WALLS_MAX = (0.82, 0.22, 0.30)
@@ -82,53 +65,33 @@ def build_arm(
         MissingDependencyError: What the address needs is not installed.
     """
     period = require_period(period)
-    address = parse_address(arm) if isinstance(arm, str) else arm
-    if engine is not None and twin is None and not isinstance(address, TwinAddress):
-        raise ConfigError(
-            f"engine is {engine!r}, which is a twin's, and no twin is given; add twin, "
-            "or give plant"
-        )
-    build = partial(
-        build_local_arm,
-        scene,
-        task,
-        force_damping=force_damping,
-        near_speed=near_speed,
-        walls=walls,
-        scheme=scheme,
-    )
-    if address is None:
-        return build(
-            plant=plant, twin=twin, period=period, engine=engine, dynamics=dynamics
-        )
-    if twin is not None:
+    if arm is None:
+        address = local_address(plant, twin)
+    elif isinstance(arm, str):
+        address = parse_address(arm)
+    elif isinstance(arm, ArmAddress):
+        address = arm
+    else:
+        require_period(arm.facts.period, "the arm's control period")
+        return arm
+    if arm is not None and twin is not None:
         raise ConfigError("an arm's address and a twin exclude each other; give one")
-    if isinstance(address, PlantAddress):
-        return build(plant=address.engine, twin=None, period=period, dynamics=dynamics)
-    if isinstance(address, TwinAddress):
-        return build(
-            plant=plant,
-            twin=address.twin,
-            period=period,
-            engine=engine,
-            dynamics=dynamics,
-        )
-    if not isinstance(address, (FriAddress, GrpcAddress)):
-        require_period(address.period, "the arm's control period")
-        return address
+    if engine is not None:
+        address = address.with_engine(engine)
     if dynamics is not None:
-        raise ConfigError(
-            "dynamics can be given to a plant of this process only; the arm behind "
-            "the address has its own"
-        )
+        address = address.with_dynamics(dynamics)
     period = address.period or period
-    is_hardware = address.margins == "hardware"
     osc, limits = make_settings(
-        scene, period, force_damping, near_speed, walls, scheme, is_hardware=is_hardware
+        scene,
+        period,
+        force_damping,
+        near_speed,
+        walls,
+        scheme,
+        is_hardware=address.margins == "hardware",
     )
-    if isinstance(address, FriAddress):
-        return build_fri_arm(address, scene, osc, limits, task, period)
-    return _build_remote_arm(address, scene, osc, limits, task, period)
+    settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
+    return address.build(scene, settings)
 
 
 def make_settings(
@@ -201,71 +164,11 @@ def build_local_arm(
         ConfigError: Dynamics given with a twin, unknown plant or twin, or a setting out
             of range.
     """
-    if twin is not None and dynamics is not None:
-        raise ConfigError("dynamics and twin exclude each other: a twin has its own")
+    address = local_address(plant, twin)
+    if engine is not None and twin is not None:
+        address = address.with_engine(engine)
+    if dynamics is not None:
+        address = address.with_dynamics(dynamics)
     osc, limits = make_settings(scene, period, force_damping, near_speed, walls, scheme)
-    body: Plant
-    if twin is None:
-        body = make_plant(plant, scene, dynamics or DynamicsConfig())
-    else:
-        body = cast("Plant", TwinPlant(load_twin(twin), scene, engine=engine))
-    return LocalArm(body, scene.robot(), osc, limits, task, period)
-
-
-def build_fri_arm(
-    address: FriAddress,
-    scene: SceneConfig,
-    osc: OscConfig,
-    limits: LimitConfig,
-    task: TaskSpec | str,
-    period: float,
-    watchdog: "WatchdogConfig | None" = None,
-) -> Arm:
-    """Build the arm behind a cabinet, real or simulated."""
-    require_period(period, FRI_NAME, FRI_PERIODS)
-    from dovetail.arms.fri_arm import FriArm
-    from dovetail.arms.watchdog import WatchdogConfig
-
-    if address.control is None:  # a robot: T1's limit is one of the velocity's norm
-        limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
-    return FriArm(
-        scene.robot(),
-        osc,
-        limits,
-        task,
-        period,
-        bind=(address.host, address.port),
-        version=address.version,
-        clock=address.clock,
-        control=address.control,
-        reset=address.reset,
-        approach=address.approach,
-        timeout=address.timeout,
-        watchdog=watchdog or WatchdogConfig(target_timeout=address.watchdog),
-        realtime=address.realtime,
-        measured_sign=address.measured_sign,
-        commanded_sign=address.commanded_sign,
-        external_sign=address.external_sign,
-        commanded_is_total=address.commanded_is_total,
-    )
-
-
-def _build_remote_arm(
-    address: GrpcAddress,
-    scene: SceneConfig,
-    osc: OscConfig,
-    limits: LimitConfig,
-    task: TaskSpec,
-    period: float,
-) -> Arm:
-    from dovetail.arms.remote_arm import RemoteArm
-
-    return RemoteArm(
-        address.text,
-        osc,
-        limits,
-        task,
-        period,
-        robot=scene.robot(),
-        scene=scene,
-    )
+    settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
+    return address.build(scene, settings)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.arm import Arm, ArmState
+from dovetail.arms.arm import Arm, ArmState, is_simulated
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD
 from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.control.task_spec import TaskSpec
@@ -36,7 +36,7 @@ from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
 from dovetail.envs.workspace import require_inside, require_task
-from dovetail.errors import ConfigError
+from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.poses import Pose, matrix_from_quat, quat_multiply
@@ -231,17 +231,17 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.max_steps = in_count("max_steps", max_steps, 1, 1_000_000, "steps")
         self._near_distance = in_range("near_distance", near_distance, _NEAR)
         self._lateral_max = self.scene.clearance * math.sqrt(2.0) + 0.002
-        robot = self.arm.robot
+        robot = self.arm.facts.robot
         require_task(self.arm, self.task)
         self.scaling = ObservationScaling(
             robot.q_min, robot.q_max, self.scene.hole_depth * self.mouth_direction()
         )
         self._walls = self.walls()
-        limits = getattr(self.arm, "limits", None)
-        if limits is not None and limits.walls:
-            self._walls = limits.x_min, limits.x_max
+        limits = self.arm.facts.limits
+        if limits.walls:
+            self._walls = tuple(limits.x_min), tuple(limits.x_max)
         self.violations = ViolationCounter(robot, *self._walls)
-        self.places_fixture = getattr(self.arm, "places_fixture", True)
+        self.places_fixture = self.arm.facts.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
         self._history = History(stack, NUM_OBSERVATIONS, size)
@@ -299,11 +299,12 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if options.get("start") is not None:
             q = np.asarray(options["start"], dtype=float)
         else:
-            q = self.arm.robot.inverse_kinematics(self.draw_start(hole), self.q_seed)
+            robot = self.arm.facts.robot
+            q = robot.inverse_kinematics(self.draw_start(hole), self.q_seed)
         self.hole = hole
         self.slide_fixture(np.zeros(3))
-        if seed is not None and hasattr(self.arm, "seed"):
-            self.arm.seed(seed)  # type: ignore[attr-defined]
+        if seed is not None:
+            self.arm.seed(seed)
         self.tracker.reset(hole)
         self.state = self.arm.reset(q, hole)
         self._steps = 0
@@ -353,7 +354,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._is_sliding = bool(self._hole_velocity.any())
 
     def _slide(self) -> None:
-        self.arm.move_fixture(self.hole, self._hole_velocity)  # type: ignore[attr-defined]
+        if not is_simulated(self.arm):
+            raise ArmError("the arm cannot move its fixture", "no_control")
+        self.arm.move_fixture(self.hole, self._hole_velocity)
         position = self.hole.position + POLICY_PERIOD * self._hole_velocity
         self.hole = self.hole._replace(position=position)
 

@@ -158,7 +158,7 @@ class ToolTare:
         """Find out which axes can be measured.
 
         Args:
-            arm: Where it tells its `osc`, pose and hold axes are measured too.
+            arm: Its law says how stiff pose and hold axes are.
             commands: Its task says what is measured; gets that.
             force_damping: Damping of force axes X Y Z [1/s], one number or three.
 
@@ -167,10 +167,8 @@ class ToolTare:
         """
         self._arm, self._commands = arm, commands
         self._axes = tared_axes(commands.task, force_damping)
-        self._stiffness: Vec6 = np.zeros(6)
-        if (osc := getattr(arm, "osc", None)) is not None:
-            is_held = np.isin(commands.task.modes, (POSE, HOLD))
-            self._stiffness = np.where(is_held, osc.stiffness, 0.0)
+        is_held = np.isin(commands.task.modes, (POSE, HOLD))
+        self._stiffness: Vec6 = np.where(is_held, arm.facts.osc.stiffness, 0.0)
 
     def take(
         self, state: ArmState, hole: Pose, near_plane: Array, walls: Walls

@@ -15,20 +15,19 @@ def require_inside(scene: SceneConfig, arm: Arm, walls: Walls, hole: Pose) -> No
 
     Args:
         scene: Geometry of the hole.
-        arm: The arm, with its limits where it knows them.
+        arm: The arm.
         walls: Walls of the TCP [m].
         hole: The hole's pose.
 
     Raises:
         ConfigError: Names the axis, by how much it lies outside, and what is allowed.
     """
-    scene.require_reachable(arm.robot, hole)
+    scene.require_reachable(arm.facts.robot, hole)
     axis = matrix_from_quat(hole.quat_wxyz)[:, 2]
     bottom = hole.position - scene.hole_depth * axis
     low, high = walls
-    limits = getattr(arm, "limits", None)
     room = scene.hole_depth - scene.success_depth
-    margin = max(0.005, getattr(limits, "delta_x", 0.0) - room)
+    margin = max(0.005, arm.facts.limits.delta_x - room)
     for point, place in ((hole.position, "mouth"), (bottom, "floor")):
         for i, name in enumerate("xyz"):
             excess = max(low[i] - point[i], point[i] - high[i]) + margin
@@ -47,7 +46,7 @@ def require_task(arm: Arm, task: TaskSpec) -> None:
     Raises:
         ConfigError: Names both.
     """
-    own = getattr(arm, "task", task)
+    own = arm.facts.task
     if own != task:
         raise ConfigError(
             f"the arm's task is '{own}', the environment's is '{task}'; give both the "

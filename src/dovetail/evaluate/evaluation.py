@@ -24,16 +24,9 @@ from rich.progress import (
 )
 from rich.table import Table
 
-from dovetail.arms.address import (
-    SCHEMES,
-    ArmAddress,
-    is_simulated_here,
-    parse_address,
-    period_of,
-    places_fixture,
-    with_approach,
-)
-from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.arms.address import SCHEMES, parse_address
+from dovetail.arms.arm_address import ArmAddress
+from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
 from dovetail.envs.hole_pose import HolePose
 from dovetail.envs.registered import environment_class
@@ -170,8 +163,10 @@ def environment_options(
         load_twin(options["twin"])
     arm = None if config.arm is None else parse_address(config.arm)
     trained = options.get("period", DEFAULT_PERIOD)
-    options["period"] = period_of(arm, config.period, trained)
-    if arm is not None:
+    if arm is None:
+        options["period"] = require_period(config.period or trained, "period")
+    else:
+        options["period"] = arm.control_period(config.period, trained)
         options["arm"] = _usable(config, arm)
     options["tare"] = config.tare and options.get("tare", True)
     is_searching = config.perturbation().search != "none"
@@ -185,13 +180,13 @@ def environment_options(
 def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
     """Return the address, or refuse what an arm outside this process cannot do."""
     config.perturbation().require_possible(arm)
-    if not is_simulated_here(arm) and config.workers > 1:
+    if not arm.is_here and config.workers > 1:
         raise ConfigError(
             f"workers is {config.workers}, but there is one arm at {config.arm}; "
             "needs 1"
         )
-    _require_hole(config, can_place=places_fixture(arm))
-    return with_approach(str(config.arm)) if config.approach else str(config.arm)
+    _require_hole(config, can_place=arm.places_fixture)
+    return arm.with_approach() if config.approach else arm.text
 
 
 def _require_hole(config: EvaluationConfig, *, can_place: bool) -> None:

@@ -8,12 +8,7 @@ from typing import Any, Literal, NamedTuple
 import gymnasium as gym
 import numpy as np
 
-from dovetail.arms.address import (
-    ArmAddress,
-    FriAddress,
-    GrpcAddress,
-    places_fixture,
-)
+from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.envs.hole_pose import UPRIGHT
 from dovetail.envs.hole_tracker import CoveredHole
@@ -103,21 +98,9 @@ class Perturbation:
         Raises:
             ConfigError: Names the option and what would make it possible.
         """
-        for name in ("push", "hole_speed"):
-            if not getattr(self, name):
-                continue
-            option = name.replace("_", "-")
-            if isinstance(arm, GrpcAddress):
-                raise ConfigError(
-                    f"an arm over gRPC cannot be perturbed by --{option}; try it where "
-                    "the arm is: --plant, --twin, or fri:// with control=HOST:PORT"
-                )
-            if isinstance(arm, FriAddress) and not places_fixture(arm):
-                raise ConfigError(
-                    f"--{option} needs a simulation, or the control port of a "
-                    "simulated cabinet (control=HOST:PORT); a real arm is pushed by "
-                    "hand"
-                )
+        for name, size in (("push", self.push), ("hole-speed", self.hole_speed)):
+            if size and arm.undisturbed:
+                raise ConfigError(f"--{name} {arm.undisturbed}")
 
 
 class Push(NamedTuple):

@@ -54,7 +54,7 @@ def feel_arm(
     Raises:
         ArmError: Too many cycles are missing in the logs, or the arm was stopped.
     """
-    inertia = np.asarray(arm.robot.chain().inertia_matrix(q)) + np.diag(armature)
+    inertia = np.asarray(arm.facts.robot.chain().inertia_matrix(q)) + np.diag(armature)
     rng = np.random.default_rng(seed)
     hold = _core.Target(joint_mode=True, q_d=q)
     balances, turned = [], 0.0
@@ -62,9 +62,9 @@ def feel_arm(
         for _ in range(round(PAUSE / _STEP)):
             arm.step(hold, _STEP)
         log = np.vstack(list(excite(arm, q, joint, seconds, rng)))
-        log = _whole(log, joint, arm.period, seconds)
+        log = _whole(log, joint, arm.facts.period, seconds)
         turned = max(turned, float(np.abs(_of(log, "q")[:, joint] - q[joint]).max()))
-        balances.append(balance_of(log, joint, inertia, arm.period))
+        balances.append(balance_of(log, joint, inertia, arm.facts.period))
     for _ in range(round(PAUSE / _STEP)):
         arm.step(hold, _STEP)
     delay = estimate_delay(balances, integration_step)

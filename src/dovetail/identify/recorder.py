@@ -14,13 +14,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from dovetail.arms.address import (
-    FriAddress,
-    GrpcAddress,
-    parse_address,
-    period_of,
-    places_fixture,
-)
+from dovetail.arms.address import parse_address
 from dovetail.control.config import LimitConfig
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
@@ -117,7 +111,7 @@ def record(
     """
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
-    _require_hole(config, can_place=places_fixture(address))
+    _require_hole(config, can_place=address.places_fixture)
     x, y, z, yaw = config.hole or DEFAULT_HOLE
     hole = (x, y, z, yaw)
     usual = RecordConfig.period
@@ -127,7 +121,7 @@ def record(
         config.arm,
         peg=config.peg,
         clearance=config.clearance,
-        period=period_of(address, asked, usual),
+        period=address.control_period(asked, usual),
         max_steps=config.steps + 1,
         f_scale=config.f_scale,
         force_damping=config.force_damping,
@@ -137,7 +131,7 @@ def record(
     with closing(env):
         _require_hole(config, can_place=env.places_fixture)
         if starts is None:
-            robot = env.arm.robot
+            robot = env.arm.facts.robot
             starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])
         metadata = _describe(config, env, hole, starts)
         _claim(config.out, metadata)
@@ -214,15 +208,12 @@ def _describe(
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
     address = parse_address(config.arm)
-    is_hardware = (
-        not isinstance(address, (FriAddress, GrpcAddress))
-        or address.margins == "hardware"
-    )
+    is_hardware = address.margins == "hardware"
     return {
         "format": FORMAT,
-        "robot": env.arm.robot.name,
+        "robot": env.arm.facts.robot.name,
         "task": str(env.task),
-        "period": env.arm.period,
+        "period": env.arm.facts.period,
         "peg": config.peg,
         "clearance": config.clearance,
         "hole": list(hole),

@@ -119,7 +119,11 @@ class Plant(Protocol):
     """Geometry of the task, as simulated."""
     robot: "Robot"
     """The nominal arm: the model whose gravity is compensated."""
-    dynamics: DynamicsConfig
+
+    @property
+    def dynamics(self) -> DynamicsConfig:
+        """The physics behind the torque."""
+        ...
 
     def reset(self, q: Vec7, fixture: Pose) -> None:
         """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.

@@ -1,6 +1,6 @@
 """What a learner sets up: task, law, limits and period, each field checked."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -14,6 +14,7 @@ from dovetail.control.config import (
     OscConfig,
 )
 from dovetail.control.ranges import Range
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import FORCE, POSE, TaskSpec
 from dovetail.errors import ConfigError
 from dovetail.robot import Robot
@@ -26,18 +27,7 @@ _CHOICES = {"scheme": SCHEMES, "bounds": BOUNDS}
 _Config = TypeVar("_Config", OscConfig, LimitConfig)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Settings:
-    """What an arm is built with, besides its robot."""
-
-    osc: OscConfig
-    limits: LimitConfig
-    task: TaskSpec
-    period: float
-    """Control period [s]."""
-
-
-def write_settings(settings: Settings, message: pb.Configuration) -> None:
+def write_settings(settings: ControllerSettings, message: pb.Configuration) -> None:
     """Put settings into an empty message."""
     message.task = str(settings.task)
     message.period = settings.period
@@ -45,7 +35,7 @@ def write_settings(settings: Settings, message: pb.Configuration) -> None:
     _write_config(settings.limits, message.limits)
 
 
-def read_settings(message: pb.Configuration, robot: Robot) -> Settings:
+def read_settings(message: pb.Configuration, robot: Robot) -> ControllerSettings:
     """Return a message's settings.
 
     Args:
@@ -66,7 +56,7 @@ def read_settings(message: pb.Configuration, robot: Robot) -> Settings:
     assert osc is not None
     assert limits is not None
     assert task is not None
-    return Settings(osc=osc, limits=limits, task=task, period=period)
+    return ControllerSettings(osc=osc, limits=limits, task=task, period=period)
 
 
 def _write_config(config: Any, settings: Any) -> None:
