@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms.fri_arm import FriArm, servo_params
+from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.servo_params import servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.errors import ArmError, ConfigError

@@ -159,7 +159,8 @@ class FriAddress(ArmAddress):
             watchdog: When the arm must not follow; None is as usual.
         """
         require_period(settings.period, self.period_name, self.periods)
-        from dovetail.arms.fri_arm import FriArm, servo_params
+        from dovetail.arms.fri_arm import FriArm
+        from dovetail.arms.servo_params import servo_params
         from dovetail.arms.watchdog import WatchdogConfig
 
         limits = settings.limits

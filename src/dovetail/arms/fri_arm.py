@@ -21,10 +21,10 @@ from dovetail.arms.fri_errors import (
 )
 from dovetail.arms.reset_drive import drive_to
 from dovetail.arms.reset_motion import TICK
+from dovetail.arms.servo_params import servo_params
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig, check_period
-from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
@@ -40,19 +40,6 @@ _SLICE = 0.05
 _PRIORITY = 90
 """SCHED_FIFO priority in real time: above drivers and a cabinet on the same machine,
 below the kernel's own threads."""
-
-
-def servo_params(period: float) -> "_core.ServoParams":
-    """Return what a servo loop is given where nothing else is asked for.
-
-    Args:
-        period: Control period [s].
-    """
-    from dovetail import _core
-
-    servo = _core.ServoParams()
-    servo.observer_gain = observer_gain(period)
-    return servo
 
 
 class FriArm:

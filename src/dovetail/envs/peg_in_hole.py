@@ -237,8 +237,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             robot.q_min, robot.q_max, self.scene.hole_depth * self.mouth_direction()
         )
         self._walls = self.walls()
-        limits = self.arm.facts.limits
-        if limits.walls:
+        if (limits := self.arm.facts.limits).walls:
             self._walls = tuple(limits.x_min), tuple(limits.x_max)
         self.violations = ViolationCounter(robot, *self._walls)
         self.places_fixture = self.arm.facts.places_fixture
@@ -299,8 +298,8 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if options.get("start") is not None:
             q = np.asarray(options["start"], dtype=float)
         else:
-            robot = self.arm.facts.robot
-            q = robot.inverse_kinematics(self.draw_start(hole), self.q_seed)
+            start, robot = self.draw_start(hole), self.arm.facts.robot
+            q = robot.inverse_kinematics(start, self.q_seed)
         self.hole = hole
         self.slide_fixture(np.zeros(3))
         if seed is not None:
@@ -348,14 +347,16 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     def slide_fixture(self, velocity: Vec3) -> None:
         """Let the hole move at a velocity [m/s], world axes, in the steps to come.
 
-        The arm must be able to: a simulation here, or a simulated cabinet.
+        Raises:
+            ArmError: It is no simulation here, nor a simulated cabinet.
         """
         self._hole_velocity = np.array(velocity, dtype=float)
         self._is_sliding = bool(self._hole_velocity.any())
+        if self._is_sliding and not is_simulated(self.arm):
+            raise ArmError("the arm cannot move its fixture", "no_control")
 
     def _slide(self) -> None:
-        if not is_simulated(self.arm):
-            raise ArmError("the arm cannot move its fixture", "no_control")
+        assert is_simulated(self.arm)  # `slide_fixture` has refused any other
         self.arm.move_fixture(self.hole, self._hole_velocity)
         position = self.hole.position + POLICY_PERIOD * self._hole_velocity
         self.hole = self.hole._replace(position=position)
