@@ -28,6 +28,7 @@ METRICS: dict[str, tuple[str, float, str]] = {
     "wall": ("TCP outside a wall", 0.0, "m"),
     "tcp_speed": ("TCP speed over its limit, per axis", 0.0, "m/s"),
     "contact": ("contact force over the resting push", 5.0, "1"),
+    "load": ("spring's torque over the motor's", 1.0, "1"),
     "grown": ("growing oscillation, RMS above 8 Hz", 0.0, "rad/s"),
     "sustained": ("sustained oscillation, the same", SUSTAINED, "rad/s"),
 }
@@ -36,7 +37,8 @@ LIMITS = {
     "proven": {"position": 0.0, "speed": 1.0, "grown": 0.0, "contact": 5.0},
     "full": {"position": 0.02, "speed": 1.10, "contact": 5.0},
 }
-"""What must hold in each range: no try above these."""
+"""What must hold in each range: no try above these, unless a spring is stronger than a
+motor: what moves the joint then is no limit's matter."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,8 @@ class Tally:
         default_factory=lambda: {name: [] for name in METRICS}
     )
     broken: list[int] = field(default_factory=list)
+    overpowered: list[int] = field(default_factory=list)
+    """Broken, too, by a spring that is stronger than a motor."""
     peaks: list[float] = field(default_factory=list)
 
     def add(self, index: int, outcome: dict[str, Any]) -> None:
@@ -111,9 +115,15 @@ class Tally:
             value = outcome["worst"][name]
             self.failed[name] += value > limit
             self.worst[name] = sorted([*self.worst[name], (value, index)])[-LISTED:]
-        limits = LIMITS[self.span].items()
-        if any(outcome["worst"][name] > limit for name, limit in limits):
-            self.broken.append(index)
+        if broken(outcome["worst"], self.span):
+            is_overpowered = outcome["worst"]["load"] > 1.0
+            (self.overpowered if is_overpowered else self.broken).append(index)
+
+
+def broken(worst: dict[str, float], span: str) -> dict[str, float]:
+    """Return what exceeds the promises of a range, with its value."""
+    limits = LIMITS[span].items()
+    return {name: worst[name] for name, limit in limits if worst[name] > limit}
 
 
 def run_index(task: tuple[Attack, int]) -> tuple[int, dict[str, Any]]:
@@ -189,6 +199,7 @@ def print_tally(attack: Attack, tally: Tally, seconds: float) -> None:
         end=" ",
     )
     print(tally.broken[:20])
+    print(f"by a spring that is stronger than a motor: {tally.overpowered[:20]}")
 
 
 def print_causes(attack: Attack, tally: Tally) -> None:
@@ -196,12 +207,12 @@ def print_causes(attack: Attack, tally: Tally) -> None:
     if not tally.broken:
         return
     every = [attack.choices(i) for i in range(tally.tries)]
-    broken = np.zeros(tally.tries, dtype=bool)
-    broken[tally.broken] = True
+    is_broken = np.zeros(tally.tries, dtype=bool)
+    is_broken[tally.broken] = True
     for name in ("task", "policy", "near", "inertia", "is_random_start", "is_tared"):
         values = np.array([str(getattr(c, name)) for c in every])
         shares = ", ".join(
-            f"{v} {broken[values == v].mean():.0%} of {(values == v).sum()}"
+            f"{v} {is_broken[values == v].mean():.0%} of {(values == v).sum()}"
             for v in sorted(set(values))
         )
         print(f"broken by {name}: {shares}")
@@ -215,7 +226,7 @@ def print_causes(attack: Attack, tally: Tally) -> None:
             ]
         )
         if len(values) == len(every) and values.std() > 0.0:
-            rows.append((float(np.corrcoef(values, broken)[0, 1]), name))
+            rows.append((float(np.corrcoef(values, is_broken)[0, 1]), name))
     rows.sort(key=lambda row: -abs(row[0]))
     print("correlation with broken: ", end="")
     print(", ".join(f"{name} {r:+.2f}" for r, name in rows[:8]))

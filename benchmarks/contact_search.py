@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from cmaes import CMA
-from contact_adversary import LIMITS, Attack, add_case, plain
+from contact_adversary import Attack, add_case, broken, plain
 from contact_choices import NUM_KINDS, RANGES, SIZE, Array, choose
 from contact_trial import SUSTAINED
 
@@ -154,11 +154,10 @@ def search(
             f"{choices.task} {choices.policy}, worst so far {worst:.3f}",
             flush=True,
         )
-        limits = LIMITS[attack.span].items()
-        broken = [name for name, limit in limits if found.worst[name] > limit]
-        if cases is not None and broken:
+        exceeded = broken(found.worst, attack.span)
+        if cases is not None and exceeded:
             name = f"{choices.task}-{choices.policy}-{1e3 * attack.period:g}ms"
-            name += f"-{attack.span}-{'-'.join(broken)}-{attack.seed}-{number}"
+            name += f"-{attack.span}-{'-'.join(exceeded)}-{attack.seed}-{number}"
             add_case(
                 cases,
                 attack,

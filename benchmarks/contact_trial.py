@@ -317,6 +317,7 @@ class Trial:
             "torque": judge.torque,
             "contact": judge.contact,
             "peak": judge.peak,
+            "load": judge.load,
         }
         grown, sustained = _oscillations(vibration)
         flags = trace[:, COLUMN["flags"]].astype(np.int64)

@@ -47,6 +47,7 @@ void bind_judge(nb::module_& m) {
       .def_prop_ro("torque", &ContactJudge::torque, "Over the motor's limit [1].")
       .def_prop_ro("contact", &ContactJudge::contact,
                    "20 ms mean of the contact force over the resting push [1].")
+      .def_prop_ro("load", &ContactJudge::load, "The spring's torque, of the motor's.")
       .def_prop_ro("peak", &ContactJudge::peak, "Largest contact force [N].")
       .def_prop_ro("touch_speed", &ContactJudge::touch_speed, "[m/s]")
       .def_prop_ro("looks", &ContactJudge::looks)

@@ -68,7 +68,8 @@ Bound viability_upper(double d, double v, double v_max, double a_max, double pus
   bound.value = std::min(bound.value, std::max(beyond, -params.authority * a_max));
   if (!params.passive) return {std::min(bound.value, a_max) - push, bound.cause};
   const double width = std::max(params.delta_x, kHoldWidth);
-  const double held = std::clamp(-d / width, 0.0, 1.0);
+  const double met = d - 0.5 * std::max(v, 0.0) / std::max(params.brake_rate, 1.0);
+  const double held = std::clamp(-met / width, 0.0, 1.0);
   bound.value = under_push(bound.value, push, v, held, params.brake_rate);
   if (bound.value >= a_most) return {a_most, BoundCause::kAcceleration};
   return bound;

@@ -29,6 +29,9 @@ constexpr double kEndRate = 60.0;
 // Of the estimate's slow part, with which a hold after the last line begins [1/s].
 constexpr double kWeightRate = 8.0;
 
+constexpr double kInMotion = 0.05;   // [rad/s]
+constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset in motion
+
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
   return (result.a0 + result.a + result.tau).allFinite();
@@ -79,11 +82,20 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
   reset(Vec7::Zero(), Vec3::Zero(), Vec4(1.0, 0.0, 0.0, 0.0));
 }
 
+/// Whether an arm in motion goes on from where it is: what pulls at it pulls on, too.
+bool Controller::goes_on(const Vec7& q, const Vec7& dq) const noexcept {
+  if (!has_last_ || !(dq.cwiseAbs().maxCoeff() > kInMotion)) return false;
+  const Vec7 reach = kFewPeriods * period_ * limits_.dq_max;
+  return ((q - check_.q()).cwiseAbs().array() <= reach.array()).all();
+}
+
 void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
                        const Vec7& dq) noexcept {
   hold_at(p_hold, quat_hold);
-  disturbance_.setZero();
-  weight_.setZero();
+  if (!goes_on(q, dq)) {
+    disturbance_.setZero();
+    weight_.setZero();
+  }
   dq_last_.setZero();
   tau_last_.setZero();
   a_last_.setZero();
@@ -144,11 +156,13 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
 
 void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
-    const Interval joint =
-        not_empty(acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
-                                      limits_.dq_max[i], limits_.ddq_max[i],
-                                      joint_params_, push_[i]),
-                  dq[i]);
+    const bool is_behind = q[i] > limits_.q_max[i] - limits_.delta_q ||
+                           q[i] < limits_.q_min[i] + limits_.delta_q;
+    const double push = is_behind ? push_whole_[i] : push_[i];
+    const Interval joint = not_empty(
+        acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
+                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_, push),
+        dq[i]);
     bounds_.lb[i] = joint.lb;
     bounds_.ub[i] = joint.ub;
     bounds_.lb_cause[i] = joint.lb_cause;

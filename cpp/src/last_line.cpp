@@ -16,6 +16,7 @@ constexpr int kSwings = 4;            // half swings in a row
 constexpr double kExcuse = 0.03;      // a change of acceleration acts that long [s]
 constexpr double kForget = 5.0;       // excuses and work fade at [1/s]
 constexpr double kWork = 0.2;         // of limiters that is no noise [J]
+constexpr double kLeft = 0.4;         // of the speed margin, to end a motion in
 
 }  // namespace
 
@@ -34,7 +35,9 @@ const char* name(EndCause cause) noexcept {
 }
 
 LastLine::LastLine(const LimitParams& limits) noexcept
-    : dq_max_(limits.dq_max), is_on_(limits.last_line) {}
+    : dq_max_(limits.dq_max),
+      dq_end_((1.0 - kLeft * limits.delta_v) * limits.dq_max),
+      is_on_(limits.last_line) {}
 
 void LastLine::reset() noexcept {
   swing_.fill(Swing{});
@@ -89,8 +92,8 @@ bool LastLine::check(const LastLineInput& input) noexcept {
       const Swing& s = swing_[static_cast<std::size_t>(i)];
       end(EndCause::kOscillation, i, s.width, s.least);
     }
-    if (std::abs(input.dq[i]) > dq_max_[i]) {
-      end(EndCause::kSpeed, i, input.dq[i], dq_max_[i]);
+    if (std::abs(input.dq[i]) > dq_end_[i]) {
+      end(EndCause::kSpeed, i, input.dq[i], dq_end_[i]);
     }
   }
   work_ = std::exp(-kForget * input.elapsed) * work_ +

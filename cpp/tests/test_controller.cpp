@@ -210,6 +210,30 @@ BOOST_AUTO_TEST_CASE(disturbance_estimate_finds_an_outside_force) {
   BOOST_TEST((controller.disturbance() - expected).norm() < 0.02 * expected.norm());
 }
 
+BOOST_AUTO_TEST_CASE(a_reset_forgets_the_load_unless_the_arm_goes_on_in_motion) {
+  const Vec7 moving = Vec7::Constant(0.2);
+  const auto loaded = [&] {
+    Controller controller = make_controller(limits);
+    controller.reset(q, p, quat_of(R));
+    for (int k = 0; k < 20; ++k) {  // at rest, though the torque moves it
+      static_cast<void>(controller.step(q, Vec7::Zero(), target));
+      target.f_star[2] = 1.0;
+    }
+    BOOST_REQUIRE(controller.disturbance().norm() > 0.1);
+    return controller;
+  };
+  Controller at_rest = loaded();
+  at_rest.reset(q, p, quat_of(R));
+  BOOST_TEST(at_rest.disturbance().norm() == 0.0);
+  Controller elsewhere = loaded();
+  elsewhere.reset(q + Vec7::Constant(0.1), p, quat_of(R), moving);
+  BOOST_TEST(elsewhere.disturbance().norm() == 0.0);
+  Controller goes_on = loaded();
+  const Vec7 load = goes_on.disturbance();
+  goes_on.reset(q + kPeriod * moving, p, quat_of(R), moving);
+  BOOST_TEST((goes_on.disturbance() - load).norm() == 0.0);
+}
+
 BOOST_AUTO_TEST_CASE(wrong_settings_are_refused_by_name_value_and_range) {
   const auto refuse = [&](const std::function<void(LimitParams&)>& spoil) {
     LimitParams spoiled = limits;

@@ -46,9 +46,11 @@ def random_target(rng, robot, q, action):
 
 
 def largest_difference(
-    robot, q_start, osc, limits, period, tasks, rng, cycles, is_fresh=False
+    robot, q_start, osc, limits, period, tasks, rng, cycles, is_fresh=False, force=20.0
 ):
     """Run each task in closed loop on the exact plant; fresh: reset in every cycle.
+
+    Another push of up to `force` [N] in each axis every five cycles.
 
     Returns the worst error, how many states were compared, how many of them were at a
     limit, and how many tasks left the problem that both solve before their end.
@@ -69,7 +71,7 @@ def largest_difference(
         for cycle in range(cycles):
             if cycle % 5 == 0:
                 target = random_target(rng, robot, q, rng.choice([0.1, 3.0, 30.0]))
-                plant.set_external_force(rng.uniform(-20.0, 20.0, 3))
+                plant.set_external_force(rng.uniform(-force, force, 3))
             q, dq = plant.read()
             if is_fresh:
                 mine.reset(q, hold.position, hold.quat_wxyz)
@@ -140,3 +142,18 @@ def test_cpp_equals_the_reference_over_long_runs(robot, q_home, rng, period, set
     assert exotic <= (2 if settings is PRINTED else 0)
     assert states >= LONG * (len(LONG_TASKS) - exotic)
     assert limited > 0.7 * states
+
+
+@pytest.mark.parametrize("period", [1e-3, 5e-3])
+def test_cpp_equals_the_reference_where_a_joint_is_pushed_over_its_margin(
+    robot, q_home, rng, period
+):
+    """There the push counts in full: no more than 0.3 tau_max of it elsewhere."""
+    home = robot.q_max - 0.04  # the largest postures that are drawn
+    limits = LimitConfig.for_period(robot, period, **{**EXACT, "hardware": True})
+    worst, states, _, exotic = largest_difference(
+        robot, home, OscConfig(), limits, period, LONG_TASKS, rng, LONG, force=50.0
+    )
+    assert worst < TOLERANCE
+    assert states >= LONG * (len(LONG_TASKS) - exotic)
+    assert exotic <= 1

@@ -67,6 +67,8 @@ class ContactJudge final : public StepProbe {
   /// Contact force, mean of 20 ms, over the resting push [1]; not within 150 ms of a
   /// first touch.
   const Worst& contact() const noexcept { return contact_; }
+  /// Torque of the spring in a joint, of the motor's [1].
+  const Worst& load() const noexcept { return load_; }
   /// Largest contact force of any step [N].
   const Worst& peak() const noexcept { return peak_; }
   /// TCP speed at the hardest first touch [m/s].
@@ -87,10 +89,11 @@ class ContactJudge final : public StepProbe {
   double resting_ = 0.0;
 
   ToolMotion tool_;
+  ChainTerms terms_;
   bool is_seen_ = false;  // tool_ is of the present state
   double time_ = 0.0;
   int looks_ = 0;
-  Worst position_, speed_, wall_, tcp_speed_, torque_, contact_, peak_;
+  Worst position_, speed_, wall_, tcp_speed_, torque_, contact_, peak_, load_;
   std::array<int, 3> flagged_{};
 
   double mean_force_ = 0.0;     // [N]

@@ -5,7 +5,7 @@
 ///   oscillation  a joint's speed swings to and fro, faster than 7 Hz, more widely than
 ///                the Target's changes explain, and does not decay;
 ///   energy       limiters do positive work: passive ones never do;
-///   speed        a joint is beyond its speed limit.
+///   speed        a joint has used most of its speed margin.
 /// Once seen, it stays seen until `reset`.
 #pragma once
 
@@ -61,6 +61,7 @@ class LastLine {
   void end(EndCause cause, int joint, double value, double limit) noexcept;
 
   Vec7 dq_max_;
+  Vec7 dq_end_;  // a joint beyond this has used most of its speed margin [rad/s]
   bool is_on_;
   std::array<Swing, 7> swing_;
   double work_ = 0.0;  // that limiters did of late [J]

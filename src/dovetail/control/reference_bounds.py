@@ -29,7 +29,8 @@ def intervals(
             a = min(a, max(beyond, -lim.authority * A))
             if not lim.passive:
                 return min(a, A) - push
-            held = min(max(-d / max(delta, HOLD_WIDTH), 0.0), 1.0)
+            met = d - 0.5 * max(v, 0.0) / max(lim.brake_rate, 1.0)
+            held = min(max(-met / max(delta, HOLD_WIDTH), 0.0), 1.0)
             return min(under_push(lim, a, push, v, held), A + max(-push, 0.0))
         is_printed = lim.bounds == "paper-printed"
         speed = speed if is_printed else v  # printed: position there
