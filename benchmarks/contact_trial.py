@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from contact_choices import Array, Choices
-from contact_policies import ACTION, TASK, Commander
+from contact_policies import ACTION, TASK, Commander, near_press_of
 from contact_scene import EVERYWHERE, NOWHERE, Start, make_start, walls_of
 from numpy.typing import NDArray
 
@@ -57,6 +57,7 @@ def settings_of(
     is_hardware: bool,
     task: str,
     overrides: tuple[tuple[str, float], ...],
+    near_press: float,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits as the environment makes them."""
     osc, limits = make_settings(
@@ -66,10 +67,11 @@ def settings_of(
         NEAR_SPEED,
         walls_of(task),
         "qp",
+        near_press=near_press,
         is_hardware=is_hardware,
     )
     others: dict[str, Any] = {
-        name: type(getattr(limits, name))(number) for name, number in overrides
+        name: type(vars(limits)[name])(number) for name, number in overrides
     }
     return osc, replace(limits, **others)
 
@@ -124,7 +126,7 @@ class Trial:
         self.plant = plant = plant_of(clearance)
         plant.configure(replace(twin.dynamics(), physics_dt=PHYSICS_DT))
         self.osc, self.limits = settings_of(
-            period, is_hardware, choices.task, overrides
+            period, is_hardware, choices.task, overrides, near_press_of(choices)
         )
         self.robot = plant.robot
         self.chain = self.robot.chain()

@@ -110,22 +110,23 @@ def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
 
 def _rebuild(env: Any, cell: Cell) -> None:
     """Give an environment's arm other margins or encoders; the judge keeps its own."""
-    old = env.arm
-    limits = old.limits
+    old, facts = env.arm, env.arm.facts
+    limits = facts.limits
     if cell.margins == "hardware":
         limits = LimitConfig.for_period(
-            old.robot,
-            old.period,
+            facts.robot,
+            facts.period,
             hardware=True,
-            x_min=old.limits.x_min,
-            x_max=old.limits.x_max,
-            dx_max=old.limits.dx_max,
-            dx_near=old.limits.dx_near,
+            x_min=facts.limits.x_min,
+            x_max=facts.limits.x_max,
+            dx_max=facts.limits.dx_max,
+            near_speed=facts.limits.near_speed,
+            near_press=facts.limits.near_press,
         )
     plant: Any = old.plant
     if cell.encoders:
-        plant = EncoderPlant(plant, old.period)
-    arm = LocalArm(plant, old.robot, old.osc, limits, old.task, old.period)
+        plant = EncoderPlant(plant, facts.period)
+    arm = LocalArm(plant, facts.robot, facts.osc, limits, facts.task, facts.period)
     env.arm = arm
     env._tare._arm = arm  # there is no option for this
 

@@ -50,7 +50,7 @@ Interval not_empty(Interval interval, double v) noexcept {
 
 /// Whether a Target asks for nothing new.
 bool is_same(const Target& a, const Target& b) noexcept {
-  return a.joint == b.joint && a.stay == b.stay && a.f_star == b.f_star &&
+  return a.joint_mode == b.joint_mode && a.stay == b.stay && a.f_star == b.f_star &&
          a.position_d == b.position_d && a.quat_wxyz_d == b.quat_wxyz_d &&
          a.velocity_d == b.velocity_d && a.acceleration_d == b.acceleration_d &&
          a.near_plane == b.near_plane && a.q_d == b.q_d;
@@ -321,7 +321,7 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   // Less braking than was asked for is no drive: the arm must be driven, too.
   const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
   const double driven = dq.dot(result.tau - h_);
-  const double power = target.joint ? 0.0 : std::min(added, driven);
+  const double power = target.joint_mode ? 0.0 : std::min(added, driven);
   return !last_line_.check({dq, explained, power, elapsed});
 }
 
@@ -360,7 +360,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     update_bounds(q, dq);
     if (is_ended) {
       follow_end(q, dq, result);
-    } else if (target.joint) {
+    } else if (target.joint_mode) {
       follow_joints(q, dq, target, result);
     } else {
       follow_task(q, dq, target, result);

@@ -249,7 +249,7 @@ Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
     state_.is_at_rest = state_.dq.cwiseAbs().maxCoeff() < watchdog_.params().rest_speed;
   }
   Target hold;
-  hold.joint = true;
+  hold.joint_mode = true;
   hold.q_d = q_hold_;
   return hold;
 }

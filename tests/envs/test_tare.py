@@ -165,17 +165,3 @@ def test_a_tool_that_something_holds_is_an_error():
 def test_what_cannot_be_measured_is_refused_before_anything_moves(settings, message):
     with pytest.raises(ConfigError, match=message):
         gym.make("dovetail/PegInHole-v0", tare=True, **settings)
-
-
-def test_near_contact_the_press_is_bounded_and_nothing_else():
-    arm = FakeArm()
-    env = gym.make("dovetail/PegInHole-v0", arm=arm, near_press=1.5).unwrapped
-    env.reset(seed=0)
-    hole = env.hole.position
-    for height, pushed in ((0.005, -1.5), (0.2, -4.0)):
-        arm.place(position=hole + np.array([0.0, 0.0, height]))
-        env.step(np.zeros(4))
-        env.step(np.array([1.0, -1.0, -1.0, 0.0]))
-        np.testing.assert_allclose(arm.targets[-1][0][:3], [4.0, -4.0, pushed])
-        env.step(np.array([0.0, 0.0, 1.0, 0.0]))
-        np.testing.assert_allclose(arm.targets[-1][0][:3], [0.0, 0.0, 4.0])

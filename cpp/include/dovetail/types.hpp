@@ -98,7 +98,10 @@ struct LimitParams {
   Vec3 dx_max = Vec3::Constant(0.5);    ///< TCP speed per axis [m/s]
   /// TCP speed per axis below a Target's near plane [m/s]: of force, pose and hold
   /// axes, with walls on. Free axes and joint targets do not know it.
-  double dx_near = 0.5;
+  double near_speed = 0.5;
+  /// Largest f* there against the plane's normal, `f_tare` not counted [m/s2]: times
+  /// the effective mass the force of standing on something. With walls on.
+  double near_press = 1000.0;
   Vec3 ddx_max = Vec3::Constant(5.0);  ///< TCP acceleration per axis [m/s2]
   double eta_wall = 0.5;               ///< share of ddx_max planned for braking
   double delta_x = 0.005;              ///< wall margin [m]
@@ -134,15 +137,15 @@ struct Target {
   Vec6 velocity_d = Vec6::Zero();
   Vec6 acceleration_d = Vec6::Zero();
   double age = 0.0;  ///< time since it was made [s]: whoever holds it counts
-  /// Where contact is near: at TCP positions p with n . p < d the speed limit is
-  /// `dx_near` (which says for what). Unit normal n, then d [m], world axes;
+  /// Where contact is near: at TCP positions p with n . p < d `near_speed` and
+  /// `near_press` hold (which say for what). Unit normal n, then d [m], world axes;
   /// d = -infinity: nowhere.
   Vec4 near_plane{0.0, 0.0, 0.0, -std::numeric_limits<double>::infinity()};
   /// How much of `f_star` holds the tool's weight, see envs/tare.py.
   Vec6 f_tare = Vec6::Zero();
   /// Force axes X Y Z (bits 0 to 2) on which nothing is asked: held where they are.
   std::uint8_t stay = 0;
-  bool joint = false;       ///< go to q_d; the task axes are not used
+  bool joint_mode = false;  ///< go to q_d; the task axes are not used
   Vec7 q_d = Vec7::Zero();  ///< desired configuration [rad]
 };
 

@@ -37,6 +37,7 @@ def build_arm(
     period: float = DEFAULT_PERIOD,
     force_damping: float | Sequence[float] = FORCE_DAMPING,
     near_speed: float = NEAR_SPEED,
+    near_press: float = LimitConfig.near_press,
     walls: Walls = (WALLS_MIN, WALLS_MAX),
     scheme: str = "qp",
     engine: str | None = None,
@@ -55,6 +56,7 @@ def build_arm(
         force_damping: Damping D of force axes [1/s], one number or one for each of
             X Y Z; the paper has 0, see `PegInHoleEnv`.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].
+        near_press: Largest f* into what is near there [m/s2].
         walls: Lower and upper walls of the TCP [m].
         scheme: How limits are kept, "qp" or "paper".
         engine: Physics engine of the twin, if not the one in its file.
@@ -88,6 +90,7 @@ def build_arm(
         near_speed,
         walls,
         scheme,
+        near_press=near_press,
         is_hardware=address.margins == "hardware",
     )
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
@@ -102,6 +105,7 @@ def make_settings(
     walls: Walls,
     scheme: str,
     *,
+    near_press: float = LimitConfig.near_press,
     is_hardware: bool = True,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits of a task's controller.
@@ -111,6 +115,7 @@ def make_settings(
         period: Control period [s].
         force_damping: Damping D of force axes [1/s], one number or three.
         near_speed: Speed limit of the TCP per axis where contact is near [m/s].
+        near_press: Largest f* into what is near there [m/s2].
         walls: Lower and upper walls of the TCP [m].
         scheme: How limits are kept, "qp" or "paper".
         is_hardware: Margins for an arm that is not as the model says.
@@ -122,7 +127,8 @@ def make_settings(
         x_min=walls[0],
         x_max=walls[1],
         dx_max=[SPEED_MAX] * 3,
-        dx_near=near_speed,
+        near_speed=near_speed,
+        near_press=near_press,
         scheme=scheme,
     )
     damping = per_axis("force_damping", force_damping)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.arm import Arm, ArmState, is_simulated
+from dovetail.arms.arm import Arm, ArmState, require_simulated
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD
 from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.control.task_spec import TaskSpec
@@ -36,7 +36,7 @@ from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
 from dovetail.envs.workspace import require_inside, require_task
-from dovetail.errors import ArmError, ConfigError
+from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.poses import Pose, matrix_from_quat, quat_multiply
@@ -207,6 +207,7 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             period=period,
             force_damping=force_damping,
             near_speed=near_speed,
+            near_press=near_press,
             walls=self.walls(),
             scheme=scheme,
             engine=engine,
@@ -221,7 +222,6 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             f_scale_angular=f_scale_angular,
             theta_range=theta_range,
             position_range=position_range,
-            press_max=near_press,
         )
         self._tare = ToolTare(self.arm, self.commands, force_damping) if tare else None
         self._prepare(stack, max_steps, near_distance)
@@ -321,8 +321,6 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """Follow an action for 50 ms."""
         action = self.commands.usable(action)
         self.commands.fill(self._target, action, self._goal, self._goal_quat)
-        if self.state.position @ self._axis < self._near_height:
-            self.commands.limit_press(self._target, self._axis)
         if self._is_sliding:
             self._slide()
         self.state = self.arm.step(self._target, POLICY_PERIOD)
@@ -352,12 +350,10 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         self._hole_velocity = np.array(velocity, dtype=float)
         self._is_sliding = bool(self._hole_velocity.any())
-        if self._is_sliding and not is_simulated(self.arm):
-            raise ArmError("the arm cannot move its fixture", "no_control")
+        _ = self._is_sliding and require_simulated(self.arm)
 
     def _slide(self) -> None:
-        assert is_simulated(self.arm)  # `slide_fixture` has refused any other
-        self.arm.move_fixture(self.hole, self._hole_velocity)
+        require_simulated(self.arm).move_fixture(self.hole, self._hole_velocity)
         position = self.hole.position + POLICY_PERIOD * self._hole_velocity
         self.hole = self.hole._replace(position=position)
 

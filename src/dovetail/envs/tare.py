@@ -81,6 +81,7 @@ def measure_tare(
     is_led = np.isin(np.arange(6), axes)
     lead = np.where(is_led, _STIFFNESS, 0.0)
     way = np.where(is_led[:3], direction, 0.0) * SPEED * STEP_TIME
+    near_press = arm.facts.limits.near_press
     reference = start.copy()
     held = change = np.zeros(6)
     logs: list[Array] = []
@@ -91,7 +92,10 @@ def measure_tare(
         turn = rotation_error(quat, state.quat_wxyz)
         error = np.append(reference - state.position, turn)
         pull = (lead * error).clip(-_F_MAX, _F_MAX)
-        target.f_star = held + pull
+        # The controller would cut a harder press unseen, and the tare would be wrong.
+        press = -float(near_plane[:3] @ pull[:3]) - near_press
+        pull[:3] += max(press, 0.0) * near_plane[:3]
+        target.f_star, target.f_tare = held + pull, held
         state = arm.step(target, STEP_TIME)
         logs.append(state.log)
         return pull + stiffness * error

@@ -126,7 +126,7 @@ def record(
         f_scale=config.f_scale,
         force_damping=config.force_damping,
         near_distance=NEAR_DISTANCE,
-        near_press=math.inf,  # the log is of the actions as they were drawn
+        near_press=LimitConfig.near_press,  # none: the motions are as they were drawn
     )
     with closing(env):
         _require_hole(config, can_place=env.places_fixture)
