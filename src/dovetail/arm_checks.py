@@ -148,8 +148,9 @@ def _build(
     address: FriAddress, osc: OscConfig, limits: LimitConfig, period: float
 ) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
-    # Whether the measured torque follows the commanded one is what has to be found out.
-    watchdog = WatchdogConfig(target_timeout=address.watchdog, torque_error=math.inf)
+    # Whether the measured torque follows the commanded is what has to be found out.
+    timeout = address.target_timeout
+    watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
     return address.build(SceneConfig(), settings, watchdog)
 

@@ -38,7 +38,7 @@ def test_a_bare_fri_address_is_a_real_cabinet_with_the_usual_port():
 def test_every_fri_key_is_read():
     address = parse_address(
         "fri://127.0.0.1:30205?version=2.7&period=2ms&clock=lockstep"
-        "&control=127.0.0.1:30301&reset=place&timeout=3s&watchdog=100ms&realtime=yes"
+        "&control=127.0.0.1:30301&reset=place&timeout=3s&target_timeout=100ms&realtime=yes"
         "&margins=model&peer=192.170.10.2"
     )
     assert address == FriAddress(
@@ -50,7 +50,7 @@ def test_every_fri_key_is_read():
         control="127.0.0.1:30301",
         reset="place",
         timeout=3.0,
-        watchdog=0.1,
+        target_timeout=0.1,
         realtime=True,
         peer="192.170.10.2",
         margins="model",
@@ -122,6 +122,7 @@ def test_certificates_are_files(tmp_path):
         ("fri://0.0.0.0:65536", "1 to 65535"),
         ("fri://0.0.0.0:abc", "1 to 65535"),
         ("fri://0.0.0.0/x", "no address"),
+        ("fri://0.0.0.0?watchdog=1s", "watchdog is called target_timeout now"),
         ("fri://0.0.0.0?peer=robot", "arm peer is 'robot'; give the cabinet's IPv4"),
         ("fri://0.0.0.0?speed=1", "unknown keys: speed; known keys: version, period"),
         ("fri://0.0.0.0?version=3.0", "known: 1.14, 1.15, 1.16, 2.5, 2.7"),

@@ -277,7 +277,7 @@ def test_foreign_datagrams_are_counted_and_change_nothing(arm):
 
 
 def test_lost_doubled_and_late_messages_leave_time_right():
-    arm = make_arm(cabinet={"watchdog": 0.05, "stop_slots": 50})
+    arm = make_arm(cabinet={"patience": 0.05, "stop_slots": 50})
     arm.reset(START, HOLE)
     arm.ask("fault", text="loss=0.05,duplicate=0.05,reorder=0.05")
     rows = [arm.step(push(0.5)).log for _ in range(20)]

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard
 
+from dovetail.errors import ArmError
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec3, Vec4, Vec6, Vec7
 
@@ -122,6 +123,21 @@ class SimulatedArm(Arm, Protocol):
     def move_fixture(self, fixture: Pose, velocity: Vec3) -> None:
         """Put the fixture at a pose; it then moves at a velocity [m/s], world axes."""
         ...
+
+
+def require_simulated(arm: Arm) -> SimulatedArm:
+    """Return the arm as one that can be pushed and its fixture moved.
+
+    Raises:
+        ArmError: It cannot.
+    """
+    if is_simulated(arm):
+        return arm
+    raise ArmError(
+        f"nothing at this end can push the arm {arm.facts.address} or move its "
+        "fixture: take a simulation, or a simulated cabinet's control port",
+        "no_control",
+    )
 
 
 def is_simulated(arm: Arm) -> TypeGuard[SimulatedArm]:

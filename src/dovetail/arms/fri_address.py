@@ -26,7 +26,7 @@ VERSIONS: dict[str, Version] = {
 _SIGNS = {"measured_sign": "-1", "commanded_sign": "-1", "external_sign": "1"}
 _KEYS = (
     *("version", "period", "clock", "control", "reset", "approach"),
-    *("timeout", "watchdog", "realtime", "margins", "peer"),
+    *("timeout", "target_timeout", "realtime", "margins", "peer"),
     *_SIGNS,
     "commanded_is_total",
 )
@@ -57,7 +57,7 @@ class FriAddress(ArmAddress):
     """Move to a start that is far away, too."""
     timeout: float = 10.0
     """How long to wait for the cabinet [s]."""
-    watchdog: float = 0.15
+    target_timeout: float = 0.15
     """Time without a new target after which the arm is held [s]; wall clock only."""
     peer: str | None = None
     """The cabinet's IPv4 address: datagrams of no other are taken."""
@@ -79,7 +79,7 @@ class FriAddress(ArmAddress):
         Raises:
             ConfigError: Unknown key (lists the known ones), or a value out of range.
         """
-        keys = Keys(text, PORT, _KEYS)
+        keys = Keys(text, PORT, _KEYS, {"watchdog": "target_timeout"})
         given = keys.get("version")
         version = VERSIONS.get("1.15" if given is None else given)
         if version is None:
@@ -101,7 +101,7 @@ class FriAddress(ArmAddress):
             reset=_reset(keys, control),
             approach=keys.is_on("approach"),
             timeout=keys.time("timeout", cls.timeout),
-            watchdog=keys.time("watchdog", cls.watchdog),
+            target_timeout=keys.time("target_timeout", cls.target_timeout),
             realtime=keys.is_on("realtime"),
             peer=_peer(keys.get("peer")),
             margins=keys.choice("margins", ("hardware", "model")),
@@ -184,7 +184,7 @@ class FriAddress(ArmAddress):
             reset=self.reset,
             approach=self.approach,
             timeout=self.timeout,
-            watchdog=watchdog or WatchdogConfig(target_timeout=self.watchdog),
+            watchdog=watchdog or WatchdogConfig(target_timeout=self.target_timeout),
             realtime=self.realtime,
             peer=self.peer,
             servo=servo,

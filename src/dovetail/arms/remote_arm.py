@@ -286,7 +286,7 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
         raise ConfigError(
             f"the service's robot {offered.name} is not this program's {robot.name}: "
             f"{', '.join(different)} differ, for example {first} is "
-            f"{getattr(offered, first).tolist()} there and "
-            f"{getattr(robot, first).tolist()} here; give both the same tool"
+            f"{vars(offered)[first].tolist()} there and "
+            f"{vars(robot)[first].tolist()} here; give both the same tool"
         )
     return robot

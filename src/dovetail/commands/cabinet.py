@@ -6,9 +6,10 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import tyro
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -65,7 +66,7 @@ class Cabinet:
     """What the overlay wants from the client."""
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the last message was answered."""
-    watchdog: str = "10s"
+    patience: Annotated[str, tyro.conf.arg(aliases=["--watchdog"])] = "10s"
     """How long lockstep waits for an answer."""
     stiffness: str = "0"
     """Joint stiffness [Nm/rad]: one number, or seven separated by commas."""
@@ -146,7 +147,7 @@ class Cabinet:
             control=control,
             mode=self.mode,
             clock=self.clock,
-            watchdog=parse_duration(self.watchdog, "--watchdog"),
+            patience=parse_duration(self.patience, "--patience"),
             stiffness=_seven(self.stiffness, "--stiffness"),
             damping=_seven(self.damping, "--damping"),
             quality=QualityRule(
@@ -175,7 +176,7 @@ class Cabinet:
             plant = make_plant(self.plant, scene, DynamicsConfig())
         else:
             twin = load_twin(self.twin or "medium")
-            plant = cast("DrivenPlant", TwinPlant(twin, scene))
+            plant = TwinPlant(twin, scene)
         above = _HOLE.position + np.array([0.0, 0.0, _ABOVE])
         start = plant.robot.inverse_kinematics(Pose(above, TOOL_DOWN), _Q_SEED)
         plant.reset(start, _HOLE)

@@ -145,7 +145,7 @@ def environment_options(
         ConfigError: Neither or both of plant and twin, or an unknown one.
     """
     places = ("plant", "twin", "arm")
-    if sum(getattr(config, name) is not None for name in places) != 1:
+    if sum(vars(config)[name] is not None for name in places) != 1:
         raise ConfigError(
             "give either a plant or a twin or an arm to try the policy on; known "
             f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
@@ -153,7 +153,7 @@ def environment_options(
         )
     options = dict(policy["env"])
     for name in (*places, "peg", "clearance"):
-        if (value := getattr(config, name)) is not None:
+        if (value := vars(config)[name]) is not None:
             options[name] = value
     if config.plant is None:
         options.pop("plant", None)

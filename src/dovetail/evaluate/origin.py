@@ -93,13 +93,13 @@ def command_line(config: "EvaluationConfig") -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
     for name in ("plant", "twin", "arm", "hole", "peg", "clearance", "tries", "seed"):
-        if (value := getattr(config, name)) is not None:
+        if (value := vars(config)[name]) is not None:
             values = value if isinstance(value, tuple) else [value]
             words += [f"--{name}", *map(str, values)]
     if config.period is not None:
         words += ["--period", format_period(config.period)]
     for f in fields(Perturbation):
-        if (value := getattr(config, f.name)) != f.default:
+        if (value := vars(config)[f.name]) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]
     if not config.tare:
         words.append("--no-tare")

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Annotated, Literal, Protocol
 
 import numpy as np
 
 from dovetail import _core
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
 from dovetail.types import JOINTS, Array, Vec3, Vec7
@@ -36,7 +37,14 @@ FLAG_MASK: dict[str, int] = {
 }
 """The bits of each flag in the column `flags`."""
 
-_SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+# Ranges that a model of the arm and a twin share.
+MASS_SCALE = Range(0.1, 10.0, "1", JOINTS)
+GRAVITY_RESIDUAL = Range(-20.0, 20.0, "m/s2", ("x", "y", "z"))
+DAMPING = Range(0.0, 100.0, "Nms/rad", JOINTS)
+COULOMB = Range(0.0, 50.0, "Nm", JOINTS)
+ARMATURE = Range(0.0, 10.0, "kg m2", JOINTS)
+CONTACT_FRICTION = Range(0.0, 5.0, "1")
+CONTACT_TIME = Range(1e-3, 0.1, "s")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,71 +53,35 @@ class DynamicsConfig:
 
     inertia: Literal["drake", "pybullet", "lbr"] = "drake"
     """Published inertia set of the simulated arm; the controller's is drake."""
-    mass_scale: tuple[float, ...] = (1.0,) * 7
+    mass_scale: Annotated[tuple[float, ...], MASS_SCALE] = (1.0,) * 7
     """Mass and inertia of each link over the set's, payload included in link 7 [1]."""
-    gravity_residual: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gravity_residual: Annotated[tuple[float, float, float], GRAVITY_RESIDUAL] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     """True gravity minus the compensated one, world axes [m/s2]."""
     gravity_compensation: bool = True
     """The lowest level adds the nominal model's gravity torque, as the cabinet does."""
-    damping: tuple[float, ...] = (0.5,) * 7
+    damping: Annotated[tuple[float, ...], DAMPING] = (0.5,) * 7
     """Viscous friction of each joint [Nms/rad]."""
-    coulomb: tuple[float, ...] = _SEVEN
+    coulomb: Annotated[tuple[float, ...], COULOMB] = (0.0,) * 7
     """Dry friction of each joint [Nm]."""
-    armature: tuple[float, ...] = (0.1,) * 7
+    armature: Annotated[tuple[float, ...], ARMATURE] = (0.1,) * 7
     """Rotor inertia at each joint [kg m2]."""
-    contact_friction: float = 0.3
+    contact_friction: Annotated[float, CONTACT_FRICTION] = 0.3
     """Sliding friction coefficient of the tool on fixture and table [1]."""
-    contact_time: float = 0.005
+    contact_time: Annotated[float, CONTACT_TIME] = 0.005
     """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the tool on the
     stiffness k of joints, gripper and surfaces. It is the same at every control period:
     MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
     step, whatever this says."""
-    physics_dt: float = 0.0025
+    physics_dt: Annotated[float, Range(1e-4, 5e-3, "s")] = 0.0025
     """Largest physics step [s]; a control period is split into equal steps."""
 
     def __post_init__(self) -> None:
         """Refuse numbers that no arm has, by name and index."""
-        if self.inertia not in ("drake", "pybullet", "lbr"):
-            raise ConfigError(
-                f"dynamics inertia {self.inertia!r} is unknown; known sets: drake, "
-                "pybullet, lbr"
-            )
-        for name, (low, high, unit) in DYNAMICS_RANGES.items():
-            value = getattr(self, name)
-            if name in ("contact_friction", "contact_time", "physics_dt"):
-                _require_range(name, value, low, high, unit)
-                continue
-            labels = ("x", "y", "z") if name == "gravity_residual" else JOINTS
-            values = tuple(float(v) for v in value)
-            if len(values) != len(labels):
-                raise ConfigError(
-                    f"dynamics {name} has {len(values)} elements, needs "
-                    f"{len(labels)}: {', '.join(labels)}"
-                )
-            for label, v in zip(labels, values, strict=True):
-                _require_range(f"{name}[{label}]", v, low, high, unit)
-            object.__setattr__(self, name, values)
-
-
-DYNAMICS_RANGES: dict[str, tuple[float, float, str]] = {
-    "mass_scale": (0.1, 10.0, "1"),
-    "gravity_residual": (-20.0, 20.0, "m/s2"),
-    "damping": (0.0, 100.0, "Nms/rad"),
-    "coulomb": (0.0, 50.0, "Nm"),
-    "armature": (0.0, 10.0, "kg m2"),
-    "contact_friction": (0.0, 5.0, "1"),
-    "contact_time": (1e-3, 0.1, "s"),
-    "physics_dt": (1e-4, 5e-3, "s"),
-}
-"""Allowed range and unit of each number of a DynamicsConfig."""
-
-
-def _require_range(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        raise ConfigError(
-            f"dynamics {name} is {value:g} {unit}, allowed is {low:g} to {high:g} "
-            f"{unit}"
-        )
+        check_ranges(self, "dynamics")
 
 
 class Plant(Protocol):

@@ -280,8 +280,10 @@ class ArmService:
         scene = self._host.builder.scene
         if scene is None or not request.HasField("scene"):
             return
-        for name in ("peg", "clearance"):
-            wanted, own = getattr(request.scene, name), getattr(scene, name)
+        for name, wanted, own in (
+            ("peg", request.scene.peg, scene.peg),
+            ("clearance", request.scene.clearance, scene.clearance),
+        ):
             if wanted != own:
                 raise ConfigError(
                     f"the learner's scene has {name} {wanted!r}, the service's has "

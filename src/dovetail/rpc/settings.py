@@ -1,7 +1,7 @@
 """What a learner sets up: task, law, limits and period, each field checked."""
 
 from dataclasses import fields
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
@@ -61,7 +61,7 @@ def read_settings(message: pb.Configuration, robot: Robot) -> ControllerSettings
 
 def _write_config(config: Any, settings: Any) -> None:
     for f in fields(config):
-        value = getattr(config, f.name)
+        value = vars(config)[f.name]
         if isinstance(value, bool):
             settings.add(name=f.name, is_on=value)
         elif isinstance(value, str):
@@ -112,7 +112,7 @@ def _read_field(
     field: Any, setting: pb.Setting | None, path: str, reader: FieldReader
 ) -> Any:
     sent = setting or pb.Setting()
-    for allowed in getattr(field.type, "__metadata__", ()):
+    for allowed in get_args(field.type)[1:]:
         if isinstance(allowed, Range):
             labels = allowed.labels or ("",)
             bounds = (allowed.low, allowed.high)
@@ -132,8 +132,8 @@ def _require_inside(limits: LimitConfig, robot: Robot, reader: FieldReader) -> N
     """Refuse limits that are wider than the robot's own."""
     lowest = {"dq_max": 0.0, "tau_max": 0.0, "q_min": robot.q_min, "q_max": robot.q_min}
     for name, low in lowest.items():
-        high = robot.q_max if name == "q_min" else getattr(robot, name)
+        high = robot.q_max if name == "q_min" else vars(robot)[name]
         unit = {"dq_max": "rad/s", "tau_max": "Nm"}.get(name, "rad")
         reader.vector(
-            f"limits.{name}", getattr(limits, name).tolist(), JOINTS, unit, (low, high)
+            f"limits.{name}", vars(limits)[name].tolist(), JOINTS, unit, (low, high)
         )
