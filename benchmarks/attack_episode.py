@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.observer import observer_gain
 from dovetail.poses import quat_about_z, quat_multiply
 from dovetail.robot import Robot
 from dovetail.scene import SceneConfig
@@ -84,6 +85,7 @@ class Attacked:
             self.chain, damping=np.full(7, DAMPING), armature=np.full(7, ARMATURE)
         )
         self.cycles_per_action = round(ACTION / period)
+        self.observer_gain = observer_gain(period) if settings.observed else 0.0
         self.looks = max(1, round(period / CHECK))
 
     def room(self, q: Array) -> float:
@@ -121,7 +123,7 @@ class Attacked:
             self.cycles_per_action,
             episode.age,
             episode.wrong,
-            self.settings.observed,
+            self.observer_gain,
             self.looks,
             trace,
         )

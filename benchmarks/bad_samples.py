@@ -14,12 +14,12 @@ largest without wrong samples. Cycles in which the Target changes are left out o
 import argparse
 import itertools
 import time
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
+from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.errors import PlantError
@@ -48,17 +48,13 @@ AFTER = 10  # cycles after the last wrong sample that still count
 Array = NDArray[np.float64]
 
 
-@dataclass
 class Tally:
     """What the spikes of one case did."""
 
-    spikes: int = 0
-    step: float = 0.0
-    step_clean: float = 0.0
-    push: float = 0.0
-    broken: int = 0
-    blown_up: int = 0
-    worst: str = ""
+    spikes = broken = blown_up = 0
+    step = step_clean = 0.0  # largest change of a torque in a cycle [Nm]
+    push = 0.0  # largest contact force [N]
+    worst = ""
 
 
 class Case:
@@ -76,7 +72,9 @@ class Case:
             force_damping=FORCE_DAMPING,
             near_speed=NEAR_SPEED,
         )
-        self.observer = _core.VelocityObserver(period) if path == "observed" else None
+        self.observer = None
+        if path == "observed":
+            self.observer = _core.VelocityObserver(period, observer_gain(period))
         self.name = f"{plant}, {scene}, {path}"
         robot = self.arm.facts.robot
         self.chain = robot.chain()

@@ -8,11 +8,12 @@ continuous. Armature lies within 0.05 and 0.4 kg m2; the shipped twins' within 0
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import TwinConfig, load_twin
 from dovetail.scene import SceneConfig
 
@@ -115,22 +116,13 @@ class Choices:
         mass = float(SceneConfig().robot(self.inertia).mass[6])  # type: ignore[arg-type]
         scale = list(self.mass_scale)
         scale[6] += self.payload / mass
-        return TwinConfig(
+        names = {f.name for f in fields(self)} & {f.name for f in fields(TwinConfig)}
+        same = {name: getattr(self, name) for name in names}
+        return replace(
+            nominal_model(),
             description="random twin of the adversary in contact",
-            engine="mujoco",
-            seed=0,
-            inertia=self.inertia,  # type: ignore[arg-type]
-            mass_scale=tuple(scale),
-            gravity_residual=self.gravity_residual,  # type: ignore[arg-type]
-            damping=self.damping,
-            coulomb=self.coulomb,
-            armature=self.armature,
+            **(same | {"mass_scale": tuple(scale)}),
             command_delay=self.delay,
-            torque_noise=self.torque_noise,
-            position_noise=self.position_noise,
-            velocity_noise=self.velocity_noise,
-            contact_friction=self.contact_friction,
-            contact_time=self.contact_time,
             clearance_offset=self.clearance - SceneConfig().clearance,
         )
 

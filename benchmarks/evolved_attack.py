@@ -7,7 +7,8 @@
 The exact rigid arm, no contact, no delay. What is evolved: f* and theta of 40 actions
 at 20 Hz, the configuration at the start, and with `--states stale` which 2 % of the
 messages arrive late, repeated or not at all; with `--states bad` some have wrong
-numbers, too, in any field, from 1e-5 to 1e3 rad, NaN and infinity. What is sought is
+numbers, too, in any field, from 1e-5 to 1e3 rad, NaN and infinity; `received` is `bad`
+without lost messages: where none arrives nothing can be done. What is sought is
 the largest excess of one kind over the true limits, margins not taken off. The worst
 episode of every search is written to a file and can be run again, also against another
 controller. A search whose file is there is not run again. With OPENBLAS_NUM_THREADS=1
@@ -19,6 +20,7 @@ import json
 import math
 import multiprocessing
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -45,6 +47,9 @@ SMALLEST, LARGEST = 1e-5, 1e3  # rad, rad/s: sizes of wrong numbers
 LONGEST = 5  # cycles that a state is late, repeated or lost
 RANDOM_SHARE = 0.3  # of a search's episodes, before it evolves the best of them
 REACH = 0.5  # weight of `reach` beside the excess over a wall
+
+KINDS = {"stale": range(3), "bad": range(8), "received": (0, 1, 3, 4, 5, 6, 7)}
+"""Of events: late, repeated, lost, and five ways in which numbers are wrong."""
 
 OBJECTIVES = {
     "wall": ("wall", 1e3, "mm"),
@@ -77,7 +82,9 @@ class Search:
         return self.folder / f"{name}-{f_star}{margins}{observed}-{self.index}.json"
 
 
-def bad_states(genes: Array, cycles: int, kinds: int) -> tuple[list[int], list[Wrong]]:
+def bad_states(
+    genes: Array, cycles: int, kinds: Sequence[int]
+) -> tuple[list[int], list[Wrong]]:
     """Decode events: when, of which kind, where, how large, how long."""
     age, wrong = [0] * cycles, []
     left = round(BAD_SHARE * cycles)
@@ -88,7 +95,7 @@ def bad_states(genes: Array, cycles: int, kinds: int) -> tuple[list[int], list[W
         if last <= first or any(age[first:last]):
             continue
         left -= last - first
-        what = min(int(share[1] * kinds), kinds - 1)
+        what = kinds[min(int(share[1] * len(kinds)), len(kinds) - 1)]
         for k in range(first, last):
             if what == 0:  # late by up to LONGEST cycles, one after the other
                 age[k] = min(k, last - first)
@@ -128,8 +135,7 @@ def decode(search: Search, centre: Array, genes: Array) -> Episode:
     f_star = settings.f_star * np.clip(genes[7 : 7 + 3 * ACTIONS], -1.0, 1.0)
     age, wrong = [0] * cycles, []
     if search.states != "true":
-        kinds = 3 if search.states == "stale" else 8
-        age, wrong = bad_states(genes[GENES:], cycles, kinds)
+        age, wrong = bad_states(genes[GENES:], cycles, KINDS[search.states])
     return Episode(
         q=centre + START_SPREAD * genes[:7],
         f_star=f_star.reshape(ACTIONS, 3),
@@ -247,7 +253,7 @@ def main() -> None:
     parser.add_argument("--cycles", type=int, default=2_000_000, help="per period")
     parser.add_argument("--searches", type=int, default=2, help="per period")
     parser.add_argument("--objective", choices=OBJECTIVES, default="wall")
-    parser.add_argument("--states", choices=("true", "stale", "bad"), default="true")
+    parser.add_argument("--states", choices=("true", *KINDS), default="true")
     parser.add_argument("--f-star", type=float, default=30.0, help="[m/s2]")
     parser.add_argument("--task", default="XYZ:force A:pose BC:hold")
     parser.add_argument("--force-damping", type=float, default=0.0, help="[1/s]")

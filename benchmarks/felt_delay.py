@@ -8,11 +8,11 @@ Each joint is pushed for two seconds; a line for each twin and period.
 import argparse
 from dataclasses import replace
 
-from dovetail.arm_feel import quiet, simulated_step
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, build_local_arm
 from dovetail.feel.feeling import feel_arm
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.local_arm_checks import HOLE, Q_SEED, START
 from dovetail.plants.twin import load_twin
 from dovetail.scene import SceneConfig

@@ -8,8 +8,9 @@ tare's own way counts, too.
     python benchmarks/period_table.py --tries 60 --workers 2
 
 A single cell: `--period 1ms --twin hard --push 30`. `none` is MuJoCo alone, and
-`stiff` the same with contacts of 2 ms at every period; `--margins` chooses those of the
-limits. Below 0 is inside. Rows are printed as they come; `--json FILE` keeps every try.
+`stiff` the same with contacts of 2 ms at every period; `--margins model` takes those of
+an arm that is exactly as its model. Below 0 is inside. Rows are printed as they come;
+`--json FILE` keeps every try.
 """
 
 import argparse
@@ -62,7 +63,7 @@ class Cell(NamedTuple):
     push: float
     """Largest push [N]."""
     margins: str
-    """Of the limits: "model" or "hardware"."""
+    """Of the limits: "hardware", as an arm is built, or "model"."""
     encoders: bool
     """Whether velocities come from positions, as behind FRI."""
     policy: str
@@ -103,7 +104,7 @@ def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
         options["twin"] = cell.twin
     perturbation = Perturbation(push=cell.push)
     env = make_perturbed(policy.metadata["env_id"], perturbation, options)
-    if cell.margins == "hardware" or cell.encoders:
+    if cell.margins == "model" or cell.encoders:
         _rebuild(env.unwrapped, cell)
     return policy, env
 
@@ -112,11 +113,11 @@ def _rebuild(env: Any, cell: Cell) -> None:
     """Give an environment's arm other margins or encoders; the judge keeps its own."""
     old, facts = env.arm, env.arm.facts
     limits = facts.limits
-    if cell.margins == "hardware":
+    if cell.margins == "model":
         limits = LimitConfig.for_period(
             facts.robot,
             facts.period,
-            hardware=True,
+            hardware=False,
             x_min=facts.limits.x_min,
             x_max=facts.limits.x_max,
             dx_max=facts.limits.dx_max,
@@ -249,7 +250,7 @@ def main() -> None:
     default = ["none", "easy", "medium", "hard"]
     parser.add_argument("--twin", nargs="+", choices=known, default=default)
     parser.add_argument("--push", type=float, nargs="+", default=[0, 30], help="[N]")
-    parser.add_argument("--margins", choices=("model", "hardware"), default="model")
+    parser.add_argument("--margins", choices=("hardware", "model"), default="hardware")
     parser.add_argument(
         "--encoders", action="store_true", help="no measured velocity, as behind FRI"
     )

@@ -14,6 +14,7 @@ from dovetail.plants.twin import TWIN_FOLDER
 
 ROOT = Path(__file__).parent.parent
 BLOCK = re.compile(r"```bash\n(.*?)```", re.S)
+CONTINUED = re.compile(r"\\\n\s*")
 FENCED = re.compile(r"^ *```.*?^ *```", re.S | re.M)
 SPAN = re.compile(r"`(dovetail [^`]+)`")
 STANDS_FOR = {"POLICY": "peg_square", "model.toml": str(TWIN_FOLDER / "easy.toml")}
@@ -24,7 +25,7 @@ PLACEHOLDER = re.compile(r"\.\.\.|\b[A-Z]{3,}\b")
 def lines(text):
     """Yield the commands of bash blocks, and those in the text between code spans."""
     for block in BLOCK.findall(text):
-        for line in block.splitlines():
+        for line in CONTINUED.sub(" ", block).splitlines():
             if line.strip().startswith("dovetail "):
                 yield line.strip()
     for line in SPAN.findall(FENCED.sub("", text)):

@@ -12,6 +12,7 @@ import pytest
 from dovetail.episode import OBSERVED, Episode, log_columns, unit_of
 from dovetail.errors import LogError
 from dovetail.plants.plant import CYCLE_COLUMNS
+from extras import need
 
 
 def cycles(count, start=0.0, rng=None):
@@ -34,7 +35,7 @@ def test_a_saved_log_loads_with_the_same_numbers_columns_units_and_metadata(
     tmp_path, suffix
 ):
     if suffix == ".parquet":
-        pytest.importorskip("pyarrow")
+        need("pyarrow")
     episode = make_episode(observation=np.arange(14.0))
     path = episode.save(tmp_path / f"log{suffix}")
     loaded = Episode.load(path)

@@ -5,6 +5,7 @@ import pytest
 
 from dovetail.errors import ConfigError
 from dovetail.robot import Robot, iiwa14
+from extras import need
 
 AXES = ("0 0 1", "0 1 0", "0 0 1", "0 -1 0", "0 0 1", "0 1 0", "0 0 1")
 HEIGHTS = (0.1475, 0.2125, 0.228, 0.192, 0.2075, 0.1925, 0.091)
@@ -44,7 +45,7 @@ def write(tmp_path, text, name="arm.urdf"):
 
 
 def test_a_urdf_with_other_axes_equals_pinocchio(tmp_path, rng):
-    pin = pytest.importorskip("pinocchio")
+    pin = need("pinocchio")
     path = write(tmp_path, urdf())
     robot = Robot.from_urdf(path, flange="hand")
     np.testing.assert_allclose(robot.q_max, 2.0)
@@ -69,7 +70,7 @@ def test_a_urdf_with_other_axes_equals_pinocchio(tmp_path, rng):
 
 @pytest.mark.bullet
 def test_the_urdf_of_pybullet_is_our_pybullet_set(rng):
-    folder = pytest.importorskip("pybullet_data").getDataPath()
+    folder = need("pybullet_data").getDataPath()
     read = Robot.from_urdf(f"{folder}/kuka_iiwa/model.urdf").chain()
     ours, flange = iiwa14("pybullet").chain(), iiwa14("pybullet").flange_position
     for _ in range(100):

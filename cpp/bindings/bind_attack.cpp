@@ -80,12 +80,12 @@ void bind_attack(nb::module_& m) {
       "run_attack",
       [](const Controller& controller, const RigidPlant& plant, InputRows f_star,
          InputRows quat, int cycles_per_target, const std::vector<int>& age,
-         const std::vector<Wrong>& wrong, bool is_observed, int looks, bool trace) {
+         const std::vector<Wrong>& wrong, double observer_gain, int looks, bool trace) {
         if (cycles_per_target < 1 || looks < 1) {
           throw std::invalid_argument("cycles_per_target and looks must be at least 1");
         }
         const Attack attack{targets_of(f_star, quat), cycles_per_target, age,
-                            wrong_of(wrong), is_observed};
+                            wrong_of(wrong), observer_gain};
         Rows rows = Rows::Zero(trace ? static_cast<Eigen::Index>(age.size()) : 0,
                                column_at(sizeof(AttackRow)));
         AttackResult result;
@@ -97,7 +97,7 @@ void bind_attack(nb::module_& m) {
         return std::pair(dict_of(result), rows);
       },
       "controller"_a, "plant"_a, "f_star"_a, "quat_wxyz_d"_a, "cycles_per_target"_a,
-      "age"_a, "wrong"_a = std::vector<Wrong>{}, "is_observed"_a = false, "looks"_a = 1,
+      "age"_a, "wrong"_a = std::vector<Wrong>{}, "observer_gain"_a = 0.0, "looks"_a = 1,
       "trace"_a = false,
       "One episode from the plant's state under an adversary, on copies: targets (n, "
       "6) "

@@ -126,8 +126,8 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
   AttackResult result;
   const double period = controller.period();
   Side side{controller, plant, {}};
-  if (attack.is_observed) {
-    side.observer.emplace(period);
+  if (attack.observer_gain > 0.0) {
+    side.observer.emplace(period, attack.observer_gain);
     side.observer->reset(plant.q());
   }
   std::optional<Side> clean;  // goes on from before the last bad sample, undeceived
@@ -143,7 +143,8 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
     if (is_lost(now)) break;
     const int age = std::min(attack.age[k], k);
     State seen = past[k - std::max(age, 0)];
-    bool is_bad = age != 0;
+    const bool is_lost_message = age < 0;
+    bool is_bad = age > 0;
     for (; wrong != attack.wrong.end() && wrong->cycle <= k; ++wrong) {
       if (wrong->cycle < k) continue;
       double& number =
@@ -151,8 +152,11 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
       number += wrong->error;
       is_bad = true;
     }
-    if (is_bad) {
-      ++result.bad_cycles;
+    if (is_bad || is_lost_message) ++result.bad_cycles;
+    if (is_lost_message) {
+      clean.reset();  // the torque that follows is late, and none of a bad sample's
+      since_bad = AttackResult::kAfterBad;
+    } else if (is_bad) {
       if (since_bad > 0) clean.emplace(side);  // a burst is one event
       since_bad = 0;
     } else if (++since_bad > AttackResult::kAfterBad) {
@@ -173,7 +177,7 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
       clean->step(clean->plant.q(), clean->plant.dq(), target);
       const Vec7 by_bad = change - (clean->tau - clean_before);
       keep(result.step_after_bad, Vec7(change.cwiseAbs()), k);
-      keep(result.step_by_bad, Vec7(by_bad.cwiseAbs()), k);
+      keep(result.step_by_bad, Vec7(by_bad.cwiseAbs().cwiseMin(change.cwiseAbs())), k);
       clean->plant.apply(clean->tau, period);
     }
     judge.motor(side.plant, side.tau, k, result);

@@ -27,8 +27,8 @@ Bound smallest(double position, double velocity, double acceleration) noexcept {
 double position_bound(double d, double v, double T) noexcept {
   const double at_end = 2.0 * (d - v * T) / (T * T);
   if (v <= 0.0 || at_end > -v / T) return at_end;
+  if (d <= 0.0) return at_end;
   // The turning point lies inside the interval.
-  if (d <= 0.0) return -std::numeric_limits<double>::infinity();
   return std::min(-v * v / (2.0 * d), -v / T);
 }
 

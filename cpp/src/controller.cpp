@@ -23,12 +23,9 @@ constexpr double kUsualEstimate = 0.3;  // ... except of a joint that is at its 
 constexpr double kLargestHeld = 0.12;
 constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
-// After the last line the estimate is slow [1/s].
-constexpr double kEndRate = 60.0;
-
+constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
 // Of the estimate's slow part, with which a hold after the last line begins [1/s].
 constexpr double kWeightRate = 8.0;
-
 constexpr double kInMotion = 0.05;   // [rad/s]
 constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset in motion
 
@@ -53,7 +50,7 @@ bool is_same(const Target& a, const Target& b) noexcept {
   return a.joint_mode == b.joint_mode && a.stay == b.stay && a.f_star == b.f_star &&
          a.position_d == b.position_d && a.quat_wxyz_d == b.quat_wxyz_d &&
          a.velocity_d == b.velocity_d && a.acceleration_d == b.acceleration_d &&
-         a.near_plane == b.near_plane && a.q_d == b.q_d;
+         a.near_plane == b.near_plane && a.q_d == b.q_d && a.f_tare == b.f_tare;
 }
 
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
@@ -72,6 +69,8 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
       wall_params_{limits.bounds,    period,         limits.kappa,
                    limits.eta_wall,  limits.delta_x, limits.delta_v,
                    limits.authority, limits.passive, limits.brake_rate},
+      x_min_(limits.x_min),
+      x_max_(limits.x_max),
       check_(limits),
       last_line_(limits) {
   const auto walls_off = Vec3::Constant(kInfinity);
@@ -143,13 +142,11 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   Minv_ = factor_.inverse();
   h_ = terms_.c + limits_.damping.cwiseProduct(dq);
   const Vec7 usual = kUsualEstimate * limits_.tau_max;
-  push_.noalias() = Minv_ * disturbance_.cwiseMax(-usual).cwiseMin(usual);
-  push_whole_.noalias() = Minv_ * disturbance_;
+  const Vec7 cut = disturbance_.cwiseMax(-usual).cwiseMin(usual);
+  push_.noalias() = Minv_ * cut;
+  push_whole_ = push_;
+  if (cut != disturbance_) push_whole_.noalias() = Minv_ * disturbance_;
   push_x_.noalias() = terms_.J.topRows<3>() * push_;
-  const Vec7 most = (kLargestHeld * limits_.tau_max)
-                        .cwiseMax(kLeastHeld)
-                        .cwiseMin(0.5 * limits_.tau_max);
-  held_.noalias() = Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
   lo_ = -limits_.tau_max - tool_.g;
   hi_ = limits_.tau_max - tool_.g;
 }
@@ -171,11 +168,10 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   if (!limits_.walls) return;
   for (int i = 0; i < 3; ++i) {
     const double speed = tool_.twist[i];
-    const Interval wall =
-        not_empty(acceleration_bounds(tool_.p[i], speed, limits_.x_min[i],
-                                      limits_.x_max[i], limits_.dx_max[i],
-                                      limits_.ddx_max[i], wall_params_, push_x_[i]),
-                  speed);
+    const Interval wall = not_empty(
+        acceleration_bounds(tool_.p[i], speed, x_min_[i], x_max_[i], limits_.dx_max[i],
+                            limits_.ddx_max[i], wall_params_, push_x_[i]),
+        speed);
     bounds_.cl[i] = wall.lb;
     bounds_.cu[i] = wall.ub;
     bounds_.cl_cause[i] = wall.lb_cause;
@@ -277,6 +273,14 @@ Vec7 Controller::braking() const noexcept {
   return (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
 }
 
+/// The part of the disturbance that a hold acts against [rad/s2].
+Vec7 Controller::held() const noexcept {
+  const Vec7 most = (kLargestHeld * limits_.tau_max)
+                        .cwiseMax(kLeastHeld)
+                        .cwiseMin(0.5 * limits_.tau_max);
+  return Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
+}
+
 /// The damped hold: this acceleration, by a torque that holds against h.
 StepResult Controller::hold(const Vec7& a, const Vec7& h) const noexcept {
   StepResult result;
@@ -296,8 +300,9 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 asked = (braking() - held_).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  const StepResult result = hold(asked + push_, bias());
+  const Vec7 asked = (braking() - held()).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  StepResult result = hold(asked + push_, bias());
+  soften(result);
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
   has_last_ = true;
@@ -321,11 +326,14 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   // Less braking than was asked for is no drive: the arm must be driven, too.
   const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
   const double driven = dq.dot(result.tau - h_);
-  const double power = target.joint_mode ? 0.0 : std::min(added, driven);
+  // A wall that takes the tool back inside works against what is asked.
+  const bool is_led = x_min_ != limits_.x_min || x_max_ != limits_.x_max;
+  const double power = target.joint_mode || is_led ? 0.0 : std::min(added, driven);
   return !last_line_.check({dq, explained, power, elapsed});
 }
 
 StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
+  soften(result);
   const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
   if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
     result.flags.unsafe = true;
@@ -357,6 +365,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     result = brake(q, dq);
   } else {
     update_model(q, dq);
+    update_walls(since);
     update_bounds(q, dq);
     if (is_ended) {
       follow_end(q, dq, result);

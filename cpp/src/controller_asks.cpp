@@ -1,5 +1,5 @@
 // What a cycle asks for: of the task, of the joints, or of an arm whose motion was
-// ended; before the limits.
+// ended; before the limits. And how quickly an answer to a doubtful state may come.
 #include <algorithm>
 #include <cmath>
 
@@ -23,9 +23,27 @@ constexpr double kNearTime = 0.04;
 // Height over the near plane in which near_press comes to act whole [m].
 constexpr double kNearBand = 0.002;
 
+// At which a wall comes in from where the tool was at the start, outside of it [m/s].
+constexpr double kReturnSpeed = 0.05;
+
+// While the state is in doubt: what a torque may change in a cycle [Nm].
+constexpr double kLargestStep = 18.0;
+
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
 }  // namespace
+
+/// A wall that the tool is behind at the start, margin included, begins at the tool,
+/// and comes in slowly: it takes the tool along.
+void Controller::update_walls(double elapsed) noexcept {
+  const double way = kReturnSpeed * elapsed;
+  const double margin = wall_params_.delta_x;
+  x_min_ = has_walls_ ? Vec3(x_min_.array() + way) : Vec3(tool_.p.array() - margin);
+  x_max_ = has_walls_ ? Vec3(x_max_.array() - way) : Vec3(tool_.p.array() + margin);
+  x_min_ = x_min_.cwiseMin(limits_.x_min);
+  x_max_ = x_max_.cwiseMax(limits_.x_max);
+  has_walls_ = true;
+}
 
 /// Speed limit of a TCP axis [m/s]: near_speed below the near plane, above it what can
 /// be braked to that in time.
@@ -136,7 +154,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
   has_posture_ = false;
-  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held_;
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held();
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
@@ -156,10 +174,22 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
     q_end_ = q;
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
-  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held_;
+  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held();
   result.flags = Flags{};
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   has_posture_ = false;
+}
+
+/// While the state is in doubt the torque changes slowly, into a damped hold and out of
+/// it, too: on the straight line between the last torque and the wanted one, which
+/// keeps limits that both keep. Joint by joint each would disturb the others.
+void Controller::soften(StepResult& result) const noexcept {
+  if (!check_.is_in_doubt() || !has_last_) return;
+  const Vec7 change = result.tau - tau_last_;
+  const double most = change.cwiseAbs().maxCoeff();
+  if (!(most > kLargestStep)) return;
+  result.tau = tau_last_ + (kLargestStep / most) * change;
+  result.a = Minv_ * (result.tau - h_) + push_;
 }
 
 }  // namespace dovetail

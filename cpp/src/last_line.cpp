@@ -56,23 +56,20 @@ void LastLine::end(EndCause cause, int joint, double value, double limit) noexce
 }
 
 /// Follows one joint's speed to its next turn; true where it swings on and on.
-bool LastLine::swings(int joint, const LastLineInput& input) noexcept {
+bool LastLine::swings(int joint, const LastLineInput& input,
+                      const Fading& fading) noexcept {
   Swing& s = swing_[static_cast<std::size_t>(joint)];
-  const double elapsed = input.elapsed;
   const double dq = input.dq[joint];
-  const double fade = std::exp(-kForget * elapsed);
-  s.excused = std::max(fade * s.excused, kExcuse * std::abs(input.explained[joint]));
-  s.slow += (1.0 - std::exp(-kSlowRate * elapsed)) * (dq - s.slow);
-  s.since += elapsed;
+  s.excused =
+      std::max(fading.left * s.excused, kExcuse * std::abs(input.explained[joint]));
+  s.slow += fading.slow * (dq - s.slow);
+  s.since += input.elapsed;
   const double fast = s.direction * (dq - s.slow);
   if (fast > s.direction * s.extreme) {
     s.extreme = s.direction * fast;
     return false;
   }
-  if (s.direction * s.extreme - fast < kHysteresis * dq_max_[joint]) {
-    if (s.since > kSlowest) s.count = 0;
-    return false;
-  }
+  if (s.direction * s.extreme - fast < kHysteresis * dq_max_[joint]) return false;
   const double width = std::abs(s.extreme - s.turn);
   s.least = kWidth * dq_max_[joint] + s.excused;
   const bool is_swing = width > s.least && s.since > kQuickest && s.since < kSlowest;
@@ -87,8 +84,10 @@ bool LastLine::swings(int joint, const LastLineInput& input) noexcept {
 
 bool LastLine::check(const LastLineInput& input) noexcept {
   if (!is_on_) return false;
+  const Fading fading{std::exp(-kForget * input.elapsed),
+                      1.0 - std::exp(-kSlowRate * input.elapsed)};
   for (int i = 0; i < kNumJoints; ++i) {
-    if (swings(i, input)) {
+    if (swings(i, input, fading)) {
       const Swing& s = swing_[static_cast<std::size_t>(i)];
       end(EndCause::kOscillation, i, s.width, s.least);
     }
@@ -96,8 +95,7 @@ bool LastLine::check(const LastLineInput& input) noexcept {
       end(EndCause::kSpeed, i, input.dq[i], dq_end_[i]);
     }
   }
-  work_ = std::exp(-kForget * input.elapsed) * work_ +
-          std::max(input.limiter_power, 0.0) * input.elapsed;
+  work_ = fading.left * work_ + std::max(input.limiter_power, 0.0) * input.elapsed;
   if (work_ > kWork) end(EndCause::kEnergy, -1, work_, kWork);
   return cause_ != EndCause::kNone;
 }

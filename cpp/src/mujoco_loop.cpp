@@ -140,10 +140,13 @@ void MujocoLoop::apply(const Vec7& tau, int steps, const Vec7& drive) {
   measure();
 }
 
-CycleRow MujocoLoop::begin_row(const Chain& chain, const Vec7& tau,
+/// The tool is that of what is measured. A controller that believed it has it already.
+CycleRow MujocoLoop::begin_row(const Controller& controller, const Vec7& tau,
                                const Target& target) const noexcept {
-  ToolMotion motion;  // of what is measured, not of what the controller believes
-  chain.tool_motion(q_, dq_, motion);
+  ToolMotion motion = controller.tool();
+  if (controller.state().q() != q_ || controller.state().dq() != dq_) {
+    controller.chain().tool_motion(q_, dq_, motion);
+  }
   CycleRow row;
   row.time = data_->time;
   row.q = q_;
@@ -171,7 +174,7 @@ void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
   for (int i = 0; i < cycles; ++i, log += kCycleColumns) {
     const StepResult result = controller.step(q_, dq_, held);
     held.age += controller.period();
-    CycleRow row = begin_row(controller.chain(), result.tau, target);
+    CycleRow row = begin_row(controller, result.tau, target);
     run_row(row, steps, result.flags, log);
   }
 }
@@ -202,7 +205,7 @@ void MujocoLoop::run_faulty(Controller& controller, const Target& target, int cy
         probe_->command(result.tau + nominal_.gravity(past_q_[at]), flags);
       }
     }
-    CycleRow row = begin_row(controller.chain(), tau_held_, target);
+    CycleRow row = begin_row(controller, tau_held_, target);
     run_row(row, steps, flags, log);
   }
 }

@@ -18,6 +18,12 @@ constexpr double kSpeedShare = 1.3;
 // What hits the arm may be as strong as its motors, over and above them.
 constexpr double kKickShare = 3.0;
 
+// A joint that became faster went farther, by half of it times the period if the push
+// was even. Of a blow at the end of the interval so much can be [rad/s]: the next
+// sample shows its way, too.
+constexpr double kBlowWay = 2.5;
+constexpr double kBlowSpeed = 0.2;
+
 // What one plausible sample may change, as a torque [Nm], under the stiffest laws that
 // act on position [1/s2] and on speed [1/s].
 constexpr double kTorque = 10.0;
@@ -25,6 +31,9 @@ constexpr double kStiffest = 3000.0;
 constexpr double kQuickest = 60.0;
 constexpr double kLeastPosition = 2e-4;  // ... and never less than noise [rad]
 constexpr double kLeastSpeed = 0.05;     // [rad/s]
+// ... and never more than this: a wrist moves the tool, and with it the whole arm.
+constexpr double kMostPosition = 1e-3;
+constexpr double kMostSpeed = 0.2;
 
 // Motion below which a repeated sample says nothing [rad].
 constexpr double kStill = 1e-6;
@@ -32,27 +41,67 @@ constexpr double kStill = 1e-6;
 }  // namespace
 
 StateCheck::StateCheck(const LimitParams& limits) noexcept
-    : dq_max_(limits.dq_max), tau_max_(limits.tau_max) {}
+    : dq_max_(limits.dq_max), tau_max_(limits.tau_max) {
+  seen_.fill(Vec7::Zero());
+}
 
 void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
-  q_ = q_seen_ = q;
+  q_ = q;
   dq_ = dq_seen_ = dq;
+  seen_.fill(q);
   since_ = 0.0;
-  implausible_ = agreed_ = repeated_ = 0;
+  implausible_ = agreed_ = repeated_ = in_doubt_ = 0;
+  is_surprised_ = false;
   is_fresh_ = true;
 }
 
-/// Whether a joint can have come from there in the time; notes the one that cannot.
-bool StateCheck::is_reachable(const Vec7& q, const Vec7& dq, const Vec7& q_from,
-                              const Vec7& dq_from, const Vec7& kick,
-                              double elapsed) noexcept {
+/// Whether what was not expected is worth a torque that may come at once.
+bool StateCheck::is_within(const Vec7& farther, const Vec7& faster,
+                           const Vec7& inertia) const noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
-    const double speed = kSpeedShare * dq_max_[i];
-    const bool is_near =
-        std::abs(q[i] - q_from[i]) <= speed * elapsed + kNoisePosition &&
-        std::abs(dq[i]) <= 2.0 * dq_max_[i] + kNoiseSpeed &&
-        std::abs(dq[i] - dq_from[i]) <= kick[i] * elapsed + kNoiseSpeed;
-    if (is_near) continue;
+    const double way =
+        std::clamp(kTorque / (kStiffest * inertia[i]), kLeastPosition, kMostPosition);
+    const double speed =
+        std::clamp(kTorque / (kQuickest * inertia[i]), kLeastSpeed, kMostSpeed);
+    if (std::abs(farther[i]) > way || std::abs(faster[i]) > speed) return false;
+  }
+  return true;
+}
+
+/// The prediction stands for this sample.
+void StateCheck::refuse(const Vec7& q_next, const Vec7& dq_next) noexcept {
+  q_ = q_next;
+  dq_ = dq_next;
+  in_doubt_ = kDoubt;
+}
+
+void StateCheck::remember(const Vec7& q, const Vec7& dq) noexcept {
+  newest_ = (newest_ + 1) % kRemembered;
+  seen_[newest_] = q;
+  dq_seen_ = dq;
+}
+
+/// Whether this very sample has come before.
+bool StateCheck::is_old(const Vec7& q) const noexcept {
+  return std::any_of(seen_.begin(), seen_.end(),
+                     [&](const Vec7& seen) { return q == seen; });
+}
+
+/// Whether what a joint did beyond what was expected can be motion: no more than the
+/// kick allows, and as far as the speed that came of it goes. Notes the joint that
+/// cannot.
+bool StateCheck::is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
+                         const Vec7& dq_expected, const Vec7& kick, double blow,
+                         double time) noexcept {
+  for (int i = 0; i < kNumJoints; ++i) {
+    const double farther = std::abs(q[i] - q_expected[i]);
+    const double faster = std::abs(dq[i] - dq_expected[i]);
+    if (std::abs(dq[i]) <= 2.0 * dq_max_[i] + kNoiseSpeed &&
+        faster <= kick[i] * time + kNoiseSpeed &&
+        faster <= kBlowWay * farther / time + blow + kNoiseSpeed &&
+        farther <= (faster + kNoiseSpeed) * time + kNoisePosition) {
+      continue;
+    }
     joint_ = i;
     return false;
   }
@@ -78,47 +127,49 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const bool is_start = is_fresh_ && is_number && is_first(q, dq, elapsed);
   is_fresh_ = false;
   if (is_start) {
-    q_ = q_seen_ = q;
+    q_ = q;
     dq_ = dq_seen_ = dq;
+    seen_.fill(q);
     return;
   }
-  // An old sample, until too many say the same: then the arm does stand there.
-  const bool is_repeated = is_number && q == q_seen_ && repeated_ < kAgreed &&
-                           elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
-  repeated_ = is_number && q == q_seen_ ? repeated_ + 1 : 0;
-  const Vec7 kick = kKickShare * tau_max_.cwiseQuotient(inertia);
   since_ += elapsed;
-  if (is_repeated) {
-    q_ = q_next;
-    dq_ = dq_next;
+  in_doubt_ = std::max(in_doubt_ - 1, 0);
+  // An old sample, until too many say the same: then the arm does stand there.
+  const bool was_seen = is_number && is_old(q);
+  const bool is_late =
+      was_seen && repeated_ < kAgreed && elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
+  repeated_ = was_seen ? repeated_ + 1 : 0;
+  if (is_late) {
+    refuse(q_next, dq_next);
     return;
   }
-  const bool is_plausible = is_number && is_reachable(q, dq, q_, dq_next, kick, since_);
+  const Vec7 kick = kKickShare * tau_max_.cwiseQuotient(inertia);
+  const bool is_plausible =
+      is_number &&
+      is_near(q, dq, q_next, dq_next, kick, is_surprised_ ? 0.0 : kBlowSpeed, since_);
+  const bool is_expected = is_plausible && is_within(q - q_next, dq - dq_next, inertia);
   // Not where it was expected: does it agree with the sample before?
-  const bool agrees =
-      is_number && is_reachable(q, dq, q_seen_, dq_seen_, kick, elapsed);
-  if (is_number) {
-    q_seen_ = q;
-    dq_seen_ = dq;
-  }
-  agreed_ = agrees && !is_plausible ? agreed_ + 1 : 0;
+  const bool agrees = is_number && is_near(q, dq, seen_[newest_] + elapsed * dq_seen_,
+                                           dq_seen_, kick, kBlowSpeed, elapsed);
+  if (is_number) remember(q, dq);
+  agreed_ = agrees && !is_expected ? agreed_ + 1 : 0;
+  const bool was_surprised = is_surprised_;
+  // After a time without samples the prediction is worth less than the first of them.
+  const bool was_blind = implausible_ > kRemembered;
+  const bool is_confirmed = is_plausible && ((was_surprised && agrees) || was_blind);
+  is_surprised_ = is_plausible && !is_expected && !is_confirmed;
   if (agreed_ >= kAgreed) {
     reset(q, dq);
-    return;
-  }
-  if (!is_plausible) {
-    ++implausible_;
-    q_ = q_next;
-    dq_ = dq_next;
-    return;
-  }
-  implausible_ = 0;
-  since_ = 0.0;
-  for (int i = 0; i < kNumJoints; ++i) {
-    const double speed = std::max(kTorque / (kQuickest * inertia[i]), kLeastSpeed);
-    const double way = std::max(kTorque / (kStiffest * inertia[i]), kLeastPosition);
-    q_[i] = q_next[i] + std::clamp(q[i] - q_next[i], -way, way);
-    dq_[i] = dq_next[i] + std::clamp(dq[i] - dq_next[i], -speed, speed);
+    in_doubt_ = kDoubt;
+  } else if (is_expected || is_confirmed) {
+    implausible_ = 0;
+    since_ = 0.0;
+    q_ = q_next + (q - q_next);
+    dq_ = dq_next + (dq - dq_next);
+    if (is_confirmed) in_doubt_ = kDoubt;
+  } else {
+    if (!is_surprised_ || was_surprised) ++implausible_;
+    refuse(q_next, dq_next);
   }
 }
 

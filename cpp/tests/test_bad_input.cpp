@@ -89,7 +89,7 @@ BOOST_AUTO_TEST_CASE(a_bad_measurement_is_a_damped_hold) {
         require_one_hold(at_rest, q, wrong, target);
       }
     }
-    for (const double bad : {kNaN, kInfinity, -kInfinity}) {
+    for (const double bad : {kNaN, kInfinity, -kInfinity, 1e300, kLongestTime}) {
       require_one_hold(at_rest, q, Vec7::Zero(), target, bad);
     }
   }

@@ -93,6 +93,35 @@ BOOST_AUTO_TEST_CASE(what_decays_is_slow_or_small_does_not_end) {
   }
 }
 
+BOOST_AUTO_TEST_CASE(only_swings_between_seven_and_two_hundred_and_fifty_hertz_count) {
+  const double wide = 0.9 * limits.dq_max[2];
+  const auto quick = [&](double t) { return std::lround(1e3 * t) % 2 ? wide : -wide; };
+  BOOST_TEST((run(2, quick, 0.001).cause() == EndCause::kNone));  // a sample a turn
+  for (const double period : kPeriods) {
+    const auto slow = [&](double t) { return swing(wide, 5.5, t); };
+    const auto in_between = [&](double t) { return swing(wide, 10.0, t); };
+    BOOST_TEST((run(2, slow, period).cause() == EndCause::kNone));
+    BOOST_TEST((run(2, in_between, period).cause() == EndCause::kOscillation));
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_reset_forgets_the_swings_so_far) {
+  LastLine line(limits);
+  double time = 0.0;
+  const auto go_on = [&](double duration) {
+    for (double end = time + duration; time < end; time += 0.001) {
+      Vec7 dq = Vec7::Zero();
+      dq[2] = swing(0.5 * limits.dq_max[2], 10.0, time);
+      line.check({dq, explained, power, 0.001});
+    }
+    return line.cause() != EndCause::kNone;
+  };
+  double until_end = 0.0;
+  for (; !go_on(0.005); until_end += 0.005) BOOST_REQUIRE(until_end < 1.0);
+  line.reset();
+  BOOST_TEST(!go_on(0.6 * until_end));
+}
+
 BOOST_AUTO_TEST_CASE(a_swing_that_the_target_explains_does_not_end) {
   // A policy that reverses 15 rad/s2 at 20 Hz makes the joint swing at 10 Hz.
   for (const bool is_told : {true, false}) {

@@ -17,8 +17,6 @@ from dovetail.arm_feel import (
     check_period_proven,
     feel_checks,
     last_words,
-    quiet,
-    simulated_step,
 )
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
@@ -36,6 +34,8 @@ from dovetail.envs.arm_setup import (
     make_settings,
 )
 from dovetail.errors import ArmError
+from dovetail.feel.busy import busy_words
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel.spring import feel_spring
 from dovetail.feel_checks import check_rest
@@ -119,7 +119,8 @@ def run_arm_checks(
                 yield check
         except ArmError as error:
             last = last_words(arm, is_resting=name in _RESTING)
-            yield Check("end of the motion", "broken", f"{error} {last}".strip())
+            text = f"{error} {last} {'' if error.reason == 'gaps' else busy_words()}"
+            yield Check("end of the motion", "broken", text.strip())
         if name != _LAST:
             return
     finally:
@@ -149,8 +150,8 @@ def _build(
 ) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
     # Whether the measured torque follows the commanded is what has to be found out.
-    timeout = address.target_timeout
-    watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
+    watchdog = WatchdogConfig(torque_error=math.inf)
+    watchdog = replace(watchdog, target_timeout=address.target_timeout)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
     return address.build(SceneConfig(), settings, watchdog)
 

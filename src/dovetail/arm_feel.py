@@ -1,18 +1,16 @@
 """Feel an arm for the doctor: hold it, push it, lean on it, let go of it in time."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm
 from dovetail.arms.fri_arm import FriArm
-from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.config import LimitConfig
 from dovetail.control.proven import unproven
 from dovetail.doctor import Check
 from dovetail.errors import ArmError, PlantError
-from dovetail.feel.excitation import STIFFNESS
 from dovetail.feel.feeling import feel_arm
 from dovetail.feel.resting import TORQUE_RMS, measure_rest
 from dovetail.feel.torque_balance import JointFit
@@ -24,12 +22,9 @@ from dovetail.feel_checks import (
     check_spring,
     describe_rest,
 )
-from dovetail.plants.plant import COLUMN, DynamicsConfig, physics_steps
+from dovetail.plants.plant import COLUMN
 from dovetail.types import JOINTS, Array, Vec7
 
-QUIET_RATE = 20.0
-"""Bandwidth of the disturbance estimate while an arm is felt [1/s]: it then bears a
-delay of 40 ms."""
 WILD = 0.3
 """Joint speed at which an arm that is held is let go of [rad/s]."""
 REST_TIME = 2.0
@@ -39,19 +34,6 @@ NUDGE, NUDGE_TURN = (0.5, 0.5, 0.5), 0.005
 about a millimetre."""
 AS_CONFIGURED = "rest, as tasks run"
 _SETTLE, _STEP = 0.5, 0.05
-
-
-def quiet(osc: OscConfig, limits: LimitConfig) -> tuple[OscConfig, LimitConfig]:
-    """Return settings with which an arm of any delay can be felt, wherever it is."""
-    return (
-        replace(osc, joint_stiffness=STIFFNESS),
-        replace(limits, walls=False, estimate_rate=QUIET_RATE),
-    )
-
-
-def simulated_step(period: float) -> float:
-    """Return the physics step [s] of a simulated arm at a control period [s]."""
-    return period / physics_steps(period, DynamicsConfig().physics_dt)
 
 
 def feel_checks(
@@ -66,7 +48,7 @@ def feel_checks(
     """Push and lean on an arm that is held; yield what it is found to be.
 
     Args:
-        arm: It rests at q, with the settings of `quiet`.
+        arm: It rests at q, with the settings of `feel.gains`.
         q: Where it rests [rad].
         limits: Of its controller, for the rotors that the model assumes.
         declared: What its owner says of it.

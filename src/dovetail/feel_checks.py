@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.proven import DECLARED, unproven
+from dovetail.control.proven import unproven
 from dovetail.doctor import Check
+from dovetail.feel.declared_delay import judge_delay
 from dovetail.feel.feeling import Feeling
 from dovetail.feel.missed_load import MissedLoad, explain_by_load
 from dovetail.feel.resting import Resting
@@ -19,8 +20,6 @@ from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 SPRING_MIN = 10.0
 """Stiffness that counts as one of the cabinet's [Nm/rad]."""
-DELAY_TOLERANCE = 5e-4
-"""How exactly a delay is measured [s]."""
 FIXED_MIN = 100.0
 """The same to a fixed position, where friction is mistaken for some [Nm/rad]."""
 GRAVITY_SHARE = 0.05
@@ -82,29 +81,8 @@ def describe_rest(resting: Resting) -> str:
 
 def check_delay(feeling: Feeling, declared: dict[str, float]) -> Check:
     """Compare the measured delay with the declared one."""
-    delay = feeling.delay
-    text = (
-        f"{1e3 * delay.delay:.1f} ms from torque to motion (+-"
-        f"{max(1e3 * delay.spread, 0.1):.1f} ms; joints turned by "
-        f"{feeling.turned:.3f} rad)"
-    )
-    if not delay.is_bracketed:
-        return Check(
-            "delay",
-            "broken",
-            f"{text}: outside what can be measured; something else than a delay is "
-            "wrong: friction, brakes, or torques that do not arrive",
-        )
-    if delay.delay <= declared["delay"] + DELAY_TOLERANCE:
-        said = f"{text}; declared: {1e3 * declared['delay']:g} ms"
-        return Check("delay", "ok", said)
-    (problem,) = unproven(delay=delay.delay, declared=declared)
-    if delay.delay <= DECLARED["delay"]:
-        problem += (
-            f", or declare at least {1e3 * delay.delay:.1f} ms (allowed: 0 to "
-            f"{1e3 * DECLARED['delay']:g} ms)"
-        )
-    return Check("delay", "broken", f"{text}: {problem}")
+    said = judge_delay(feeling, declared["delay"])
+    return Check("delay", "ok" if said.is_within else "broken", said.text)
 
 
 def check_spring(fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array) -> Check:

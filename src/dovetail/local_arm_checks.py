@@ -9,8 +9,6 @@ from dovetail.arm_feel import (
     check_as_configured,
     check_period_proven,
     feel_checks,
-    quiet,
-    simulated_step,
     watch,
 )
 from dovetail.arms.local_arm import LocalArm
@@ -23,6 +21,7 @@ from dovetail.envs.arm_setup import (
     make_settings,
 )
 from dovetail.envs.randomisation import tool_down
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel_checks import check_rest
 from dovetail.plants.plant import Plant

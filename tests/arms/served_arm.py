@@ -2,7 +2,7 @@
 
 import pytest
 
-pytest.importorskip("grpc")
+pytest.importorskip("grpc", reason="needs grpc: pip install '.[rpc]'")
 
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.rpc.builders import LocalBuilder

@@ -19,6 +19,7 @@ from dovetail.plants.plant import (
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
 from dovetail.scene import SceneConfig
+from extras import need
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
@@ -30,7 +31,7 @@ ARMS += ["remote", "fri"]
 def build(kind, task="XYZ:force A:pose BC:hold", period=0.005):
     """Build a local arm over an engine or the easy twin."""
     if kind == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     scene = SceneConfig()
     robot = scene.robot()
     if kind == "twin":

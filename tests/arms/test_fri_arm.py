@@ -11,6 +11,7 @@ from dovetail.plants.plant import COLUMN, PLANTS, DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.scene import SceneConfig
+from extras import need
 
 from .loopback import CabinetArm
 
@@ -55,7 +56,7 @@ def make(name, scene):
 )
 def test_same_episode_same_targets_same_motion_as_a_local_arm(engine):
     if engine != "mujoco":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     scene = SceneConfig()
     osc, limits = settings(scene)
     start = scene.robot().inverse_kinematics(

@@ -10,6 +10,7 @@ from dovetail.cabinet.stops import DECELERATION, Ramp, StopCategory
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.scene import SceneConfig
+from extras import need
 
 from .conftest import FIXTURE, Q_START, LightPlant
 from .test_wire import Direct, push_with
@@ -24,7 +25,7 @@ def build(name):
     if name == "crooked":
         plant = make_plant("mujoco", SceneConfig(), CROOKED)
     elif name == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
         plant = make_plant("bullet", SceneConfig(), DynamicsConfig())
     else:
         plant = TwinPlant(load_twin(name), SceneConfig())

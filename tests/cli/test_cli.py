@@ -10,6 +10,7 @@ import pytest
 from dovetail.cli import COMMANDS, main, run
 from dovetail.errors import DovetailError
 from dovetail.plants.twin import load_twin
+from extras import need
 
 
 def test_help_lists_every_command(capsys):
@@ -148,7 +149,7 @@ def test_results_go_into_a_new_folder_each_time(
 
 
 def test_a_policy_for_the_rail_clip_is_trained_and_then_evaluated(tmp_path, capsys):
-    pytest.importorskip("sbx")
+    need("sbx")
     run_folder = tmp_path / "run"
     words = ["train", "--env", "dovetail/RailClip-v0", "--out", str(run_folder)]
     words += ["--steps", "60", "--max-steps", "10", "--learning-starts", "30"]

@@ -6,6 +6,7 @@ import pytest
 
 from dovetail.cli import run
 from dovetail.plants.twin import load_twin
+from extras import need
 
 SHORT = ["--sequences", "2", "--steps", "6", "--arm", "twin:easy"]
 
@@ -26,7 +27,7 @@ def test_record_says_what_to_do_next(tmp_path, capsys):
 
 
 def test_fit_writes_a_model_that_a_twin_can_be(log, tmp_path, capsys):
-    pytest.importorskip("cmaes")
+    need("cmaes")
     out = tmp_path / "fit"
     words = ["--parameters", "gravity,mass_scale", "--evaluations", "16"]
     words += ["--workers", "1", "--out", str(out)]

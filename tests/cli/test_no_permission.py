@@ -3,6 +3,7 @@
 import pytest
 
 from dovetail.cli import run
+from extras import need
 
 CABINET = ("cabinet", "--plant", "mujoco")
 EVALUATE = ("evaluate", "peg_square", "--hole", "0.6", "0", "0.1", "0")
@@ -46,7 +47,7 @@ def test_a_port_that_is_not_permitted_is_one_message(
     words, message, forbidden_port, capsys
 ):
     if words[0] == "serve":
-        pytest.importorskip("grpc")
+        need("grpc")
     code = run([word.format(port=forbidden_port) for word in words])
     error = " ".join(capsys.readouterr().err.split())
     assert code == 2, error

@@ -21,6 +21,7 @@ TASK = TASKS[0]
 PERIOD = 1e-3
 NO_NUMBERS = (np.nan, np.inf, -np.inf)
 NO_INPUT = (*NO_NUMBERS, 1e300)
+LONGEST = 10.0  # s: an arm that was not controlled for as long starts anew
 NOWHERE = ("near_plane", 3, -np.inf)  # the one infinity with a meaning
 
 
@@ -114,7 +115,7 @@ def test_every_measured_number_is_guarded(require_one_hold, q_home, target):
         for index, number, bad in spoilt(inputs[name], NO_INPUT):
             state = {**inputs, name: bad}
             require_one_hold(*state.values(), target, where=(name, index, number))
-    for number in NO_NUMBERS:
+    for number in (*NO_INPUT, LONGEST):
         where = ("elapsed", number)
         require_one_hold(q_home, np.zeros(7), target, number, where=where)
 

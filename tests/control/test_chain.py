@@ -1,11 +1,13 @@
 """The C++ chain equals Pinocchio and MuJoCo: pose, J, dJ dq, M and bias."""
 
+import mujoco
 import numpy as np
 import pytest
 
 from dovetail.iiwa14 import INERTIA_SETS
 from dovetail.poses import quat_from_matrix
 from dovetail.robot import Robot, iiwa14
+from extras import need
 
 STATES = 200
 TOLERANCE = 1e-9  # SI units; entries are at most about 100
@@ -59,7 +61,7 @@ def mjcf(robot: Robot) -> str:
 
 
 def test_chain_equals_pinocchio(loaded, rng):
-    pin = pytest.importorskip("pinocchio")
+    pin = need("pinocchio")
     model, parent = pin.Model(), 0
     model.gravity.linear = np.array([0.0, 0.0, -9.81])
     for i in range(7):
@@ -96,7 +98,6 @@ def test_chain_equals_pinocchio(loaded, rng):
 
 
 def test_chain_equals_mujoco(loaded, rng):
-    mujoco = pytest.importorskip("mujoco")
     model = mujoco.MjModel.from_xml_string(mjcf(loaded))
     data, chain, M = mujoco.MjData(model), loaded.chain(), np.zeros((7, 7))
     J, drift = np.zeros((6, 7)), np.zeros((6, 7))

@@ -78,6 +78,23 @@ def test_a_reset_leaves_nothing_of_what_was(robot, q_home, limits):
         np.testing.assert_array_equal(used.run(10, **order), fresh.run(10, **order))
 
 
+def test_a_hold_after_a_reset_begins_without_what_pushed_before(robot, q_home, limits):
+    """The last line's hold begins with the slow part of what pushed."""
+    used, fresh = (Loop(robot, q_home, limits) for _ in range(2))
+    used.plant.set_external_force(np.array([0.0, 20.0, -30.0]))
+    used.run(100)
+    too_fast = 1.1 * limits.dq_max * np.eye(7)[6]
+    torques = []
+    for loop in (used, fresh):
+        pose = loop.hold
+        elsewhere = q_home + 0.2  # in motion from where it was, it would go on
+        loop.controller.reset(elsewhere, pose.position, pose.quat_wxyz, too_fast)
+        result = loop.controller.step(elsewhere, too_fast, _core.Target())
+        assert result.flags.ended
+        torques.append(result.tau)
+    np.testing.assert_array_equal(*torques)
+
+
 @pytest.mark.parametrize("lost", [1, 2, 5])
 def test_cycles_without_a_measurement_teach_the_estimate_nothing(
     robot, q_home, limits, lost

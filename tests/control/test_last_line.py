@@ -101,3 +101,77 @@ def test_an_implausible_sample_has_its_bit(robot, q_home):
     flags = loop.controller.step(jumped, np.zeros(7), _core.Target()).flags
     assert flags.packed >> 45 & 1
     assert flags.bad_input
+
+
+def free_arm(robot, q, task="XYZABC:force", dq=None, **limits):
+    """A controller at q and the exact arm."""
+    dq = np.zeros(7) if dq is None else dq
+    settings = LimitConfig.for_period(robot, 1e-3, **limits)
+    controller = make_controller(robot, OscConfig(), settings, task, 1e-3)
+    plant = _core.RigidPlant(
+        robot.chain(), damping=settings.damping, armature=settings.armature
+    )
+    plant.reset(q, dq)
+    pose = robot.tool_pose(q)
+    controller.reset(q - 1e-3 * dq, pose.position, pose.quat_wxyz, dq)
+    return controller, plant
+
+
+def ended(controller, plant, target, cycles):
+    """What the last line ended the motion for within some cycles."""
+    for _ in range(cycles):
+        plant.apply(controller.step(*plant.read(), target).tau, 1e-3)
+    return controller.end[0]
+
+
+def outside_a_joint_limit(robot, q):
+    q_max = robot.q_max.copy()
+    q_max[3] = q[3] - 0.1
+    return free_arm(robot, q, q_max=q_max)
+
+
+def test_work_of_limiters_is_seen(robot, q_home):
+    """Outside a joint's limit nothing but a limiter drives the arm."""
+    assert ended(*outside_a_joint_limit(robot, q_home), _core.Target(), 100) == "energy"
+
+
+def test_the_way_of_a_joint_target_is_no_limiters_work(robot, q_home):
+    """The power in the last cycle before it must not count on and on."""
+    J = robot.chain().jacobian(q_home)
+    dq = np.linalg.pinv(J) @ (0.2 * np.eye(6)[1])
+    controller, plant = free_arm(robot, q_home, dq=dq, ddx_max=1.0, x_max=2.0)
+    brake = _core.Target(f_star=-10.0 * np.eye(6)[1])
+    assert ended(controller, plant, brake, 5) == "none"
+    there = _core.Target(joint_mode=True, q_d=q_home + 0.3 * np.eye(7)[1])
+    assert ended(controller, plant, there, 300) == "none"
+    assert plant.read()[0][1] > q_home[1] + 0.01
+
+
+def test_less_braking_than_was_asked_for_is_no_drive(robot, q_home):
+    J = robot.chain().jacobian(q_home)
+    dq = np.linalg.pinv(J) @ (0.3 * np.eye(6)[1])
+    arm = free_arm(robot, q_home, dq=dq, ddq_max=1.0, walls=False)
+    brake = _core.Target(f_star=-10.0 * np.eye(6)[1])
+    assert ended(*arm, brake, 100) == "none"
+    assert 0.0 < (J @ arm[1].read()[1])[1] < 0.3  # it does brake
+
+
+def test_a_tare_that_changes_explains_what_it_changes(robot, q_home):
+    """Near contact f* is cut to what the tare leaves: another tare, another motion."""
+    period, half = 1e-3, 40
+    wide = {"x_min": -2.0, "x_max": 2.0, "dx_max": 5.0, "near_speed": 0.1}
+    limits = LimitConfig.for_period(robot, period, hardware=False, **wide)
+    controller = make_controller(robot, OscConfig(), limits, TASK, period)
+    plant = _core.RigidPlant(
+        robot.chain(), damping=limits.damping, armature=limits.armature
+    )
+    plant.reset(q_home, np.zeros(7))
+    pose = robot.tool_pose(q_home)
+    controller.reset(q_home, pose.position, pose.quat_wxyz)
+    target = _core.Target(f_star=30.0 * np.eye(6)[1])
+    target.near_plane = np.array([0.0, 0.0, 1.0, 9.0])
+    for cycle in range(400):
+        target.f_tare = 30.0 * (cycle // half % 2) * np.eye(6)[1]
+        result = controller.step(*plant.read(), target)
+        assert not result.flags.ended, controller.end
+        plant.apply(result.tau, period)

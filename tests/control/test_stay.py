@@ -48,6 +48,13 @@ def test_an_axis_that_stays_is_held_under_a_constant_push(robot, q_home, period)
     assert np.abs(free[-1] - free[0]).min() > 20e-3
 
 
+def test_the_way_back_is_bounded_so_that_a_hand_can_lead_the_arm(robot, q_home):
+    """The spring alone would hold 25 N after 40 mm; it gives way at 20 mm."""
+    push = np.array([0.0, 25.0, 0.0])
+    positions, _ = run(robot, q_home, 2e-3, [(2.0, ALL)], push=push)
+    assert positions[-1, 1] - positions[0, 1] > 0.1
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_each_bit_is_one_axis(robot, q_home, axis):
     held, _ = run(robot, q_home, 2e-3, [(2.0, 1 << axis)])

@@ -10,6 +10,7 @@ import dovetail  # noqa: F401  (registers the environments)
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation, RandomDynamics
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
+from extras import need
 
 NOTHING = DynamicsRandomisation(
     gravity=0.0, mass=(1.0, 1.0), damping=(1.0, 1.0), friction=(0.3, 0.3)
@@ -87,7 +88,7 @@ def test_draws_lie_about_the_model_and_not_about_the_last_draw():
 )
 def test_the_same_seed_draws_the_same_and_no_seed_draws_anew(plant):
     if plant == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     env = make(USUAL, plant=plant)
     first = rollout(env, seed=3, steps=10)
     drawn = env.plant.dynamics

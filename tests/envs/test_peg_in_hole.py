@@ -15,6 +15,7 @@ from dovetail.envs.violations import count_bad_input
 from dovetail.errors import ConfigError, MissingDependencyError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
+from extras import need
 
 from .fake_arm import FakeArm
 
@@ -352,7 +353,7 @@ def test_other_tasks_step(task, num_actions):
 
 @pytest.mark.bullet
 def test_the_environment_runs_on_pybullet():
-    pytest.importorskip("pybullet")
+    need("pybullet")
     env = PegInHoleEnv(plant="bullet")
     first, _ = env.reset(seed=0)
     again, _ = PegInHoleEnv().reset(seed=0)
@@ -363,7 +364,7 @@ def test_the_environment_runs_on_pybullet():
 
 @pytest.mark.bullet
 def test_pybullet_refuses_the_triangle():
-    pytest.importorskip("pybullet")
+    need("pybullet")
     with pytest.raises((ConfigError, MissingDependencyError), match="triangle"):
         PegInHoleEnv(plant="bullet", peg="triangle")
 

@@ -13,6 +13,7 @@ from dovetail.learn.config import TrainConfig
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.poses import Pose, quat_about_z
 from dovetail.scene import SceneConfig
+from extras import need
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 Q_START = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
@@ -61,8 +62,9 @@ def test_pushes_and_a_moving_hole_are_the_same_over_fri(policy_file, tmp_path):
 
 @pytest.mark.parametrize("reset", ["place", "move"])
 def test_an_arm_over_fri_can_be_trained_on_directly(reset, tmp_path):
-    train = pytest.importorskip("dovetail.learn.train").train
-    pytest.importorskip("sbx")
+    need("sbx")
+    from dovetail.learn.train import train
+
     with cabinet(0.0005) as address:
         config = TrainConfig(
             out=tmp_path / "run",

@@ -21,6 +21,7 @@ from dovetail.evaluate.perturbation import (
     make_perturbed,
 )
 from dovetail.poses import Pose, quat_about_z
+from extras import need
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 STILL = np.zeros(4, dtype=np.float32)
@@ -112,7 +113,7 @@ def test_pushes_keep_to_their_ranges_and_do_not_overlap():
 )
 def test_the_arm_is_pushed_as_was_told_and_the_same_for_a_seed(make, plant):
     if plant == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     env, calm = make(plant, push=30.0), make(plant)
     paths = []
     for seed in (5, 5, 6):
@@ -147,7 +148,7 @@ def test_the_moving_hole_is_where_the_environment_says_and_the_tracker_sees(
     make, plant
 ):
     if plant == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     env = make(plant, hole_speed=0.03)
     moved = []
     env.reset(seed=2, options={"hole": HOLE})

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from arms.loopback import CabinetArm
-from dovetail.arm_feel import quiet, simulated_step
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import NEAR_SPEED, WALLS_MAX, WALLS_MIN, make_settings
 from dovetail.envs.randomisation import tool_down
 from dovetail.errors import ArmError
+from dovetail.feel.busy import busy_words
 from dovetail.feel.feeling import feel_arm
+from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.missed_load import explain_by_load
 from dovetail.feel.spring import feel_spring
 from dovetail.plants.plant import DynamicsConfig, make_plant
@@ -123,6 +124,29 @@ def test_logs_with_too_many_gaps_are_refused():
         return state._replace(log=np.delete(state.log, 1, axis=0))
 
     arm.step = lossy
-    with pytest.raises(ArmError, match="A1 was pushed, no more than"):
+    with pytest.raises(ArmError, match="A1 was pushed, 5 times, no more than"):
         feel(arm)
     arm.close()
+
+
+def test_a_push_that_lost_cycles_is_done_again():
+    """As on a busy machine, where some pushes are gapless and some are not."""
+    arm = local(twin("medium", 0.005), 0.005)
+    step, lossy = arm.step, iter([True] * 70 + [False] * 10**6)
+
+    def step_with_gaps(target, duration=0.05):
+        state = step(target, duration)
+        return state._replace(log=state.log[1:] if next(lossy) else state.log)
+
+    arm.step = step_with_gaps
+    assert feel(arm).delay.delay == pytest.approx(0.005, abs=5e-4)
+    arm.close()
+
+
+def test_a_busy_machine_is_named_and_an_idle_one_is_not(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 2)
+    monkeypatch.setattr("os.getloadavg", lambda: (1.9, 9.0, 9.0))
+    assert busy_words() == ""
+    monkeypatch.setattr("os.getloadavg", lambda: (14.8, 0.0, 0.0))
+    assert "busy (load 14.8 on 2 cores)" in busy_words()
+    assert "clock=lockstep" in busy_words()

@@ -12,8 +12,9 @@ from dovetail.errors import ConfigError, LogError
 from dovetail.identify.fit import FitConfig, fit
 from dovetail.identify.parameters import ParameterSet
 from dovetail.plants.twin import load_twin
+from extras import need
 
-pytest.importorskip("cmaes")
+need("cmaes")
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,7 @@ from dovetail.identify.population import (
     make_population,
 )
 from dovetail.identify.recording import Recording
+from extras import need
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +111,7 @@ def test_one_worker_stays_in_this_process(recording):
 
 
 def test_a_cluster_gives_the_same_errors(recording, models, expected):
-    pytest.importorskip("ray")
+    need("ray")
     population = make_population(recording, "mujoco", 1, "local")
     try:
         assert evaluate_population(models, population) == expected
@@ -119,7 +120,7 @@ def test_a_cluster_gives_the_same_errors(recording, models, expected):
 
 
 def test_a_cluster_that_is_not_there_is_named(recording):
-    pytest.importorskip("ray")
+    need("ray")
     with pytest.raises(ConfigError, match=r"no Ray cluster answers at '127.0.0.1:1'"):
         make_population(recording, "mujoco", 1, "127.0.0.1:1")
 

@@ -14,10 +14,12 @@ from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
 from dovetail.identify.report import write_identification_report
 from dovetail.plants.twin import load_twin
+from extras import need
 
 DELAY = 0.005
 PLANTED = {"gravity_residual": (0.0, 0.0, 0.15), "damping": (0.8,) * 7}
 STEPS = 8
+NOT_OF_FRI = 0.0025  # s
 
 
 @pytest.fixture(scope="module", params=PERIODS, ids="{:g}s".format)
@@ -59,7 +61,7 @@ def test_the_delay_is_found_at_every_period(planted):
 
 
 def test_planted_parameters_are_recovered_at_every_period(planted, quiet, tmp_path):
-    pytest.importorskip("cmaes")
+    need("cmaes")
     _, _, log = planted
     config = FitConfig(
         log=log,
@@ -77,12 +79,10 @@ def test_planted_parameters_are_recovered_at_every_period(planted, quiet, tmp_pa
     assert load_twin(tmp_path / "fit/model.toml").command_delay == delay
 
 
+@pytest.mark.parametrize("planted", [NOT_OF_FRI], indirect=True)
 def test_the_report_reads_a_log_of_any_period(planted, quiet, tmp_path):
-    pytest.importorskip("cmaes")
-    pytest.importorskip("matplotlib")
-    recording, _, log = planted
-    if recording.period != 0.0025:
-        pytest.skip("drawn at one period, which FRI does not know")
+    need("cmaes")
+    _, _, log = planted
     out = tmp_path / "fit"
     config = FitConfig(
         log=log, out=out, parameters="gravity_z", workers=1, evaluations=8
@@ -92,9 +92,11 @@ def test_the_report_reads_a_log_of_any_period(planted, quiet, tmp_path):
     assert "0.0025" in (tmp_path / "report/report.html").read_text()
 
 
+OTHERS = [period for period in PERIODS if period != 0.005]
+
+
+@pytest.mark.parametrize("planted", OTHERS, indirect=True)
 def test_recordings_of_two_periods_are_not_compared(planted, folder):
     recording, _, _ = planted
-    if recording.period == 0.005:
-        pytest.skip("the period of the other recording")
     with pytest.raises(LogError, match="differ in period"):
         recording.require_like(Recording.load(folder))

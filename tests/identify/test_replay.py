@@ -6,6 +6,7 @@ from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import DIVERGED, Replay
 from dovetail.plants.twin import load_twin
+from extras import need
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +47,7 @@ def test_a_model_that_diverges_has_the_largest_error(replay, monkeypatch):
 
 @pytest.mark.bullet
 def test_the_other_engine_moves_nearly_alike(folder, replay):
-    pytest.importorskip("pybullet")
+    need("pybullet")
     other = Replay(Recording.load(folder), "bullet")
     pairs = zip(replay.run(nominal_model()), other.run(nominal_model()), strict=True)
     other.close()

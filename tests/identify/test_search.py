@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from dovetail.identify.search import Search, Space
+from extras import need
 
-pytest.importorskip("cmaes")
+need("cmaes")
 
 SPACE = Space(np.array([-1.0, 0.0, 0.0]), np.array([1.0, 4.0, 10.0]), np.zeros(3))
 OPTIMUM = np.array([0.3, 1.0, 7.0])

@@ -17,6 +17,7 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.train import train
 from dovetail.plants.twin import TwinPlant, load_twin
+from extras import need
 
 from .conftest import SMALL
 
@@ -68,7 +69,7 @@ def core(config):
 )
 def test_the_model_is_simulated_in_the_plant_that_is_asked(small, model, plant):
     if plant == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     env = core(replace(small, model=model, plant=plant))
     assert isinstance(env.arm.plant, TwinPlant)
     assert type(env.arm.plant.plant).__name__.lower() == f"{plant}plant"

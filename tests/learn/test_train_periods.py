@@ -12,6 +12,7 @@ from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.train import train
+from extras import need
 
 from .conftest import SMALL
 
@@ -25,7 +26,7 @@ TINY |= {
 
 @pytest.mark.parametrize("period", [0.001, 0.0025])
 def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
-    pytest.importorskip("sbx")
+    need("sbx")
     config = TrainConfig(out=tmp_path / "run", period=period, **(SMALL | TINY))
     (result,) = train(config, Console(file=StringIO()))
     policy = Policy.load(result.policy)

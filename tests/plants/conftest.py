@@ -8,6 +8,7 @@ import pytest
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.poses import Pose, quat_about_z
 from dovetail.scene import SceneConfig
+from extras import need
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 # Elbow up, tool down, about 0.1 m above the block.
@@ -20,7 +21,7 @@ ENGINES = ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet)]
 @pytest.fixture(params=ENGINES)
 def engine(request):
     if request.param == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     return request.param
 
 

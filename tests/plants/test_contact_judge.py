@@ -95,3 +95,13 @@ def test_contact_is_compared_with_the_resting_push_once_the_impact_is_over(judge
         look(judge, force=120.0)
     assert judge.contact.value == pytest.approx(6.0, rel=0.05)
     assert 0 < judge.contact.count < 100
+
+
+def test_what_the_spring_pulls_with_is_part_of_what_rests(judge, robot):
+    p = robot.tool_pose(HOME).position
+    judge.set_resting(20.0)
+    judge.set_spring(p + np.array([0.02, 0.0, 0.0]), 2000.0, 0.0)
+    for _ in range(500):
+        judge.force(HOME, np.zeros(7))
+        look(judge, force=60.0)
+    assert judge.contact.value == pytest.approx(1.0, rel=0.05)

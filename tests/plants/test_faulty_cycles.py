@@ -53,7 +53,10 @@ class Rig:
         return log
 
     def answers(self, log, calls):
-        """Return the torques of a controller of its own, called as `calls` says."""
+        """Return the torques of a controller of its own, called as `calls` says.
+
+        The time since its last cycle is in its estimate alone, so that is compared.
+        """
         controller = self.make_controller()
         tau = {}
         for cycle, seen, elapsed in calls:
@@ -61,6 +64,9 @@ class Rig:
             tau[cycle] = controller.step(
                 row[Q], row[DQ], self.target, elapsed * PERIOD
             ).tau
+        np.testing.assert_array_equal(
+            self.controller.disturbance, controller.disturbance
+        )
         return tau
 
 
@@ -102,6 +108,9 @@ def test_the_judge_looks_at_each_physics_step_and_pushes(rig):
     judge.set_push(np.array([0.0, 40.0, 0.0]))
     pushed = rig.run([0] * 50)
     assert judge.looks == 50 * STEPS
+    gravity = [rig.robot.chain().gravity(q) for q in pushed[:, Q]]
+    motor = np.abs(pushed[:, TAU] + gravity) / rig.controller.limits.tau_max
+    assert judge.torque.value == pytest.approx(motor.max())
     free = Rig().run([0] * 50)
     y = COLUMN["y"]
     assert pushed[-1, y] > free[-1, y] + 1e-3

@@ -8,35 +8,13 @@ import pytest
 
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DynamicsConfig
+from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import TwinConfig, TwinPlant, list_twins, load_twin
 from dovetail.scene import SceneConfig
+from extras import need
 from plants.conftest import HOLE, Q_BENT, start_above
 
-_MODEL = DynamicsConfig()
-IDEAL = TwinConfig(
-    description="no difference",
-    engine="mujoco",
-    seed=0,
-    command_delay=0.0,
-    torque_noise=0.0,
-    position_noise=0.0,
-    velocity_noise=0.0,
-    clearance_offset=0.0,
-    **{
-        name: getattr(_MODEL, name)
-        for name in (
-            "inertia",
-            "mass_scale",
-            "gravity_residual",
-            "damping",
-            "coulomb",
-            "armature",
-            "contact_friction",
-            "contact_time",
-        )
-    },
-)
+IDEAL = nominal_model()
 DT = 0.005
 
 
@@ -90,7 +68,7 @@ def test_every_field_of_a_twin_is_in_this_test():
 def test_field_changes_the_motion_it_names_and_no_other(field):
     value, in_air, in_hole = CHANGES[field]
     if value == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     free, touching = play(IDEAL)
     other_free, other_touching = play(replace(IDEAL, **{field: value}))
     if field == "engine":  # free motion is the same equation in both engines
@@ -116,7 +94,7 @@ def test_noise_follows_the_seed_and_can_start_again():
 @pytest.mark.parametrize("engine", ["mujoco", "bullet"])
 def test_delay_holds_the_command_back_by_its_time(engine):
     if engine == "bullet":
-        pytest.importorskip("pybullet")
+        need("pybullet")
     twin = TwinPlant(replace(IDEAL, command_delay=0.0075), SceneConfig(), engine=engine)
     twin.reset(Q_BENT, HOLE)
     tau = 5.0 * np.eye(7)[1]

@@ -8,11 +8,12 @@ from dovetail.errors import ConfigError, DovetailError, MissingDependencyError
 from dovetail.reproduce import cluster
 from dovetail.reproduce.schedule import run_stages
 from dovetail.reproduce.stage import LOG, read_done, stage_folder
+from extras import need
 
 
 @pytest.mark.timeout(600)
 def test_ray_runs_the_stages_and_names_the_one_that_failed(tmp_path, toys, notes):
-    pytest.importorskip("ray")
+    need("ray")
     a, b = toys("a", value=2), toys("b", needs=("a",), of=["a"], value=1)
     bad = toys("bad", "refuse")
     try:
@@ -37,7 +38,7 @@ def test_a_machine_that_does_not_see_the_results_folder_says_so(tmp_path):
 
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:1", "nonsense"])
 def test_an_address_without_a_cluster_is_refused_at_once(address):
-    pytest.importorskip("ray")
+    need("ray")
     with pytest.raises(ConfigError) as error:
         cluster.RayExecutor(address)
     assert f"no Ray cluster at {address!r} (" in str(error.value)
@@ -45,7 +46,7 @@ def test_an_address_without_a_cluster_is_refused_at_once(address):
 
 
 def test_a_ray_that_does_not_start_here_is_tried_twice_and_then_explained(monkeypatch):
-    ray = pytest.importorskip("ray")
+    ray = need("ray")
     calls = []
 
     def init(address, **_):

@@ -15,6 +15,7 @@ from dovetail.reproduce.budget import Budget
 from dovetail.reproduce.run import ReproduceConfig, Reproduction, reproduce
 from dovetail.reproduce.schedule import Tally
 from dovetail.reproduce.stage import DONE, stage_folder
+from extras import need
 
 TINY = Budget(
     name="tiny",
@@ -50,8 +51,8 @@ def config(out, **changes):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     """The results of every experiment at its smallest, and what was shown meanwhile."""
-    pytest.importorskip("sbx")
-    pytest.importorskip("cmaes")
+    need("sbx")
+    need("cmaes")
     out = StringIO()
     folder = tmp_path_factory.mktemp("reproduce") / "out"
     result = reproduce(config(folder), Console(file=out, width=200), TINY)

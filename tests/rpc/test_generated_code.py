@@ -5,16 +5,15 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-import pytest
-
 from dovetail.robot import Robot
 from dovetail.rpc import dovetail_pb2 as pb
+from extras import need
 
 ROOT = Path(__file__).parents[2]
 
 
 def test_generating_again_gives_the_same_bytes(tmp_path):
-    pytest.importorskip("grpc_tools")
+    need("grpc_tools")
     subprocess.run(
         [
             *(sys.executable, "-m", "grpc_tools.protoc", "-Idovetail/rpc=proto"),

@@ -27,7 +27,8 @@ struct Attack {
   /// message came, the torque stays and the next cycle knows the time that passed.
   std::vector<int> age;
   std::vector<WrongNumber> wrong;  ///< in the order of their cycles
-  bool is_observed = false;  ///< dq from positions, as behind FRI, not as measured
+  /// Above 0: dq comes from positions, as behind FRI, by an observer of this gain.
+  double observer_gain = 0.0;
 
   static constexpr int kLost = -1;
 };
@@ -54,11 +55,13 @@ struct AttackResult {
   Worst torque{kNever};          ///< of a motor's torque, gravity included [Nm]
   Worst step{kNever};            ///< torque from cycle to cycle [Nm]
   Worst step_after_bad{kNever};  ///< the same within kAfterBad cycles of a bad sample
-  /// The same, less what a controller does that got the true state instead [Nm].
+  /// The same, less what a controller does that got the true state instead, where that
+  /// is smaller [Nm]: a Target's step is none of a bad sample's, whether it is followed
+  /// or not.
   Worst step_by_bad{kNever};
   int bad_cycles = 0;
 
-  static constexpr int kAfterBad = 20;
+  static constexpr int kAfterBad = 10;
 };
 
 /// A cycle in a trace: the true state, and the largest excess during the cycle.

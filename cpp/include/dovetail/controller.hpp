@@ -42,7 +42,7 @@ class Controller {
   /// Lets the arm go on after the last line ended a motion.
   void resume() noexcept {
     last_line_.reset();
-    is_at_rest_ = has_posture_ = false;
+    is_at_rest_ = has_posture_ = has_walls_ = false;
     joint_params_.passive = wall_params_.passive = limits_.passive;
   }
 
@@ -88,6 +88,7 @@ class Controller {
   bool goes_on(const Vec7& q, const Vec7& dq) const noexcept;
   void update_disturbance(const Vec7& dq, double elapsed) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
+  void update_walls(double elapsed) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
   double below(double limit, double push, double speed) const noexcept;
   double speed_limit(int axis, const Target& target) const noexcept;
@@ -107,8 +108,10 @@ class Controller {
   void limit(StepResult& result) noexcept;
   bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
                     double elapsed) noexcept;
+  void soften(StepResult& result) const noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
+  Vec7 held() const noexcept;
   StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
@@ -128,7 +131,6 @@ class Controller {
   Vec7 push_;        // M^-1 r: what pushes, as an acceleration [rad/s2]
   Vec7 push_whole_;  // the same where the estimate is large
   Vec3 push_x_;      // of push_, at the TCP [m/s2]
-  Vec7 held_;        // the part of it that holds act against [rad/s2]
   Vec7 lo_, hi_;     // overlay torque limits
   OscTerms task_terms_;
   CycleBounds bounds_;
@@ -141,6 +143,9 @@ class Controller {
 
   unsigned staying_ = 0;  // force axes that are held, bits
   Vec3 anchor_ = Vec3::Zero();
+
+  bool has_walls_ = false;  // since the start
+  Vec3 x_min_, x_max_;      // the walls as they are now: outside of a tool that was
 
   StateCheck check_;
   LastLine last_line_;

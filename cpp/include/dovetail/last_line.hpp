@@ -57,7 +57,13 @@ class LastLine {
     int count = 0;
   };
 
-  bool swings(int joint, const LastLineInput& input) noexcept;
+  /// What the time since the last cycle makes of the past, the same for every joint.
+  struct Fading {
+    double left;  // of excuses and work
+    double slow;  // share of what is new in a slow part
+  };
+
+  bool swings(int joint, const LastLineInput& input, const Fading& fading) noexcept;
   void end(EndCause cause, int joint, double value, double limit) noexcept;
 
   Vec7 dq_max_;

@@ -84,7 +84,7 @@ class MujocoLoop {
  private:
   void measure() noexcept;
   void remember() noexcept;
-  CycleRow begin_row(const Chain& chain, const Vec7& tau,
+  CycleRow begin_row(const Controller& controller, const Vec7& tau,
                      const Target& target) const noexcept;
   void run_row(CycleRow& row, int steps, const Flags& flags, double* log);
   void sum_contact_force() noexcept;

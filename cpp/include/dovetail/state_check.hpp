@@ -2,15 +2,22 @@
 /// believed.
 ///
 /// The state is predicted with the acceleration that the last cycle expected. A sample
-/// beyond what speed limit and motors allow is implausible: the prediction stands for
-/// it. A plausible one moves the believed state by a bounded amount in a cycle, so that
-/// one wrong sample is worth a bounded torque. A sample that repeats the one before,
-/// bit by bit, while the arm moves is an old one: the prediction stands for it, too,
-/// but no more than `kAgreed` times in a row.
+/// near the prediction, by what a bounded torque is worth, is taken as it is. For any
+/// other the prediction stands, and no part of it is believed: what is believed in part
+/// is wrong in part, and the next true sample then looks like a wrong one.
+///
+/// * Bit by bit one of the last samples, while the arm moves: an old one, late or
+///   repeated, at most `kAgreed` times in a row.
+/// * A way that no change of speed explains, a speed without a way, more than motors
+///   and blows can do: implausible.
+/// * Otherwise a surprise, a contact or a push: believed, as a whole, if the next
+///   sample goes on from it. That costs a real one a cycle.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
-/// all: after `kAgreed` of them they are believed.
+/// all: after `kAgreed` of them they are believed. A burst of wrong ones is shorter.
 #pragma once
+
+#include <array>
 
 #include "dovetail/types.hpp"
 
@@ -38,24 +45,40 @@ class StateCheck {
   /// The joint that made the last one so, 0 to 6.
   int joint() const noexcept { return joint_; }
 
+  /// Whether a sample was refused, or a surprise believed, less than `kDoubt` ago.
+  bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
+
   /// Samples in a row that must agree with one another before they are believed.
   static constexpr int kAgreed = 8;
+  /// Cycles for which that is remembered.
+  static constexpr int kDoubt = 11;
 
  private:
   bool is_first(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
-  bool is_reachable(const Vec7& q, const Vec7& dq, const Vec7& q_from,
-                    const Vec7& dq_from, const Vec7& kick, double elapsed) noexcept;
+  bool is_old(const Vec7& q) const noexcept;
+  bool is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
+               const Vec7& dq_expected, const Vec7& kick, double blow,
+               double time) noexcept;
+  bool is_within(const Vec7& farther, const Vec7& faster,
+                 const Vec7& inertia) const noexcept;
+  void refuse(const Vec7& q_next, const Vec7& dq_next) noexcept;
+  void remember(const Vec7& q, const Vec7& dq) noexcept;
+
+  static constexpr int kRemembered = 6;  // a state that is late by five cycles
 
   Vec7 dq_max_, tau_max_;
   Vec7 q_ = Vec7::Zero();
   Vec7 dq_ = Vec7::Zero();
-  Vec7 q_seen_ = Vec7::Zero();  // the last sample, believed or not
+  std::array<Vec7, kRemembered> seen_;  // the last samples, believed or not
+  int newest_ = 0;                      // of them
   Vec7 dq_seen_ = Vec7::Zero();
   double since_ = 0.0;  // time since a sample was believed [s]
   int implausible_ = 0;
   int agreed_ = 0;
-  int repeated_ = 0;      // samples in a row that are the one before
-  bool is_fresh_ = true;  // nothing was taken since the reset
+  int repeated_ = 0;           // samples in a row that were seen before
+  int in_doubt_ = 0;           // cycles to go
+  bool is_surprised_ = false;  // the last sample was plausible, and not expected
+  bool is_fresh_ = true;       // nothing was taken since the reset
   int joint_ = 0;
 };
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from dovetail.commands.evaluate import print_files
+from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
@@ -30,6 +31,7 @@ class Demo:
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
+        warn_of_twin(console, self.twin)
         config = EvaluationConfig(
             policy=self.policy,
             twin=self.twin,

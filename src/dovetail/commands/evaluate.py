@@ -6,6 +6,7 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from dovetail.commands.unproven import warn_of_twin
 from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
 
 
@@ -18,6 +19,7 @@ class Evaluate(EvaluationConfig):
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
+        warn_of_twin(console, self.twin, self.arm)
         print_files(evaluate(self, console), console)
         return 0
 

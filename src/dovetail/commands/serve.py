@@ -12,6 +12,7 @@ from rich.console import Console
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
+from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
@@ -72,6 +73,7 @@ class Serve:
             )
 
         builder = _builder(self)
+        warn_of_twin(console, self.twin, self.arm)
         try:
             server = ArmServer(builder, self.listen, files, notify)
         except BaseException:

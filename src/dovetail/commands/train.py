@@ -6,6 +6,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from dovetail.commands.unproven import warn_of_twin
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
 from dovetail.learn.train import TrainResult, train
@@ -17,6 +18,7 @@ class Train(TrainConfig):
 
     def run(self, console: Console) -> int:
         """Train and say what came out and where it is."""
+        warn_of_twin(console, self.model, self.arm)
         for result in train(self, console):
             console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0

@@ -11,7 +11,7 @@ import numpy as np
 
 from dovetail import poses
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference_bounds import intervals, under_push
+from dovetail.control.reference_bounds import intervals, under_push, walls
 from dovetail.control.reference_qp import solve_qp
 from dovetail.control.task_spec import FORCE, FREE, HOLD, POSE, TaskSpec
 from dovetail.types import Array
@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 
 NEAR_TIME = 0.04
-NEAR_BAND = 0.002
 """Time in which a speed near contact is corrected [s]."""
+
+NEAR_BAND = 0.002
+"""Height over the near plane in which near_press comes to act whole [m]."""
 
 PATH_TIME = 0.1
 """How long a Target's desired pose moves on by its feed-forward [s]."""
@@ -60,6 +62,7 @@ class ReferenceController:
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
         self.r = np.zeros(7)
         self.posture: Array | None = None
+        self.walls: tuple[Array, Array] | None = None
         self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
         self.last: tuple[Array, ...] | None = None
 
@@ -90,7 +93,8 @@ class ReferenceController:
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
         joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
-        wall = (lim.x_min, lim.x_max, lim.dx_max, lim.ddx_max, lim.eta_wall)
+        self.walls = walls(lim, dt, p, self.walls)
+        wall = (*self.walls, lim.dx_max, lim.ddx_max, lim.eta_wall)
         lb, ub = intervals(lim, dt, q, dq, push_q, *joint)
         cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall, lim.delta_x)
         g = chain.gravity(q)

@@ -8,6 +8,18 @@ from dovetail.types import Array
 HOLD_WIDTH = 1e-3
 """Least way behind a margin on which a push comes to be held against [rad or m]."""
 
+RETURN_SPEED = 0.05
+"""Of a wall that comes in from where the tool was outside of it at the start [m/s]."""
+
+
+def walls(
+    lim: LimitConfig, dt: float, p: Array, last: tuple[Array, Array] | None
+) -> tuple[Array, Array]:
+    """Lower and upper walls [m]: at a tool that begins outside, and slowly inwards."""
+    low, high = last or (p - lim.delta_x, p + lim.delta_x)
+    way = RETURN_SPEED * dt if last else 0.0
+    return np.minimum(low + way, lim.x_min), np.maximum(high - way, lim.x_max)
+
 
 def intervals(
     lim: LimitConfig, dt: float, x: Array, v: Array, push: Array, x_min: Array,
@@ -46,8 +58,8 @@ def intervals(
 def viable(d: float, v: float, V: float, A: float, T: float, brake: float) -> float:
     """Largest a over T after which braking still stops within d (Del Prete 2018)."""
     pos = 2.0 * (d - v * T) / T**2
-    if v > 0.0 and pos <= -v / T:  # turning point inside the interval
-        pos = min(-(v**2) / (2.0 * d), -v / T) if d > 0.0 else -np.inf
+    if d > 0.0 and v > 0.0 and pos <= -v / T:  # turning point inside the interval
+        pos = min(-(v**2) / (2.0 * d), -v / T)
     b, c = T * (2.0 * v + brake * T), v**2 - 2.0 * brake * (d - v * T)
     disc = b**2 - 4.0 * T**2 * c
     stop = max((-b + np.sqrt(disc)) / (2.0 * T**2), -v / T) if disc >= 0 else -v / T

@@ -7,6 +7,7 @@ import numpy as np
 from dovetail import _core
 from dovetail.arms.arm import Arm
 from dovetail.errors import ArmError
+from dovetail.feel.busy import busy_words
 from dovetail.feel.excitation import excite
 from dovetail.feel.gapless import longest_gapless
 from dovetail.feel.loop_delay import LoopDelay, estimate_delay
@@ -16,6 +17,8 @@ from dovetail.types import JOINTS, Array, Vec7
 
 PUSH_TIME, PAUSE = 2.0, 0.3
 """How long a joint is pushed, and left alone before the next [s]."""
+TRIES = 5
+"""Times that a joint is pushed until a push is free enough of gaps."""
 ENOUGH = 0.5
 """Share of a push that must be free of gaps [1]."""
 _STEP = 0.05
@@ -61,8 +64,7 @@ def feel_arm(
     for joint in range(7):
         for _ in range(round(PAUSE / _STEP)):
             arm.step(hold, _STEP)
-        log = np.vstack(list(excite(arm, q, joint, seconds, rng)))
-        log = _whole(log, joint, arm.facts.period, seconds)
+        log = _push(arm, q, joint, seconds, rng)
         turned = max(turned, float(np.abs(_of(log, "q")[:, joint] - q[joint]).max()))
         balances.append(balance_of(log, joint, inertia, arm.facts.period))
     for _ in range(round(PAUSE / _STEP)):
@@ -83,16 +85,24 @@ def balance_of(
     return TorqueBalance(_of(log, "q"), _of(log, "tau"), joint, inertia, period, lean)
 
 
-def _whole(log: Array, joint: int, period: float, seconds: float) -> Array:
-    part = longest_gapless(log, period)
-    if len(part) * period < ENOUGH * seconds:
-        raise ArmError(
-            f"of {seconds:g} s in which {JOINTS[joint]} was pushed, no more than "
-            f"{len(part) * period:.2f} s came without a lost cycle; needed: "
-            f"{ENOUGH * seconds:g} s: mend the connection first",
-            "gaps",
-        )
-    return part
+def _push(
+    arm: Arm, q: Vec7, joint: int, seconds: float, rng: np.random.Generator
+) -> Array:
+    """Push one joint until enough of a log is free of gaps."""
+    longest = np.empty((0, 0))
+    for _ in range(TRIES):
+        log = np.vstack(list(excite(arm, q, joint, seconds, rng)))
+        part = longest_gapless(log, arm.facts.period)
+        longest = max(longest, part, key=len)
+        if len(longest) * arm.facts.period >= ENOUGH * seconds:
+            return longest
+    had = len(longest) * arm.facts.period
+    raise ArmError(
+        f"of {seconds:g} s in which {JOINTS[joint]} was pushed, {TRIES} times, no more "
+        f"than {had:.2f} s came without a lost cycle; needed: "
+        f"{ENOUGH * seconds:g} s: mend the connection first. {busy_words()}".strip(),
+        "gaps",
+    )
 
 
 def _of(log: Array, name: str) -> Array:

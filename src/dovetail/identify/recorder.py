@@ -37,6 +37,7 @@ from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.files import write_atomic
 from dovetail.identify.excitation import EXCITATION, excitation
+from dovetail.identify.measured_delay import measure_delay
 from dovetail.identify.recording import (
     DESCRIPTION,
     FORMAT,
@@ -134,7 +135,8 @@ def record(
             robot = env.arm.facts.robot
             starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])
         metadata = _describe(config, env, hole, starts)
-        _claim(config.out, metadata)
+        if not _is_begun(config.out, metadata):
+            _begin(env, config.out, metadata, console)
         left = [
             n
             for n in range(config.sequences)
@@ -242,8 +244,12 @@ def _describe(
     }
 
 
-def _claim(folder: Path, metadata: dict[str, Any]) -> None:
-    """Begin a recording in a folder, or go on with the same one."""
+def _is_begun(folder: Path, metadata: dict[str, Any]) -> bool:
+    """Say whether a folder holds the begin of this recording.
+
+    Raises:
+        ConfigError: It holds something else.
+    """
     if (folder / DESCRIPTION).is_file():
         before = read_description(folder)
         differ = [k for k in metadata if before.get(k) != metadata[k]]
@@ -253,15 +259,36 @@ def _claim(folder: Path, metadata: dict[str, Any]) -> None:
                 f"{', '.join(differ)} differ; nothing was overwritten: choose another "
                 "--out"
             )
-        return
+        return True
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{folder} exists and is no recording; choose another --out")
+    return False
+
+
+def _begin(
+    env: PegInHoleEnv, folder: Path, metadata: dict[str, Any], console: Console
+) -> None:
+    """Measure and say the arm's delay, and write the description."""
+    q_start = np.array(metadata["q_start"][0])
+    delay = measure_delay(env, q_start, _hole(metadata))
+    colour, status = ("green", "ok") if delay.judged.is_within else ("red", "broken")
+    console.print(
+        f"[{colour}]{status}[/] delay {delay.judged.text}",
+        highlight=False,
+        soft_wrap=True,
+    )
     folder.mkdir(parents=True, exist_ok=True)
     facts = {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "version": version("dovetail"),
+        "delay": delay.facts,
     }
     write_atomic(folder / DESCRIPTION, json.dumps(metadata | facts, indent=1) + "\n")
+
+
+def _hole(metadata: dict[str, Any]) -> Pose:
+    x, y, z, yaw = metadata["hole"]
+    return Pose(np.array([x, y, z]), quat_about_z(yaw))
 
 
 def _play(
@@ -273,8 +300,7 @@ def _play(
     actions: Array,
 ) -> None:
     """Play one sequence and write its log."""
-    x, y, z, yaw = metadata["hole"]
-    hole = Pose(np.array([x, y, z]), quat_about_z(yaw))
+    hole = _hole(metadata)
     seed = config.seed * 1000 + number
     env.reset(seed=seed, options={"hole": hole, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}

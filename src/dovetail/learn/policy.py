@@ -226,8 +226,9 @@ def find_policy(name_or_path: str) -> Path:
     if name_or_path in list_policies():
         return POLICY_FOLDER / f"{name_or_path}.safetensors"
     raise ConfigError(
-        f"no policy {name_or_path!r}: there is no such file, and the shipped policies "
-        f"are: {', '.join(list_policies()) or 'none'}"
+        f"no policy {name_or_path!r}: there are no such files (NAME.safetensors "
+        "and NAME.json), and the shipped policies are: "
+        f"{', '.join(list_policies()) or 'none'}"
     )
 
 

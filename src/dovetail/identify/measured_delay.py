@@ -1,0 +1,48 @@
+"""The delay of the arm that is recorded, measured as the doctor measures it."""
+
+from typing import NamedTuple
+
+from dovetail.arms.local_arm import LocalArm
+from dovetail.envs.peg_in_hole import PegInHoleEnv
+from dovetail.feel.declared_delay import JudgedDelay, judge_delay
+from dovetail.feel.feeling import feel_arm
+from dovetail.feel.gains import quiet, simulated_step
+from dovetail.poses import Pose
+from dovetail.types import Vec7
+
+
+class MeasuredDelay(NamedTuple):
+    """What a recording says of its arm's delay."""
+
+    facts: dict[str, float]
+    """Measured, its standard deviation, and declared [s]; `recording.json` keeps it."""
+    judged: JudgedDelay
+    """The same in words."""
+
+
+def measure_delay(env: PegInHoleEnv, q: Vec7, hole: Pose) -> MeasuredDelay:
+    """Push every joint a little at a start.
+
+    A simulated arm of this process is felt with gains that bear any delay. Another one
+    has a motion of its own for each controller, and is felt with the gains that the
+    recording runs with.
+
+    Args:
+        env: Its arm is moved.
+        q: A start in free air [rad].
+        hole: Where the hole is.
+
+    Raises:
+        ArmError: The arm was stopped, or too many cycles were lost.
+    """
+    arm, facts = env.arm, env.arm.facts
+    declared = float(facts.limits.delay)
+    if isinstance(arm, LocalArm):
+        osc, limits = quiet(facts.osc, facts.limits)
+        arm = LocalArm(arm.plant, facts.robot, osc, limits, facts.task, facts.period)
+    arm.reset(q, hole)
+    step = simulated_step(facts.period) if env.places_fixture else 0.0
+    feeling = feel_arm(arm, q, facts.limits.armature, integration_step=step)
+    delay = feeling.delay
+    told = {"measured": delay.delay, "spread": delay.spread, "declared": declared}
+    return MeasuredDelay(told, judge_delay(feeling, declared))

@@ -1,0 +1,24 @@
+"""What not every set-up has: a test that needs it is skipped with the way to get it."""
+
+import pytest
+
+EXTRA_OF = {
+    "cmaes": "identify",
+    "grpc": "rpc",
+    "grpc_tools": "test",
+    "pinocchio": "test",
+    "pyarrow": "log",
+    "pybullet": "bullet",
+    "pybullet_data": "bullet",
+    "qpsolvers": "test",
+    "ray": "cluster",
+    "sbx": "learn",
+}
+"""The extra of pyproject.toml that installs a module."""
+
+
+def need(module):
+    """Return the module; skip the test where it is not installed."""
+    install = f"pip install '.[{EXTRA_OF[module]}]' -c constraints.txt"
+    python = " on CPython 3.11" if module.startswith("pybullet") else ""
+    return pytest.importorskip(module, reason=f"needs {module}: {install}{python}")
