@@ -48,6 +48,7 @@ class Commander:
     def _prepare_policy(self) -> None:
         if Commander.shipped is None:
             Commander.shipped = Policy.load(find_policy("peg_square"))
+        Commander.shipped.reset()
         self._map = CommandMap(
             TaskSpec.parse(TASK),
             f_scale=4.0,

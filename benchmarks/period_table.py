@@ -34,6 +34,7 @@ from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.evaluate.transfer import wilson_interval
 from dovetail.evaluate.trials import Job, plan_trials
 from dovetail.learn.policy import Policy, find_policy
+from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import list_twins
@@ -95,15 +96,14 @@ class Try(NamedTuple):
 def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
     """Build a cell's environment and load its policy."""
     policy = Policy.load(find_policy(cell.policy))
-    options: dict[str, Any] = dict(policy.metadata["env"])
+    options = policy_settings(policy.metadata)
     options |= {"tare": True, "period": 1e-3 * cell.period}
-    del options["plant"]
     if cell.twin in IDEAL:
         options |= {"plant": "mujoco", "dynamics": IDEAL[cell.twin]}
     else:
         options["twin"] = cell.twin
     perturbation = Perturbation(push=cell.push)
-    env = make_perturbed(policy.metadata["env_id"], perturbation, options)
+    env = make_perturbed(known_env_id(policy.metadata), perturbation, options)
     if cell.margins == "model" or cell.encoders:
         _rebuild(env.unwrapped, cell)
     return policy, env
@@ -140,6 +140,7 @@ def attempt(cell: Cell, job: Job) -> Try:
     try:
         hole = HOLE_POSES[job.pose].pose()
         observation, _ = env.reset(seed=job.seed, options={"hole": hole})
+        policy.reset()
         logs.append(core.state.log)
         done = False
         while not done:

@@ -8,11 +8,9 @@ import argparse
 import tempfile
 from pathlib import Path
 
-import gymnasium as gym
-
-import dovetail  # noqa: F401  (registers the environments)
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
+from dovetail.learn.policy_env import make_env
 from dovetail.learn.train import train
 
 
@@ -34,8 +32,9 @@ def main() -> None:
     print(f"evaluation: {result.evaluation}")
 
     policy = Policy.load(result.policy)
-    env = gym.make(policy.metadata["env_id"], **policy.metadata["env"])
+    env = make_env(policy, plant="mujoco")
     observation, _ = env.reset(seed=1)
+    policy.reset()
     done = False
     while not done:
         observation, _, terminated, truncated, info = env.step(policy(observation))

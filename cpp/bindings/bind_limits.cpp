@@ -90,8 +90,9 @@ void bind_qp(nb::module_& m) {
       "M"_a, "a0"_a, "lb"_a, "ub"_a, "Jc"_a, "djc"_a, "cl"_a, "cu"_a, "h"_a, "lo"_a,
       "hi"_a, "rho"_a = 1e6, "max_iter"_a = kQpIterations,
       "Nearest a to a0 [rad/s2] in the M norm: box lb, ub hard, walls cl <= Jc a + djc "
-      "<= cu [m/s2] soft, torque rows lo <= M a + h <= hi [Nm] hard. With a NaN "
-      "anywhere ok is False and a is 0 clipped to the bounds that are numbers.");
+      "<= cu [m/s2] soft, torque rows lo <= M a + h <= hi [Nm] hard unless they "
+      "exclude the box (unsafe). With a NaN anywhere ok is False and a is 0 clipped "
+      "to the bounds that are numbers.");
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <nanobind/stl/vector.h>
 
 #include <stdexcept>
+#include <system_error>
 
 #include "bind_fri_parts.hpp"
 #include "dovetail/parameters.hpp"
@@ -142,7 +143,18 @@ void bind_state(nb::module_& m) {
       .def_prop_ro("stop_text", [](const ServoState& s) { return describe(s.facts); });
 }
 
+/// std::system_error as OSError, whose errno says what it was.
+void raise_os_error(const std::exception_ptr& thrown, void* /*payload*/) {
+  try {
+    std::rethrow_exception(thrown);
+  } catch (const std::system_error& error) {
+    const nb::object facts = nb::make_tuple(error.code().value(), error.what());
+    PyErr_SetObject(PyExc_OSError, facts.ptr());
+  }
+}
+
 void bind_loop(nb::module_& m) {
+  nb::register_exception_translator(raise_os_error);
   nb::enum_<WaitResult>(m, "WaitResult")
       .value("reached", WaitResult::kReached)
       .value("motion_ended", WaitResult::kMotionEnded)
@@ -157,8 +169,8 @@ void bind_loop(nb::module_& m) {
                 ServoLoop(loop, servo, chain.params(), osc, limits, task_from(task));
           },
           "loop"_a, "servo"_a, "chain"_a, "osc"_a, "limits"_a, "task"_a,
-          "Raises ValueError naming a number that is out of range, RuntimeError where "
-          "the socket cannot be had.")
+          "Raises ValueError naming a number that is out of range, OSError where the "
+          "socket cannot be had.")
       .def("command", &ServoLoop::command, "target"_a, "motion"_a, "tick"_a,
            "A Target for one motion. Lockstep: cycles below this tick are answered.")
       .def(

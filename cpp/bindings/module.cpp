@@ -294,6 +294,15 @@ void bind_controller(nb::module_& m) {
           "position [m] and rotation (wxyz). Raises ValueError naming the element that "
           "is out of range.")
       .def(
+          "believe",
+          [](Controller& self, const Vec7& q, const Vec7& dq) {
+            check_state(q, dq);
+            self.believe(q, dq);
+          },
+          "q"_a, "dq"_a,
+          "Take a state for true whatever was before, and change nothing else. Raises "
+          "ValueError naming the element that is out of range.")
+      .def(
           "step",
           [](Controller& self, const Vec7& q, const Vec7& dq, const Target& target,
              double elapsed) { return self.step(q, dq, target, elapsed); },

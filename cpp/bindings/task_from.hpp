@@ -7,8 +7,8 @@
 
 namespace dovetail::binding {
 
-/// \param modes  one AxisMode per axis X Y Z A B C; what is none of them becomes 255,
-///               which the controller refuses by the axis' name
+/// \param modes  of X Y Z C B A (twist order); what no byte can hold becomes 255. The
+///               controller refuses what is no AxisMode as task[i].
 inline TaskSpec task_from(const std::array<int, 6>& modes) {
   TaskSpec task;
   for (int i = 0; i < 6; ++i) {

@@ -4,7 +4,12 @@ Importing the package registers the Gymnasium environments by name only; nothing
 is loaded before one of them is made.
 """
 
+from importlib.metadata import version
+
 import gymnasium
+
+__version__ = version("dovetail")
+"""Version of the installed package; its one home is pyproject.toml."""
 
 gymnasium.register(
     id="dovetail/PegInHole-v0",

@@ -150,8 +150,8 @@ def _build(
 ) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
     # Whether the measured torque follows the commanded is what has to be found out.
-    watchdog = WatchdogConfig(torque_error=math.inf)
-    watchdog = replace(watchdog, target_timeout=address.target_timeout)
+    timeout = address.target_timeout
+    watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
     return address.build(SceneConfig(), settings, watchdog)
 
@@ -219,10 +219,8 @@ def hold(arm: FriArm, q: Vec7, seconds: float) -> Rest:
     drift = np.linalg.norm(np.array(positions) - positions[0], axis=1).max()
     q_mean, measured, external = (
         np.mean(values, axis=0)
-        for values in (
-            [state.q for state in states],
-            [state.tau_measured for state in states],
-            [state.tau_external for state in states],
+        for values in zip(
+            *((s.q, s.tau_measured, s.tau_external) for s in states), strict=True
         )
     )
     return Rest(q_mean, float(drift), measured, external, np.vstack(logs))

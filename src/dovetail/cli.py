@@ -1,5 +1,6 @@
 """The command `dovetail`: finds the subcommand, runs it, and words its errors."""
 
+import difflib
 import importlib
 import sys
 from collections.abc import Sequence
@@ -7,11 +8,13 @@ from collections.abc import Sequence
 import tyro
 from rich.console import Console
 
+import dovetail
 from dovetail.errors import DovetailError
 
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
     "train": ("Train", "train a policy in a simulation or on an arm"),
+    "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
     "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
     "reproduce": ("Reproduce", "run the paper's experiments, resumable"),
@@ -47,6 +50,9 @@ def run(words: list[str]) -> int:
     """
     is_debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
+    if words in (["--version"], ["-V"]):
+        print(f"dovetail {dovetail.__version__}")
+        return 0
     if not words or words[0] in ("-h", "--help"):
         print(_help())
         return 0 if words else 2
@@ -64,8 +70,10 @@ def run(words: list[str]) -> int:
 
 def _run_command(name: str, words: list[str]) -> int:
     if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, n=1)
+        meant = f"did you mean {near[0]}? " if near else ""
         raise DovetailError(
-            f"unknown command {name!r}; known commands: {', '.join(COMMANDS)}"
+            f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
         )
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
@@ -84,7 +92,8 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "dovetail COMMAND --help lists the options; --debug shows tracebacks",
+            "dovetail COMMAND --help lists the options; --debug shows tracebacks;",
+            "dovetail --version tells the version",
         ]
     )
 

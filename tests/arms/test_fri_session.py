@@ -1,5 +1,6 @@
 """What an arm over FRI does when the cabinet, the network or the learner fails."""
 
+import errno
 import socket
 import time
 
@@ -8,6 +9,7 @@ import pytest
 
 from dovetail import _core
 from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_errors import socket_error
 from dovetail.arms.servo_params import servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
@@ -92,6 +94,27 @@ def test_a_port_that_is_not_permitted_is_said(forbidden_port):
     with pytest.raises(ArmError, match="no permission to listen") as error:
         alone(forbidden_port)
     assert error.value.reason == "no_permission"
+
+
+@pytest.mark.parametrize(
+    ("number", "reason"),
+    [
+        (errno.EADDRINUSE, "port_in_use"),
+        (errno.EACCES, "no_permission"),
+        (errno.EPERM, "no_permission"),
+        (errno.EADDRNOTAVAIL, "no_address"),
+    ],
+)
+def test_a_socket_error_is_told_by_its_number_in_any_language(number, reason):
+    error = socket_error(OSError(number, "Die Adresse wird verwendet"), "10.0.0.1", 1)
+    assert isinstance(error, ArmError)
+    assert error.reason == reason
+
+
+def test_any_other_socket_error_is_passed_on():
+    error = socket_error(OSError(errno.EMFILE, "no more in use"), "10.0.0.1", 30200)
+    assert isinstance(error, ConfigError)
+    assert "10.0.0.1:30200: no more in use" in str(error)
 
 
 def test_address_of_another_machine_is_refused():

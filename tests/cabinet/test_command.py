@@ -16,6 +16,7 @@ from dovetail.cli import run
 from dovetail.commands.cabinet import Cabinet, describe_status
 
 from .client import wait_until
+from .conftest import LightPlant
 from .test_control_port import Line
 
 IDLE, WAIT, READY, C_WAIT, ACTIVE = SessionState
@@ -117,6 +118,21 @@ def test_the_status_line_tells_state_quality_rate_and_misses():
         "4 more",
     ):
         assert part in line
+
+
+def test_periods_that_begin_too_late_are_counted_and_shown(make):
+    class SlowPlant(LightPlant):
+        def read(self):
+            time.sleep(0.05)  # ten periods
+            return super().read()
+
+    cabinet = make(SlowPlant(), clock="wall")
+    cabinet.start()
+    deadline = time.monotonic() + 20.0
+    while (status := cabinet.status())["counts"]["overruns"] < 2:
+        assert time.monotonic() < deadline, status
+        time.sleep(0.05)
+    assert f"overruns {status['counts']['overruns']}" in describe_status(status)
 
 
 def test_the_status_line_says_when_no_client_has_answered():

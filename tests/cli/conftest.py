@@ -1,9 +1,11 @@
 """A small policy file whose size fits the default task."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from dovetail.learn.policy import Policy
+from dovetail.learn.spaces import describe_spaces
 
 
 @pytest.fixture(scope="session")
@@ -16,5 +18,8 @@ def still_policy(tmp_path_factory):
         "env": {"plant": "mujoco", "max_steps": 5, "stack": 0},
         "provenance": {},
     }
+    env = gym.make("dovetail/PegInHole-v0", disable_env_checker=True)
+    metadata |= describe_spaces(env)
+    env.close()
     folder = tmp_path_factory.mktemp("policy")
     return Policy(layers, metadata).save(folder / "still")

@@ -4,13 +4,19 @@ import json
 import os
 import subprocess
 import sys
+import tomllib
+from pathlib import Path
 
 import pytest
 
+import dovetail
+from dovetail import _core
 from dovetail.cli import COMMANDS, main, run
 from dovetail.errors import DovetailError
 from dovetail.plants.twin import load_twin
 from extras import need
+
+ROOT = Path(__file__).parent.parent.parent
 
 
 def test_help_lists_every_command(capsys):
@@ -46,6 +52,45 @@ def test_an_unknown_command_lists_the_known_ones(capsys):
     error = capsys.readouterr().err
     assert "unknown command 'fly'" in error
     assert ", ".join(COMMANDS) in error
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("evalute", "evaluate"), ("cabnet", "cabinet")]
+)
+def test_a_mistyped_command_is_guessed(typed, meant, capsys):
+    assert run([typed]) == 2
+    assert f"did you mean {meant}? known commands" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["evaluate", "export"])
+def test_a_command_without_its_file_says_what_it_needs(name, capsys):
+    with pytest.raises(SystemExit) as stop:
+        run([name])
+    assert stop.value.code == 2
+    error = capsys.readouterr().err
+    assert {"evaluate": "POLICY", "export": "MODEL.zip"}[name] in error
+    assert f"dovetail {name} --help" in error
+
+
+def test_the_version_is_that_of_the_package(capsys):
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"dovetail {dovetail.__version__}\n"
+    table = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert dovetail.__version__ == table["project"]["version"]
+
+
+def test_python_m_dovetail_is_the_command():
+    words = [sys.executable, "-m", "dovetail", "--version"]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout == f"dovetail {dovetail.__version__}\n"
+
+
+def test_the_package_brings_its_types():
+    """Of a wheel, too: the stub lies where CMake installs the extension."""
+    assert (Path(dovetail.__file__).parent / "py.typed").exists()
+    stub = Path(_core.__file__).with_name("_core.pyi").read_text()
+    for name in ("Controller", "Target", "ServoLoop", "solve_qp"):
+        assert f"class {name}:" in stub or f"def {name}(" in stub
 
 
 @pytest.mark.parametrize(

@@ -76,6 +76,7 @@ def largest_difference(
             if is_fresh:
                 mine.reset(q, hold.position, hold.quat_wxyz)
                 theirs.reset(q, hold.position, hold.quat_wxyz, dq=dq)
+            theirs.believe(q, dq)  # which samples are believed is tested elsewhere
             result = theirs.step(q, dq, target)
             flags = result.flags
             if flags.unsafe or flags.qp_early or flags.implausible:

@@ -213,7 +213,9 @@ def test_a_policy_cut_short_is_refused(config, policy_file, tmp_path):
     [
         ("stack", 4, "observation"),
         ("task", "XYZ:force ABC:hold", "task|action"),
-        ("wheels", 4, "known environment.*wheels"),
+        ("arm", "fri://127.0.0.1:30299", "sets 'arm'.*not a policy's to choose"),
+        ("theta_range", 0.4, "axis A means 0.4 at 1 here and 0.2"),
+        ("wheels", 4, "sets 'wheels'.*not a policy's to choose.*known: peg"),
     ],
 )
 def test_a_policy_of_another_task_or_size_is_refused(
@@ -226,6 +228,25 @@ def test_a_policy_of_another_task_or_size_is_refused(
     other.with_suffix(".json").write_text(json.dumps(content))
     with pytest.raises(PolicyError, match=words):
         evaluate(replace(config, policy=str(other)), silent())
+
+
+def test_laxer_contact_is_said_before_the_tries_and_kept_with_them(
+    config, policy_file, tmp_path
+):
+    policy = Policy.load(policy_file)
+    env = policy.metadata["env"] | {"near_speed": 5.0}
+    lax = Policy(policy.layers, policy.metadata | {"env": env}).save(tmp_path / "lax")
+    text = StringIO()
+    asked = replace(config, policy=str(lax), tries=1)
+    evaluation = evaluate(asked, Console(file=text, width=200))
+    note = "near_speed 5 m/s (default 0.02)"
+    assert text.getvalue().count(note) == 2
+    assert note in evaluation.report.note
+    robot = {"arm": "fri://127.0.0.1:30299", "hole": (0.6, 0.0, 0.1, 0.0)}
+    with pytest.raises(ConfigError, match="say --accept-contact"):
+        evaluate(replace(asked, twin=None, **robot), silent())
+    command = command_line(replace(asked, accept_contact=True))
+    assert tyro.cli(Evaluate, args=shlex.split(command)[2:]).accept_contact
 
 
 def test_either_file_or_the_bare_name_finds_a_policy(policy_file):

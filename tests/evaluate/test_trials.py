@@ -55,12 +55,22 @@ class FallingEnv(gym.Env):
         return np.zeros(14), 0.0, success, self.steps >= 30 and not success, info
 
 
-def idle_policy():
-    return lambda observation: np.zeros(4, dtype=np.float32)
+class IdlePolicy:
+    """Does nothing, and counts its steps since the last reset."""
+
+    def __init__(self):
+        self.steps = None
+
+    def reset(self):
+        self.steps = 0
+
+    def __call__(self, observation):
+        self.steps += 1
+        return np.zeros(4, dtype=np.float32)
 
 
 def run(jobs, make_env=FallingEnv, **options):
-    return list(run_trials(make_env, idle_policy, jobs, **options))
+    return list(run_trials(make_env, IdlePolicy, jobs, **options))
 
 
 def test_hole_poses_differ_in_x_y_z_and_theta():

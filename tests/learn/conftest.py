@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 from dovetail.learn.algorithms import limit_threads
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
+from dovetail.learn.spaces import describe_spaces
 
 limit_threads()
 
@@ -52,4 +54,7 @@ def policy(rng: np.random.Generator) -> Policy:
         "env": {"task": "XYZ:force A:pose BC:hold", "stack": 0, "peg": "square"},
         "provenance": {"seed": 0},
     }
+    env = gym.make("dovetail/PegInHole-v0", disable_env_checker=True)
+    metadata |= describe_spaces(env)
+    env.close()
     return Policy(layers, metadata)

@@ -9,7 +9,8 @@ import tyro
 
 from dovetail.envs.peg_in_hole import PegInHoleEnv
 from dovetail.errors import ConfigError
-from dovetail.learn.config import ENV_FIELDS, TrainConfig
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.env_settings import ENV_FIELDS
 
 
 @pytest.mark.parametrize(

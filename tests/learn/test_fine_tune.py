@@ -86,7 +86,7 @@ def test_the_shipped_policy_fits_the_default_settings(make, rng):
         ({"stack": 1}, "trained for the stack 0"),
         ({"task": "XY:force A:pose ZBC:hold"}, "trained for the task"),
         ({"net": (16, 8)}, r"add --net 16 16"),
-        ({"f_scale": 2.0}, "its actions mean"),
+        ({"f_scale": 2.0}, "axis X means 2 at 1 here and 4"),
         ({"algorithm": "ppo"}, "policies of ppo go on with ppo"),
         ({"env": "dovetail/RailClip-v0"}, "trained for the environment"),
     ],

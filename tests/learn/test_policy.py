@@ -134,3 +134,11 @@ def test_running_a_policy_needs_neither_jax_nor_torch(files):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("content", ["[" * 100_000, '{"format": NaN}', "1" * 5000])
+def test_json_that_is_no_policy_is_one_message(files, content):
+    weights, sidecar = files
+    sidecar.write_text(content)
+    with pytest.raises(PolicyError, match="no JSON"):
+        Policy.load(weights)

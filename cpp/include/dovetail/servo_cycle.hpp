@@ -36,7 +36,6 @@ struct ServoParams {
 enum class Refusal : std::uint8_t {
   kNone,
   kPeriod,   ///< its period is not the controller's
-  kMode,     ///< its overlay does not take torques
   kProblem,  ///< the session has one: FriSession::diagnose
 };
 

@@ -170,7 +170,7 @@ class FriArm:
             )
         except ValueError as error:
             raise ConfigError(str(error)) from error
-        except RuntimeError as error:
+        except OSError as error:
             raise socket_error(error, loop.address, loop.port) from error
 
     @property

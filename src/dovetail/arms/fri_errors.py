@@ -1,5 +1,6 @@
 """What may be wrong between a client and its cabinet, in words."""
 
+import errno
 from typing import TYPE_CHECKING, Any
 
 from dovetail.arms.fri_loss import QUALITIES, find_loss
@@ -11,29 +12,28 @@ if TYPE_CHECKING:
 _KUKA_PORTS = "KUKA's cabinets send to 30200 to 30209"
 
 
-def socket_error(error: RuntimeError, host: str, port: int) -> ArmError | ConfigError:
+def socket_error(error: OSError, host: str, port: int) -> ArmError | ConfigError:
     """Say why the UDP port cannot be had."""
-    text = str(error)
-    if "in use" in text:
+    if error.errno == errno.EADDRINUSE:
         return ArmError(
             f"UDP port {port} is in use: another dovetail or FRI client listens there. "
             f"End it (`ss -ulpn` names it), or choose another port ({_KUKA_PORTS}) "
             "and let the cabinet send to that",
             "port_in_use",
         )
-    if "ermission" in text or "not permitted" in text:
+    if error.errno in (errno.EACCES, errno.EPERM):
         return ArmError(
             f"no permission to listen on UDP port {port}: ports below 1024 are the "
             f"system's; choose another ({_KUKA_PORTS})",
             "no_permission",
         )
-    if "assign" in text:
+    if error.errno == errno.EADDRNOTAVAIL:
         return ArmError(
             f"{host} is no address of this machine (`ip addr` lists them); 0.0.0.0 "
             "listens on all of them",
             "no_address",
         )
-    return ConfigError(f"cannot listen on {host}:{port}: {text}")
+    return ConfigError(f"cannot listen on {host}:{port}: {error.strerror}")
 
 
 def connection_error(

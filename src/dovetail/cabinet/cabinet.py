@@ -324,6 +324,7 @@ class Cabinet:
     def _status(self) -> dict[str, Any]:
         status = self.controller.status()
         status["rate"] = round(self._rate, 1)
+        status["counts"]["overruns"] = self._exchange.overruns
         status["clock"] = self.config.clock
         status["faults"] = self._faults.describe()
         status["last_error"] = self.last_error

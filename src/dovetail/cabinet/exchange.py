@@ -36,6 +36,9 @@ class Receiver(Protocol):
 class Exchange(ABC):
     """The network between cabinet and client."""
 
+    overruns = 0
+    """Periods that began too late by more than one period; none in lockstep."""
+
     def __init__(
         self, port: UdpPort, wake: int, receiver: Receiver, period: float
     ) -> None:
@@ -90,8 +93,6 @@ class Exchange(ABC):
 class WallExchange(Exchange):
     """By the clock: a message at each absolute deadline, whatever comes back."""
 
-    overruns = 0
-    """Periods that began too late by more than one period."""
     _deadline = 0.0
     _is_void = False
 

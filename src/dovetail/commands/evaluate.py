@@ -14,8 +14,9 @@ from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
 class Evaluate(EvaluationConfig):
     """Try a policy at three hole poses; write table, figures, report and logs."""
 
-    policy: Annotated[str, tyro.conf.Positional]
-    """Policy: a file (.safetensors or .json) or the name of a shipped one."""
+    policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")]
+    """Policy: a file (.safetensors or .json), or the name of a shipped one, such as
+    peg_square; `dovetail export` makes one of a model.zip."""
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""

@@ -17,6 +17,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs import usual
 from dovetail.envs.arm_setup import WALLS_MAX, WALLS_MIN, build_arm
 from dovetail.envs.commands import CommandMap
+from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.hole_pose import HOLE_POSES, HolePose, insertion
 from dovetail.envs.hole_tracker import HoleTracker, TrueHole
 from dovetail.envs.observation import (
@@ -46,7 +47,9 @@ from dovetail.types import Array, Vec3, Vec4, Vec7
 _NEAR = Range(0.0, 1.0, "m")
 
 
-class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+class PegInHoleEnv(
+    RebuiltOnCopy, gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]
+):
     """Push a peg into a hole whose pose is known, under a torque-controlled arm.
 
     The target is the peg's pose when inserted: its end in the middle of the hole's
@@ -334,13 +337,9 @@ class PegInHoleEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.reward_config,
             info["contact_force_max"],
         )
-        return (
-            self._history.push(action, self.scaling.scale(raw)),
-            reward,
-            info["success"],
-            self._steps >= self.max_steps and not info["success"],
-            info,
-        )
+        observation = self._history.push(action, self.scaling.scale(raw))
+        is_cut = self._steps >= self.max_steps and not info["success"]
+        return observation, reward, info["success"], is_cut, info
 
     def slide_fixture(self, velocity: Vec3) -> None:
         """Let the hole move at a velocity [m/s], world axes, in the steps to come.

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -12,17 +12,7 @@ from typing import Any, Literal, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
-from rich.table import Table
 
 from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
@@ -30,7 +20,7 @@ from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
 from dovetail.envs.hole_pose import HolePose
 from dovetail.envs.registered import environment_class
-from dovetail.errors import ConfigError, DovetailError, PolicyError
+from dovetail.errors import ConfigError
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.origin import (
     command_line,
@@ -43,10 +33,13 @@ from dovetail.evaluate.origin import (
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation, make_perturbed
 from dovetail.evaluate.report import Report
-from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
+from dovetail.evaluate.terminal import render_table, run_shown
+from dovetail.evaluate.transfer import Row, summarise
 from dovetail.evaluate.trials import plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
+from dovetail.learn.policy_env import known_env_id, policy_settings, require_yes
+from dovetail.learn.spaces import require_spaces
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
 from dovetail.scene import SceneConfig
@@ -66,6 +59,8 @@ class EvaluationConfig:
     """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     approach: bool = False
     """Let an arm behind fri:// go to its first start from afar, slowly."""
+    accept_contact: bool = False
+    """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
     hole: tuple[float, float, float, float] | None = None
     """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
     three poses, which an arm must be able to put the hole at."""
@@ -143,6 +138,7 @@ def environment_options(
 
     Raises:
         ConfigError: Neither or both of plant and twin, or an unknown one.
+        PolicyError: The policy sets what is not a policy's to choose.
     """
     places = ("plant", "twin", "arm")
     if sum(vars(config)[name] is not None for name in places) != 1:
@@ -151,12 +147,10 @@ def environment_options(
             f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
             f"arms: {', '.join(SCHEMES)}"
         )
-    options = dict(policy["env"])
+    options = policy_settings(policy)
     for name in (*places, "peg", "clearance"):
         if (value := vars(config)[name]) is not None:
             options[name] = value
-    if config.plant is None:
-        options.pop("plant", None)
     if config.twin is not None:
         if Path(config.twin).suffix == ".toml":
             options["twin"] = str(Path(config.twin).expanduser().absolute())
@@ -203,7 +197,7 @@ def hole_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[HolePose, ...]:
     """Return where the hole is for the tries: by the policy's environment, or given."""
-    poses = environment_class(policy["env_id"]).hole_poses
+    poses = environment_class(known_env_id(policy)).hole_poses
     if config.hole is None:
         return poses
     return (HolePose.given(config.hole, poses[0].facing),)
@@ -227,7 +221,12 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     jobs = plan_trials(len(poses), config.tries, config.seed)
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation()
-    make_env = partial(make_perturbed, policy.metadata["env_id"], perturbation, options)
+    lax = require_yes(options, config.arm, is_given=config.accept_contact)
+    if lax:
+        console.print(f"note: {lax}", soft_wrap=True)  # before anything moves
+    make_env = partial(
+        make_perturbed, known_env_id(policy.metadata), perturbation, options
+    )
     with closing(_inspect(config, make_env, policy)) as env:
         scene: SceneConfig = env.unwrapped.scene  # type: ignore[attr-defined]
         folder = claim_output_folder(config.out or dated_folder("results"))
@@ -251,21 +250,13 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             f"control period {1e3 * options['period']:g} ms",
         ]
         title, names = ", ".join(parts), [pose.name for pose in poses]
-        outcomes = _show(trials, len(jobs), title, names, console)
+        outcomes = run_shown(trials, len(jobs), title, names, console)
     rows = summarise(outcomes, names)
     report = Report(
         title=title,
         ground=ground,
         period=options["period"],
-        note="; ".join(
-            filter(
-                None,
-                (
-                    other_period(options["period"], policy.metadata),
-                    shared_engine(config, policy.metadata),
-                ),
-            )
-        ),
+        note=_notes(lax, config, options["period"], policy.metadata),
         rows=rows,
         outcomes=outcomes,
         config=describe_settings(replace(config, out=folder), options, poses),
@@ -278,6 +269,14 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
     )
+
+
+def _notes(
+    lax: str, config: EvaluationConfig, period: float, policy: Mapping[str, Any]
+) -> str:
+    """Return what a reader of the numbers must know; empty for nothing."""
+    notes = (lax, other_period(period, policy), shared_engine(config, policy))
+    return "; ".join(filter(None, notes))
 
 
 def _print(report: Report, is_tared: bool, console: Console) -> None:
@@ -298,81 +297,17 @@ def _inspect(
     config: EvaluationConfig, make_env: Callable[[], gym.Env], policy: Policy
 ) -> gym.Env:
     """Return an environment; says what is wrong before anything is written."""
-    try:
-        env = make_env()
-    except (TypeError, gym.error.Error) as error:
-        raise PolicyError(
-            f"the policy's JSON file does not describe a known environment: {error}"
-        ) from error
+    env = make_env()
     try:
         _require_hole(config, can_place=env.unwrapped.places_fixture)  # type: ignore[attr-defined]
         pose = hole_poses(config, policy.metadata)[0].pose()
         observation, _ = env.reset(seed=config.seed, options={"hole": pose})
-        action = policy(observation)
-        if action.shape != env.action_space.shape:
-            raise PolicyError(
-                f"the policy gives actions of shape {action.shape}, its environment "
-                f"takes {env.action_space.shape}: it was trained for another task"
-            )
+        policy.require_size(observation, env.action_space.shape or ())
+        require_spaces(policy.metadata, env)
     except BaseException:
         env.close()
         raise
     return env
-
-
-def _show(
-    trials: Iterator[Outcome],
-    count: int,
-    title: str,
-    names: list[str],
-    console: Console,
-) -> list[Outcome]:
-    """Run the tries under a progress bar; if they are cut short, show what there is."""
-    outcomes: list[Outcome] = []
-    try:
-        _collect(trials, count, outcomes, console)
-    except (DovetailError, KeyboardInterrupt):
-        if outcomes:
-            rows = summarise(outcomes, names[: outcomes[-1].pose + 1])
-            part = f"partial: {len(outcomes)} of {count} tries, no report"
-            console.print(f"{title} ({part})", soft_wrap=True)
-            console.print(render_table(rows))
-        raise
-    return outcomes
-
-
-def _collect(
-    trials: Iterator[Outcome], count: int, outcomes: list[Outcome], console: Console
-) -> None:
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[inserted]} inserted"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        console=console,
-    ) as progress:
-        bar = progress.add_task("tries", total=count, inserted=0)
-        for outcome in trials:
-            outcomes.append(outcome)
-            progress.update(bar, advance=1, inserted=sum(o.success for o in outcomes))
-
-
-def render_table(rows: Sequence[Row]) -> Table:
-    """Return the transfer table for a terminal, without its title."""
-    table = Table(box=SIMPLE_HEAD)
-    table.pad_edge = False
-    lines = [cells(row) for row in rows]
-    for name, *entries in zip(COLUMNS, *lines, strict=True):
-        words = [*name.split(), *entries]  # headings wrap, numbers do not
-        side = "left" if name == COLUMNS[0] else "right"
-        table.add_column(name, justify=side, width=max(map(len, words)))
-    for line in lines[:-1]:
-        table.add_row(*line)
-    table.add_section()
-    table.add_row(*lines[-1], style="bold")
-    return table
 
 
 def write_report(report: Report, folder: Path, scene: SceneConfig) -> list[Path]:

@@ -101,6 +101,8 @@ def command_line(config: "EvaluationConfig") -> str:
     for f in fields(Perturbation):
         if (value := vars(config)[f.name]) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]
+    if config.accept_contact:
+        words.append("--accept-contact")
     if not config.tare:
         words.append("--no-tare")
     if config.max_steps is not None:

@@ -15,6 +15,7 @@ from dovetail.envs.hole_pose import HOLE_POSES, HolePose
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.outcome import Outcome
+from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.types import Array
@@ -58,7 +59,7 @@ class Trialist:
     def __init__(
         self,
         make_env: Callable[[], gym.Env],
-        load_policy: Callable[[], Callable[[Array], Array]],
+        load_policy: Callable[[], Actor],
         poses: Sequence[HolePose],
         logs: Path | None,
     ) -> None:
@@ -85,6 +86,7 @@ class Trialist:
             if error.reason != "tare":
                 raise
             return self._without_tare(job, hole, error)
+        self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
@@ -187,7 +189,7 @@ def _columns(log: Array, *names: str) -> Array:
 
 def run_trials(
     make_env: Callable[[], gym.Env],
-    load_policy: Callable[[], Callable[[Array], Array]],
+    load_policy: Callable[[], Actor],
     jobs: Sequence[Job],
     *,
     poses: Sequence[HolePose] = HOLE_POSES,

@@ -14,8 +14,8 @@ TEST_SEED = 20_200_419
 """First number of the test episodes' seeds: the same episodes for every run."""
 
 
-def assess(policy: Policy, episodes: int, env: gym.Env | None = None) -> dict[str, Any]:
-    """Run a policy in the environment that it was trained for.
+def assess(policy: Policy, episodes: int, env: gym.Env) -> dict[str, Any]:
+    """Run a policy in the environment of its training.
 
     The test episodes are the same for every training seed; their seeds are hashed from
     a number of their own, so that no run trains on them.
@@ -23,19 +23,14 @@ def assess(policy: Policy, episodes: int, env: gym.Env | None = None) -> dict[st
     Args:
         policy: Any policy.
         episodes: Number of test episodes, at least 1.
-        env: The environment to use, left open; None makes the policy's own.
+        env: The environment to use, left open.
 
     Returns:
         Success rate with its Wilson 95 % interval, steps to insert, peak contact
         force, limit violations: ready for JSON; null where nothing was inserted, and
         for a force that the arm does not measure.
     """
-    own = env or gym.make(
-        policy.metadata["env_id"], disable_env_checker=True, **policy.metadata["env"]
-    )
-    results = [_run(own, policy, derive_seed(TEST_SEED, i)) for i in range(episodes)]
-    if env is None:
-        own.close()
+    results = [_run(env, policy, derive_seed(TEST_SEED, i)) for i in range(episodes)]
     success = [r["success"] for r in results]
     steps = [r["steps"] for r in results if r["success"]]
     force = [r["force"] for r in results]
@@ -63,6 +58,7 @@ def assess(policy: Policy, episodes: int, env: gym.Env | None = None) -> dict[st
 
 def _run(env: gym.Env, policy: Policy, seed: int) -> dict[str, Any]:
     observation, info = env.reset(seed=seed)
+    policy.reset()
     steps, force, violations, done = 0, 0.0, 0, False
     while not done:
         observation, _, ended, cut, info = env.step(policy(observation))

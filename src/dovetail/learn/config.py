@@ -9,27 +9,16 @@ from typing import Annotated, Any, Literal, get_args
 import tyro
 
 from dovetail.arms.address import parse_address
-from dovetail.control.period import DEFAULT_PERIOD, format_period, require_period
-from dovetail.control.period_option import Period
+from dovetail.control.period import format_period, require_period
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs import usual
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
-from dovetail.envs.peg_in_hole import PegInHoleEnv
-from dovetail.envs.registered import environment_class
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
+from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.model_file import ModelFile
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
-
-ENV_FIELDS = (
-    *("plant", "peg", "clearance", "task", "stack", "period"),
-    *("f_scale", "f_scale_angular", "force_damping", "tare"),
-    *("near_speed", "near_press", "near_distance"),
-    *("theta_range", "position_range", "max_steps", "scheme"),
-)
-"""Fields that are handed to the environment as they are."""
 
 _NOT_COMPARED = ("out", "resume")
 _OPTIONS = {"from_policy": "from"}
@@ -38,7 +27,7 @@ _USUAL = DynamicsRandomisation()
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig:
+class TrainConfig(EnvSettings):
     """Settings of one training run, or of several seeds of it."""
 
     out: Path | None = None
@@ -47,10 +36,6 @@ class TrainConfig:
     resume: bool = False
     """Continue the run in `out` from its newest checkpoint, with its settings: on the
     command line no other option is needed."""
-    env: str = "dovetail/PegInHole-v0"
-    """Gymnasium id of the environment."""
-    plant: str = "mujoco"
-    """Physics engine to train in: mujoco or bullet."""
     model: Path | None = None
     """Model file whose dynamics and command delay that engine simulates, as `dovetail
     identify fit` writes it (any twin file); without it the nominal model."""
@@ -80,47 +65,6 @@ class TrainConfig:
     first `learning_starts` steps only the critics learn; then the actor does at a tenth
     of their rate, and goes back to the one whose episodes went best if its own go
     badly. The best one is what the run ends with."""
-    peg: str = "square"
-    """Shape of peg and hole: square, triangle (MuJoCo only) or round."""
-    clearance: float | None = None
-    """Gap between peg and hole on each side [m]; default the environment's: 0.0005 in
-    peg in hole, 0.001 for the rail clip."""
-    task: str | None = None
-    """Mode of each axis: force, pose, hold or free; default the environment's: "XYZ:
-    force A:pose BC:hold" in peg in hole, "X:force A:pose YZBC:hold" for the clip."""
-    stack: int = 0
-    """Number of past (observation, action) pairs in the observation."""
-    period: Period = DEFAULT_PERIOD
-    """Control period: 1ms, 2ms, 2.5ms or 5ms; an action acts for 50 ms at any of them.
-    An arm's address may give its own."""
-    f_scale: tuple[float, ...] = (usual.F_SCALE,)
-    """f* at action 1 on X Y Z [m/s2]: one number, or three."""
-    f_scale_angular: float = usual.F_SCALE_ANGULAR
-    """f* at action 1 on A B C [rad/s2]."""
-    force_damping: tuple[float, ...] = (usual.FORCE_DAMPING,)
-    """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
-    speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
-    f_scale, no tare."""
-    tare: bool = True
-    """Before each episode measure, in free air, the weight that gravity compensation
-    misses, and take it off what the policy commands: in training with `model`,
-    `randomise_dynamics` or `arm`, as there is none in the nominal model; and wherever
-    the policy is evaluated."""
-    near_speed: float = usual.NEAR_SPEED
-    """Speed limit of the tool per axis where contact is near [m/s]."""
-    near_press: float = usual.NEAR_PRESS
-    """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
-    the tool can stand on the rim."""
-    near_distance: float = usual.NEAR_DISTANCE
-    """How far above the hole's mouth that begins [m]."""
-    theta_range: float = usual.THETA_RANGE
-    """Rotation at action 1 on pose axes A B C [rad]."""
-    position_range: float = usual.POSITION_RANGE
-    """Displacement at action 1 on pose axes X Y Z [m]."""
-    max_steps: int = 200
-    """Actions per episode."""
-    scheme: str = "qp"
-    """How the controller keeps its limits: qp or paper."""
     algorithm: Algorithm = "sac"
     """Learning algorithm (SBX)."""
     steps: int = 60_000
@@ -220,15 +164,6 @@ class TrainConfig:
         _ = self.model_file
 
     @property
-    def environment(self) -> type[PegInHoleEnv]:
-        """The environment's class.
-
-        Raises:
-            ConfigError: No such environment; lists the known ones.
-        """
-        return environment_class(self.env)
-
-    @property
     def folder(self) -> Path:
         """The run folder, absolute.
 
@@ -292,15 +227,6 @@ class TrainConfig:
                 "number, each above 0, e.g. auto_0.1"
             )
         return self.ent_coef if self.ent_coef.startswith("auto") else value
-
-    def env_options(self) -> dict[str, Any]:
-        """Return the keyword arguments of the environment, as JSON knows them."""
-        return {name: getattr(self, name) for name in ENV_FIELDS} | self._own()
-
-    def _own(self) -> dict[str, Any]:
-        """Return what is not given and so is the environment's own."""
-        own = self.environment.defaults
-        return {name: own[name] for name in own if getattr(self, name) is None}
 
     def for_seed(self, seed: int) -> "TrainConfig":
         """Return the run of one of several seeds, in its own sub-folder."""

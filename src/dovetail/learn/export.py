@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from dovetail.errors import PolicyError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Layer, Policy
+from dovetail.learn.spaces import describe_spaces
 
 _RENORM_EPSILON = 1e-3  # sbx.common.jax_layers.BatchRenorm
 _PACKAGES = (
@@ -59,23 +61,49 @@ def export_policy(
 
 
 def actor_layers(model: Any) -> list[Layer]:
-    """Return the dense layers of an SBX actor up to the mean's head.
+    """Return the dense layers of an SBX actor up to the mean's head."""
+    state = model.policy.actor_state
+    params = state.params.get("params", state.params)
+    count = len(model.policy.net_arch_pi) + 1
+    return flax_layers(params, getattr(state, "batch_stats", {}), count)
+
+
+def flax_layers(
+    params: Mapping[str, Any], stats: Mapping[str, Any], count: int
+) -> list[Layer]:
+    """Return the first dense layers of an SBX actor; its deviation's may follow.
 
     CrossQ's batch renormalisation stands before each dense layer and is affine outside
     training (running statistics), so it is folded into that layer.
+
+    Args:
+        params: The actor's parameters, by module.
+        stats: Running statistics of its batch renormalisations.
+        count: Number of layers.
+
+    Raises:
+        PolicyError: Other modules, or missing ones.
     """
-    state = model.policy.actor_state
-    params = state.params
-    params = params.get("params", params)
+    dense = [f"Dense_{i}" for i in range(count)]
+    renorm = [f"BatchRenorm_{i}" for i in range(count)]
+    beside = (f"Dense_{count}", "log_std")
+    if strange := set(params) - {*dense, *renorm, *beside}:
+        raise PolicyError(
+            f"the actor has the modules {', '.join(sorted(strange))[:200]}; only dense "
+            "layers, with or without batch renormalisation, can be exported"
+        )
     layers: list[Layer] = []
-    for i in range(len(model.policy.net_arch_pi) + 1):
-        weight = np.asarray(params[f"Dense_{i}"]["kernel"], dtype=np.float64)
-        bias = np.asarray(params[f"Dense_{i}"]["bias"], dtype=np.float64)
-        if (name := f"BatchRenorm_{i}") in params:
-            scale, shift = _affine(params[name], state.batch_stats[name])
-            bias = bias + shift @ weight
-            weight = scale[:, None] * weight
-        layers.append((weight.astype(np.float32), bias.astype(np.float32)))
+    try:
+        for name, norm in zip(dense, renorm, strict=True):
+            weight = np.asarray(params[name]["kernel"], dtype=np.float64)
+            bias = np.asarray(params[name]["bias"], dtype=np.float64)
+            if norm in params:
+                scale, shift = _affine(params[norm], stats[norm])
+                bias = bias + shift @ weight
+                weight = scale[:, None] * weight
+            layers.append((weight.astype(np.float32), bias.astype(np.float32)))
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise PolicyError(f"the actor's parameters are damaged: {error}") from error
     return layers
 
 
@@ -87,25 +115,6 @@ def _affine(
     variance = np.asarray(stats["var"], dtype=np.float64)
     scale = np.asarray(params["scale"]) / np.sqrt(variance + _RENORM_EPSILON)
     return scale, np.asarray(params["bias"]) - mean * scale
-
-
-def describe_spaces(env: Any) -> dict[str, Any]:
-    """Return size and meaning of observation and action, for the sidecar."""
-    from dovetail.envs.observation import COLUMNS
-
-    core = env.unwrapped
-    return {
-        "observation": {
-            "size": int(env.observation_space.shape[0]),
-            "columns": [list(column) for column in COLUMNS],
-            "scaling": core.scaling.describe(),
-        },
-        "action": {
-            "size": int(env.action_space.shape[0]),
-            "axes": list(core.commands.axes),
-            "scale": [float(value) for value in core.commands.scale],
-        },
-    }
 
 
 def versions() -> dict[str, str]:

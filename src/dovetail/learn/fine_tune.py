@@ -4,11 +4,10 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from dovetail.errors import PolicyError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy, find_policy
+from dovetail.learn.spaces import require_spaces
 
 START_STD = 0.2
 """Standard deviation of the exploring actor's first actions, before tanh [1]: a fresh
@@ -38,6 +37,11 @@ def load_start(config: TrainConfig, env: Any) -> Policy | None:
 
 
 def _require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
+    if policy.memory is not None:
+        raise PolicyError(
+            "it has a memory (GRU), which no algorithm here trains; start from a "
+            "policy without one"
+        )
     policy.require_env(config.env, config.env_options())
     size = int(env.observation_space.shape[0])
     if policy.observation_size != size:
@@ -45,19 +49,13 @@ def _require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
             f"it takes {policy.observation_size} observations, this run's environment "
             f"gives {size}; give the stack it was trained with"
         )
-    commands = env.unwrapped.commands
-    if policy.action_size != len(commands):
+    num_axes = len(env.unwrapped.commands)
+    if policy.action_size != num_axes:
         raise PolicyError(
             f"it gives {policy.action_size} actions, this run's environment takes "
-            f"{len(commands)}; give the task it was trained with"
+            f"{num_axes}; give the task it was trained with"
         )
-    scale = policy.metadata.get("action", {}).get("scale", commands.scale)
-    if not np.allclose(scale, commands.scale):
-        raise PolicyError(
-            f"its actions mean {list(scale)} for {' '.join(commands.axes)} at 1, this "
-            f"run's {list(commands.scale)}; give f_scale, f_scale_angular, theta_range "
-            "and position_range as it was trained with"
-        )
+    require_spaces(policy.metadata, env)
     hidden = tuple(int(weight.shape[1]) for weight, _ in policy.layers[:-1])
     if hidden != config.net:
         raise PolicyError(

@@ -9,7 +9,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,9 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.files import write_atomic
+from dovetail.learn.gru import TENSORS, Gru
 
 FORMAT = "dovetail-policy"
-VERSION = 1
+VERSIONS = (1, 2)
+"""Versions that are read: 2 is 1 with a memory, and written only where there is one."""
 
 POLICY_FOLDER = Path(__file__).parent.parent / "policies"
 """Where the shipped policies are."""
@@ -33,24 +35,45 @@ OUTPUTS = ("tanh", "clip")
 _HEADER = ("format", "version", "sha256")
 
 
+class Actor(Protocol):
+    """What chooses actions; whoever runs it calls `reset` when an episode begins."""
+
+    def reset(self) -> None:
+        """Forget the last episode."""
+        ...
+
+    def __call__(self, observation: NDArray[np.float32], /) -> NDArray[Any]:
+        """Return the action for the newest observation."""
+        ...
+
+
 class Policy:
     """A multilayer perceptron from an environment's observation to its action.
 
     Called with an observation as the environment returns it (scaled, stacked), it gives
-    the mean action in [-1, 1], without exploration.
+    the mean action in [-1, 1], without exploration. With a memory, a GRU before one of
+    its layers, each call is one step of 50 ms, and `reset` begins an episode.
     """
 
-    def __init__(self, layers: list[Layer], metadata: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        layers: list[Layer],
+        metadata: Mapping[str, Any],
+        memory: Gru | None = None,
+    ) -> None:
         """Take the weights.
 
         Args:
             layers: The dense layers, first to last.
             metadata: Content of the JSON file.
+            memory: A GRU whose input is what the layers before it give, and whose state
+                is what the layer number `network.memory.before` takes.
 
         Raises:
             PolicyError: The weights do not fit the metadata or one another.
         """
         self.layers = layers
+        self.memory = memory
         self.metadata = dict(metadata)
         network = self._section("network")
         self._is_relu = _known("activation", network, ACTIVATIONS) == "relu"
@@ -61,8 +84,16 @@ class Policy:
                 f"the weights have shapes {shapes}, the policy's JSON file says "
                 f"{network.get('layers')}; export the policy again"
             )
+        self._before = self._place_of_memory(network)
+        width = shapes[0][0]
+        if self.memory is not None and self._before == 0:
+            width = self.memory.num_inputs
+        self.observation_size = int(width)
         for i, (weight, bias) in enumerate(layers):
-            rows = shapes[i - 1][1] if i else shapes[0][0]
+            rows = width
+            if self.memory is not None and self._before == i:
+                self._require_inputs(width)
+                rows = self.memory.units
             if weight.shape[0] != rows or bias.shape != weight.shape[1:]:
                 raise PolicyError(
                     f"policy layer {i} has weights of shape {weight.shape} and a bias "
@@ -70,8 +101,39 @@ class Policy:
                 )
             if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
                 raise PolicyError(f"policy layer {i} holds a number that is not finite")
-        self.observation_size = int(shapes[0][0])
+            width = weight.shape[1]
         self.action_size = int(shapes[-1][1])
+
+    def _place_of_memory(self, network: Mapping[str, Any]) -> int:
+        """Return the number of the layer that takes the memory's state; -1 for none."""
+        said = network.get("memory")
+        if self.memory is None and said is None:
+            return -1
+        own = None if self.memory is None else self.memory.describe()
+        before = said.get("before") if isinstance(said, Mapping) else None
+        if not isinstance(said, Mapping) or own is None or {**said, **own} != said:
+            raise PolicyError(
+                f"the weights have the memory {own}, the policy's JSON file says "
+                f"{str(said)[:80]}; export the policy again"
+            )
+        if type(before) is not int or not 0 <= before < len(self.layers):
+            raise PolicyError(
+                f"the policy's memory stands before layer {str(before)[:20]!r}; "
+                f"allowed: 0 to {len(self.layers) - 1}"
+            )
+        return before
+
+    def _require_inputs(self, width: int) -> None:
+        if self.memory is not None and self.memory.num_inputs != width:
+            raise PolicyError(
+                f"the policy's memory takes {self.memory.num_inputs} numbers, the "
+                f"layer before it gives {width}"
+            )
+
+    def reset(self) -> None:
+        """Forget the last episode; call it when an episode begins."""
+        if self.memory is not None:
+            self.memory.reset()
 
     def __call__(self, observation: ArrayLike) -> NDArray[np.float32]:
         """Return the action for one observation, each number in [-1, 1].
@@ -83,24 +145,44 @@ class Policy:
             PolicyError: Wrong size, or a number that is not finite.
         """
         x = np.asarray(observation, dtype=np.float32)
-        if x.shape != (self.observation_size,):
-            raise PolicyError(
-                f"the observation has shape {x.shape}, this policy was trained with "
-                f"({self.observation_size},); its file names stack = "
-                f"{self._section('env').get('stack')}: give the environment that, and "
-                "where it has that already, export the policy again"
-            )
+        self.require_size(x, (self.action_size,))
         if not np.isfinite(x).all():
             index = int(np.flatnonzero(~np.isfinite(x))[0])
             raise PolicyError(
                 f"observation[{index}] is {x[index]}; needs a finite number"
             )
-        for weight, bias in self.layers[:-1]:
+        last = len(self.layers) - 1
+        for i, (weight, bias) in enumerate(self.layers):
+            if self.memory is not None and i == self._before:
+                x = self.memory.step(x)
             x = x @ weight + bias
-            x = np.maximum(x, 0.0) if self._is_relu else np.tanh(x)
-        weight, bias = self.layers[-1]
-        x = x @ weight + bias
+            if i < last:
+                x = np.maximum(x, 0.0) if self._is_relu else np.tanh(x)
         return np.tanh(x) if self._is_tanh else np.clip(x, -1.0, 1.0)
+
+    def require_size(self, observation: ArrayLike, action: tuple[int, ...]) -> None:
+        """Refuse an observation or an action of another size.
+
+        Args:
+            observation: The environment's observation.
+            action: Shape of the action that the environment takes.
+
+        Raises:
+            PolicyError: Names both shapes.
+        """
+        shape = np.shape(observation)
+        if shape != (self.observation_size,):
+            raise PolicyError(
+                f"the observation has shape {shape}, this policy was trained with "
+                f"({self.observation_size},); its file names stack = "
+                f"{self._section('env').get('stack')}: give the environment that, and "
+                "where it has that already, export the policy again"
+            )
+        if action != (self.action_size,):
+            raise PolicyError(
+                f"the policy gives actions of shape ({self.action_size},), its "
+                f"environment takes {action}: it was trained for another task"
+            )
 
     def require_env(self, env_id: str, env: Mapping[str, Any]) -> None:
         """Refuse an environment in which observation or action mean something else.
@@ -142,16 +224,23 @@ class Policy:
         from safetensors.numpy import save
 
         weights, sidecar = policy_files(path)
+        tensors = {
+            f"layer{i}.{name}": array
+            for i, layer in enumerate(self.layers)
+            for name, array in zip(("weight", "bias"), layer, strict=True)
+        }
+        if self.memory is not None:
+            arrays = zip(TENSORS, self.memory.weights, strict=True)
+            tensors |= {f"memory.{name}": array for name, array in arrays}
         data = save(
             {
-                f"layer{i}.{name}": np.ascontiguousarray(array, dtype=np.float32)
-                for i, layer in enumerate(self.layers)
-                for name, array in zip(("weight", "bias"), layer, strict=True)
+                name: np.ascontiguousarray(array, dtype=np.float32)
+                for name, array in tensors.items()
             }
         )
         self.metadata = {
             "format": FORMAT,
-            "version": VERSION,
+            "version": VERSIONS[self.memory is not None],
             "sha256": hashlib.sha256(data).hexdigest(),
             **{k: v for k, v in self.metadata.items() if k not in _HEADER},
         }
@@ -185,13 +274,16 @@ class Policy:
             )
         try:
             tensors = load(data)
+            memory = None
+            if "memory.bias" in tensors:
+                memory = Gru(*(tensors.pop(f"memory.{name}") for name in TENSORS))
             layers = [
                 (tensors[f"layer{i}.weight"], tensors[f"layer{i}.bias"])
                 for i in range(len(tensors) // 2)
             ]
         except (SafetensorError, KeyError) as error:
             raise PolicyError(f"{weights} holds no policy: {error}") from error
-        return cls(layers, metadata)
+        return cls(layers, metadata, memory)
 
     def _section(self, name: str) -> Mapping[str, Any]:
         section = self.metadata.get(name)
@@ -245,8 +337,8 @@ def _read(path: Path) -> bytes:
 def _read_sidecar(path: Path) -> dict[str, Any]:
     content = _read(path)
     try:
-        metadata = json.loads(content)
-    except ValueError as error:
+        metadata = json.loads(content, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
         raise PolicyError(
             f"{path} ({len(content)} bytes) is cut short or no JSON: {error}; copy it "
             "again"
@@ -255,12 +347,16 @@ def _read_sidecar(path: Path) -> dict[str, Any]:
         raise PolicyError(
             f"{path} does not describe a policy: format is not {FORMAT!r}"
         )
-    if metadata.get("version") != VERSION:
+    if metadata.get("version") not in VERSIONS:
         raise PolicyError(
             f"{path} has format version {metadata.get('version')!r}, this release "
-            f"reads {VERSION}"
+            f"reads {' and '.join(map(str, VERSIONS))}"
         )
     return metadata
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
 
 
 def _known(name: str, network: Mapping[str, Any], known: tuple[str, ...]) -> str:

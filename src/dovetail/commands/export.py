@@ -1,0 +1,52 @@
+"""`dovetail export`: a model of Stable-Baselines3 or SBX as a policy of dovetail."""
+
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import gymnasium
+import tyro
+from rich.console import Console
+
+from dovetail.errors import ConfigError
+from dovetail.learn.env_settings import EnvSettings
+from dovetail.learn.foreign import import_file
+from dovetail.learn.policy import policy_files
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export(EnvSettings):
+    """Write a model.zip of Stable-Baselines3 or SBX as a policy; runs none of it.
+
+    The model does not say how its environment was set: give the settings that differ
+    from the defaults. Statistics of VecNormalize are not in the model: a policy that
+    was trained on them acts wrongly.
+    """
+
+    model: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL.zip")]
+    """The file that model.save wrote."""
+    out: Path | None = None
+    """Name of the policy, NAME.safetensors and NAME.json; default the model's, beside
+    it."""
+
+    def run(self, console: Console) -> int:
+        """Export, and say what to do next."""
+        model = self.model.expanduser()
+        out = model.with_suffix("") if self.out is None else self.out.expanduser()
+        for file in policy_files(out):
+            if file.exists():
+                raise ConfigError(f"{file} exists; choose another --out")
+        _ = self.environment
+        env = gymnasium.make(self.env, disable_env_checker=True, **self.env_options())
+        try:
+            weights = import_file(model, env, self).save(out)
+        finally:
+            env.close()
+        for file in policy_files(weights):
+            line = f"written: {file}"
+            console.print(line, soft_wrap=True, highlight=False, markup=False)
+        words = ["dovetail", "evaluate", str(weights), "--twin", "medium"]
+        line = f"next: {shlex.join(words)}"
+        console.print(line, soft_wrap=True, highlight=False, markup=False)
+        return 0

@@ -1,0 +1,182 @@
+"""The environment that a policy was trained for, as far as its file may choose it.
+
+A policy's file comes from somebody else. It says what the task was and how actions act;
+where it runs (plant, twin, arm) is said by who runs it, never by the file.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import gymnasium
+
+from dovetail.arms.address import parse_address
+from dovetail.envs import usual
+from dovetail.envs.registered import environment_class
+from dovetail.errors import ConfigError, PolicyError
+from dovetail.learn.policy import Policy
+from dovetail.learn.spaces import require_spaces
+
+TOLD = ("plant",)
+"""Settings that say where the policy was trained: read, and never taken."""
+
+
+def _is_number(value: Any) -> bool:
+    is_real = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return is_real and abs(value) < 1e12 and math.isfinite(value)
+
+
+def _is_count(value: Any) -> bool:
+    return _is_number(value) and isinstance(value, int)
+
+
+def _is_one_or_three(value: Any) -> bool:
+    values = value if isinstance(value, (list, tuple)) else [value]
+    return len(values) in (1, 3) and all(map(_is_number, values))
+
+
+_WORD = ("a word", lambda value: isinstance(value, str))
+_NUMBER = ("a number", _is_number)
+_COUNT = ("a whole number", _is_count)
+_ONE_OR_THREE = ("one number or three", _is_one_or_three)
+_SWITCH = ("true or false", lambda value: isinstance(value, bool))
+
+TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
+    **dict.fromkeys(("peg", "task", "scheme"), _WORD),
+    **dict.fromkeys(("stack", "max_steps"), _COUNT),
+    **dict.fromkeys(("f_scale", "force_damping"), _ONE_OR_THREE),
+    **dict.fromkeys(("clearance", "period", "f_scale_angular"), _NUMBER),
+    **dict.fromkeys(("near_speed", "near_press", "near_distance"), _NUMBER),
+    **dict.fromkeys(("theta_range", "position_range"), _NUMBER),
+    "tare": _SWITCH,
+}
+"""Settings of the environment that a policy's file chooses, and what each must be; the
+environment checks their ranges."""
+
+
+def known_env_id(metadata: Mapping[str, Any]) -> str:
+    """Return the Gymnasium id of a policy's environment, which is one of dovetail's.
+
+    Gymnasium imports whatever module an id names; a file must not choose that.
+
+    Args:
+        metadata: Content of the policy's JSON file.
+
+    Raises:
+        ConfigError: No environment of dovetail; lists them.
+    """
+    env_id = str(metadata.get("env_id"))
+    environment_class(env_id)
+    return env_id
+
+
+def policy_settings(metadata: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the keyword arguments of the environment that a policy's file may choose.
+
+    Args:
+        metadata: Content of the policy's JSON file; "env" holds the settings.
+
+    Raises:
+        PolicyError: A setting that is not the file's to choose, or that is none; names
+            it, and what is known.
+    """
+    env = metadata.get("env")
+    if not isinstance(env, Mapping):
+        raise PolicyError(
+            "the policy's JSON file has no section 'env'; export the policy again"
+        )
+    for name in env:
+        if name not in (*TAKEN, *TOLD):
+            raise PolicyError(
+                f"the policy's JSON file sets {name!r} of its environment, which is "
+                f"not a policy's to choose; known: {', '.join(TAKEN)}. Where a policy "
+                "runs is said by --plant, --twin or --arm. Do not use a file that "
+                "somebody has changed; ask for the one that was exported"
+            )
+    for name, (wanted, is_fine) in TAKEN.items():
+        if name in env and not is_fine(env[name]):
+            raise PolicyError(
+                f"the policy's JSON file gives {name} as {str(env[name])[:80]!r}; "
+                f"needs {wanted}"
+            )
+    return {name: value for name, value in env.items() if name in TAKEN}
+
+
+def lax_contact(settings: Mapping[str, Any]) -> str:
+    """Say which contact settings are laxer than the defaults; empty for none.
+
+    Args:
+        settings: Keyword arguments of an environment, by `policy_settings`.
+    """
+    speed = settings.get("near_speed", usual.NEAR_SPEED)
+    press = settings.get("near_press", usual.NEAR_PRESS)
+    distance = settings.get("near_distance", usual.NEAR_DISTANCE)
+    words = []
+    if speed > usual.NEAR_SPEED:
+        words.append(f"near_speed {speed:g} m/s (default {usual.NEAR_SPEED:g})")
+    if press > usual.NEAR_PRESS:
+        words.append(f"near_press {press:g} m/s2 (default {usual.NEAR_PRESS:g})")
+    if distance < usual.NEAR_DISTANCE:
+        words.append(f"near_distance {distance:g} m (default {usual.NEAR_DISTANCE:g})")
+    if (scheme := settings.get("scheme", "qp")) != "qp":
+        words.append(f"scheme {scheme} (default qp)")
+    return ", ".join(words)
+
+
+def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool) -> str:
+    """Refuse laxer contact than usual on what may be a robot, unless it is wanted.
+
+    Args:
+        settings: Keyword arguments of the environment, by `policy_settings`.
+        arm: Address of the arm; None is a simulation of this process. An arm behind
+            gRPC may be a robot, one behind FRI is unless it has a control port.
+        is_given: Whether the yes has been said.
+
+    Returns:
+        What is laxer, as a note; empty for nothing.
+
+    Raises:
+        ConfigError: It is laxer, the arm may be a robot, and nobody has said yes.
+    """
+    lax = lax_contact(settings)
+    if not lax:
+        return ""
+    note = f"the policy's contact settings are laxer than the defaults: {lax}"
+    if arm is not None and not is_given and _may_be_robot(arm):
+        raise ConfigError(
+            f"{note}. The arm at {arm} may be a robot, which would touch and press "
+            "harder; say --accept-contact where that is wanted, or take another policy"
+        )
+    return note
+
+
+def _may_be_robot(arm: str) -> bool:
+    return bool(parse_address(arm).undisturbed)
+
+
+def make_env(
+    policy: Policy, *, accept_contact: bool = False, **where: Any
+) -> gymnasium.Env:
+    """Build the environment that a policy was trained for, somewhere.
+
+    Args:
+        policy: Any policy.
+        accept_contact: Yes to laxer contact settings than the defaults on a robot.
+        where: `plant`, `twin` or `arm`, and whatever else the environment takes; it
+            goes before what the policy's file says. Nothing is the nominal plant.
+
+    Raises:
+        ConfigError: An unknown environment, or a setting out of range.
+        PolicyError: The file sets what is not its to choose, or observation or action
+            mean something else here than in training: names the column or axis.
+    """
+    env_id = known_env_id(policy.metadata)
+    settings = policy_settings(policy.metadata) | where
+    require_yes(settings, where.get("arm"), is_given=accept_contact)
+    env = gymnasium.make(env_id, disable_env_checker=True, **settings)
+    try:
+        require_spaces(policy.metadata, env)
+    except PolicyError:
+        env.close()
+        raise
+    return env

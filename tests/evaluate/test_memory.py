@@ -1,0 +1,86 @@
+"""Each try starts a policy's memory anew, wherever the arm is."""
+
+from contextlib import contextmanager
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from arms.loopback import lockstep_address
+from dovetail.envs.hole_pose import HOLE_POSES
+from dovetail.evaluate.trials import Job, run_trials
+from dovetail.learn.gru import Gru
+from dovetail.learn.policy import Policy
+from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.scene import SceneConfig
+from extras import need
+
+ID = "dovetail/PegInHole-v0"
+Q_START = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
+STEPS = 12
+
+
+@pytest.fixture
+def weights(policy_file, tmp_path):
+    """A policy whose GRU alone decides: what it does depends on what went before."""
+    rng = np.random.default_rng(8)
+    shapes = ((14, 24), (8, 24), (24,), (8,))
+    gru = Gru(*(rng.normal(size=shape) for shape in shapes))
+    layer = 0.5 * rng.normal(size=(8, 4)).astype(np.float32), np.zeros(4, "f4")
+    metadata = Policy.load(policy_file).metadata
+    network = {"layers": [[8, 4]], "activation": "relu", "output": "tanh"}
+    network["memory"] = gru.describe() | {"before": 0}
+    return Policy([layer], metadata | {"network": network}, gru).save(tmp_path / "gru")
+
+
+@contextmanager
+def here():
+    yield "mujoco"
+
+
+@contextmanager
+def cabinet():
+    plant = make_plant("mujoco", SceneConfig(), DynamicsConfig())
+    plant.reset(Q_START, HOLE_POSES[0].pose())
+    with lockstep_address(plant) as address:
+        yield address
+
+
+@contextmanager
+def service():
+    need("grpc")
+    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.server import ArmServer
+
+    plant = make_plant("mujoco", SceneConfig(), DynamicsConfig())
+    server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
+    server.start()
+    try:
+        yield f"grpc://{server.address}?margins=model"
+    finally:
+        server.close()
+
+
+def paths(address, load):
+    """Return the paths of three tries of which two have the same seed."""
+    jobs = [Job(0, i, seed) for i, seed in enumerate((5, 6, 5))]
+    make = lambda: gym.make(ID, arm=address, max_steps=STEPS)  # noqa: E731
+    return [o.path for o in run_trials(make, load, jobs)]
+
+
+@pytest.mark.parametrize("ground", [here, cabinet, service])
+def test_a_try_does_not_depend_on_the_try_before(ground, weights):
+    with ground() as address:
+        first, other, again = paths(address, lambda: Policy.load(weights))
+    assert len(first) == len(again)
+    np.testing.assert_allclose(first, again, atol=1e-9, rtol=0.0)
+    assert np.abs(first[-1] - other[-1]).max() > 1e-3
+
+
+def test_without_reset_it_would(weights):
+    class NeverReset(Policy):
+        def reset(self):
+            pass
+
+    first, _, again = paths("mujoco", lambda: NeverReset.load(weights))
+    assert np.abs(first - again).max() > 1e-5

@@ -1,0 +1,279 @@
+"""Models of plain Stable-Baselines3 and SBX become policies; none of them is run."""
+
+import base64
+import contextlib
+import io
+import json
+import os
+import pickle
+import zipfile
+from functools import cache
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+pytest.importorskip("sbx", reason="needs sbx: pip install '.[learn]'")
+
+import jax
+import sbx
+import stable_baselines3 as sb3
+import torch
+
+from dovetail.cli import run
+from dovetail.errors import ConfigError, PolicyError
+from dovetail.learn.env_settings import EnvSettings
+from dovetail.learn.foreign import import_file, import_model, make_policy
+from dovetail.learn.gru import Gru
+from dovetail.learn.policy import Policy
+from dovetail.learn.policy_env import make_env
+from dovetail.learn.sb3_file import read_actor
+
+ID = "dovetail/PegInHole-v0"
+TOLERANCE = 1e-5
+"""Largest difference of an action, of a range of 2."""
+MODELS = [
+    *(f"stable_baselines3.{name}" for name in ("PPO", "A2C", "SAC", "TD3", "DDPG")),
+    *(f"sbx.{name}" for name in ("PPO", "SAC", "TD3", "DDPG", "TQC", "CrossQ")),
+]
+
+
+@cache
+def environment():
+    return gym.make(ID, disable_env_checker=True)
+
+
+def shaken(tree, rng):
+    return jax.tree.map(lambda x: x + 0.1 * np.abs(rng.normal(size=np.shape(x))), tree)
+
+
+def random_model(name, rng, **kwargs):
+    """Return a model of random weights and biases."""
+    library, _, algorithm = name.partition(".")
+    kind = getattr({"stable_baselines3": sb3, "sbx": sbx}[library], algorithm)
+    kwargs.setdefault("policy_kwargs", {}).setdefault("net_arch", [16, 12])
+    model = kind("MlpPolicy", kwargs.pop("env", environment()), seed=1, **kwargs)
+    if library == "sbx":
+        state = model.policy.actor_state
+        state = state.replace(params=shaken(state.params, rng))
+        if hasattr(state, "batch_stats"):
+            state = state.replace(batch_stats=shaken(state.batch_stats, rng))
+        model.policy.actor_state = state
+    else:
+        with torch.no_grad():
+            for parameter in model.policy.parameters():
+                parameter += 0.1 * torch.randn(parameter.shape)
+    return model
+
+
+def saved(model, tmp_path) -> Path:
+    model.save(tmp_path / "model.zip")
+    return tmp_path / "model.zip"
+
+
+def require_same_actions(policy, model, rng):
+    observations = rng.uniform(-3.0, 3.0, (50, 14)).astype(np.float32)
+    expected, _ = model.predict(observations, deterministic=True)
+    actions = np.array([policy(observation) for observation in observations])
+    np.testing.assert_allclose(actions, expected, atol=TOLERANCE, rtol=0.0)
+    assert np.ptp(actions, axis=0).min() > 1e-3
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_saved_model_acts_as_it_did(name, tmp_path, rng):
+    model = random_model(name, rng)
+    policy = import_file(saved(model, tmp_path), environment(), EnvSettings())
+    require_same_actions(policy, model, rng)
+    facts = policy.metadata["provenance"]
+    assert name.partition(".")[0] in facts["policy_class"]
+    assert facts["model_file"] == "model.zip"
+    assert len(facts["model_sha256"]) == 64
+
+
+@pytest.mark.parametrize(
+    ("name", "activation"),
+    [
+        ("stable_baselines3.SAC", torch.nn.Tanh),
+        ("stable_baselines3.PPO", torch.nn.ReLU),
+        ("sbx.SAC", jax.numpy.tanh),
+        ("sbx.PPO", jax.nn.relu),
+    ],
+)
+def test_another_activation_is_found(name, activation, tmp_path, rng):
+    model = random_model(name, rng, policy_kwargs={"activation_fn": activation})
+    policy = import_file(saved(model, tmp_path), environment(), EnvSettings())
+    require_same_actions(policy, model, rng)
+
+
+@pytest.mark.parametrize(
+    ("name", "kwargs", "words"),
+    [
+        (
+            "stable_baselines3.SAC",
+            {"policy_kwargs": {"activation_fn": torch.nn.ELU}},
+            "activation is 'elu'; known: relu, tanh",
+        ),
+        (
+            "sbx.SAC",
+            {"policy_kwargs": {"activation_fn": jax.nn.silu}},
+            "activation is 'silu'; known: relu, tanh",
+        ),
+        ("stable_baselines3.SAC", {"use_sde": True}, "use_sde=False"),
+        ("sbx.PPO", {"use_sde": True}, "use_sde=False"),
+    ],
+)
+def test_a_network_that_cannot_be_run_is_refused(name, kwargs, words, tmp_path, rng):
+    model = random_model(name, rng, **kwargs)
+    with pytest.raises(PolicyError, match=words):
+        read_actor(saved(model, tmp_path))
+
+
+def test_another_features_extractor_is_refused(tmp_path, rng):
+    from stable_baselines3.common.torch_layers import FlattenExtractor
+
+    class Doubling(FlattenExtractor):
+        def forward(self, observations):
+            return 2.0 * super().forward(observations)
+
+    kwargs = {"features_extractor_class": Doubling}
+    model = random_model("stable_baselines3.PPO", rng, policy_kwargs=kwargs)
+    with pytest.raises(PolicyError, match=r"features extractor .*only multilayer"):
+        read_actor(saved(model, tmp_path))
+
+
+def test_actions_of_another_range_are_refused(tmp_path, rng):
+    wide = gym.wrappers.RescaleAction(environment(), -2.0, 2.0)
+    model = random_model("stable_baselines3.TD3", rng, env=wide)
+    with pytest.raises(PolicyError, match="without RescaleAction"):
+        read_actor(saved(model, tmp_path))
+
+
+def test_a_model_in_this_process_brings_its_environments_settings(rng, tmp_path):
+    env = gym.make(ID, peg="round", clearance=0.001, f_scale=[4.0, 4.0, 2.0])
+    model = random_model("stable_baselines3.SAC", rng, env=env)
+    policy = Policy.load(import_model(model, env).save(tmp_path / "mine"))
+    settings = policy.metadata["env"]
+    assert (settings["peg"], settings["clearance"]) == ("round", 0.001)
+    assert settings["f_scale"] == [4.0, 4.0, 2.0]
+    assert settings["task"] == "XYZ:force A:pose BC:hold"
+    again = make_env(policy)
+    assert again.unwrapped.scene.peg == "round"
+    policy.reset()
+    observation, _ = again.reset(seed=0)
+    assert again.action_space.contains(policy(observation))
+    for one in (env, again):
+        one.close()
+
+
+def test_normalised_observations_are_refused(rng):
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    vec = VecNormalize(DummyVecEnv([environment]))
+    model = random_model("stable_baselines3.PPO", rng, env=vec)
+    with pytest.raises(PolicyError, match="norm_obs=False"):
+        import_model(model, environment())
+
+
+def test_an_environment_without_a_name_is_refused(rng):
+    with pytest.raises(ConfigError, match=r"gymnasium\.make"):
+        make_policy([], environment().unwrapped.__class__(), activation="", output="")
+
+
+def test_a_recurrent_network_of_ones_own_becomes_a_policy(rng, tmp_path):
+    gru, head = torch.nn.GRU(14, 10), torch.nn.Linear(10, 4)
+    layer = head.weight.detach().numpy().T, head.bias.detach().numpy()
+    policy = make_policy(
+        [layer],
+        environment(),
+        activation="tanh",
+        output="tanh",
+        memory=(Gru.from_torch(gru.state_dict()), 0),
+        provenance={"trained by": "hand"},
+    )
+    policy = Policy.load(policy.save(tmp_path / "gru"))
+    inputs = rng.uniform(-3.0, 3.0, (20, 14)).astype(np.float32)
+    with torch.no_grad():
+        expected = torch.tanh(head(gru(torch.from_numpy(inputs))[0])).numpy()
+    actions = np.array([policy(x) for x in inputs])
+    np.testing.assert_allclose(actions, expected, atol=TOLERANCE, rtol=0.0)
+
+
+class Evil:
+    """Makes a folder when it is unpickled."""
+
+    def __init__(self, mark):
+        self.mark = str(mark)
+
+    def __reduce__(self):
+        return os.mkdir, (self.mark,)
+
+
+def changed(path, **members):
+    """Write a model again, some of its files replaced."""
+    with zipfile.ZipFile(path) as archive:
+        files = {name: archive.read(name) for name in archive.namelist()}
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in (files | members).items():
+            archive.writestr(name, content)
+
+
+@pytest.mark.parametrize("name", ["sbx.SAC", "stable_baselines3.SAC"])
+def test_a_hostile_model_is_read_or_refused_and_never_run(name, tmp_path, rng):
+    path, mark = saved(random_model(name, rng), tmp_path), tmp_path / "called"
+    with zipfile.ZipFile(path) as archive:
+        data = json.loads(archive.read("data"))
+    evil = base64.b64encode(pickle.dumps(Evil(mark))).decode()
+    for key in data:
+        hostile = data | {key: {":type:": "x", ":serialized:": evil}}
+        changed(path, data=json.dumps(hostile).encode())
+        with contextlib.suppress(PolicyError):
+            read_actor(path)
+        assert not mark.exists(), key
+    if name == "stable_baselines3.SAC":
+        buffer = io.BytesIO()
+        torch.save({"actor.mu.weight": Evil(mark)}, buffer)
+        changed(path, **{"data": json.dumps(data), "policy.pth": buffer.getvalue()})
+        with pytest.raises(PolicyError, match=r"policy.pth cannot be read"):
+            read_actor(path)
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"x" * 1000, None])
+def test_a_file_that_is_no_model_is_one_message(content, tmp_path):
+    path = tmp_path / "model.zip"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(PolicyError, match=r"no model\.zip of Stable-Baselines3 or SBX"):
+        read_actor(path)
+
+
+def test_export_writes_a_policy_beside_the_model(tmp_path, rng, capsys):
+    path = saved(random_model("sbx.PPO", rng), tmp_path)
+    assert run(["export", str(path), "--peg", "round", "--clearance", "0.001"]) == 0
+    assert f"dovetail evaluate {tmp_path / 'model.safetensors'}" in (
+        capsys.readouterr().out
+    )
+    policy = Policy.load(tmp_path / "model")
+    assert policy.metadata["env"]["peg"] == "round"
+    make_env(policy).close()
+    assert run(["export", str(path)]) == 2
+    assert "exists; choose another --out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--stack", "2"], "shape (50,), this policy was trained with (14,)"),
+        (["--task", "XY:force ZABC:hold"], "gives actions of shape (4,)"),
+        (["--env", "CartPole-v1"], "known: dovetail/PegInHole-v0"),
+        (["--peg", "hexagon"], "hexagon"),
+    ],
+)
+def test_settings_that_do_not_fit_the_model_are_refused(
+    words, message, tmp_path, rng, capsys
+):
+    path = saved(random_model("stable_baselines3.PPO", rng), tmp_path)
+    assert run(["export", str(path), *words]) == 2
+    assert message in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["model.zip"]

@@ -1,0 +1,175 @@
+"""A policy's file chooses how the task was set, never where it runs."""
+
+import math
+
+import pytest
+
+from dovetail.errors import ConfigError, PolicyError
+from dovetail.learn.policy import Policy, find_policy, list_policies
+from dovetail.learn.policy_env import (
+    TAKEN,
+    lax_contact,
+    make_env,
+    policy_settings,
+    require_yes,
+)
+
+ROBOT = "fri://127.0.0.1:30200"
+CABINET = f"{ROBOT}?control=127.0.0.1:30301"
+
+
+def changed(policy: Policy, section: str, **change) -> Policy:
+    """Return the policy with something else in a section of its file."""
+    content = policy.metadata[section] | change
+    return Policy(policy.layers, policy.metadata | {section: content})
+
+
+@pytest.mark.parametrize("name", list_policies())
+def test_the_shipped_policies_run_where_they_were_trained_for(name):
+    policy = Policy.load(find_policy(name))
+    settings = policy_settings(policy.metadata)
+    assert set(settings) == set(TAKEN)
+    assert not lax_contact(settings)
+    env = make_env(policy, twin="easy")
+    assert env.unwrapped.scene.peg == settings["peg"]
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("arm", ROBOT),
+        ("twin", "easy"),
+        ("engine", "bullet"),
+        ("dynamics", {"friction": 0.0}),
+        ("tracker", "truth"),
+        ("randomisation", {}),
+        ("reward", {}),
+        ("render_mode", "human"),
+        ("\x1b[2Jwheels", 4),
+    ],
+)
+def test_where_a_policy_runs_is_not_for_its_file_to_say(policy, name, value):
+    with pytest.raises(PolicyError, match="not a policy's to choose") as error:
+        policy_settings(changed(policy, "env", **{name: value}).metadata)
+    assert "\x1b" not in str(error.value)
+
+
+def test_the_plant_of_the_training_is_told_and_not_taken(policy):
+    assert "plant" not in policy_settings(changed(policy, "env", plant="x").metadata)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("peg", ["square"]),
+        ("stack", 1.5),
+        ("stack", True),
+        ("max_steps", 10**400),
+        ("clearance", "0.001"),
+        ("near_speed", math.nan),
+        ("near_press", {"x": 1}),
+        ("f_scale", [1.0, 2.0]),
+        ("force_damping", [[1.0]]),
+        ("tare", "no"),
+        ("task", None),
+    ],
+)
+def test_a_setting_that_is_none_is_named(policy, name, value):
+    with pytest.raises(PolicyError, match=f"gives {name} as"):
+        policy_settings(changed(policy, "env", **{name: value}).metadata)
+
+
+@pytest.mark.parametrize("env", [None, [], "plant"])
+def test_no_settings_at_all_are_refused(policy, env):
+    with pytest.raises(PolicyError, match="no section 'env'"):
+        policy_settings(policy.metadata | {"env": env})
+
+
+@pytest.mark.parametrize("env_id", ["os:Env-v0", "CartPole-v1", None, ["x"]])
+def test_an_environment_that_is_not_dovetails_is_not_even_imported(policy, env_id):
+    with pytest.raises(ConfigError, match=r"is unknown; known: dovetail/PegInHole-v0"):
+        make_env(Policy(policy.layers, policy.metadata | {"env_id": env_id}))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"near_speed": 5.0}, r"near_speed 5 m/s \(default 0.02\)"),
+        ({"near_press": 1.6}, r"near_press 1.6 m/s2 \(default 1.5\)"),
+        ({"near_distance": 0.0}, r"near_distance 0 m \(default 0.01\)"),
+        ({"scheme": "paper"}, r"scheme paper \(default qp\)"),
+    ],
+)
+def test_laxer_contact_is_said_and_needs_a_yes_on_what_may_be_a_robot(
+    policy, change, words
+):
+    lax = changed(policy, "env", **change)
+    settings = policy_settings(lax.metadata)
+    for arm in (ROBOT, "grpc://localhost:50051"):
+        with pytest.raises(ConfigError, match=f"{words}.*--accept-contact"):
+            require_yes(settings, arm, is_given=False)
+        assert "laxer" in require_yes(settings, arm, is_given=True)
+    for arm in (None, "mujoco", "twin:easy", CABINET):
+        assert "laxer" in require_yes(settings, arm, is_given=False)
+    with pytest.raises(ConfigError, match=words):
+        make_env(lax, arm=ROBOT)
+
+
+def test_stricter_contact_needs_no_yes():
+    strict = {"near_speed": 0.01, "near_press": 1.0, "near_distance": 0.02}
+    assert require_yes(strict, ROBOT, is_given=False) == ""
+    assert require_yes({}, ROBOT, is_given=False) == ""
+
+
+@pytest.mark.parametrize(
+    ("section", "part", "index", "words"),
+    [
+        ("observation", "joint_middle", 1, "column obs_q2 .*joint middle is 0 rad"),
+        ("observation", "joint_half_range", 6, "column obs_q7 .*joint half range"),
+        ("observation", "symmetric_log", 3, "column obs_theta .*0.02 rad here and"),
+        (
+            "observation",
+            "symmetric_log",
+            6,
+            "column obs_vz .*log is 0.02 m/s",
+        ),
+        ("observation", "mouth_offset", 2, "column obs_z .*mouth offset is 0.03 m"),
+        ("action", "scale", 3, "axis A means 0.2 at 1 here and 1.2"),
+    ],
+)
+def test_another_scaling_is_refused_by_its_column_or_axis(
+    policy, section, part, index, words
+):
+    described = dict(policy.metadata[section])
+    table = dict(described.get("scaling", described))
+    table[part] = list(table[part])
+    table[part][index] += 1.0
+    described |= {"scaling": table} if section == "observation" else table
+    other = Policy(policy.layers, policy.metadata | {section: described})
+    with pytest.raises(PolicyError, match=words):
+        make_env(other)
+
+
+@pytest.mark.parametrize(
+    ("section", "change", "words"),
+    [
+        ("observation", {"size": 32}, "14 numbers in the observation here and 32"),
+        ("observation", {"columns": [["obs_x", "m"]]}, "column 0 .*obs_q1.*obs_x"),
+        ("observation", {"scaling": {}}, "does not say what the numbers"),
+        ("observation", {"columns": 3}, "does not say what the numbers"),
+        ("action", {"axes": ["X"]}, "axes X Y Z A here and 'X' in"),
+        ("action", {"scale": "4"}, "4 values of the action at 1 here and 1 in"),
+        ("action", {"scale": "x"}, "does not say what the numbers"),
+    ],
+)
+def test_other_columns_and_axes_are_refused(policy, section, change, words):
+    with pytest.raises(PolicyError, match=words):
+        make_env(changed(policy, section, **change))
+
+
+def test_a_file_that_does_not_say_its_scaling_is_refused(policy):
+    metadata = dict(policy.metadata)
+    del metadata["observation"]
+    with pytest.raises(PolicyError, match="export the policy again"):
+        make_env(Policy(policy.layers, metadata))
