@@ -26,8 +26,6 @@ constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
 // Of the estimate's slow part, with which a hold after the last line begins [1/s].
 constexpr double kWeightRate = 8.0;
-constexpr double kInMotion = 0.05;   // [rad/s]
-constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset in motion
 
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
@@ -79,13 +77,6 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
   bounds_.cl_cause.fill(BoundCause::kAcceleration);
   bounds_.cu_cause.fill(BoundCause::kAcceleration);
   reset(Vec7::Zero(), Vec3::Zero(), Vec4(1.0, 0.0, 0.0, 0.0));
-}
-
-/// Whether an arm in motion goes on from where it is: what pulls at it pulls on, too.
-bool Controller::goes_on(const Vec7& q, const Vec7& dq) const noexcept {
-  if (!has_last_ || !(dq.cwiseAbs().maxCoeff() > kInMotion)) return false;
-  const Vec7 reach = kFewPeriods * period_ * limits_.dq_max;
-  return ((q - check_.q()).cwiseAbs().array() <= reach.array()).all();
 }
 
 void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,

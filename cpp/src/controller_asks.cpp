@@ -29,9 +29,19 @@ constexpr double kReturnSpeed = 0.05;
 // While the state is in doubt: what a torque may change in a cycle [Nm].
 constexpr double kLargestStep = 18.0;
 
+constexpr double kInMotion = 0.05;   // [rad/s]
+constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset in motion
+
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
 }  // namespace
+
+/// Whether an arm in motion goes on from where it is: what pulls at it pulls on, too.
+bool Controller::goes_on(const Vec7& q, const Vec7& dq) const noexcept {
+  if (!has_last_ || !(dq.cwiseAbs().maxCoeff() > kInMotion)) return false;
+  const Vec7 reach = kFewPeriods * period_ * limits_.dq_max;
+  return ((q - check_.q()).cwiseAbs().array() <= reach.array()).all();
+}
 
 /// A wall that the tool is behind at the start, margin included, begins at the tool,
 /// and comes in slowly: it takes the tool along.

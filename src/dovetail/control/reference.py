@@ -69,15 +69,7 @@ class ReferenceController:
     def step(self, q: Array, dq: Array, target: "_core.Target") -> tuple[Array, ...]:
         """Return overlay torque [Nm], its acceleration and the wanted one [rad/s2]."""
         chain, osc, lim, dt = self.chain, self.osc, self.limits, self.dt
-        # Disturbance  r += share (M ddq + h - u - r)  of the interval that has ended
-        if self.last is not None:
-            M, h, dq_last, u = self.last
-            ddq = (dq - dq_last) / dt
-            lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u - self.r  # mean speed
-            most = SURPRISE * lim.tau_max
-            share = 1.0 - np.exp(-lim.estimate_rate * dt)
-            r = self.r + share * np.clip(lost, -most, most)
-            self.r = np.clip(r, -LARGEST * lim.tau_max, LARGEST * lim.tau_max)
+        self.estimate(dq)
         # Model  M a + h = u  half a period ahead; the arm does a + push
         q_model = q + 0.5 * dt * dq if lim.mid_interval else q
         M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
@@ -129,6 +121,19 @@ class ReferenceController:
         u = np.clip(M @ a + h, lo, hi)
         self.last = (M, h, dq, u)
         return u, a + push, a0 + push
+
+    def estimate(self, dq: Array) -> None:
+        """Add  r += share (M ddq + h - u - r)  of the interval that has ended."""
+        if self.last is None:
+            return
+        lim, dt = self.limits, self.dt
+        M, h, dq_last, u = self.last
+        ddq = (dq - dq_last) / dt
+        lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u - self.r  # mean speed
+        most = SURPRISE * lim.tau_max
+        share = 1.0 - np.exp(-lim.estimate_rate * dt)
+        r = self.r + share * np.clip(lost, -most, most)
+        self.r = np.clip(r, -LARGEST * lim.tau_max, LARGEST * lim.tau_max)
 
     def task_torque(
         self, q: Array, dq: Array, f: Array, J_tool: Array, M: Array, Minv: Array
