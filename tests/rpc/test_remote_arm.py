@@ -256,14 +256,14 @@ def test_a_service_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr(version, "PROTOCOL", 7)
     own = version.own_version()
     monkeypatch.setattr("dovetail.rpc.client.own_version", lambda: own)
-    monkeypatch.setattr(version, "PROTOCOL", 2)
-    with pytest.raises(ConfigError, match=r"client speaks protocol 7 .*speaks 2 \("):
+    monkeypatch.setattr(version, "PROTOCOL", 3)
+    with pytest.raises(ConfigError, match=r"client speaks protocol 7 .*speaks 3 \("):
         connect(server)
 
 
 def test_a_learner_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr("dovetail.rpc.client.require_version", refuse_as_client)
-    with pytest.raises(ConfigError, match=r"service speaks protocol 2 .*speaks 7"):
+    with pytest.raises(ConfigError, match=r"service speaks protocol 3 .*speaks 7"):
         connect(server)
 
 
