@@ -125,7 +125,7 @@ class TrainConfig(EnvSettings):
                 f"{', '.join(ALGORITHMS)}"
             )
         for name, (low, high) in _RANGES.items():
-            value = getattr(self, name)
+            value = vars(self)[name]
             if not low <= value <= high:
                 raise ConfigError(f"{name} is {value}; allowed: {low:g} to {high:g}")
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
@@ -156,7 +156,7 @@ class TrainConfig(EnvSettings):
         if self.model is not None:
             object.__setattr__(self, "model", Path(self.model))
         for name in ("model", "randomise_dynamics"):
-            if self.arm is not None and getattr(self, name):
+            if self.arm is not None and vars(self)[name]:
                 raise ConfigError(
                     f"arm and {name} exclude each other: the arm at {self.arm} has its "
                     "own dynamics; give --plant in place of --arm"
@@ -242,7 +242,7 @@ class TrainConfig(EnvSettings):
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)} | self.own()
+        values = {f.name: vars(self)[f.name] for f in fields(self)} | self.own()
         if self.model_file is not None:
             values["model"] = self.model_file.table()
         return {
