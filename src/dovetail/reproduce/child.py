@@ -54,7 +54,7 @@ def _run(root: Path, name: str) -> None:
     console = Console(file=sys.stdout, width=120, force_terminal=False)
     sitting = Sitting(root, name, dict(stage["settings"]), console)
     start = time.monotonic()
-    result = getattr(importlib.import_module(module), function)(sitting)
+    result = vars(importlib.import_module(module))[function](sitting)
     write_done(
         root,
         stage,
