@@ -23,6 +23,7 @@ from dovetail.plants.plant import (
     DrivenPlant,
     DynamicsConfig,
     make_plant,
+    require_inertia_set,
 )
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec3, Vec7
@@ -90,6 +91,7 @@ class TwinConfig:
             raise ConfigError(
                 f"twin description is {self.description!r}; give one line of text"
             )
+        require_inertia_set(self.inertia, "twin")
         check_ranges(self, "twin")
 
     def dynamics(self) -> DynamicsConfig:
