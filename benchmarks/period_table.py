@@ -161,7 +161,7 @@ def attempt(cell: Cell, job: Job) -> Try:
 
 def judge(log: np.ndarray, core: Any, *, success: bool, stopped: str) -> Try:
     """Return a try's numbers from the log of all its cycles."""
-    robot, (low, high) = core.arm.facts.robot, core.walls()
+    robot, (low, high) = core.arm.facts.robot, core.cell.walls
     q, x = log[:, _Q], log[:, _XYZ]
     flags = log[:, COLUMN["flags"]].astype(np.int64)
     return Try(
