@@ -1,7 +1,7 @@
 """The one Gymnasium environment: a task, on an arm."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -27,6 +27,9 @@ from dovetail.tasks.task import Goal, Task
 from dovetail.trackers.find import find_tracker
 from dovetail.trackers.tracker import Tracker
 from dovetail.types import Array, Vec3
+
+if TYPE_CHECKING:
+    from dovetail.view.renderer import Renderer
 
 _STREAM = 0x72AC6
 """Keeps the trackers' seeds apart from the draws of start and fixture."""
@@ -100,13 +103,17 @@ class ContactEnv(
             the settings name.
         config: Every other setting; None is the usual ones.
         tracker: Where the fixture is; None is the one that the settings name.
-        render_mode: None; there is nothing to render here.
+        render_mode: None, or "rgb_array": `render` returns a picture. `gym.make` shows
+            it in a window for "human", which needs pygame.
 
     Raises:
         ConfigError: An unknown name or a number out of range.
     """  # noqa: E501
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium's name)
+    metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium's name)
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1.0 / POLICY_PERIOD),
+    }
 
     state: ArmState
     """What the arm said after the last step."""
@@ -122,7 +129,14 @@ class ContactEnv(
         tracker: Tracker | None = None,
         render_mode: str | None = None,
     ) -> None:
+        known = self.metadata["render_modes"]
+        if render_mode not in (None, *known):
+            raise ConfigError(
+                f"render_mode is {render_mode!r}; known: {', '.join(known)}, and human "
+                "by way of gymnasium.make"
+            )
         self.render_mode = render_mode
+        self._renderer: Renderer | None = None
         self.task, self.config = task, config or EnvConfig()
         action = self.config.action
         self.cell = task.workcell(find_robot(self.config.place.robot))
@@ -264,8 +278,28 @@ class ContactEnv(
         position = self.fixture.position + POLICY_PERIOD * velocity
         self.fixture = self.fixture._replace(position=position)
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture of what was measured last, shape (480, 640, 3).
+
+        The fixture is where it truly is; an arrow beside the tool is the contact force.
+
+        Raises:
+            MissingDependencyError: There is no OpenGL that draws without a screen.
+        """
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            from dovetail.view.renderer import Renderer
+
+            self._renderer = Renderer(self.cell)
+        state = self.state
+        return self._renderer.draw(state.q, self.fixture, force=state.contact_force)
+
     def close(self) -> None:
         """Close the arm."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
         self.arm.close()
 
     def _locate(self) -> Array:
