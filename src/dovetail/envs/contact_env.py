@@ -169,6 +169,7 @@ class ContactEnv(
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
         self._seen = self._true = b""
+        self._begun: NDArray[np.float32] | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -184,6 +185,7 @@ class ContactEnv(
                 arm that cannot move it.
         """
         super().reset(seed=seed)
+        self._begun = None
         options = options or {}
         if unknown := ", ".join(sorted(set(options) - {"fixture", "start"})):
             raise ConfigError(
@@ -226,14 +228,21 @@ class ContactEnv(
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Follow an action for 50 ms."""
-        action = self.commands.usable(action)
-        goal = self._goal
-        self.commands.fill(self._target, action, goal.position, goal.quat_wxyz)
-        if self.state.position @ goal.normal < self._near_height:
-            self.commands.limit_press(self._target, goal.normal)
-        if self._is_sliding:
-            self._slide()
+        """Follow an action for 50 ms.
+
+        Raises:
+            ConfigError: The action is not one finite number for each commanded axis, or
+                is not the one that `begin_step` was given.
+        """
+        if self._begun is None:
+            self.begin_step(action)
+        elif not np.array_equal(action, self._begun):
+            raise ConfigError(
+                f"a step was begun with the action {self._begun.tolist()} and is ended "
+                f"with {np.asarray(action).tolist()}: what changes actions on their "
+                "way to the environment cannot be used in a batch"
+            )
+        action, self._begun = self.commands.usable(action), None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -251,6 +260,29 @@ class ContactEnv(
             self._steps >= self.max_steps and not info["success"],
             info,
         )
+
+    def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
+        """Do what a step does before its control cycles.
+
+        Whoever steps many environments at once (`BatchVectorEnv`) calls this first and
+        hands the Target to the arm's threads; `step` with the same action goes on from
+        there.
+
+        Returns:
+            What the arm is to follow; the environment's own.
+
+        Raises:
+            ConfigError: The action is not one finite number for each commanded axis.
+        """
+        usable = self.commands.usable(action)
+        goal = self._goal
+        self.commands.fill(self._target, usable, goal.position, goal.quat_wxyz)
+        if self.state.position @ goal.normal < self._near_height:
+            self.commands.limit_press(self._target, goal.normal)
+        if self._is_sliding:
+            self._slide()
+        self._begun = action
+        return self._target
 
     def slide_fixture(self, velocity: Vec3) -> None:
         """Let the fixture move at a velocity [m/s], world axes, in the steps to come.
