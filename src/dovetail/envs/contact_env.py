@@ -169,7 +169,7 @@ class ContactEnv(
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
         self._seen = self._true = b""
-        self._begun: NDArray[np.float32] | None = None
+        self._begun: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -236,13 +236,15 @@ class ContactEnv(
         """
         if self._begun is None:
             self.begin_step(action)
-        elif not np.array_equal(action, self._begun):
+            assert self._begun is not None
+        given, usable = self._begun
+        self._begun = None
+        if given is not action and not np.array_equal(given, action):
             raise ConfigError(
-                f"a step was begun with the action {self._begun.tolist()} and is ended "
-                f"with {np.asarray(action).tolist()}: what changes actions on their "
-                "way to the environment cannot be used in a batch"
+                f"a step was begun with the action {given.tolist()} and is ended with "
+                f"{np.asarray(action).tolist()}: what changes actions on their way to "
+                "the environment cannot be in a batch"
             )
-        action, self._begun = self.commands.usable(action), None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -254,7 +256,7 @@ class ContactEnv(
             info["contact_force_max"],
         )
         return (
-            self._history.push(action, self.scaling.scale(raw)),
+            self._history.push(usable, self.scaling.scale(raw)),
             reward,
             info["success"],
             self._steps >= self.max_steps and not info["success"],
@@ -281,7 +283,7 @@ class ContactEnv(
             self.commands.limit_press(self._target, goal.normal)
         if self._is_sliding:
             self._slide()
-        self._begun = action
+        self._begun = action, usable
         return self._target
 
     def slide_fixture(self, velocity: Vec3) -> None:

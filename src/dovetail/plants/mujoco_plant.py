@@ -125,6 +125,7 @@ class MujocoPlant:
         self._mujoco.mj_setConst(model, self.data)
         self.dynamics = dynamics
         self._is_ready = False
+        self._period = 0.0  # that the physics step is made for: none yet
         if self._is_compensated != dynamics.gravity_compensation:
             self._is_compensated = dynamics.gravity_compensation
             self._loop = self._make_loop()
@@ -300,11 +301,13 @@ class MujocoPlant:
         """Set the physics step for this control period and return their number."""
         if not self._is_ready:
             raise PlantError("plant was not reset since it was built or configured")
-        # MuJoCo (refsafe) would make contacts softer than two steps show.
-        longest = min(self.dynamics.physics_dt, 0.5 * self.dynamics.contact_time)
-        steps = physics_steps(period, longest)
-        self.model.opt.timestep = period / steps
-        return steps
+        if period != self._period:
+            # MuJoCo (refsafe) would make contacts softer than two steps show.
+            longest = min(self.dynamics.physics_dt, 0.5 * self.dynamics.contact_time)
+            self._steps = physics_steps(period, longest)
+            self.model.opt.timestep = period / self._steps
+            self._period = period
+        return self._steps
 
     def contact_force(self) -> Vec3:
         """Return the force on the tool in the last physics step [N], world."""
