@@ -80,18 +80,19 @@ class BatchVectorEnv(SyncVectorEnv):
                 environment; nothing runs any more; reset before the next step.
         """
         infos: list[dict[str, Any]] = []
+        rows = list(actions)  # the same object twice is compared at once
         index, is_over = 0, self._autoreset_envs.tolist()
         try:
             for index, core in enumerate(self._cores):
                 if self._is_begun_early and not is_over[index]:
-                    target = core.begin_step(actions[index])
+                    target = core.begin_step(rows[index])
                     self.batch.begin(index, target, POLICY_PERIOD)
             for index, env in enumerate(self.envs):
                 if is_over[index]:
                     observation, info = env.reset()
                     reward, terminated, truncated = 0.0, False, False
                 else:
-                    result = env.step(actions[index])
+                    result = env.step(rows[index])
                     observation, reward, terminated, truncated, info = result
                 self._env_obs[index] = observation
                 self._rewards[index] = reward
@@ -134,13 +135,14 @@ class BatchVectorEnv(SyncVectorEnv):
         """Return a column per key; empty if a key has no numbers."""
         columns: dict[str, Any] = {}
         for key, value in first.items():
-            if isinstance(value, np.ndarray) and key != "final_obs":
-                kind: Any = value.dtype
+            values = [info[key] for info in infos]
+            if isinstance(value, np.ndarray) and value.ndim and key != "final_obs":
+                shape = self.num_envs, *value.shape
+                columns[key] = np.concatenate(values, dtype=value.dtype).reshape(shape)
             elif isinstance(value, (bool, int, float, np.number)):
-                kind = type(value)
+                columns[key] = np.array(values, dtype=type(value))
             else:
                 return {}
-            columns[key] = np.array([info[key] for info in infos], dtype=kind)
             columns[f"_{key}"] = np.ones(self.num_envs, dtype=np.bool_)
         return columns
 
