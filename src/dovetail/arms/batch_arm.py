@@ -98,7 +98,7 @@ def _require_local(index: int, arm: Arm) -> LocalArm:
     if isinstance(arm, LocalArm):
         return arm
     raise ConfigError(
-        f"arm {index} of the batch is a {type(arm).__name__}; a batch has simulations "
+        f"arm {index} of the batch is of {type(arm).__name__}; a batch has simulations "
         "of this process only: give a plant or a twin"
     )
 
@@ -108,7 +108,7 @@ def _require_mujoco(index: int, arm: LocalArm) -> MujocoPlant:
     if isinstance(plant, MujocoPlant):
         return plant
     raise ConfigError(
-        f"arm {index} of the batch is simulated by a {type(plant).__name__}; only "
+        f"arm {index} of the batch is simulated by {type(plant).__name__}; only "
         "MuJoCo simulates many at once: give plant='mujoco' (a twin: "
         "engine='mujoco'), or step one environment after the other"
     )

@@ -169,7 +169,8 @@ class ContactEnv(
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
         self._seen = self._true = b""
-        self._begun: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
+        self._begun: NDArray[np.float32] | None = None
+        self._action = np.zeros(size, dtype=np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -234,17 +235,16 @@ class ContactEnv(
             ConfigError: The action is not one finite number for each commanded axis, or
                 is not the one that `begin_step` was given.
         """
-        if self._begun is None:
+        begun = self._begun
+        if begun is None:
             self.begin_step(action)
-            assert self._begun is not None
-        given, usable = self._begun
-        self._begun = None
-        if given is not action and not np.array_equal(given, action):
+        elif begun is not action and not np.array_equal(begun, action):
             raise ConfigError(
-                f"a step was begun with the action {given.tolist()} and is ended with "
+                f"a step was begun with the action {begun.tolist()} and is ended with "
                 f"{np.asarray(action).tolist()}: what changes actions on their way to "
                 "the environment cannot be in a batch"
             )
+        self._begun = None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -256,7 +256,7 @@ class ContactEnv(
             info["contact_force_max"],
         )
         return (
-            self._history.push(usable, self.scaling.scale(raw)),
+            self._history.push(self._action, self.scaling.scale(raw)),
             reward,
             info["success"],
             self._steps >= self.max_steps and not info["success"],
@@ -276,14 +276,13 @@ class ContactEnv(
         Raises:
             ConfigError: The action is not one finite number for each commanded axis.
         """
-        usable = self.commands.usable(action)
+        self._begun, self._action = action, self.commands.usable(action)
         goal = self._goal
-        self.commands.fill(self._target, usable, goal.position, goal.quat_wxyz)
+        self.commands.fill(self._target, self._action, goal.position, goal.quat_wxyz)
         if self.state.position @ goal.normal < self._near_height:
             self.commands.limit_press(self._target, goal.normal)
         if self._is_sliding:
             self._slide()
-        self._begun = action, usable
         return self._target
 
     def slide_fixture(self, velocity: Vec3) -> None:
