@@ -54,15 +54,12 @@ class BatchArm:
             PlantError: The arm was not reset.
         """
         arm = self.arms[index]
-        if not arm.is_disturbed:
-            self._plants[index].begin_cycles(
-                self._pool,
-                index,
-                arm.controller,
-                target,
-                arm.count_cycles(duration),
-                arm.period,
-            )
+        if arm.is_disturbed:
+            return
+        cycles = arm.count_cycles(duration)
+        self._plants[index].begin_cycles(
+            self._pool, index, arm.controller, target, cycles, arm.period
+        )
 
     def step(
         self, targets: Sequence[_core.Target], duration: float = 0.05

@@ -79,26 +79,27 @@ class BatchVectorEnv(SyncVectorEnv):
             PlantError: A simulation diverged. As after any error, a note says in which
                 environment; nothing runs any more; reset before the next step.
         """
-        infos: list[dict[str, Any]] = []
+        infos: list[dict[str, Any]] = [{}] * self.num_envs
         rows = list(actions)  # the same object twice is compared at once
-        index, is_over = 0, self._autoreset_envs.tolist()
+        over = np.flatnonzero(self._autoreset_envs).tolist()
+        going = np.flatnonzero(~self._autoreset_envs).tolist()
+        index = 0
         try:
-            for index, core in enumerate(self._cores):
-                if self._is_begun_early and not is_over[index]:
-                    target = core.begin_step(rows[index])
-                    self.batch.begin(index, target, POLICY_PERIOD)
-            for index, env in enumerate(self.envs):
-                if is_over[index]:
-                    observation, info = env.reset()
-                    reward, terminated, truncated = 0.0, False, False
-                else:
-                    result = env.step(rows[index])
-                    observation, reward, terminated, truncated, info = result
-                self._env_obs[index] = observation
-                self._rewards[index] = reward
-                self._terminations[index] = terminated
-                self._truncations[index] = truncated
-                infos.append(info)
+            for index in going if self._is_begun_early else ():
+                target = self._cores[index].begin_step(rows[index])
+                self.batch.begin(index, target, POLICY_PERIOD)
+            for index in over:  # while the others move
+                self._env_obs[index], infos[index] = self.envs[index].reset()
+                self._rewards[index] = 0.0
+                self._terminations[index] = self._truncations[index] = False
+            for index in going:
+                (
+                    self._env_obs[index],
+                    self._rewards[index],
+                    self._terminations[index],
+                    self._truncations[index],
+                    infos[index],
+                ) = self.envs[index].step(rows[index])
         except BaseException as error:
             error.add_note(f"in environment {index} of {self.num_envs}, from 0")
             self.batch.drop()
