@@ -110,9 +110,13 @@ def cycles_time(single: Single, steps: int) -> float:
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--envs", type=int, default=16, help="environments in the batch")
+    parser.add_argument(
+        "--envs", type=int, default=16, help="environments in the batch"
+    )
     parser.add_argument("--cores", type=int, default=2, help="cores, and threads")
-    parser.add_argument("--period", type=float, default=0.005, help="control period [s]")
+    parser.add_argument(
+        "--period", type=float, default=0.005, help="control period [s]"
+    )
     parser.add_argument("--turns", type=int, default=40, help="turns of each")
     parser.add_argument("--steps", type=int, default=800, help="steps of a turn")
     options = parser.parse_args()

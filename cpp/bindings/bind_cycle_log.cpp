@@ -35,6 +35,13 @@ void bind_cycle_log(nb::module_& m) {
                               step.flags);
       },
       "chain"_a, "q"_a, "dq"_a, "log"_a,
+      nb::sig("def summarize(chain: Chain, q: numpy.typing.NDArray[numpy.float64], "
+              "dq: numpy.typing.NDArray[numpy.float64], log: "
+              "numpy.typing.NDArray[numpy.float64]) -> "
+              "tuple[numpy.typing.NDArray[numpy.float64], "
+              "numpy.typing.NDArray[numpy.float64], "
+              "numpy.typing.NDArray[numpy.float64], "
+              "numpy.typing.NDArray[numpy.float64], int]"),
       "TCP position [m], rotation (wxyz) and twist [m/s, rad/s] at the measured state; "
       "of all rows of a cycle log, the largest contact force [N] and the or-ed flags.");
   m.def(

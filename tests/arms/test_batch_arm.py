@@ -1,19 +1,20 @@
 """Many arms at once: the numbers of each alone, and nothing left running."""
 
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
-from extras import need
 
 from dovetail import _core
 from dovetail.arms.batch_arm import BatchArm
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose, tool_down
-from dovetail.control.task_spec import TaskSpec
+from extras import need
 
 AXES = TaskSpec.parse("XYZ:force A:pose BC:hold")
 HOLE = Pose(np.array([0.6, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -44,7 +45,7 @@ def assert_same(states, others):
 
 def num_threads():
     """Count the threads of this process, C++'s too."""
-    return len(os.listdir("/proc/self/task"))
+    return sum(1 for _ in Path("/proc/self/task").iterdir())
 
 
 class Elsewhere:
@@ -100,7 +101,7 @@ def test_a_simulation_that_diverges_is_named_and_nothing_runs_on(threads, rng):
     arms = [build() for _ in range(4)]
     batch = BatchArm(arms, threads)
     arms[2].plant.data.qvel[3] = 1e4
-    with pytest.raises(PlantError, match="simulation 2 of the batch: .*diverged"):
+    with pytest.raises(PlantError, match=r"simulation 2 of the batch: .*diverged"):
         batch.step(targets(rng, 4))
     alone = [build() for _ in range(4)]
     for arm in arms:
@@ -168,6 +169,8 @@ def test_what_cannot_be_in_a_batch_is_refused():
 def test_bullet_is_refused_with_what_to_give():
     need("pybullet")
     arm = build(plant="bullet")
-    with pytest.raises(ConfigError, match="BulletPlant; only MuJoCo .* plant='mujoco'"):
+    with pytest.raises(
+        ConfigError, match=r"BulletPlant; only MuJoCo .* plant='mujoco'"
+    ):
         BatchArm([arm])
     arm.close()

@@ -2,7 +2,10 @@
 
 import dataclasses
 import functools
-import os
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -22,6 +25,7 @@ from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
 from dovetail.tasks.task import Progress
 
+BENCHMARK = Path(__file__).parents[2] / "benchmarks" / "batch.py"
 ID = "dovetail/PegInHole-v0"
 NUM = 3
 
@@ -191,7 +195,7 @@ def test_an_action_that_is_changed_on_its_way_is_refused():
     env = make_env(PegInHole)
     env.reset(seed=0)
     env.begin_step(np.zeros(4, dtype=np.float32))
-    with pytest.raises(ConfigError, match="begun with the action .* cannot be in a"):
+    with pytest.raises(ConfigError, match=r"begun with the action .* cannot be in a"):
         env.step(np.full(4, 0.1, dtype=np.float32))
 
 
@@ -214,15 +218,20 @@ def test_an_error_says_where_and_leaves_nothing_running(threads):
     assert_same_run(batch, SyncVectorEnv([make] * NUM))
 
 
+def num_threads():
+    """Count the threads of this process, C++'s too."""
+    return sum(1 for _ in Path("/proc/self/task").iterdir())
+
+
 def test_close_ends_the_threads():
-    before = len(os.listdir("/proc/self/task"))
+    before = num_threads()
     batch = gym.make_vec(
         ID, num_envs=NUM, vectorization_mode="vector_entry_point", threads=3
     )
-    assert len(os.listdir("/proc/self/task")) == before + 2
+    assert num_threads() == before + 2
     batch.close()
     batch.close()
-    assert len(os.listdir("/proc/self/task")) == before
+    assert num_threads() == before
 
 
 @pytest.mark.parametrize(
@@ -244,3 +253,10 @@ def test_wrong_settings_are_refused(settings, words):
 def test_another_environment_is_refused():
     with pytest.raises(ConfigError, match="CartPoleEnv is no ContactEnv"):
         BatchVectorEnv([lambda: gym.make("CartPole-v1")])
+
+
+def test_the_benchmark_runs():
+    command = [sys.executable, BENCHMARK, "--envs", "2", "--turns", "2", "--steps", "8"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert re.search(r"ratio \d+\.\d\d \(quartiles", done.stdout)
+    assert "ratio that this allows" in done.stdout

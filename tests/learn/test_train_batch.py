@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from extras import need
 
 from dovetail.errors import ConfigError, PlantError
 from dovetail.learn.algorithms import make_vec_env
 from dovetail.learn.config import TrainConfig
+from extras import need
 
 
 def run(config):

@@ -37,9 +37,7 @@ class BatchArm:
         self.threads = min(most, len(self.arms))
         self._pool = _core.ThreadPool(len(self.arms), self.threads)
 
-    def begin(
-        self, index: int, target: _core.Target, duration: float = 0.05
-    ) -> None:
+    def begin(self, index: int, target: _core.Target, duration: float = 0.05) -> None:
         """Begin the step of one arm; its `step` with the same arguments then ends it.
 
         What is disturbed between control cycles is not begun: `step` does all of it.

@@ -59,8 +59,8 @@ class BatchVectorEnv(SyncVectorEnv):
         for name in sorted(own):
             gymnasium.logger.warn(
                 f"{name} has a step of its own, so that its environments are stepped "
-                "one after the other; to use several cores, override begin_step, "
-                "weigh of the task, or a reward or observation wrapper instead"
+                "one after the other; to use several cores, override begin_step, or "
+                "take a reward or observation wrapper"
             )
 
     def step(
@@ -104,7 +104,7 @@ class BatchVectorEnv(SyncVectorEnv):
             error.add_note(f"in environment {index} of {self.num_envs}, from 0")
             self.batch.drop()
             raise
-        self._observations = np.stack(self._env_obs)
+        self._observations = np.array(self._env_obs)
         self._autoreset_envs = self._terminations | self._truncations
         return (
             self._observations.copy(),
@@ -120,7 +120,7 @@ class BatchVectorEnv(SyncVectorEnv):
         super().close_extras(**kwargs)
 
     def _gather(self, infos: list[dict[str, Any]]) -> dict[str, Any]:
-        """Put infos together as Gymnasium does, at once where all have the same keys."""
+        """Put infos together as Gymnasium does, at once where keys are the same."""
         first = infos[0]
         gathered: dict[str, Any] = {}
         if all(info.keys() == first.keys() for info in infos):
@@ -153,8 +153,8 @@ def _core_of(env: gymnasium.Env) -> ContactEnv:
     if isinstance(core, ContactEnv):
         return core
     raise ConfigError(
-        f"{type(core).__name__} is no ContactEnv and cannot be stepped in a batch; take "
-        "gymnasium's SyncVectorEnv"
+        f"{type(core).__name__} is no ContactEnv and cannot be stepped in a batch; "
+        "take gymnasium's SyncVectorEnv"
     )
 
 

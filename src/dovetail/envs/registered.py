@@ -8,8 +8,8 @@ the package is registered by its own module with `register_task` and named
 import importlib
 import sys
 from collections.abc import Mapping
-from functools import partial
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +109,9 @@ def make_batch(
                 f"{name} is an object, which {num_envs} environments would share; give "
                 "its address or name, or a BatchVectorEnv one function per environment"
             )
-    return BatchVectorEnv([partial(make_env, task_class, **settings)] * num_envs, threads)
+    return BatchVectorEnv(
+        [partial(make_env, task_class, **settings)] * num_envs, threads
+    )
 
 
 def split_settings(

@@ -156,16 +156,20 @@ class TrainConfig(EnvSettings):
         if self.arm is not None:
             object.__setattr__(self, "num_envs", 1)
             self._require_arm(self.arm)
+        self._require_batch()
+        self._require_dynamics()
+        if self.tare:  # a policy must not ask for what cannot be done with it
+            task = TaskSpec.parse(self.env_options()["task"])
+            tared_axes(task, self.force_damping)
+
+    def _require_batch(self) -> None:
+        """Refuse threads that would do nothing."""
         if self.threads > 1 and not self._is_here_in_mujoco:
             raise ConfigError(
                 f"threads is {self.threads}, but only MuJoCo in this process simulates "
                 f"several environments at once, not {self.arm or self.plant}: leave "
                 "threads out, or give --plant mujoco"
             )
-        self._require_dynamics()
-        if self.tare:  # a policy must not ask for what cannot be done with it
-            task = TaskSpec.parse(self.env_options()["task"])
-            tared_axes(task, self.force_damping)
 
     def _require_dynamics(self) -> None:
         """Read the model, and refuse dynamics that nothing would simulate."""
