@@ -1,5 +1,6 @@
 #include "dovetail/thread_pool.hpp"
 
+#include <chrono>
 #include <cstddef>
 #include <stdexcept>
 #include <string>
@@ -15,6 +16,15 @@ std::size_t require_positive(const char* what, int count) {
                                 what + "; allowed: 1 and more");
   }
   return static_cast<std::size_t>(count);
+}
+
+/// Waits a while for what another thread is about to bring, without going to sleep: to
+/// wake up a core that sleeps takes as long as half a job.
+template <typename Condition>
+void stay_awake_for(const Condition& is_so) {
+  constexpr auto kPatience = std::chrono::microseconds(300);
+  const auto end = std::chrono::steady_clock::now() + kPatience;
+  while (!is_so() && std::chrono::steady_clock::now() < end) std::this_thread::yield();
 }
 
 }  // namespace
@@ -42,6 +52,7 @@ void ThreadPool::begin(int slot, Job job) {
     place.job = std::move(job);
     place.stage = Stage::kWaiting;
     waiting_.push_back(slot);
+    has_waiting_ = true;
   }
   some_waiting_.notify_one();
 }
@@ -50,6 +61,7 @@ void ThreadPool::begin(int slot, Job job) {
 void ThreadPool::run_next(std::unique_lock<std::mutex>& lock) {
   Slot& place = slots_[static_cast<std::size_t>(waiting_.front())];
   waiting_.pop_front();
+  has_waiting_ = !waiting_.empty();
   place.stage = Stage::kRunning;
   lock.unlock();
   std::exception_ptr error;
@@ -65,8 +77,9 @@ void ThreadPool::run_next(std::unique_lock<std::mutex>& lock) {
 }
 
 void ThreadPool::work() {
-  std::unique_lock lock(mutex_);
   while (true) {
+    stay_awake_for([this] { return is_closed_ || has_waiting_; });
+    std::unique_lock lock(mutex_);
     some_waiting_.wait(lock, [this] { return is_closed_ || !waiting_.empty(); });
     if (is_closed_) return;
     run_next(lock);
@@ -80,11 +93,15 @@ void ThreadPool::finish(int slot) {
     if (place.stage == Stage::kIdle) {
       throw std::logic_error("slot " + std::to_string(slot) + " has no job");
     }
-    if (waiting_.empty()) {
-      some_done_.wait(lock);
-    } else {
+    if (!waiting_.empty()) {
       run_next(lock);
+      continue;
     }
+    const auto is_done = [&place] { return place.stage == Stage::kDone; };
+    lock.unlock();
+    stay_awake_for(is_done);
+    lock.lock();
+    some_done_.wait(lock, is_done);
   }
   place.stage = Stage::kIdle;
   place.job = nullptr;
@@ -101,6 +118,7 @@ void ThreadPool::close() noexcept {
       slots_[static_cast<std::size_t>(slot)].stage = Stage::kIdle;
     }
     waiting_.clear();
+    has_waiting_ = false;
   }
   some_waiting_.notify_all();
   for (std::thread& thread : threads_) thread.join();

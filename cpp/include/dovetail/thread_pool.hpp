@@ -2,6 +2,7 @@
 /// once.
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -45,7 +46,7 @@ class ThreadPool {
   enum class Stage { kIdle, kWaiting, kRunning, kDone };
   struct Slot {
     Job job;
-    Stage stage = Stage::kIdle;
+    std::atomic<Stage> stage = Stage::kIdle;
     std::exception_ptr error;
   };
 
@@ -54,8 +55,8 @@ class ThreadPool {
 
   std::vector<Slot> slots_;
   std::deque<int> waiting_;  // slots, in the order in which they were begun
-  bool is_closed_ = false;
-  std::mutex mutex_;  // guards all of the above
+  std::atomic<bool> is_closed_ = false, has_waiting_ = false;
+  std::mutex mutex_;  // held by whoever changes any of the above
   std::condition_variable some_waiting_, some_done_;
   std::vector<std::thread> threads_;
 };
