@@ -28,13 +28,7 @@ START_ROOM = 0.02  # m from the walls
 JOINT_ROOM = 0.05  # rad from the joints' limits
 LOST = -1  # age of a state that does not arrive
 
-COLUMNS = (
-    *(f"q{i}" for i in range(1, 8)),
-    *(f"dq{i}" for i in range(1, 8)),
-    *(f"tau{i}" for i in range(1, 8)),
-    *("x", "y", "z", "vx", "vy", "vz"),
-    *("wall", "position", "speed", "flags"),
-)
+COLUMNS = tuple(name for name, _ in _core.attack_columns())
 """Of a trace, one row per cycle: true state, torque, and excess over the limits."""
 
 Array = NDArray[np.float64]

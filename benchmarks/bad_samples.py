@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
+from dovetail.control.config import LimitConfig
 from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
@@ -72,15 +73,17 @@ class Case:
                 period=period,
                 force_damping=FORCE_DAMPING,
                 near_speed=NEAR_SPEED,
+                near_press=LimitConfig.near_press,
             ),
         )
         self.observer = None
         if path == "observed":
             self.observer = _core.VelocityObserver(period, observer_gain(period))
         self.name = f"{plant}, {scene}, {path}"
-        self.chain = self.arm.robot.chain()
+        robot = self.arm.facts.robot
+        self.chain = robot.chain()
         place = ON_BLOCK if scene == "contact" else IN_AIR
-        self.start = self.arm.robot.inverse_kinematics(Pose(place, TOOL_DOWN), Q_SEED)
+        self.start = robot.inverse_kinematics(Pose(place, TOOL_DOWN), Q_SEED)
         self.tally = Tally()
 
     def target(self, action: int) -> _core.Target:
@@ -167,7 +170,7 @@ class Case:
 
     def is_broken(self) -> bool:
         """Return whether the arm is outside a limit, margins not taken off."""
-        limits = self.arm.limits
+        limits = self.arm.facts.limits
         q, dq = self.arm.plant.read()
         p = self.chain.pose(q)[0]
         return bool(

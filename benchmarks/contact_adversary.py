@@ -257,7 +257,7 @@ def add_case(path: Path, attack: Attack, case: dict[str, Any]) -> None:
 
 def replay(attack: Attack, index: int, folder: Path | None) -> Outcome:
     """Run one try alone; print it, and write its trace as CSV if asked to."""
-    from dovetail.plants.plant import CYCLE_COLUMNS
+    from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 
     outcome = attack.run(index)
     print(line_of(attack, index, plain(outcome)))
@@ -270,11 +270,15 @@ def replay(attack: Attack, index: int, folder: Path | None) -> Outcome:
     print("\n".join(outcome.events))
     step = max(1, len(outcome.trace) // 50)
     print("  t [s]  max|dq| [rad/s]  max|tau| [Nm]  contact [N]  TCP [m]")
+    dq, tau, tcp, force = (
+        slice(COLUMN[first], COLUMN[last] + 1)
+        for first, last in (("dq1", "dq7"), ("tau1", "tau7"), ("x", "z"), ("fx", "fz"))
+    )
     for row in outcome.trace[::step]:
-        p = ", ".join(f"{x:.3f}" for x in row[22:25])
+        p = ", ".join(f"{x:.3f}" for x in row[tcp])
         print(
-            f"{row[0]:7.3f}  {np.abs(row[8:15]).max():15.3f}  "
-            f"{np.abs(row[15:22]).max():13.1f}  {np.linalg.norm(row[35:38]):11.1f}  {p}"
+            f"{row[0]:7.3f}  {np.abs(row[dq]).max():15.3f}  "
+            f"{np.abs(row[tau]).max():13.1f}  {np.linalg.norm(row[force]):11.1f}  {p}"
         )
     return outcome
 

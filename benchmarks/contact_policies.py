@@ -7,8 +7,10 @@ from contact_choices import Array, Choices
 from contact_scene import Start
 
 from dovetail import _core
+from dovetail.control.config import LimitConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import CommandMap
+from dovetail.envs.config import ApproachConfig
 from dovetail.envs.observation import USUAL_GROUPS, Layout
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.poses import (
@@ -22,9 +24,13 @@ from dovetail.robots.robot import Robot
 ACTION = 0.05  # s
 HELD = 20  # actions
 INTO = 0.8  # share of the actions that press on what is near
-PRESS = 1.5  # m/s2, the environment's near_press
 TASK = "XYZ:force A:pose BC:hold"
-_Z = np.array([0.0, 0.0, 1.0])
+
+
+def near_press_of(choices: Choices) -> float:
+    """Return the controller's near_press [m/s2]: as in the environment, or none."""
+    is_limited = choices.is_press_limited or choices.policy == "shipped"
+    return ApproachConfig.near_press if is_limited else LimitConfig.near_press
 
 
 class Commander:
@@ -54,7 +60,6 @@ class Commander:
             f_scale_angular=20.0,
             theta_range=0.2,
             position_range=0.05,
-            press_max=PRESS,
         )
         depth = np.array([0.0, 0.0, 0.03])
         self._scaling = Layout(USUAL_GROUPS, self.robot, depth)
@@ -83,8 +88,6 @@ class Commander:
                 self._draw(q)
             linear, theta = f * self._signs, self._theta
         target.f_star = np.append(linear, np.zeros(3)) + self.tare
-        if choices.is_press_limited:
-            self._limit_press(target, q)
         turn = quat_about_z(theta)
         target.position_d = self.start.hold.position
         target.quat_wxyz_d = quat_multiply(turn, self.start.hold.quat_wxyz)
@@ -102,16 +105,6 @@ class Commander:
         elif self.choices.task in ("slide", "press", "jam") and rng.random() < INTO:
             self._signs[2] = -1.0
 
-    def _limit_press(self, target: _core.Target, q: Array) -> None:
-        """Do as `CommandMap.limit_press`, where the tool is below the near plane."""
-        if self.chain.pose(q)[0][2] > self.near_plane[3]:
-            return
-        f_star = target.f_star
-        press = self.tare[2] - f_star[2]
-        if press > PRESS:
-            f_star[2] += press - PRESS
-            target.f_star = f_star
-
     def _fill_shipped(self, target: _core.Target, q: Array, dq: Array) -> None:
         position, rotation = self.chain.pose(q)
         raw = np.empty(14)
@@ -124,5 +117,3 @@ class Commander:
         action = Commander.shipped(self._scaling.scale(raw))
         self._map.take_off(self.tare)
         self._map.fill(target, action, self._goal, self._goal_quat)
-        if position[2] < self.near_plane[3]:
-            self._map.limit_press(target, _Z)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from contact_choices import Array, Choices
-from contact_policies import ACTION, TASK, Commander
+from contact_policies import ACTION, TASK, Commander, near_press_of
 from contact_scene import EVERYWHERE, NOWHERE, Start, make_start, walls_of
 from numpy.typing import NDArray
 
@@ -27,10 +27,10 @@ from dovetail import _core
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
-from dovetail.envs.config import USUAL
+from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
-from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, physics_steps
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, physics_steps
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
 
 ACTIONS = 100
@@ -48,7 +48,7 @@ PHYSICS_DT = 1e-3  # s: contacts of 2 ms need it, and the judge looks as often
 SPRING_MASS = 5.0  # kg, for its damping ratio
 ARMATURE = 0.1  # kg m2, the model's
 GROWTH, GROWN, SUSTAINED = 1.2, 0.1, 0.3  # 1, rad/s, rad/s
-IMPLAUSIBLE, ENDED = 1 << 45, 1 << 46  # of pack_flags in types.hpp
+IMPLAUSIBLE, ENDED = FLAG_MASK["implausible"], FLAG_MASK["ended"]
 CLEARANCE_STEP = 1e-4  # m: plants are built once each
 
 
@@ -58,19 +58,16 @@ def settings_of(
     is_hardware: bool,
     task: str,
     overrides: tuple[tuple[str, float], ...],
+    near_press: float,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits as the environment makes them."""
     osc, limits = make_settings(
-        find_cell(),
-        period,
-        40.0,
-        USUAL.approach.near_speed,
-        walls_of(task),
-        "qp",
+        replace(find_cell(), walls=walls_of(task)),
+        EnvConfig.of(period=period, near_press=near_press),
         is_hardware=is_hardware,
     )
     others: dict[str, Any] = {
-        name: type(getattr(limits, name))(number) for name, number in overrides
+        name: type(vars(limits)[name])(number) for name, number in overrides
     }
     return osc, replace(limits, **others)
 
@@ -125,7 +122,7 @@ class Trial:
         self.plant = plant = plant_of(clearance)
         plant.configure(replace(twin.dynamics(), physics_dt=PHYSICS_DT))
         self.osc, self.limits = settings_of(
-            period, is_hardware, choices.task, overrides
+            period, is_hardware, choices.task, overrides, near_press_of(choices)
         )
         self.robot = plant.robot
         self.chain = self.robot.chain()

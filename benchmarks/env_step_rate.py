@@ -82,7 +82,7 @@ def run_trials(
     seconds, trials = 0.0, []
     while steps > 0:
         tip = np.array([0.6, 0.0, 0.13]) + rng.uniform(-0.02, 0.02, 3)
-        q = arm.robot.inverse_kinematics(Pose(tip, TOOL_DOWN), Q_SEED)
+        q = arm.facts.robot.inverse_kinematics(Pose(tip, TOOL_DOWN), Q_SEED)
         arm.reset(q, HOLE)
         torques = []
         for _ in range(200):

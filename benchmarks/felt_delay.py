@@ -30,9 +30,10 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
         TaskSpec.parse("XYZABC:hold"),
         EnvConfig.of(twin=config, period=period, force_damping=0.0),
     )
-    osc, limits = quiet(arm.osc, arm.limits)
-    felt = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, period)
-    q = arm.robot.inverse_kinematics(START, arm.robot.posture("rest"))
+    osc, limits = quiet(arm.facts.osc, arm.facts.limits)
+    robot = arm.facts.robot
+    felt = LocalArm(arm.plant, robot, osc, limits, arm.facts.task, period)
+    q = robot.inverse_kinematics(START, robot.posture("rest"))
     felt.reset(q, FIXTURE)
     step = simulated_step(period)
     feeling = feel_arm(felt, q, limits.armature, integration_step=step, seed=seed)

@@ -27,13 +27,13 @@ from dovetail import _core
 from dovetail.arms.arm import ArmState
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
 from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
 from dovetail.rpc import step_stream
 from dovetail.rpc.server import ArmServer
-from dovetail.rpc.settings import Settings
 from dovetail.types import Vec7
 from dovetail.workcell.workcell import Workcell
 
@@ -74,7 +74,7 @@ class Builder:
         self.cell: Workcell | None = find_cell()
         self.robot = self.cell.loaded_robot()
 
-    def build(self, settings: Settings) -> TimedArm:
+    def build(self, settings: ControllerSettings) -> TimedArm:
         """Return the arm."""
         return TimedArm(self.robot, settings.period)
 

@@ -109,7 +109,7 @@ def kill_one(server: ArmServer, builder: RebuiltArm, number: int) -> list[float]
     learner.wait()
     while server.service.leases.holder is not None:
         time.sleep(0.001)
-    return [held, rest, speed, float(count_outside(rows, arm.limits))]
+    return [held, rest, speed, float(count_outside(rows, arm.facts.limits))]
 
 
 def run(kills: int, twin: str, realtime: bool) -> None:

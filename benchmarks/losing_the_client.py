@@ -170,7 +170,7 @@ def lose(
         config = CabinetConfig(
             period=period,
             clock=clock,  # type: ignore[arg-type]
-            watchdog=0.2,
+            patience=0.2,
             quality=QualityRule(fair_from=0.0, good_from=0.3),
             restart_delay=None,
             client=Endpoint(LOOPBACK, client_port),

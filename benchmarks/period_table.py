@@ -15,7 +15,6 @@ an arm that is exactly as its model. Below 0 is inside. Rows are printed as they
 
 import argparse
 import json
-import re
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
@@ -36,7 +35,7 @@ from dovetail.evaluate.trials import Job, plan_trials
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.encoder_plant import EncoderPlant
-from dovetail.plants.plant import COLUMN, DynamicsConfig
+from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import list_twins
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -47,10 +46,8 @@ IDEAL = {
     "stiff": DynamicsConfig(contact_time=2e-3),
 }
 """Grounds without a twin: MuJoCo as it is, and with contacts as stiff as at 1 ms."""
-HEADER = Path(__file__).parents[1] / "cpp/include/dovetail/types.hpp"
-"""Says which bit of a cycle's flags is what."""
 COUNTED = ("bad_input", "unsafe", "implausible", "ended")
-"""Flags whose cycles are counted; one that the controller does not have is 0."""
+"""Flags whose cycles are counted."""
 
 _Q = slice(COLUMN["q1"], COLUMN["q7"] + 1)
 _DQ = slice(COLUMN["dq1"], COLUMN["dq7"] + 1)
@@ -96,13 +93,6 @@ class Try(NamedTuple):
 
 
 @cache
-def flag_bits() -> dict[str, int]:
-    """Return the bit of each of COUNTED that the controller packs."""
-    found = re.findall(r"flags\.(\w+), (\d+)\)", HEADER.read_text(encoding="utf-8"))
-    return {name: int(bit) for name, bit in found if name in COUNTED}
-
-
-@cache
 def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
     """Build a cell's environment and load its policy."""
     policy = Policy.load(find_policy(cell.policy))
@@ -121,22 +111,23 @@ def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
 
 def _rebuild(env: Any, cell: Cell) -> None:
     """Give an environment's arm other margins or encoders; the judge keeps its own."""
-    old = env.arm
-    limits = old.limits
+    old, facts = env.arm, env.arm.facts
+    limits = facts.limits
     if cell.margins == "model":
         limits = LimitConfig.for_period(
-            old.robot,
-            old.period,
+            facts.robot,
+            facts.period,
             hardware=False,
-            x_min=old.limits.x_min,
-            x_max=old.limits.x_max,
-            dx_max=old.limits.dx_max,
-            dx_near=old.limits.dx_near,
+            x_min=facts.limits.x_min,
+            x_max=facts.limits.x_max,
+            dx_max=facts.limits.dx_max,
+            near_speed=facts.limits.near_speed,
+            near_press=facts.limits.near_press,
         )
     plant: Any = old.plant
     if cell.encoders:
-        plant = EncoderPlant(plant, old.period)
-    arm = LocalArm(plant, old.robot, old.osc, limits, old.task, old.period)
+        plant = EncoderPlant(plant, facts.period)
+    arm = LocalArm(plant, facts.robot, facts.osc, limits, facts.task, facts.period)
     env.arm = arm
     env._tare._arm = arm  # there is no option for this
 
@@ -170,7 +161,7 @@ def attempt(cell: Cell, job: Job) -> Try:
 
 def judge(log: np.ndarray, core: Any, *, success: bool, stopped: str) -> Try:
     """Return a try's numbers from the log of all its cycles."""
-    robot, (low, high) = core.arm.robot, core.walls()
+    robot, (low, high) = core.arm.facts.robot, core.cell.walls
     q, x = log[:, _Q], log[:, _XYZ]
     flags = log[:, COLUMN["flags"]].astype(np.int64)
     return Try(
@@ -182,8 +173,7 @@ def judge(log: np.ndarray, core: Any, *, success: bool, stopped: str) -> Try:
         wall=float(np.max(np.maximum(x - high, low - x), initial=-9.0)),
         peak=float(np.max(np.linalg.norm(log[:, _FORCE], axis=1), initial=0.0)),
         flags={
-            name: int(np.count_nonzero(flags & (1 << bit)))
-            for name, bit in flag_bits().items()
+            name: int(np.count_nonzero(flags & FLAG_MASK[name])) for name in COUNTED
         },
         stopped=stopped,
     )
@@ -243,10 +233,7 @@ def row(cell: Cell, tries: list[Try]) -> list[str]:
         f"{1e3 * max(t.wall for t in tries):.1f} mm",
         f"{np.percentile(peaks, 95):.1f} N",
         f"{max(peaks):.1f} N",
-        *(
-            str(sum(t.flags[name] for t in tries)) if name in flag_bits() else "0"
-            for name in COUNTED
-        ),
+        *(str(sum(t.flags[name] for t in tries)) for name in COUNTED),
         ", ".join(sorted({t.stopped for t in tries} - {""})) or "-",
     ]
 

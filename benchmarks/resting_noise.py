@@ -30,7 +30,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, Plant
 from dovetail.poses import Pose
-from dovetail.workcell.workcell import WALLS, Workcell
+from dovetail.workcell.workcell import Workcell
 
 TASK = TaskSpec.parse("XYZ:force A:pose BC:hold")
 PLANTS = ("mujoco", "easy", "medium", "hard")
@@ -55,7 +55,8 @@ def build(
     if path == "measured":
         return arm, None
     body = cast("Plant", EncoderPlant(arm.plant, period))
-    return LocalArm(body, arm.robot, arm.osc, arm.limits, TASK, period), None
+    facts = arm.facts
+    return LocalArm(body, facts.robot, facts.osc, facts.limits, TASK, period), None
 
 
 def build_behind_fri(
@@ -74,7 +75,7 @@ def build_behind_fri(
     )
     process.start()
     here.send(port)
-    osc, limits = make_settings(cell, period, FORCE_DAMPING, NEAR_SPEED, WALLS, "qp")
+    osc, limits = make_settings(cell, EnvConfig.of(period=period))
     arm = FriArm(
         cell.loaded_robot(), osc, limits, TASK, period, bind=(LOOPBACK, port),
         clock="lockstep", control=here.recv(), log_folder=None,

@@ -87,7 +87,7 @@ void bind_attack(nb::module_& m) {
         const Attack attack{targets_of(f_star, quat), cycles_per_target, age,
                             wrong_of(wrong), observer_gain};
         Rows rows = Rows::Zero(trace ? static_cast<Eigen::Index>(age.size()) : 0,
-                               kAttackColumns);
+                               column_at(sizeof(AttackRow)));
         AttackResult result;
         {
           nb::gil_scoped_release release;

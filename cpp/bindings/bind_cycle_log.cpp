@@ -2,10 +2,18 @@
 
 #include <nanobind/eigen/dense.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
 
+#include <span>
+#include <string>
 #include <tuple>
+#include <utility>
+#include <vector>
 
+#include "dovetail/attack_loop.hpp"
 #include "dovetail/cycle_log.hpp"
 
 namespace nb = nanobind;
@@ -13,7 +21,68 @@ using namespace nb::literals;
 
 using namespace dovetail;
 
+namespace {
+
+std::vector<std::pair<std::string, std::string>> names_and_units(
+    std::span<const ColumnGroup> groups) {
+  std::vector<std::pair<std::string, std::string>> pairs;
+  for (const Column& column : columns_of(groups)) {
+    pairs.emplace_back(column.name, column.unit);
+  }
+  return pairs;
+}
+
+nb::dict flag_bits() {
+  nb::dict bits;
+  for (const FlagMask& flag : kFlagMasks) {
+    bits[nb::str(flag.name.data(), flag.name.size())] =
+        nb::make_tuple(flag.bit, flag.width);
+  }
+  for (const FlagSwitch& flag : kFlagSwitches) {
+    bits[nb::str(flag.name.data(), flag.name.size())] = nb::make_tuple(flag.bit, 1);
+  }
+  return bits;
+}
+
+void bind_layout(nb::module_& m) {
+  m.def(
+      "cycle_columns", [] { return names_and_units(kCycleGroups); },
+      "Name and unit of each column of a cycle log.");
+  m.def("servo_columns", &servo_columns, "Columns of a servo loop's log.");
+  m.def(
+      "attack_columns", [] { return names_and_units(kAttackGroups); },
+      "Name and unit of each column of run_attack's trace.");
+  m.def("flag_bits", &flag_bits,
+        "Of each flag in the column `flags`: its lowest bit, and how many it has.");
+  m.def(
+      "cycle_row",
+      [](double time, const Vec7& q, const Vec7& dq, const Vec7& tau,
+         const Vec3& position, const Vec4& quat_wxyz, const Vec6& twist,
+         const Vec3& contact_force, const Vec3& f_star, const Flags& flags) {
+        const CycleRow row{time,
+                           q,
+                           dq,
+                           tau,
+                           position,
+                           quat_wxyz,
+                           twist.head<3>(),
+                           twist.tail<3>(),
+                           contact_force,
+                           f_star,
+                           static_cast<double>(pack_flags(flags))};
+        Eigen::Matrix<double, kCycleColumns, 1> numbers;
+        write_row(row, numbers.data());
+        return numbers;
+      },
+      nb::kw_only(), "time"_a, "q"_a, "dq"_a, "tau"_a, "position"_a, "quat_wxyz"_a,
+      "twist"_a, "contact_force"_a, "f_star"_a, "flags"_a,
+      "One row of a cycle log, for a loop that is not in C++.");
+}
+
+}  // namespace
+
 void bind_cycle_log(nb::module_& m) {
+  bind_layout(m);
   using Rows = nb::ndarray<const double, nb::shape<-1, kCycleColumns>, nb::c_contig,
                            nb::device::cpu>;
   using Row = nb::ndarray<const double, nb::shape<kCycleColumns>, nb::c_contig,

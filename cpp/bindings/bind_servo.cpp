@@ -215,7 +215,6 @@ void bind_loop(nb::module_& m) {
       .def_prop_ro("last_stranger",
                    [](const ServoLoop& loop) { return describe(loop.last_stranger()); })
       .def_prop_ro("port", &ServoLoop::port);
-  m.def("servo_columns", &servo_columns, "Columns of a servo loop's log.");
 }
 
 void bind_observer(nb::module_& m) {

@@ -69,7 +69,8 @@ void bind_parameters(nb::module_& m) {
       .def_rw("x_min", &LimitParams::x_min, "Lower walls, world [m].")
       .def_rw("x_max", &LimitParams::x_max, "Upper walls, world [m].")
       .def_rw("dx_max", &LimitParams::dx_max, "TCP speed per axis [m/s].")
-      .def_rw("dx_near", &LimitParams::dx_near, "TCP speed near contact [m/s].")
+      .def_rw("near_speed", &LimitParams::near_speed, "TCP speed near contact [m/s].")
+      .def_rw("near_press", &LimitParams::near_press, "f* into what is near [m/s2].")
       .def_rw("ddx_max", &LimitParams::ddx_max, "TCP acceleration per axis [m/s2].")
       .def_rw("eta_wall", &LimitParams::eta_wall, "Share of ddx_max for braking.")
       .def_rw("delta_x", &LimitParams::delta_x, "Wall margin [m].")
@@ -100,7 +101,7 @@ void bind_data(nb::module_& m) {
             self->f_star = f_star;
             self->position_d = position_d;
             self->quat_wxyz_d = quat_wxyz_d;
-            self->joint = joint_mode;
+            self->joint_mode = joint_mode;
             self->q_d = q_d;
           },
           "f_star"_a = Vec6(Vec6::Zero()), "position_d"_a = Vec3(Vec3::Zero()),
@@ -118,16 +119,18 @@ void bind_data(nb::module_& m) {
       .def_rw("acceleration_d", &Target::acceleration_d,
               "Feed-forward of pose and force axes [m/s2, rad/s2], world, shape (6,).")
       .def_rw("age", &Target::age, "Time since it was made [s]; its holder counts.")
-      .def_rw("near_plane", &Target::near_plane,
-              "Unit normal n and d [m]: where n . p < d the speed limit is dx_near.")
+      .def_rw(
+          "near_plane", &Target::near_plane,
+          "Unit normal n and d [m]: where n . p < d, near_speed and near_press hold.")
       .def_rw("f_tare", &Target::f_tare,
               "How much of f_star holds the tool's weight [m/s2, rad/s2], (6,).")
       .def_rw("stay", &Target::stay,
               "Force axes X Y Z (bits 0 to 2) held where they are: nothing is asked.")
-      .def_rw("joint_mode", &Target::joint, "Go to q_d; task axes are not used.")
+      .def_rw("joint_mode", &Target::joint_mode, "Go to q_d; task axes are not used.")
       .def_rw("q_d", &Target::q_d, "Desired configuration [rad], shape (7,).");
   nb::class_<Flags>(m, "Flags",
                     "What limited a cycle. Masks: bit i is joint A(i+1) or axis XYZ.")
+      .def(nb::init<>(), "Nothing limited it.")
       .def_ro("joint_position", &Flags::joint_position)
       .def_ro("joint_velocity", &Flags::joint_velocity)
       .def_ro("joint_acceleration", &Flags::joint_acceleration)
@@ -145,13 +148,8 @@ void bind_data(nb::module_& m) {
       .def_ro("implausible", &Flags::implausible, "A measurement was not believed.")
       .def_ro("ended", &Flags::ended, "The last line ended the motion: damped hold.")
       .def_ro("displaced", &Flags::displaced, "|a - a0| [rad/s2].")
-      .def_prop_ro(
-          "packed", &pack_flags,
-          "All in one int: bits 0-6 joint_position, 7-13 joint_velocity, 14-20 "
-          "joint_acceleration, 21-27 torque, 28-30 wall_position, 31-33 "
-          "wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced, 40 "
-          "bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped, 45 "
-          "implausible, 46 ended.");
+      .def_prop_ro("packed", &pack_flags,
+                   "All in one int, as logged: flag_bits says which is which.");
   nb::class_<StepResult>(m, "StepResult", "What one cycle gave.")
       .def_ro("tau", &StepResult::tau, "Overlay torque, gravity excluded [Nm].")
       .def_ro("a", &StepResult::a, "Commanded joint acceleration [rad/s2].")

@@ -86,19 +86,20 @@ class Judge {
   }
 
   /// The row of the cycle that ends; the next one starts anew.
-  void write(const State& state, const Side& side, double* row) noexcept {
+  void write(const State& state, const Side& side, double* to) noexcept {
     ToolMotion tool;
     chain_.tool_motion(state.q, state.dq, tool);
-    RowWriter writer{row};
-    writer.put(state.q);
-    writer.put(state.dq);
-    writer.put(side.tau);
-    writer.put(tool.p);
-    writer.put(Vec3(tool.twist.head<3>()));
-    writer.put_number(worst_wall_);
-    writer.put_number(worst_position_);
-    writer.put_number(worst_speed_);
-    writer.put_number(static_cast<double>(pack_flags(side.flags)));
+    AttackRow row;
+    row.q = state.q;
+    row.dq = state.dq;
+    row.tau = side.tau;
+    row.position = tool.p;
+    row.velocity = tool.twist.head<3>();
+    row.past_wall = worst_wall_;
+    row.past_joint = worst_position_;
+    row.past_speed = worst_speed_;
+    row.flags = static_cast<double>(pack_flags(side.flags));
+    write_row(row, to);
     worst_wall_ = worst_position_ = worst_speed_ = AttackResult::kNever;
   }
 
@@ -185,7 +186,8 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
       side.plant.apply(side.tau, period / looks);
       judge.look(side.plant, k, result);
     }
-    if (trace != nullptr) judge.write(start, side, trace + k * kAttackColumns);
+    if (trace != nullptr)
+      judge.write(start, side, trace + k * column_at(sizeof(AttackRow)));
   }
   return result;
 }

@@ -23,9 +23,7 @@ constexpr double kUsualEstimate = 0.3;  // ... except of a joint that is at its 
 constexpr double kLargestHeld = 0.12;
 constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
-// After the last line the estimate is slow [1/s].
-constexpr double kEndRate = 60.0;
-
+constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
 // Of the estimate's slow part, with which a hold after the last line begins [1/s].
 constexpr double kWeightRate = 8.0;
 
@@ -47,7 +45,7 @@ Interval not_empty(Interval interval, double v) noexcept {
 
 /// Whether a Target asks for nothing new.
 bool is_same(const Target& a, const Target& b) noexcept {
-  return a.joint == b.joint && a.stay == b.stay && a.f_star == b.f_star &&
+  return a.joint_mode == b.joint_mode && a.stay == b.stay && a.f_star == b.f_star &&
          a.position_d == b.position_d && a.quat_wxyz_d == b.quat_wxyz_d &&
          a.velocity_d == b.velocity_d && a.acceleration_d == b.acceleration_d &&
          a.near_plane == b.near_plane && a.q_d == b.q_d && a.f_tare == b.f_tare;
@@ -322,7 +320,7 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   const double driven = dq.dot(result.tau - h_);
   // A wall that takes the tool back inside works against what is asked.
   const bool is_led = x_min_ != limits_.x_min || x_max_ != limits_.x_max;
-  const double power = target.joint || is_led ? 0.0 : std::min(added, driven);
+  const double power = target.joint_mode || is_led ? 0.0 : std::min(added, driven);
   return !last_line_.check({dq, explained, power, elapsed});
 }
 
@@ -365,7 +363,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     update_bounds(q, dq);
     if (is_ended) {
       follow_end(q, dq, result);
-    } else if (target.joint) {
+    } else if (target.joint_mode) {
       follow_joints(q, dq, target, result);
     } else {
       follow_task(q, dq, target, result);

@@ -20,6 +20,9 @@ constexpr double kStayError = 0.02;  // largest way back that is used [m]
 // Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
 constexpr double kNearTime = 0.04;
 
+// Height over the near plane in which near_press comes to act whole [m].
+constexpr double kNearBand = 0.002;
+
 // At which a wall comes in from where the tool was at the start, outside of it [m/s].
 constexpr double kReturnSpeed = 0.05;
 
@@ -52,15 +55,29 @@ void Controller::update_walls(double elapsed) noexcept {
   has_walls_ = true;
 }
 
-/// Speed limit of a TCP axis [m/s]: dx_near below the near plane, above it what can be
-/// braked to that in time.
-double Controller::near_speed(int axis, const Target& target) const noexcept {
+/// Speed limit of a TCP axis [m/s]: near_speed below the near plane, above it what can
+/// be braked to that in time.
+double Controller::speed_limit(int axis, const Target& target) const noexcept {
   const Vec3 normal = target.near_plane.head<3>();
   const double fall = std::min(normal.dot(tool_.twist.head<3>()), 0.0);
   const double height = normal.dot(tool_.p) - target.near_plane[3];
   const double room = std::max(height + kNearTime * fall, 0.0);
   const double brake = limits_.eta_wall * limits_.ddx_max[axis];
-  return std::sqrt(limits_.dx_near * limits_.dx_near + 2.0 * brake * room);
+  return std::sqrt(limits_.near_speed * limits_.near_speed + 2.0 * brake * room);
+}
+
+/// The Target, its f* cut to near_press against the near plane's normal: below the
+/// plane whole, above it less and less over kNearBand, so that nothing switches.
+Target Controller::without_press(const Target& target) const noexcept {
+  const Vec3 normal = target.near_plane.head<3>();
+  const double height = normal.dot(tool_.p) - target.near_plane[3];
+  const double share = 1.0 - std::clamp(height / kNearBand, 0.0, 1.0);
+  const double press = normal.dot((target.f_tare - target.f_star).head<3>());
+  Target eased = target;
+  if (share > 0.0 && press > limits_.near_press) {
+    eased.f_star.head<3>() += share * (press - limits_.near_press) * normal;
+  }
+  return eased;
 }
 
 /// `under_push` of a limit that nothing is held against at.
@@ -82,7 +99,7 @@ void Controller::keep_inside(const Target& target, Vec6& f_star,
   unsigned lower = 0;
   for (int i = 0; i < 3; ++i) {
     if (osc_.task()[i] == AxisMode::kFree) continue;
-    const double near = near_speed(i, target);
+    const double near = speed_limit(i, target);
     const double speed = tool_.twist[i];
     const double push = push_x_[i] + target.f_tare[i];  // weight is held already
     const double tare = target.f_tare[i];
@@ -127,7 +144,8 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
                              StepResult& result) noexcept {
   if (!has_posture_) posture_ = q;
   has_posture_ = true;
-  Vec6 f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
+  Vec6 f_star = osc_.desired_acceleration(
+      tool_.p, tool_.R, tool_.twist, limits_.walls ? without_press(target) : target);
   stay(target, f_star);
   const Vec3 asked = f_star.head<3>();
   if (limits_.walls) keep_inside(target, f_star, result);

@@ -4,6 +4,12 @@
 #include <cmath>
 
 namespace dovetail {
+namespace {
+
+constexpr int kForceColumn = column_at(offsetof(CycleRow, contact_force));
+constexpr int kFlagsColumn = column_at(offsetof(CycleRow, flags));
+
+}  // namespace
 
 Vec4 quat_wxyz(const Mat3& R) noexcept {
   const Eigen::Quaterniond q(R);

@@ -142,33 +142,41 @@ void MujocoLoop::apply(const Vec7& tau, int steps, const Vec7& drive) {
 }
 
 /// The tool is that of what is measured. A controller that believed it has it already.
-void MujocoLoop::begin_row(RowWriter& row, const Vec7& tau,
-                           const Controller& controller) const noexcept {
+CycleRow MujocoLoop::begin_row(const Controller& controller, const Vec7& tau,
+                               const Target& target) const noexcept {
   ToolMotion motion = controller.tool();
   if (controller.state().q() != q_ || controller.state().dq() != dq_) {
     controller.chain().tool_motion(q_, dq_, motion);
   }
-  row.put_number(data_->time);
-  row.put(q_);
-  row.put(dq_);
-  row.put(tau);
-  row.put(motion.p);
-  row.put(quat_wxyz(motion.R));
-  row.put(motion.twist);
+  CycleRow row;
+  row.time = data_->time;
+  row.q = q_;
+  row.dq = dq_;
+  row.tau = tau;
+  row.position = motion.p;
+  row.quat_wxyz = quat_wxyz(motion.R);
+  row.velocity = motion.twist.head<3>();
+  row.angular_velocity = motion.twist.tail<3>();
+  row.f_star = target.f_star.head<3>();
+  return row;
+}
+
+/// Lets the row's torque act, and writes the row.
+void MujocoLoop::run_row(CycleRow& row, int steps, const Flags& flags, double* log) {
+  apply(row.tau, steps);
+  row.contact_force = peak_;
+  row.flags = static_cast<double>(pack_flags(flags));
+  write_row(row, log);
 }
 
 void MujocoLoop::run(Controller& controller, const Target& target, int cycles,
                      int steps, double* log) {
   Target held = target;
-  for (int i = 0; i < cycles; ++i) {
+  for (int i = 0; i < cycles; ++i, log += kCycleColumns) {
     const StepResult result = controller.step(q_, dq_, held);
     held.age += controller.period();
-    RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
-    begin_row(row, result.tau, controller);
-    apply(result.tau, steps);
-    row.put(peak_);
-    row.put(target.f_star.head<3>());
-    row.put_number(static_cast<double>(pack_flags(result.flags)));
+    CycleRow row = begin_row(controller, result.tau, target);
+    run_row(row, steps, result.flags, log);
   }
 }
 
@@ -180,7 +188,7 @@ void MujocoLoop::remember() noexcept {
 
 void MujocoLoop::run_faulty(Controller& controller, const Target& target, int cycles,
                             int steps, const std::int8_t* faults, double* log) {
-  for (int i = 0; i < cycles; ++i) {
+  for (int i = 0; i < cycles; ++i, log += kCycleColumns) {
     const int fault = faults[i];
     remember();
     Flags flags;
@@ -198,12 +206,8 @@ void MujocoLoop::run_faulty(Controller& controller, const Target& target, int cy
         probe_->command(result.tau + nominal_.gravity(past_q_[at]), flags);
       }
     }
-    RowWriter row{log + static_cast<std::ptrdiff_t>(i) * kCycleColumns};
-    begin_row(row, tau_held_, controller);
-    apply(tau_held_, steps);
-    row.put(peak_);
-    row.put(target.f_star.head<3>());
-    row.put_number(static_cast<double>(pack_flags(flags)));
+    CycleRow row = begin_row(controller, tau_held_, target);
+    run_row(row, steps, flags, log);
   }
 }
 

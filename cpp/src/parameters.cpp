@@ -156,7 +156,8 @@ void check_limits(const LimitParams& limits) {
   require_each("x_min", limits.x_min, "m", kAnyFinite);
   require_each("x_max", limits.x_max, "m", kAnyFinite);
   require_each("dx_max", limits.dx_max, "m/s", kPositive);
-  require("dx_near", limits.dx_near, "m/s", kPositive);
+  require("near_speed", limits.near_speed, "m/s", kPositive);
+  require("near_press", limits.near_press, "m/s2", kPositive);
   require_each("ddx_max", limits.ddx_max, "m/s2", kPositive);
   require("eta_wall", limits.eta_wall, "", kShare);
   require("delta_x", limits.delta_x, "m", kNotNegative);

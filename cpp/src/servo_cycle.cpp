@@ -30,28 +30,6 @@ Joints joints_of(const Vec7& v) noexcept {
   return joints;
 }
 
-std::vector<std::string> numbered(const std::string& stem) {
-  std::vector<std::string> names;
-  for (int i = 1; i <= kNumJoints; ++i) names.push_back(stem + std::to_string(i));
-  return names;
-}
-
-std::vector<std::string> make_columns() {
-  std::vector<std::string> names{"time"};
-  const auto add = [&](const std::vector<std::string>& more) {
-    names.insert(names.end(), more.begin(), more.end());
-  };
-  add(numbered("q"));
-  add(numbered("dq"));
-  add(numbered("tau"));
-  add({"x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"});
-  add({"fx", "fy", "fz", "fsx", "fsy", "fsz", "flags"});
-  add(numbered("tau_measured"));
-  add(numbered("tau_external"));
-  add({"sequence", "motion", "elapsed", "reason"});
-  return names;
-}
-
 std::size_t rows_of(const ServoParams& params) {
   const double rows = params.log_seconds / params.period;
   if (!(rows >= 1.0 && rows <= 1e7)) {
@@ -78,11 +56,6 @@ void require_sign(const char* element, double sign) {
 
 }  // namespace
 
-const std::vector<std::string>& servo_columns() {
-  static const std::vector<std::string> columns = make_columns();
-  return columns;
-}
-
 ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
                        const OscParams& osc, const LimitParams& limits,
                        const TaskSpec& task)
@@ -91,7 +64,7 @@ ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
       controller_(chain, osc, limits, task, params.period),
       observer_(params.period, params.observer_gain),
       watchdog_(params.watchdog, limits),
-      log_(rows_of(params), servo_columns().size()) {
+      log_(rows_of(params), column_at(sizeof(ServoRow))) {
   require_filter(params.position_filter, params.period);
   require_sign("measured_sign", params.measured_sign);
   require_sign("commanded_sign", params.commanded_sign);
@@ -276,7 +249,7 @@ Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
     state_.is_at_rest = state_.dq.cwiseAbs().maxCoeff() < watchdog_.params().rest_speed;
   }
   Target hold;
-  hold.joint = true;
+  hold.joint_mode = true;
   hold.q_d = q_hold_;
   return hold;
 }
@@ -313,7 +286,7 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   note_end(result.flags);
   result.flags.target_late = flags.target_late;
   result.flags.stopped = flags.stopped;
-  write_row(result, target);
+  log_row(result, target);
   if (is_configuration(state_.q)) {
     filtered_ = filter_b_ * (state_.q + q_last_) + filter_a_ * filtered_;
     q_last_ = state_.q;
@@ -325,25 +298,27 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   return session_.answer(joints_of(filtered_ + lean_), joints_of(result.tau), out);
 }
 
-void ServoCycle::write_row(const StepResult& result, const Target& target) noexcept {
+void ServoCycle::log_row(const StepResult& result, const Target& target) noexcept {
   const ToolMotion& motion = controller_.tool();
-  RowWriter row{log_.next_row()};
-  row.put_number(state_.time);
-  row.put(state_.q);
-  row.put(state_.dq);
-  row.put(result.tau);
-  row.put(motion.p);
-  row.put(quat_wxyz(motion.R));
-  row.put(motion.twist);
-  row.put(Vec3(Vec3::Constant(kUnset)));  // no sensor for contact forces
-  row.put(Vec3(target.f_star.head<3>()));
-  row.put_number(static_cast<double>(pack_flags(result.flags)));
-  row.put(state_.tau_measured);
-  row.put(state_.tau_external);
-  row.put_number(session_.message().header.sequence);
-  row.put_number(static_cast<double>(state_.motion));
-  row.put_number(elapsed_);
-  row.put_number(static_cast<double>(state_.facts.reason));
+  ServoRow row;
+  row.cycle.time = state_.time;
+  row.cycle.q = state_.q;
+  row.cycle.dq = state_.dq;
+  row.cycle.tau = result.tau;
+  row.cycle.position = motion.p;
+  row.cycle.quat_wxyz = quat_wxyz(motion.R);
+  row.cycle.velocity = motion.twist.head<3>();
+  row.cycle.angular_velocity = motion.twist.tail<3>();
+  row.cycle.contact_force.setConstant(kUnset);  // no sensor for it
+  row.cycle.f_star = target.f_star.head<3>();
+  row.cycle.flags = static_cast<double>(pack_flags(result.flags));
+  row.tau_measured = state_.tau_measured;
+  row.tau_external = state_.tau_external;
+  row.sequence = session_.message().header.sequence;
+  row.motion = static_cast<double>(state_.motion);
+  row.elapsed = elapsed_;
+  row.reason = static_cast<double>(state_.facts.reason);
+  write_row(row, log_.next_row());
   log_.commit();
   state_.rows = log_.count();
 }

@@ -93,7 +93,7 @@ BOOST_AUTO_TEST_CASE(no_cycle_allocates_whatever_it_is_given) {
         if (k % 11 == 0) q[3] = std::numeric_limits<double>::quiet_NaN();
         Target target;
         target.f_star = random_vector<Vec6>(random, 50.0);
-        target.joint = k % 3 == 0;
+        target.joint_mode = k % 3 == 0;
         static_cast<void>(controller.step(q, random_vector(random, 3.0), target));
       }
       BOOST_TEST(allocations - before == 0);

@@ -102,7 +102,7 @@ BOOST_AUTO_TEST_CASE(a_bad_element_of_a_target_is_a_damped_hold) {
         const bool is_plane_offset = (target.*member).size() == 4 && i == 3;
         if (is_plane_offset && bad == -kInfinity) continue;  // nowhere
         Target wrong = target;
-        wrong.joint = is_joint;
+        wrong.joint_mode = is_joint;
         (wrong.*member)[i] = bad;
         require_one_hold(at_rest, q, Vec7::Zero(), wrong);
       }
@@ -213,7 +213,7 @@ BOOST_AUTO_TEST_CASE(a_torque_that_would_not_be_finite_does_not_leave) {
           },
           scheme);
       Target far = target;
-      far.joint = is_joint;
+      far.joint_mode = is_joint;
       far.q_d = Vec7::Constant(900.0);
       Vec7 moving = dq;
       if (is_joint) moving *= 100.0;

@@ -321,7 +321,7 @@ BOOST_AUTO_TEST_CASE(joint_targets_are_reached_and_obey_every_limit) {
     controller.reset(plant.q(), Vec3::Zero(), Vec4(1, 0, 0, 0));
     std::mt19937_64 random(7);
     Target target;
-    target.joint = true;
+    target.joint_mode = true;
     for (int move = 0; move < 5; ++move) {
       target.q_d = random_posture(random, limits, 0.05);
       if (move == 4) target.q_d[2] = limits.q_max[2] + 1.0;  // out of reach
@@ -347,7 +347,7 @@ BOOST_AUTO_TEST_CASE(a_joint_target_becomes_a_damped_spring_in_each_joint) {
   Controller controller = make_controller(arm.limits, osc);
   const Vec7 dq = Vec7::Constant(0.1);
   controller.reset(arm.q, arm.p, quat_of(arm.R), dq);
-  arm.target.joint = true;
+  arm.target.joint_mode = true;
   arm.target.q_d = arm.q + Vec7::Constant(0.05);
   const StepResult result = controller.step(arm.q, dq, arm.target);
   BOOST_TEST((result.a0 - Vec7::Constant(49.0 * 0.05 - 7.0 * 0.1)).norm() < 1e-12);

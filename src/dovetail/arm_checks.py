@@ -7,7 +7,7 @@ the arm feels like is asked in `arm_feel`.
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,20 +18,23 @@ from dovetail.arm_feel import (
     feel_checks,
     last_words,
 )
-from dovetail.arms.address import FriAddress
+from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.proven import DECLARED
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.doctor import Check
-from dovetail.envs.arm_setup import build_fri_arm, settings_of
+from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
 from dovetail.feel.busy import busy_words
 from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
+from dovetail.feel.spring import feel_spring
 from dovetail.feel_checks import check_rest
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
@@ -127,7 +130,7 @@ def run_arm_checks(
 
 
 def _settings(address: FriAddress, period: float) -> tuple[OscConfig, LimitConfig]:
-    return settings_of(
+    return make_settings(
         find_cell(),
         EnvConfig.of(period=period, force_damping=0.0),
         is_hardware=address.margins == "hardware",
@@ -136,19 +139,21 @@ def _settings(address: FriAddress, period: float) -> tuple[OscConfig, LimitConfi
 
 def _build(
     address: FriAddress, osc: OscConfig, limits: LimitConfig, period: float
-) -> Any:
+) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
     # Whether the measured torque follows the commanded one is what has to be found out.
-    watchdog = WatchdogConfig(target_timeout=address.watchdog, torque_error=math.inf)
-    return build_fri_arm(address, find_cell(), osc, limits, task, period, watchdog)
+    timeout = address.target_timeout
+    watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
+    settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
+    return address.build(find_cell(), settings, watchdog)
 
 
 def _checks_in_motion(
-    arm: Any, address: FriAddress, ask: Ask | None, declared: dict[str, float]
+    arm: FriArm, address: FriAddress, ask: Ask | None, declared: dict[str, float]
 ) -> Iterator[Check]:
-    yield check_period_proven(arm.period)
+    yield check_period_proven(arm.facts.period)
     rest = hold(arm, arm.monitoring().q, HOLD_TIME)
-    yield check_rest(measure_rest(rest.log, arm.period))
+    yield check_rest(measure_rest(rest.log, arm.facts.period))
     yield check_gravity(arm, rest, address)
     yield check_drift(arm, rest)
     if not _may(
@@ -159,10 +164,10 @@ def _checks_in_motion(
     yield from feel_checks(
         arm,
         rest.q,
-        arm.limits,
+        arm.facts.limits,
         declared,
-        sends_position=True,
-        integration_step=simulated_step(arm.period) if address.control else 0.0,
+        spring=lambda delay: feel_spring(arm, rest.q, arm.facts.limits.armature, delay),
+        integration_step=simulated_step(arm.facts.period) if address.control else 0.0,
     )
     yield check_turns(arm, rest.q)
     yield check_push(arm, rest.q, address, ask)
@@ -176,12 +181,12 @@ def _hold_as_configured(
     arm = _build(address, osc, replace(limits, walls=False), period)
     try:
         arm.connect()
-        return check_as_configured(arm)
+        return check_as_configured(arm, lambda: last_words(arm, is_resting=True))
     finally:
         arm.close()
 
 
-def check_connection(arm: Any, address: FriAddress) -> Check:
+def check_connection(arm: FriArm, address: FriAddress) -> Check:
     """Say what is connected, and how."""
     state, statistics = arm.monitoring(), arm.statistics()
     return Check(
@@ -193,7 +198,7 @@ def check_connection(arm: Any, address: FriAddress) -> Check:
     )
 
 
-def hold(arm: Any, q: Vec7, seconds: float) -> Rest:
+def hold(arm: FriArm, q: Vec7, seconds: float) -> Rest:
     """Hold the arm at q [rad] and look at it; the first half second is not counted."""
     target = _core.Target(joint_mode=True, q_d=q)
     positions, states, logs = [], [], []
@@ -205,16 +210,18 @@ def hold(arm: Any, q: Vec7, seconds: float) -> Rest:
             states.append(arm.monitoring())
     drift = np.linalg.norm(np.array(positions) - positions[0], axis=1).max()
     q_mean, measured, external = (
-        np.mean([getattr(state, name) for state in states], axis=0)
-        for name in ("q", "tau_measured", "tau_external")
+        np.mean(values, axis=0)
+        for values in zip(
+            *((s.q, s.tau_measured, s.tau_external) for s in states), strict=True
+        )
     )
     return Rest(q_mean, float(drift), measured, external, np.vstack(logs))
 
 
-def check_gravity(arm: Any, rest: Rest, address: FriAddress) -> Check:
+def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
     """Compare the measured torque at rest with the model's gravity: sign and scale."""
     name = "gravity, measured torque"
-    gravity = arm.robot.chain().gravity(rest.q)
+    gravity = arm.facts.robot.chain().gravity(rest.q)
     if not np.isfinite(rest.measured).all():
         return Check(name, "broken", "the cabinet sends no measured torque")
     if np.abs(gravity).max() < GRAVITY_MIN:
@@ -241,9 +248,10 @@ def check_gravity(arm: Any, rest: Rest, address: FriAddress) -> Check:
     return Check(name, "ok", detail)
 
 
-def check_drift(arm: Any, rest: Rest) -> Check:
+def check_drift(arm: FriArm, rest: Rest) -> Check:
     """Look at drift and external torque while the arm is held."""
-    share = np.abs(rest.external) / arm.robot.tau_max
+    motors = arm.facts.robot.tau_max
+    share = np.abs(rest.external) / motors
     worst = int(np.argmax(share))
     detail = (
         f"drift {1e3 * rest.drift:.2f} mm, external torque at most "
@@ -256,11 +264,11 @@ def check_drift(arm: Any, rest: Rest) -> Check:
         "hold",
         "broken",
         f"{detail}; allowed: {1e3 * DRIFT_MAX:g} mm and "
-        f"{EXTERNAL_SHARE * arm.robot.tau_max[worst]:.1f} Nm: check the load data",
+        f"{EXTERNAL_SHARE * motors[worst]:.1f} Nm: check the load data",
     )
 
 
-def check_turns(arm: Any, q: Vec7) -> Check:
+def check_turns(arm: FriArm, q: Vec7) -> Check:
     """Turn every joint a little each way and see that it goes where it was asked."""
     reached = np.zeros((2, 7))
     for joint in range(7):
@@ -290,7 +298,7 @@ def check_turns(arm: Any, q: Vec7) -> Check:
     return Check("torques", "ok", detail)
 
 
-def turn(arm: Any, q: Vec7, joint: int, sign: float) -> float:
+def turn(arm: FriArm, q: Vec7, joint: int, sign: float) -> float:
     """Turn one joint and back; return the way it went over the way asked [1]."""
     there = q.copy()
     there[joint] += sign * TURN
@@ -306,7 +314,7 @@ def turn(arm: Any, q: Vec7, joint: int, sign: float) -> float:
     return gone
 
 
-def check_push(arm: Any, q: Vec7, address: FriAddress, ask: Ask | None) -> Check:
+def check_push(arm: FriArm, q: Vec7, address: FriAddress, ask: Ask | None) -> Check:
     """See that a push away from the base is felt as one."""
     name = "push, external torque"
     before = hold(arm, q, 1.0).external
@@ -338,14 +346,14 @@ def check_push(arm: Any, q: Vec7, address: FriAddress, ask: Ask | None) -> Check
     return Check(name, "ok", f"{detail}, away from the base")
 
 
-def estimate_force(arm: Any, q: Vec7, tau: Vec7) -> Vec3:
+def estimate_force(arm: FriArm, q: Vec7, tau: Vec7) -> Vec3:
     """Return the force at the TCP [N], world axes, that explains joint torques [Nm]."""
-    jacobian = arm.robot.chain().jacobian(q)
-    wrench: Array = np.linalg.lstsq(jacobian.T, tau, rcond=0.05)[0]
-    return wrench[:3]
+    jacobian = arm.facts.robot.chain().jacobian(q)
+    wrench = np.linalg.lstsq(jacobian.T, tau, rcond=0.05)[0]
+    return np.asarray(wrench[:3], dtype=float)
 
 
-def check_messages(arm: Any) -> Check:
+def check_messages(arm: FriArm) -> Check:
     """Look at how many messages were lost, and how fast they were answered."""
     statistics = arm.statistics()
     counts, times = statistics["counts"], statistics["times"]

@@ -1,19 +1,19 @@
 """Feel an arm for the doctor: hold it, push it, lean on it, let go of it in time."""
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm
+from dovetail.arms.fri_arm import FriArm
 from dovetail.control.config import LimitConfig
 from dovetail.control.proven import unproven
 from dovetail.doctor import Check
 from dovetail.errors import ArmError, PlantError
 from dovetail.feel.feeling import feel_arm
 from dovetail.feel.resting import TORQUE_RMS, measure_rest
-from dovetail.feel.spring import feel_spring
+from dovetail.feel.torque_balance import JointFit
 from dovetail.feel_checks import (
     check_delay,
     check_fixed_spring,
@@ -37,12 +37,12 @@ _SETTLE, _STEP = 0.5, 0.05
 
 
 def feel_checks(
-    arm: Any,
+    arm: Arm,
     q: Vec7,
     limits: LimitConfig,
     declared: dict[str, float],
     *,
-    sends_position: bool,
+    spring: Callable[[float], tuple[JointFit, ...]] | None,
     integration_step: float,
 ) -> Iterator[Check]:
     """Push and lean on an arm that is held; yield what it is found to be.
@@ -52,7 +52,8 @@ def feel_checks(
         q: Where it rests [rad].
         limits: Of its controller, for the rotors that the model assumes.
         declared: What its owner says of it.
-        sends_position: It is an FRI client, which can lean on a cabinet.
+        spring: Leans on the cabinet, given the delay of the loop [s], and fits what it
+            did; None where only torques can be sent.
         integration_step: Step of the simulation behind it [s], 0 for a real one.
 
     Raises:
@@ -60,15 +61,15 @@ def feel_checks(
     """
     feeling = feel_arm(arm, q, limits.armature, integration_step=integration_step)
     yield check_delay(feeling, declared)
-    if sends_position:
+    if spring is not None:
         delay = feeling.delay.delay - 0.5 * integration_step
-        fits = feel_spring(arm, q, limits.armature, delay)
-        inertia = np.asarray(arm.robot.chain().inertia_matrix(q))
+        fits = spring(delay)
+        inertia = np.asarray(arm.facts.robot.chain().inertia_matrix(q))
         yield check_spring(fits, feeling, inertia + np.diag(limits.armature))
     fixed = check_fixed_spring(feeling)
     if fixed is not None:
         yield fixed
-    yield check_gravity_error(arm.robot, q, feeling, declared)
+    yield check_gravity_error(arm.facts.robot, q, feeling, declared)
 
 
 def check_period_proven(period: float) -> Check:
@@ -97,7 +98,7 @@ def _is_wild(log: Array) -> bool:
     return bool(np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]).max() > WILD)
 
 
-def check_as_configured(arm: Any) -> Check:
+def check_as_configured(arm: Arm, recall: Callable[[], str] = str) -> Check:
     """Hold the arm with the controller that tasks run with, and look at its torque.
 
     It is held as a task holds it, then as a stop does, each after a nudge: dry friction
@@ -106,13 +107,14 @@ def check_as_configured(arm: Any) -> Check:
     Args:
         arm: It was reset, or has just begun its motion, with a task's settings; all its
             axes hold.
+        recall: Says what it did last, where it was stopped; by default nothing.
     """
     check = Check(AS_CONFIGURED, "broken", "not held")
     for name, hold in (("task", _hold_task), ("stop", _hold_joints)):
         try:
-            check = _say_rest(hold(arm), arm.period)
+            check = _say_rest(hold(arm), arm.facts.period)
         except (ArmError, PlantError) as error:
-            text = f"{error} {last_words(arm, is_resting=True)}".strip()
+            text = f"{error} {recall()}".strip()
             check = Check(AS_CONFIGURED, "broken", text)
         if check.status != "ok":
             return check._replace(detail=f"held as by a {name}: {check.detail}")
@@ -144,17 +146,16 @@ def _say_rest(log: Array, period: float) -> Check:
     return check_rest(measure_rest(log, period), AS_CONFIGURED, TORQUE_RMS)
 
 
-def last_words(arm: Any, *, is_resting: bool) -> str:
+def last_words(arm: FriArm, *, is_resting: bool) -> str:
     """Say what an arm behind FRI did in the last second before it was stopped.
 
     Args:
         arm: The arm.
         is_resting: It was held; otherwise it was moved, and a rhythm is no oscillation.
     """
-    recent = getattr(arm, "recent", None)
-    log = np.empty((0, 1)) if recent is None else recent(1.0)
-    if len(log) * arm.period < 0.1:
+    log, period = arm.recent(1.0), arm.facts.period
+    if len(log) * period < 0.1:
         return ""
-    resting = measure_rest(log, arm.period)
+    resting = measure_rest(log, period)
     said = check_rest(resting).detail if is_resting else describe_rest(resting)
     return f"In the last second: {said}"

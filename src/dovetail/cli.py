@@ -76,8 +76,8 @@ def _run_command(name: str, words: list[str]) -> int:
             f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
         )
     module = importlib.import_module(f"dovetail.commands.{name}")
-    settings = getattr(module, COMMANDS[name][0])
-    find = getattr(module, "defaults", None)  # of what the words continue
+    settings = vars(module)[COMMANDS[name][0]]
+    find = vars(module).get("defaults")  # of what the words continue
     found = find(words) if find else None
     options = {} if found is None else {"default": found}
     command = tyro.cli(settings, args=words, prog=f"dovetail {name}", **options)

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dovetail.errors import LogError, MissingDependencyError, install_command
-from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.plants.plant import CYCLE_COLUMNS, CYCLE_UNITS
 from dovetail.types import Array
 
 FORMAT = 1
@@ -35,19 +35,9 @@ OBSERVED = (
 
 _Handler: TypeAlias = Callable[[int, FrameType | None], Any] | int | None
 
-_UNIT_OF_STEM = {
-    "time": "s",
-    "q": "rad",
-    "dq": "rad/s",
-    "tau": "Nm",
-    **dict.fromkeys(("x", "y", "z"), "m"),
-    **dict.fromkeys(("qw", "qx", "qy", "qz", "flags", "step", "action", "reward"), "1"),
-    **dict.fromkeys(("vx", "vy", "vz"), "m/s"),
-    **dict.fromkeys(("wx", "wy", "wz"), "rad/s"),
-    **dict.fromkeys(("fx", "fy", "fz"), "N"),
-    **dict.fromkeys(("fsx", "fsy", "fsz"), "m/s2"),
-    "theta": "rad",
-}
+_UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward"), "1")
+_UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
+_UNITS |= {"obs_theta": "rad"}
 _MAY_BE_NAN = ("fx", "fy", "fz")  # an arm that cannot measure contact forces
 
 
@@ -57,13 +47,13 @@ def unit_of(column: str) -> str:
     Raises:
         LogError: No such column.
     """
-    stem = column.removeprefix("obs_").rstrip("0123456789")
-    if stem not in _UNIT_OF_STEM:
+    is_action = column.removeprefix("action").isdecimal()
+    if not is_action and column not in _UNITS:
         raise LogError(
             f"unknown log column {column!r}; known: {', '.join(CYCLE_COLUMNS)}, step, "
             f"action1.., reward, {', '.join(OBSERVED)}"
         )
-    return _UNIT_OF_STEM[stem]
+    return "1" if is_action else _UNITS[column]
 
 
 def log_columns(num_actions: int, has_observation: bool) -> tuple[str, ...]:

@@ -3,16 +3,11 @@
 import numpy as np
 import pytest
 
-from dovetail.arms.address import (
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
-    is_simulated_here,
-    parse_address,
-    parse_endpoint,
-    places_fixture,
-)
+from dovetail.arms.address import parse_address
+from dovetail.arms.arm_address import parse_endpoint
+from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.local_address import PlantAddress, TwinAddress
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.durations import parse_time
@@ -29,22 +24,22 @@ TASK = TaskSpec.parse("XYZ:force A:pose BC:hold")
 def test_plants_and_twins_are_named_by_one_word():
     assert parse_address("mujoco") == PlantAddress(engine="mujoco")
     assert parse_address("bullet") == PlantAddress(engine="bullet")
-    assert parse_address("twin:medium") == TwinAddress(twin="medium")
-    assert parse_address("twin:./my.toml") == TwinAddress(twin="./my.toml")
+    assert parse_address("twin:medium") == TwinAddress(config="medium")
+    assert parse_address("twin:./my.toml") == TwinAddress(config="./my.toml")
 
 
 def test_a_bare_fri_address_is_a_real_cabinet_with_the_usual_port():
     address = parse_address("fri://0.0.0.0")
     assert address == FriAddress(host="0.0.0.0", port=30200)
     assert address.margins == "hardware"
-    assert not places_fixture(address)
-    assert not is_simulated_here(address)
+    assert not address.places_fixture
+    assert not address.is_here
 
 
 def test_every_fri_key_is_read():
     address = parse_address(
         "fri://127.0.0.1:30205?version=2.7&period=2ms&clock=lockstep"
-        "&control=127.0.0.1:30301&reset=place&timeout=3s&watchdog=100ms&realtime=yes"
+        "&control=127.0.0.1:30301&reset=place&timeout=3s&target_timeout=100ms&realtime=yes"
         "&margins=model&peer=192.170.10.2"
     )
     assert address == FriAddress(
@@ -56,12 +51,12 @@ def test_every_fri_key_is_read():
         control="127.0.0.1:30301",
         reset="place",
         timeout=3.0,
-        watchdog=0.1,
+        target_timeout=0.1,
         realtime=True,
         peer="192.170.10.2",
         margins="model",
     )
-    assert places_fixture(address)
+    assert address.places_fixture
 
 
 def test_what_public_reports_leave_open_can_be_said():
@@ -128,6 +123,7 @@ def test_certificates_are_files(tmp_path):
         ("fri://0.0.0.0:65536", "1 to 65535"),
         ("fri://0.0.0.0:abc", "1 to 65535"),
         ("fri://0.0.0.0/x", "no address"),
+        ("fri://0.0.0.0?watchdog=1s", "watchdog is called target_timeout now"),
         ("fri://0.0.0.0?peer=robot", "arm peer is 'robot'; give the cabinet's IPv4"),
         ("fri://0.0.0.0?speed=1", "unknown keys: speed; known keys: version, period"),
         ("fri://0.0.0.0?version=3.0", "known: 1.14, 1.15, 1.16, 2.5, 2.7"),
@@ -206,11 +202,19 @@ def test_what_an_address_names_cannot_be_given_twice():
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
-        "dovetail.envs.arm_setup.build_fri_arm",
-        lambda address, cell, osc, limits, task, period: built.append(
-            (limits.delta_v, period)
-        ),
+        FriAddress,
+        "build",
+        lambda address, cell, s: built.append((s.limits.delta_v, s.period)),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
         build_arm(f"fri://0.0.0.0?{keys}", find_cell(), TASK)
     assert built == [(0.20, 0.001), (0.01, 0.001), (0.20, 0.001)]
+
+
+def test_the_cabinets_address_reaches_the_servo_loop(monkeypatch):
+    built = []
+    monkeypatch.setattr(
+        "dovetail.arms.fri_arm.FriArm", lambda *_, **options: built.append(options)
+    )
+    build_arm("fri://0.0.0.0?peer=192.170.10.2", find_cell(), TASK)
+    assert built[0]["peer"] == "192.170.10.2"

@@ -4,11 +4,19 @@ import numpy as np
 import pytest
 
 from dovetail import _core
+from dovetail.arms.arm import is_simulated
 from dovetail.arms.local_arm import LocalArm
+from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, DynamicsConfig, make_plant
+from dovetail.plants.plant import (
+    COLUMN,
+    CYCLE_COLUMNS,
+    FLAG_MASK,
+    DynamicsConfig,
+    make_plant,
+)
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
 from extras import need
@@ -52,7 +60,7 @@ def arm(request):
 
 
 def start(arm, z=0.16):
-    return arm.robot.inverse_kinematics(
+    return arm.facts.robot.inverse_kinematics(
         Pose(np.array([0.60, 0.0, z]), TOOL_DOWN), Q_SEED
     )
 
@@ -137,7 +145,8 @@ def test_speed_limit_raises_its_flag(arm):
     flags = 0
     for _ in range(10):
         flags |= arm.step(push([0.0, 12.0, 0.0])).flags
-    assert flags & (0b111 << 28 | 0b111 << 31 | 0b111 << 34)  # a wall's bound
+    walls = ("wall_position", "wall_velocity", "wall_acceleration")
+    assert flags & sum(FLAG_MASK[name] for name in walls)
 
 
 def test_reset_begins_an_equal_trial(arm):
@@ -167,3 +176,34 @@ def test_engines_move_alike_in_free_air():
         logs.append(state.position)
         arm.close()
     np.testing.assert_allclose(logs[0], logs[1], atol=1e-4)
+
+
+def test_facts_say_what_the_arm_was_built_with(arm):
+    facts = arm.facts
+    assert str(facts.task) == "XYZ:force A:pose BC:hold"
+    assert facts.period == 0.005
+    assert facts.osc.force_damping[0] == 16.0
+    assert facts.limits.dq_max.shape == facts.robot.dq_max.shape
+
+
+def test_facts_say_whether_the_arm_can_be_disturbed_and_what_it_measures(arm):
+    state = arm.reset(start(arm, z=0.115), HOLE)
+    if is_simulated(arm):
+        arm.move_fixture(HOLE, np.array([0.0, 0.0, 0.0]))
+        arm.push(np.array([30.0, 0.0, 0.0]), 0.1)
+        moved = arm.step(_core.Target(), 0.1)
+        assert moved.position[0] > state.position[0] + 1e-3
+    else:
+        assert isinstance(arm, RemoteArm)
+    assert not arm.facts.is_real_time
+    assert np.isnan(state.contact_force).all() == (not arm.facts.measures_contact)
+
+
+def test_stop_clear_and_seed_are_taken_and_the_arm_follows_again(arm):
+    arm.reset(start(arm), HOLE)
+    arm.seed(3)
+    arm.stop()
+    arm.clear()
+    arm.reset(start(arm), HOLE)
+    assert len(arm.step(_core.Target()).log) == 10
+    assert isinstance(arm.statistics()["notes"], list)

@@ -169,8 +169,6 @@ def test_what_cannot_be_in_a_batch_is_refused():
 def test_bullet_is_refused_with_what_to_give():
     need("pybullet")
     arm = build(plant="bullet")
-    with pytest.raises(
-        ConfigError, match="BulletPlant; only MuJoCo"
-    ):
+    with pytest.raises(ConfigError, match="BulletPlant; only MuJoCo"):
         BatchArm([arm])
     arm.close()

@@ -22,7 +22,7 @@ def arm():
 
 
 def start(arm, z=0.20):
-    q = arm.robot.inverse_kinematics(Pose(np.array([0.60, 0.0, z]), DOWN), SEED)
+    q = arm.facts.robot.inverse_kinematics(Pose(np.array([0.60, 0.0, z]), DOWN), SEED)
     arm.reset(q, HOLE)
     target = _core.Target()
     target.position_d, target.quat_wxyz_d = np.array([0.60, 0.0, z]), DOWN

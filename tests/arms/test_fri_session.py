@@ -10,6 +10,7 @@ import pytest
 from dovetail import _core
 from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.fri_errors import socket_error
+from dovetail.arms.servo_params import servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
@@ -165,14 +166,20 @@ def test_a_cabinet_that_starts_no_motion_is_named(arm):
     assert error.value.reason == "session"
 
 
+def servo_with(**values):
+    servo = servo_params(PERIOD)
+    for name, value in values.items():
+        setattr(servo, name, value)
+    return servo
+
+
 def test_settings_are_refused_by_name():
     for options, words in (
         ({"version": "3.0"}, "'3.0' is unknown: 1.11, 1.14, 1.15"),
         ({"clock": "sundial"}, "known: wall, lockstep"),
         ({"reset": "place"}, "needs the control port"),
-        ({"observer_gain": 2.0}, "observer gain is 2"),
-        ({"position_filter": 0.0}, "position_filter is 0"),
-        ({"no_such": 1.0}, "servo setting 'no_such' is unknown"),
+        ({"servo": servo_with(observer_gain=2.0)}, "observer gain is 2"),
+        ({"servo": servo_with(position_filter=0.0)}, "position_filter is 0"),
     ):
         with pytest.raises(ConfigError, match=words):
             alone(**options)
@@ -293,7 +300,7 @@ def test_foreign_datagrams_are_counted_and_change_nothing(arm):
 
 
 def test_lost_doubled_and_late_messages_leave_time_right():
-    arm = make_arm(cabinet={"watchdog": 0.05, "stop_slots": 50})
+    arm = make_arm(cabinet={"patience": 0.05, "stop_slots": 50})
     arm.reset(START, HOLE)
     arm.ask("fault", text="loss=0.05,duplicate=0.05,reorder=0.05")
     rows = [arm.step(push(0.5)).log for _ in range(20)]

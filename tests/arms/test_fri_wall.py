@@ -11,11 +11,11 @@ from dovetail.arms.reset_motion import LIFT, plan_reset
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.cabinet.quality import QualityRule
 from dovetail.errors import ArmError
-from dovetail.plants.plant import COLUMN
+from dovetail.plants.plant import COLUMN, FLAG_MASK
 
 from .test_fri_session import HOLE, START, make_arm, push, wait_until
 
-LATE, STOPPED = 1 << 43, 1 << 44
+LATE, STOPPED = FLAG_MASK["target_late"], FLAG_MASK["stopped"]
 PATIENT = {
     "stop_slots": 400,
     "hold_slots": 100,

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from dovetail.arms.address import parse_address, with_approach
+from dovetail.arms.address import parse_address
 from dovetail.arms.reset_motion import TICK, plan_reset
 from dovetail.arms.start_distance import require_near
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.envs.arm_setup import SPEED_MAX, build_fri_arm
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import SPEED_MAX
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose
@@ -52,11 +54,15 @@ def test_the_tool_never_moves_faster_than_t1_allows(begin):
 def test_on_a_robot_all_axes_together_keep_the_speed_of_t1():
     limits = LimitConfig.for_period(ROBOT, 0.005, dx_max=[SPEED_MAX] * 3)
 
+    settings = ControllerSettings(
+        osc=OscConfig(), limits=limits, task=TaskSpec.parse("XYZABC:hold"), period=0.005
+    )
+
     def speed(keys):
         address = parse_address(f"fri://127.0.0.1:{free_port()}{keys}")
-        arm = build_fri_arm(address, CELL, OscConfig(), limits, "XYZABC:hold", 0.005)
+        arm = address.build(CELL, settings)
         arm.close()
-        return arm.limits.dx_max
+        return arm.facts.limits.dx_max
 
     assert np.linalg.norm(speed("")) == pytest.approx(0.25)
     assert speed("?control=127.0.0.1:30301").max() == pytest.approx(0.25)
@@ -91,12 +97,13 @@ def test_an_arm_that_was_brought_somewhere_goes_on_from_there_unasked():
 
 def test_approach_is_a_key_of_the_address():
     assert not parse_address("fri://0.0.0.0").approach
-    assert parse_address(with_approach("fri://0.0.0.0")).approach
-    assert with_approach("fri://h?period=1ms") == "fri://h?period=1ms&approach=yes"
-    assert with_approach("fri://h?approach=yes") == "fri://h?approach=yes"
+    assert parse_address(parse_address("fri://0.0.0.0").with_approach()).approach
+    period = parse_address("fri://h?period=1ms").with_approach()
+    assert period == "fri://h?period=1ms&approach=yes"
+    assert parse_address(period).with_approach() == period
     for text, words in (
         ("mujoco", "leave --approach out"),
         ("grpc://localhost", "serve"),
     ):
         with pytest.raises(ConfigError, match=words):
-            with_approach(text)
+            parse_address(text).with_approach()

@@ -108,7 +108,7 @@ def test_quality_lost_in_commanding_active_leads_back_and_up_again(make, client)
 
 def test_a_client_that_falls_silent_loses_the_motion_then_the_quality(make, client):
     client.start()
-    with make(watchdog=0.02, restart_delay=None) as cabinet:
+    with make(patience=0.02, restart_delay=None) as cabinet:
         client.wait_for(ACTIVE)
         wait_until(lambda: cabinet.status()["quality"] == "EXCELLENT")
         client.answer = lambda message: None

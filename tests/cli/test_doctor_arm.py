@@ -65,8 +65,12 @@ def check_at(text, name):
     return check_of(name, run_arm_checks(parse_address(text), None))
 
 
+def plant_at(text):
+    return parse_address(text).make_plant(find_cell())
+
+
 def local_checks(text, period, **declared):
-    found = run_local_checks(parse_address(text), period, DECLARED | declared)
+    found = run_local_checks(plant_at(text), period, DECLARED | declared)
     return {check.name: check for check in found}
 
 
@@ -152,9 +156,7 @@ def test_a_simulated_arm_is_felt_without_a_cabinet():
 def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
     check = check_of(
         "delay",
-        run_local_checks(
-            parse_address("twin:medium"), 0.005, DECLARED | {"delay": 0.003}
-        ),
+        run_local_checks(plant_at("twin:medium"), 0.005, DECLARED | {"delay": 0.003}),
     )
     assert check.status == "broken"
     assert "declared and shown to hold: 0 to 3 ms" in check.detail
@@ -166,7 +168,7 @@ def test_a_delay_outside_the_table_is_refused_whatever_is_declared(tmp_path):
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     check = check_of(
-        "delay", run_local_checks(parse_address(f"twin:{path}"), 0.005, DECLARED)
+        "delay", run_local_checks(plant_at(f"twin:{path}"), 0.005, DECLARED)
     )
     assert check.status == "broken"
     assert "unproven; declared and shown to hold: 0 to 10 ms" in check.detail
@@ -182,7 +184,7 @@ def test_a_declaration_outside_the_table_is_refused(capsys):
 
 
 def test_a_period_outside_the_table_is_named():
-    check = next(run_local_checks(parse_address("mujoco"), 0.004, DECLARED))
+    check = next(run_local_checks(plant_at("mujoco"), 0.004, DECLARED))
     assert check.status == "broken"
     assert (
         "4 ms, for which the limits are unproven; shown to hold: 1, 2, 2.5, 5 ms"
@@ -200,7 +202,7 @@ def test_an_arm_that_oscillates_at_rest_is_said_to_and_let_go_of(tmp_path):
         TaskSpec.parse("XYZABC:hold"),
         EnvConfig.of(twin=path, period=0.001, force_damping=0.0),
     )
-    q = arm.robot.inverse_kinematics(START, Q_SEED)
+    q = arm.facts.robot.inverse_kinematics(START, Q_SEED)
     arm.reset(q, HOLE)
     check = check_as_configured(arm)
     arm.close()
@@ -220,7 +222,7 @@ class StubArm:
     """An arm of which only what is measured matters."""
 
     def __init__(self, **state):
-        self.robot = find_cell().loaded_robot()
+        self.facts = SimpleNamespace(robot=find_cell().loaded_robot())
         self.q = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.0, 0.0])
         self.follows = state.pop("follows", 1.0)
         self.state = SimpleNamespace(**state)
@@ -265,7 +267,7 @@ def test_a_joint_that_stays_behind_is_named():
 )
 def test_gravity_tells_the_sign_of_the_measured_torque(factor, status, words):
     arm = StubArm()
-    gravity = arm.robot.chain().gravity(arm.q)
+    gravity = arm.facts.robot.chain().gravity(arm.q)
     rest = arm_checks.Rest(arm.q, 0.0, factor * gravity, np.zeros(7), None)
     check = arm_checks.check_gravity(arm, rest, parse_address("fri://0.0.0.0"))
     assert check.status == status

@@ -9,7 +9,7 @@ from dovetail.control.config import LimitConfig
 TASK = "XYZ:force ABC:force"
 HOLD = "XYZ:force ABC:hold"
 WALLS = {"x_min": [-2.0, -2.0, -2.0], "x_max": [2.0, 2.0, 2.0], "dx_max": 5.0}
-WALLS["dx_near"] = 5.0
+WALLS["near_speed"] = 5.0
 LOOSE = {"ddx_max": 100.0, "delta_x": 0.0, "delta_q": 0.0, "delta_v": 0.0, **WALLS}
 LOOSE |= {"hardware": False, "last_line": False}
 PERIOD = 1e-3
@@ -54,3 +54,19 @@ PUSHED = np.array([15.0, 0.0, 0.0])
 def moving_along_x(bench, speed):
     J = bench.chain.jacobian(bench.q)
     return np.linalg.pinv(J) @ (speed * np.eye(6)[0])
+
+
+def check_near_press(bench):  # test_near_press.py has where it begins and what is left
+    everywhere = [0.0, 0.0, 1.0, 9.0]  # z below 9 m
+    soft = replace(bench.loose, near_press=0.5)
+
+    def gone(limits, sign, **options):
+        run = bench.axis(limits, 2, sign=sign, gain=2.0, cycles=100, **options)
+        return np.abs(run.position[-1, 2] - run.position[0, 2])
+
+    free = gone(bench.loose, -1.0, near_plane=everywhere)
+    held = gone(soft, -1.0, near_plane=everywhere)
+    assert 0.24 * free < held < 0.26 * free
+    assert 0.99 * free < gone(soft, -1.0) < 1.01 * free  # no plane: no limit
+    up = gone(bench.loose, 1.0, near_plane=everywhere)
+    assert 0.99 * up < gone(soft, 1.0, near_plane=everywhere) < 1.01 * up

@@ -204,15 +204,15 @@ def test_every_loop_counts_the_age_of_the_target_it_holds():
     def cycle_by_cycle(arm, target):
         for k in range(10):
             older = _core.Target(target)
-            older.age = k * arm.period
-            arm.plant.run_cycles(arm.controller, older, 1, arm.period)
+            older.age = k * arm.facts.period
+            arm.plant.run_cycles(arm.controller, older, 1, arm.facts.period)
 
     def disturbed(arm, target):
         arm.push(np.zeros(3), 1.0)
         arm.step(target, STEP)
 
     def in_python(arm, target):
-        run_cycles(arm.plant, arm.controller, target, 10, arm.period, 0.0)
+        run_cycles(arm.plant, arm.controller, target, 10, arm.facts.period, 0.0)
 
     def in_cpp(arm, target):
         arm.step(target, STEP)

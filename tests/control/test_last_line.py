@@ -159,7 +159,7 @@ def test_less_braking_than_was_asked_for_is_no_drive(robot, q_home):
 def test_a_tare_that_changes_explains_what_it_changes(robot, q_home):
     """Near contact f* is cut to what the tare leaves: another tare, another motion."""
     period, half = 1e-3, 40
-    wide = {"x_min": -2.0, "x_max": 2.0, "dx_max": 5.0, "dx_near": 0.1}
+    wide = {"x_min": -2.0, "x_max": 2.0, "dx_max": 5.0, "near_speed": 0.1}
     limits = LimitConfig.for_period(robot, period, hardware=False, **wide)
     controller = make_controller(robot, OscConfig(), limits, TASK, period)
     plant = _core.RigidPlant(

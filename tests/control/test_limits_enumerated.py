@@ -15,6 +15,7 @@ from control.limit_bench import (
     REAL,
     SLACK,
     Bench,
+    check_near_press,
     moving_along_x,
 )
 from dovetail.control.config import LimitConfig
@@ -114,12 +115,12 @@ def check_dx_max(bench):
         assert np.abs(held.speed[:, i]).max() < limit + REAL
 
 
-def check_dx_near(bench):  # test_near_contact.py has its other axes and cases
+def check_near_speed(bench):  # test_near_contact.py has its other axes and cases
     everywhere = [0.0, 0.0, 1.0, 9.0]  # z below 9 m
     for i in range(3):
         free = bench.axis(bench.loose, i, near_plane=everywhere)
         assert not free.bits("wall_velocity")
-        slow = replace(bench.loose, dx_near=0.02)
+        slow = replace(bench.loose, near_speed=0.02)
         held = bench.axis(slow, i, near_plane=everywhere)
         assert held.bits("wall_velocity") >> i & 1
         assert np.abs(held.speed[:, i]).max() < 0.02 + REAL
@@ -269,7 +270,7 @@ def check_passive(bench):
     # Moving against a push: a limiter that takes the push off would drive the arm.
     powers = {}
     for passive in (True, False):
-        limits = replace(bench.loose, passive=passive, dx_near=0.02)
+        limits = replace(bench.loose, passive=passive, near_speed=0.02)
         run = bench.axis(
             limits, 0, cycles=60, push=PUSHED, dq=moving_along_x(bench, -0.1),
             **NEAR_CONTACT,
@@ -283,7 +284,7 @@ def check_passive(bench):
 def check_brake_rate(bench):
     asked = {}
     for rate in (5.0, 60.0):
-        limits = replace(bench.loose, brake_rate=rate, dx_near=0.05)
+        limits = replace(bench.loose, brake_rate=rate, near_speed=0.05)
         run = bench.axis(
             limits, 0, cycles=60, push=PUSHED, dq=moving_along_x(bench, 0.1),
             **NEAR_CONTACT,
@@ -386,7 +387,7 @@ CHECKS = {
     name.removeprefix("check_"): check
     for name, check in globals().items()
     if name.startswith("check_")
-}
+} | {"near_press": check_near_press}
 
 
 @pytest.mark.parametrize("name", [f.name for f in fields(LimitConfig)])

@@ -17,7 +17,8 @@ WIDE = {"x_min": -2.0, "x_max": 2.0, "dx_max": 5.0}
 
 @pytest.fixture(scope="module")
 def limits(robot):
-    return LimitConfig.for_period(robot, PERIOD, hardware=False, dx_near=SLOW, **WIDE)
+    slow = {"near_speed": SLOW, **WIDE}
+    return LimitConfig.for_period(robot, PERIOD, hardware=False, **slow)
 
 
 def speed_along_x(robot, q, speed):

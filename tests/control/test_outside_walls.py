@@ -37,20 +37,22 @@ def make_arm(period, twin=None):
 
 def come_back(arm: LocalArm, out, axis, side, asked):
     """Way out of the wall [m] at each cycle, from `out` on, and the motors' share."""
-    q_inside = arm.robot.inverse_kinematics(Pose(INSIDE, tool_down(0.0)), Q_SEED)
+    q_inside = arm.facts.robot.inverse_kinematics(Pose(INSIDE, tool_down(0.0)), Q_SEED)
     wall = (HIGH if side > 0 else LOW)[axis]
     p = INSIDE.copy()
     p[axis] = wall + side * out
-    arm.reset(arm.robot.inverse_kinematics(Pose(p, tool_down(0.0)), q_inside), HOLE)
+    arm.reset(
+        arm.facts.robot.inverse_kinematics(Pose(p, tool_down(0.0)), q_inside), HOLE
+    )
     f = np.zeros(6)
     f[axis] = side * asked
     steps = round((out / SPEED + 1.0) / 0.05)
     target = _core.Target(f_star=f)
     log = np.vstack([arm.step(target, 0.05).log for _ in range(steps)])
     q = log[:, COLUMN["q1"] : COLUMN["q7"] + 1]
-    gravity = np.array([arm.robot.chain().gravity(row) for row in q[::5]])
+    gravity = np.array([arm.facts.robot.chain().gravity(row) for row in q[::5]])
     tau = log[::5, COLUMN["tau1"] : COLUMN["tau7"] + 1]
-    share = np.abs(tau + gravity) / arm.robot.tau_max
+    share = np.abs(tau + gravity) / arm.facts.robot.tau_max
     flags = np.bitwise_or.reduce(log[:, COLUMN["flags"]].astype(np.int64))
     assert not flags & ENDED
     return side * (log[:, COLUMN["xyz"[axis]]] - wall), float(share.max())
@@ -96,10 +98,10 @@ def test_weight_against_a_wall_rests_there(twin, period):
     """It swung there until the last line ended the motion, 1 s after the reset."""
     arm = make_arm(period, twin)
     pose = Pose(INSIDE, tool_down(0.0))
-    arm.reset(arm.robot.inverse_kinematics(pose, Q_SEED), HOLE)
+    arm.reset(arm.facts.robot.inverse_kinematics(pose, Q_SEED), HOLE)
     log = np.vstack([arm.step(_core.Target(), 0.05).log for _ in range(60)])
     assert not (log[:, COLUMN["flags"]].astype(np.int64) & ENDED).any()
     last = log[-round(0.5 / period) :]
-    assert last[:, COLUMN["x"]].min() > HIGH[0] - arm.limits.delta_x - 1e-3
+    assert last[:, COLUMN["x"]].min() > HIGH[0] - arm.facts.limits.delta_x - 1e-3
     assert last[:, COLUMN["dq4"]].std() < 0.015  # rad/s; 0.07 before
     arm.close()

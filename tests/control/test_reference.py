@@ -16,7 +16,7 @@ TOLERANCE = 1e-8  # rad/s2 and Nm
 EVERY_TASK = [
     str(TaskSpec(modes)) for modes in itertools.product(range(len(MODES)), repeat=6)
 ]
-WIDE_WALLS = {"x_min": [-1.2, -1.2, -0.5], "x_max": [1.2, 1.2, 1.6], "dx_near": 0.05}
+WIDE_WALLS = {"x_min": [-1.2, -1.2, -0.5], "x_max": [1.2, 1.2, 1.6], "near_speed": 0.05}
 EXACT = {**WIDE_WALLS, "hardware": False, "last_line": False}  # no judge of the motion
 
 

@@ -2,7 +2,9 @@
 
 import numpy as np
 
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import tool_down
@@ -11,10 +13,22 @@ from dovetail.poses import tool_down
 class FakeArm:
     """`place(...)` says what the next state measures; Targets are recorded."""
 
-    period = 0.005
-
-    def __init__(self):
-        self.robot = find_cell().loaded_robot()
+    def __init__(self, task="XYZ:force A:pose BC:hold", period=0.005):
+        cell = find_cell()
+        robot = cell.loaded_robot()
+        self.facts = ArmFacts(
+            robot=robot,
+            osc=OscConfig.for_period(period),
+            limits=LimitConfig.for_period(
+                robot, period, x_min=cell.walls[0], x_max=cell.walls[1]
+            ),
+            task=TaskSpec.parse(task),
+            period=period,
+            is_simulated=False,
+            is_real_time=False,
+            places_fixture=True,
+            measures_contact=True,
+        )
         self.targets = []
         self.closed = False
         self.place()
@@ -50,6 +64,9 @@ class FakeArm:
             )
         )
         return self.state
+
+    def seed(self, seed):
+        pass
 
     def close(self):
         self.closed = True

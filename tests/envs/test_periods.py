@@ -1,5 +1,6 @@
 """Every twin at every control period, shortly: reset, tare and a few policy steps."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import gymnasium as gym
@@ -78,7 +79,7 @@ def test_an_arm_over_fri_is_the_same_at_every_period(ground, period, usual_tare)
     plant.reset(Q_START, HOLE)
     with lockstep_address(plant, period=period) as address:
         env = gym.make(ID, arm=address, tare=True)
-        assert env.unwrapped.arm.period == period
+        assert env.unwrapped.arm.facts.period == period
         tare, states, infos = play(env)
         env.close()
     require_steps_of_50_ms(states, period)
@@ -122,6 +123,6 @@ def test_another_period_is_refused_when_the_environment_is_made(options, message
 
 def test_an_arm_with_another_period_is_refused_when_the_environment_is_made():
     arm = gym.make(ID).unwrapped.arm
-    arm.period = 0.004
+    arm.facts = replace(arm.facts, period=0.004)
     with pytest.raises(ConfigError, match="the arm's control period is 4 ms"):
         gym.make(ID, arm=arm)

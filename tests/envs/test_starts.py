@@ -10,7 +10,7 @@ import dovetail  # noqa: F401  (registers the environments)
 @pytest.mark.parametrize("name", ["PegInHole", "RailClip"])
 def test_every_start_is_reached_with_one_bend_far_from_the_wrists_limits(name):
     env = gym.make(f"dovetail/{name}-v0")
-    robot = env.unwrapped.arm.robot
+    robot = env.unwrapped.arm.facts.robot
     q = []
     for seed in range(100):
         env.reset(seed=seed)  # a start out of reach is an error

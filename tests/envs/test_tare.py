@@ -26,7 +26,7 @@ def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
 
 def holding_f_star(env, q):
     """J M^-1 g of the residual gravity alone: what must be pulled against it."""
-    chain = env.arm.robot.chain(gravity=RESIDUAL)
+    chain = env.arm.facts.robot.chain(gravity=RESIDUAL)
     M = chain.inertia_matrix(q) + np.diag(nominal_model().armature)
     return chain.jacobian(q) @ np.linalg.solve(M, chain.gravity(q))
 
@@ -99,7 +99,7 @@ def test_a_tool_that_was_led_is_back_at_its_start_and_all_of_the_way_is_counted(
     assert heights.max() - heights[0] == pytest.approx(TRAVEL, rel=0.1)
     assert heights.min() > heights[0] - 5e-4  # never down, where a table may be
     assert np.abs(led.state.log[:, COLUMN["vz"]]).max() < 2.0 * SPEED
-    assert len(led.state.log) == round(led.state.stamp / led.arm.period)
+    assert len(led.state.log) == round(led.state.stamp / led.arm.facts.period)
     led.close()
     placed.close()
 
@@ -165,17 +165,3 @@ def test_a_tool_that_something_holds_is_an_error():
 def test_what_cannot_be_measured_is_refused_before_anything_moves(settings, message):
     with pytest.raises(ConfigError, match=message):
         gym.make("dovetail/PegInHole-v0", tare=True, **settings)
-
-
-def test_near_contact_the_press_is_bounded_and_nothing_else():
-    arm = FakeArm()
-    env = gym.make("dovetail/PegInHole-v0", arm=arm, near_press=1.5).unwrapped
-    env.reset(seed=0)
-    hole = env.fixture.position
-    for height, pushed in ((0.005, -1.5), (0.2, -4.0)):
-        arm.place(position=hole + np.array([0.0, 0.0, height]))
-        env.step(np.zeros(4))
-        env.step(np.array([1.0, -1.0, -1.0, 0.0]))
-        np.testing.assert_allclose(arm.targets[-1][0][:3], [4.0, -4.0, pushed])
-        env.step(np.array([0.0, 0.0, 1.0, 0.0]))
-        np.testing.assert_allclose(arm.targets[-1][0][:3], [0.0, 0.0, 4.0])

@@ -39,8 +39,8 @@ class BlindArm(LocalArm):
 
     opened = 0
 
-    def __init__(self, *settings):
-        super().__init__(*settings)
+    def __init__(self, *settings, **options):
+        super().__init__(*settings, **options)
         type(self).opened += 1
 
     def step(self, target, duration=0.05):
@@ -52,7 +52,7 @@ class BlindArm(LocalArm):
 @pytest.fixture
 def blind_arm(monkeypatch):
     """Puts a `BlindArm` in the place of every arm."""
-    monkeypatch.setattr("dovetail.envs.arm_setup.LocalArm", BlindArm)
+    monkeypatch.setattr("dovetail.arms.local_arm.LocalArm", BlindArm)
     monkeypatch.setattr(BlindArm, "opened", 0)
     monkeypatch.setattr(
         "dovetail.envs.contact_env.build_arm", build_instead_of_connecting
@@ -124,7 +124,12 @@ def test_what_cannot_be_tried_is_refused_before_anything_is_written(
 def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
     config, monkeypatch
 ):
-    monkeypatch.setattr(LocalArm, "places_fixture", False, raising=False)
+    class FixedArm(LocalArm):
+        def __init__(self, *settings, **options):
+            super().__init__(*settings, **options)
+            self.facts = replace(self.facts, places_fixture=False)
+
+    monkeypatch.setattr("dovetail.arms.local_arm.LocalArm", FixedArm)
     with pytest.raises(ConfigError, match="say where it is with --hole"):
         run(config)
     assert not config.out.exists()

@@ -75,16 +75,18 @@ def test_under_a_covered_camera_the_policy_sees_the_old_pose_and_its_age(make):
 
 def test_success_and_depth_are_those_of_the_true_hole(make):
     env = make(hole_shift=0.03)
-    robot = env.core.arm.robot
+    robot = env.core.arm.facts.robot
     bottom = Pose(HOLE.position - [0, 0, 0.029], tool_down(0.0))
-    inside = robot.inverse_kinematics(bottom, env.core.arm.robot.posture("down"))
+    inside = robot.inverse_kinematics(bottom, env.core.arm.facts.robot.posture("down"))
     _, info = env.reset(seed=1, options={"fixture": HOLE, "start": inside})
     assert info["success"]
     assert info["depth"] == pytest.approx(0.029, abs=1e-4)
     believed = Pose(
         bottom.position - info["perturbation"]["hole_shift [m]"], bottom.quat_wxyz
     )
-    beside = robot.inverse_kinematics(believed, env.core.arm.robot.posture("down"))
+    beside = robot.inverse_kinematics(
+        believed, env.core.arm.facts.robot.posture("down")
+    )
     _, info = env.reset(seed=1, options={"fixture": HOLE, "start": beside})
     assert not info["success"]
     assert np.abs(info["position_error"][:2]).max() < 1e-4
@@ -172,7 +174,7 @@ def test_a_hole_near_the_edge_moves_inwards(make):
     env = make(hole_speed=0.02)
     corner = Pose(np.array([0.42, -0.20, 0.10]), HOLE.quat_wxyz)
     for seed in range(10):
-        options = {"fixture": corner, "start": env.core.arm.robot.posture("down")}
+        options = {"fixture": corner, "start": env.core.arm.facts.robot.posture("down")}
         _, info = env.reset(seed=seed, options=options)
         velocity = np.array(info["perturbation"]["hole_velocity [m/s]"])
         end = corner.position + HOLE_TRAVEL * velocity / 0.02
@@ -207,8 +209,12 @@ def test_what_is_out_of_range_is_refused_by_name(settings, words):
 @pytest.mark.parametrize(
     ("settings", "address", "words"),
     [
-        ({"push": 30.0}, "grpc://localhost:1", "over gRPC cannot .* by --push"),
-        ({"hole_speed": 0.02}, "grpc://localhost:1", "by --hole-speed"),
+        ({"push": 30.0}, "grpc://localhost:1", "--push cannot .* over gRPC"),
+        (
+            {"hole_speed": 0.02},
+            "grpc://localhost:1",
+            "--hole-speed cannot .* over gRPC",
+        ),
         ({"push": 30.0}, "fri://0.0.0.0:1", "--push needs .*pushed by hand"),
         ({"hole_speed": 0.02}, "fri://0.0.0.0:1", "--hole-speed needs a simulation"),
     ],

@@ -9,7 +9,7 @@ from arms.loopback import CabinetArm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
-from dovetail.envs.config import USUAL
+from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
 from dovetail.feel.busy import busy_words
@@ -20,7 +20,6 @@ from dovetail.feel.spring import feel_spring
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
-from dovetail.workcell.workcell import WALLS
 
 CELL = find_cell()
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
@@ -32,10 +31,7 @@ HOLD = TaskSpec.parse("XYZABC:hold")
 
 
 def settings(period):
-    osc, limits = make_settings(
-        CELL, period, 0.0, USUAL.approach.near_speed, WALLS, "qp", is_hardware=True
-    )
-    return quiet(osc, limits)
+    return quiet(*make_settings(CELL, EnvConfig.of(period=period, force_damping=0.0)))
 
 
 def local(plant, period):
@@ -57,9 +53,9 @@ def twin(name, delay):
 
 
 def feel(arm, seconds=1.5):
-    step = simulated_step(arm.period)
+    step = simulated_step(arm.facts.period)
     return feel_arm(
-        arm, START, arm.limits.armature, integration_step=step, seconds=seconds
+        arm, START, arm.facts.limits.armature, integration_step=step, seconds=seconds
     )
 
 
@@ -84,7 +80,7 @@ def test_the_delay_of_a_twin_is_found(name, period, delay_ms):
 def test_the_delay_and_the_spring_of_a_cabinet_are_found():
     plant = twin("medium", 0.005)
     arm = over_fri(plant, 0.005, stiffness=(200.0,) * 7, damping=(0.7,) * 7)
-    fits = feel_spring(arm, START, arm.limits.armature, 0.005)
+    fits = feel_spring(arm, START, arm.facts.limits.armature, 0.005)
     np.testing.assert_allclose([f.sent_spring for f in fits], 200.0, rtol=0.15)
     arm.close()
 
@@ -92,7 +88,7 @@ def test_the_delay_and_the_spring_of_a_cabinet_are_found():
 def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
     arm = over_fri(twin("hard", 0.01), 0.005)
     assert feel(arm).delay.delay == pytest.approx(0.01, abs=5e-4)
-    fits = feel_spring(arm, START, arm.limits.armature, 0.01)
+    fits = feel_spring(arm, START, arm.facts.limits.armature, 0.01)
     assert max(abs(f.sent_spring) for f in fits) < 5.0
     arm.close()
 
@@ -100,7 +96,7 @@ def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
 def test_a_gravity_error_is_measured_and_its_load_found():
     heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
     arm = local(make_plant("mujoco", CELL, heavy), 0.002)
-    robot = arm.robot
+    robot = arm.facts.robot
     planted = replace(robot, mass=robot.mass * np.array([1.0] * 6 + [1.5]))
     error = planted.chain().gravity(START) - robot.chain().gravity(START)
     feeling = feel(arm)

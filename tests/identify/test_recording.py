@@ -107,7 +107,8 @@ def test_without_a_force_the_pegs_place_tells_of_contact():
     env = make_env(PegInHole)
     hole = Pose(np.array([0.6, 0.0, 0.09]), quat_about_z(0.0))
     high = Pose(np.array([0.6, 0.0, 0.2]), tool_down(0.0))
-    free = env.arm.robot.inverse_kinematics(high, env.arm.robot.posture("down"))
+    robot = env.arm.facts.robot
+    free = robot.inverse_kinematics(high, robot.posture("down"))
     for start, expected in ((touching_start(), "at its block"), (free, "")):
         env.reset(options={"fixture": hole, "start": start})
         env.step(np.zeros(4, dtype=np.float32))

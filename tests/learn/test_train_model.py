@@ -174,7 +174,7 @@ def test_a_model_with_a_value_out_of_range_is_refused_by_key(model):
     model.write_text(
         model.read_text().replace("command_delay = 0.005", "command_delay = 9.0")
     )
-    with pytest.raises(ConfigError, match=r"command_delay is 9 s, allowed is 0 to 0.1"):
+    with pytest.raises(ConfigError, match=r"command_delay is 9 s; allowed: 0 to 0.1"):
         TrainConfig(model=model)
 
 

@@ -144,14 +144,14 @@ def written(tmp_path, change):
             r"unknown keys: torqe_noise \(did you mean torque_noise\?\); missing keys",
         ),
         ("seed = 1\n", "", "missing keys: seed; known keys: description, engine"),
-        ("command_delay = 0.0", "command_delay = 3.0", "allowed is 0 to 0.1 s"),
+        ("command_delay = 0.0", "command_delay = 3.0", "allowed: 0 to 0.1 s"),
         ('inertia = "drake"', 'inertia = "kuka"', "drake, pybullet, lbr"),
         ('engine = "mujoco"', 'engine = "ode"', "known: mujoco, bullet"),
         ("mass_scale = [1.02", "mass_scale = [-1.0", r"mass_scale\[A1\] is -1 1"),
         (
             "coulomb = [0.1, ",
             "coulomb = [",
-            "coulomb is .*; give a list of 7 numbers: A1",
+            r"coulomb has shape \(6,\); give 7 values \(A1",
         ),
         (
             "mass_scale = [1.02",
@@ -161,12 +161,12 @@ def written(tmp_path, change):
         (
             "mass_scale = [1.02",
             "mass_scale = [nan",
-            r"mass_scale\[A1\] is nan 1, allowed",
+            r"mass_scale\[A1\] is nan 1; allowed",
         ),
         (
             "torque_noise = 0.02",
             "torque_noise = inf",
-            "is inf Nm, allowed is 0 to 20 Nm",
+            "is inf Nm; allowed: 0 to 20 Nm",
         ),
         ("torque_noise = 0.02", 'torque_noise = "big"', "which is no number"),
         ("seed = 1", "seed = = 1", "is not TOML"),

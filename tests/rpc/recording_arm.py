@@ -43,6 +43,9 @@ class RecordingArm:
         self.calls.append("clear")
         self._stop.clear()
 
+    def statistics(self):
+        return {"notes": []}
+
     def seed(self, seed):
         self.calls.append(f"seed {seed}")
 

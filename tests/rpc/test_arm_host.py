@@ -5,10 +5,10 @@ import threading
 
 import pytest
 
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ArmError
 from dovetail.rpc.arm_host import ArmHost
-from dovetail.rpc.settings import Settings
 
 from .conftest import HOLE, push
 
@@ -18,7 +18,9 @@ def host(builder, settings):
     osc, limits, task, period = settings
     host = ArmHost(builder)
     task = TaskSpec.parse(task)
-    host.configure(Settings(osc=osc, limits=limits, task=task, period=period), b"1")
+    host.configure(
+        ControllerSettings(osc=osc, limits=limits, task=task, period=period), b"1"
+    )
     yield host
     host.close()
 

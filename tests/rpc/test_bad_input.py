@@ -7,10 +7,11 @@ import grpc
 import numpy as np
 import pytest
 
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.messages import write_pose
-from dovetail.rpc.settings import Settings, write_settings
+from dovetail.rpc.settings import write_settings
 from dovetail.rpc.version import PROTOCOL, own_version
 
 from .conftest import HOLE, refused
@@ -23,7 +24,9 @@ def configuration(lease, settings):
     osc, limits, task, period = settings
     message = pb.Configuration(lease=lease, version=own_version())
     task = TaskSpec.parse(task)
-    write_settings(Settings(osc=osc, limits=limits, task=task, period=period), message)
+    write_settings(
+        ControllerSettings(osc=osc, limits=limits, task=task, period=period), message
+    )
     return message
 
 

@@ -8,11 +8,11 @@ import pytest
 
 from arms.loopback import LOOPBACK, free_port, make_cabinet
 from dovetail.arms.fri_arm import FriArm
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.plants.plant import DynamicsConfig, make_plant
 from dovetail.rpc.builders import RebuiltArm
 from dovetail.rpc.server import ArmServer
-from dovetail.rpc.settings import Settings
 
 from .conftest import HOLE, PERIOD, push
 
@@ -60,7 +60,9 @@ def test_over_grpc_and_fri_the_arm_moves_as_over_fri(
         remote = run(connect(server), start)
     osc, limits, task, period = settings
     arm = over_fri.build(
-        Settings(osc=osc, limits=limits, task=TaskSpec.parse(task), period=period)
+        ControllerSettings(
+            osc=osc, limits=limits, task=TaskSpec.parse(task), period=period
+        )
     )
     direct = run(arm, start)
     arm.close()

@@ -52,8 +52,8 @@ def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
                 logs.append(state.log)
                 assert_equal_states(remote.step(target, duration), state)
             np.testing.assert_array_equal(remote.cycles(), np.vstack(logs))
-        assert remote.robot.tool_pose(start).position.tobytes() == (
-            local.robot.tool_pose(start).position.tobytes()
+        assert remote.facts.robot.tool_pose(start).position.tobytes() == (
+            local.facts.robot.tool_pose(start).position.tobytes()
         )
     local.close()
 
@@ -65,7 +65,7 @@ def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
     builder = LocalBuilder("mujoco", make_plant("mujoco", cell, DynamicsConfig()))
     builder.places_fixture = places_fixture
     with ArmServer(builder, "127.0.0.1:0") as server:
-        assert connect(server).places_fixture is places_fixture
+        assert connect(server).facts.places_fixture is places_fixture
 
 
 @pytest.mark.parametrize("joint_mode", [False, True])
@@ -96,9 +96,10 @@ def test_a_plane_that_is_nowhere_arrives():
 
 def test_robot_and_what_the_arm_is_come_from_the_service(simulation, cell, connect):
     arm = connect(simulation)
-    assert arm.robot.name == cell.loaded_robot().name
-    assert arm.robot.payload.mass == cell.loaded_robot().payload.mass
-    np.testing.assert_array_equal(arm.robot.inertia, cell.loaded_robot().inertia)
+    own = cell.loaded_robot()
+    assert arm.facts.robot.name == own.name
+    assert arm.facts.robot.payload.mass == own.payload.mass
+    np.testing.assert_array_equal(arm.facts.robot.inertia, own.inertia)
     assert arm.info.arm == "mujoco"
     assert not arm.info.real_time
     assert tuple(arm.info.columns) == CYCLE_COLUMNS
@@ -259,8 +260,8 @@ def test_a_service_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr(version, "PROTOCOL", 7)
     own = version.own_version()
     monkeypatch.setattr("dovetail.rpc.client.own_version", lambda: own)
-    monkeypatch.setattr(version, "PROTOCOL", 2)
-    with pytest.raises(ConfigError, match=r"client speaks protocol 7 .*speaks 2 \("):
+    monkeypatch.setattr(version, "PROTOCOL", 3)
+    with pytest.raises(ConfigError, match=r"client speaks protocol 7 .*speaks 3 \("):
         connect(server)
 
 

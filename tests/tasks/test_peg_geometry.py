@@ -102,7 +102,7 @@ def test_tool_frame_is_the_pegs_end():
         (HoleBlock, "success_depth", 0.031, "allowed: at most 0.03 m"),
         (HoleBlock, "chamfer", 0.016, "allowed: at most 0.015 m"),
         (PegInHole, "clearance", float("nan"), "clearance is nan"),
-        (PegInHole, "clearance", "x", "clearance must be numbers"),
+        (PegInHole, "clearance", "x", "clearance is .x., which is no number"),
     ],
 )
 def test_wrong_number_is_refused_with_the_allowed_range(kind, field, value, words):

@@ -136,7 +136,7 @@ def test_another_robot_is_one_function_away(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     env = gym.make("dovetail/PegInHole-v0", robot="long_arm:long_arm").unwrapped
     env.reset(seed=0)
-    assert env.arm.robot.name == "long"
+    assert env.arm.facts.robot.name == "long"
     usual = make_env(PegInHole)
     usual.reset(seed=0)
     np.testing.assert_allclose(env.state.position, usual.state.position, atol=1e-4)

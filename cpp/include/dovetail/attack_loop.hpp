@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dovetail/controller.hpp"
+#include "dovetail/cycle_row.hpp"
 #include "dovetail/rigid_plant.hpp"
 #include "dovetail/types.hpp"
 
@@ -63,15 +64,30 @@ struct AttackResult {
   static constexpr int kAfterBad = 10;
 };
 
-/// Columns of a trace: one row per cycle.
-///
-/// q, dq (true, 7 each), tau (7), TCP position and velocity (3 each), excess of wall,
-/// joint position and joint speed over the cycle, packed flags.
-constexpr int kAttackColumns = 31;
+/// A cycle in a trace: the true state, and the largest excess during the cycle.
+struct AttackRow {
+  Numbers<7> q, dq, tau;
+  Numbers<3> position, velocity;             ///< of the TCP
+  double past_wall, past_joint, past_speed;  ///< beyond a limit
+  double flags;                              ///< pack_flags
+};
+
+constexpr std::array kAttackGroups{
+    ColumnGroup{offsetof(AttackRow, q), "q1 q2 q3 q4 q5 q6 q7", "rad"},
+    ColumnGroup{offsetof(AttackRow, dq), "dq1 dq2 dq3 dq4 dq5 dq6 dq7", "rad/s"},
+    ColumnGroup{offsetof(AttackRow, tau), "tau1 tau2 tau3 tau4 tau5 tau6 tau7", "Nm"},
+    ColumnGroup{offsetof(AttackRow, position), "x y z", "m"},
+    ColumnGroup{offsetof(AttackRow, velocity), "vx vy vz", "m/s"},
+    ColumnGroup{offsetof(AttackRow, past_wall), "past_wall", "m"},
+    ColumnGroup{offsetof(AttackRow, past_joint), "past_joint", "rad"},
+    ColumnGroup{offsetof(AttackRow, past_speed), "past_speed", "rad/s"},
+    ColumnGroup{offsetof(AttackRow, flags), "flags", "1"},
+};
+static_assert(is_gapless(kAttackGroups, 0, sizeof(AttackRow)));
 
 /// Runs one episode from the plant's state; both are copies, nothing is left behind.
 /// \param looks  how often a period the true state is judged
-/// \param trace  room for age.size() rows of kAttackColumns numbers, or null
+/// \param trace  room for age.size() AttackRows, or null
 AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& attack,
                         int looks, double* trace);
 

@@ -91,7 +91,8 @@ class Controller {
   void update_walls(double elapsed) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
   double below(double limit, double push, double speed) const noexcept;
-  double near_speed(int axis, const Target& target) const noexcept;
+  double speed_limit(int axis, const Target& target) const noexcept;
+  Target without_press(const Target& target) const noexcept;
   void keep_inside(const Target& target, Vec6& f_star,
                    StepResult& result) const noexcept;
   void follow_task(const Vec7& q, const Vec7& dq, const Target& target,

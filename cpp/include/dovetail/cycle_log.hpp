@@ -5,27 +5,10 @@
 #include <cstdint>
 
 #include "dovetail/chain.hpp"
+#include "dovetail/cycle_row.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
-
-/// Numbers per control cycle: CYCLE_COLUMNS of plants/plant.py.
-constexpr int kCycleColumns = 42;
-
-/// Where a row holds x of the contact force, and the packed flags.
-constexpr int kForceColumn = 35;
-constexpr int kFlagsColumn = 41;
-
-/// Appends numbers to one row; the caller knows that they fit.
-struct RowWriter {
-  double* next;
-
-  template <typename Vector>
-  void put(const Vector& v) noexcept {
-    for (Eigen::Index i = 0; i < v.size(); ++i) *next++ = v[i];
-  }
-  void put_number(double x) noexcept { *next++ = x; }
-};
 
 /// Tool after the last cycle, by the controller's model, and what the cycles reported.
 struct StepSummary {

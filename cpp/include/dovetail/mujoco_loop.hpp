@@ -84,8 +84,9 @@ class MujocoLoop {
  private:
   void measure() noexcept;
   void remember() noexcept;
-  void begin_row(RowWriter& row, const Vec7& tau,
-                 const Controller& controller) const noexcept;
+  CycleRow begin_row(const Controller& controller, const Vec7& tau,
+                     const Target& target) const noexcept;
+  void run_row(CycleRow& row, int steps, const Flags& flags, double* log);
   void sum_contact_force() noexcept;
   void require_finite() const;
 

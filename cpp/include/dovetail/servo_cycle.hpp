@@ -7,10 +7,9 @@
 
 #include <array>
 #include <cstdint>
-#include <string>
-#include <vector>
 
 #include "dovetail/controller.hpp"
+#include "dovetail/cycle_row.hpp"
 #include "dovetail/fri_message.hpp"
 #include "dovetail/fri_session.hpp"
 #include "dovetail/ring_log.hpp"
@@ -86,9 +85,6 @@ struct ServoState {
   StopFacts facts;
 };
 
-/// Columns of the servo loop's log: those of every control cycle first.
-const std::vector<std::string>& servo_columns();
-
 /// One thread. `receive` and `answer` do not allocate or throw.
 class ServoCycle {
  public:
@@ -137,7 +133,7 @@ class ServoCycle {
   void note_end(const Flags& flags) noexcept;
   Target choose_target(const Order& order, Flags& flags) noexcept;
   Vec7 wanted_lean(const Order& order) const noexcept;
-  void write_row(const StepResult& result, const Target& target) noexcept;
+  void log_row(const StepResult& result, const Target& target) noexcept;
 
   ServoParams params_;
   fri::FriSession session_;

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <limits>
 
+#include "dovetail/flags.hpp"
+
 namespace dovetail {
 
 using Vec3 = Eigen::Matrix<double, 3, 1>;
@@ -96,7 +98,10 @@ struct LimitParams {
   Vec3 dx_max = Vec3::Constant(0.5);    ///< TCP speed per axis [m/s]
   /// TCP speed per axis below a Target's near plane [m/s]: of force, pose and hold
   /// axes, with walls on. Free axes and joint targets do not know it.
-  double dx_near = 0.5;
+  double near_speed = 0.5;
+  /// Largest f* there against the plane's normal, `f_tare` not counted [m/s2]: times
+  /// the effective mass the force of standing on something. With walls on.
+  double near_press = 1000.0;
   Vec3 ddx_max = Vec3::Constant(5.0);  ///< TCP acceleration per axis [m/s2]
   double eta_wall = 0.5;               ///< share of ddx_max planned for braking
   double delta_x = 0.005;              ///< wall margin [m]
@@ -132,55 +137,17 @@ struct Target {
   Vec6 velocity_d = Vec6::Zero();
   Vec6 acceleration_d = Vec6::Zero();
   double age = 0.0;  ///< time since it was made [s]: whoever holds it counts
-  /// Where contact is near: at TCP positions p with n . p < d the speed limit is
-  /// `dx_near` (which says for what). Unit normal n, then d [m], world axes;
+  /// Where contact is near: at TCP positions p with n . p < d `near_speed` and
+  /// `near_press` hold (which say for what). Unit normal n, then d [m], world axes;
   /// d = -infinity: nowhere.
   Vec4 near_plane{0.0, 0.0, 0.0, -std::numeric_limits<double>::infinity()};
   /// How much of `f_star` holds the tool's weight, see envs/tare.py.
   Vec6 f_tare = Vec6::Zero();
   /// Force axes X Y Z (bits 0 to 2) on which nothing is asked: held where they are.
   std::uint8_t stay = 0;
-  bool joint = false;       ///< go to q_d; the task axes are not used
+  bool joint_mode = false;  ///< go to q_d; the task axes are not used
   Vec7 q_d = Vec7::Zero();  ///< desired configuration [rad]
 };
-
-/// What limited the last cycle. Masks: bit i is joint A(i+1) or axis X, Y, Z.
-struct Flags {
-  std::uint8_t joint_position = 0;      ///< the position limit bounds the joint
-  std::uint8_t joint_velocity = 0;      ///< the speed limit bounds the joint
-  std::uint8_t joint_acceleration = 0;  ///< +-A bounds the joint
-  std::uint8_t torque = 0;              ///< the motor torque bounds the joint
-  std::uint8_t wall_position = 0;       ///< a wall bounds the axis
-  std::uint8_t wall_velocity = 0;       ///< the TCP speed limit bounds the axis
-  std::uint8_t wall_acceleration = 0;   ///< the TCP acceleration bounds the axis
-  std::uint8_t wall_displaced = 0;      ///< a wall row could not be met this cycle
-  bool bad_input = false;    ///< input, or a torque, was no number: damped hold
-  bool unsafe = false;       ///< even the safe action exceeded a torque: clipped
-  bool qp_early = false;     ///< the QP stopped early; its safe answer was used
-  bool target_late = false;  ///< no fresh Target (a servo loop's watchdog): held
-  bool stopped = false;      ///< a watchdog's stop: braked, then held
-  bool implausible = false;  ///< a measurement that cannot be one was not believed
-  bool ended = false;        ///< the last line ended the motion: damped hold
-  double displaced = 0.0;    ///< |a - a0| [rad/s2]
-};
-
-/// All masks and switches of Flags in one number, exact in a double: bits 0-6
-/// joint_position, 7-13 joint_velocity, 14-20 joint_acceleration, 21-27 torque, 28-30
-/// wall_position, 31-33 wall_velocity, 34-36 wall_acceleration, 37-39 wall_displaced,
-/// 40 bad_input, 41 unsafe, 42 qp_early, 43 target_late, 44 stopped, 45 implausible, 46
-/// ended.
-constexpr std::int64_t pack_flags(const Flags& flags) noexcept {
-  const auto mask = [](std::uint8_t bits, int shift) {
-    return static_cast<std::int64_t>(bits) << shift;
-  };
-  return mask(flags.joint_position, 0) | mask(flags.joint_velocity, 7) |
-         mask(flags.joint_acceleration, 14) | mask(flags.torque, 21) |
-         mask(flags.wall_position, 28) | mask(flags.wall_velocity, 31) |
-         mask(flags.wall_acceleration, 34) | mask(flags.wall_displaced, 37) |
-         mask(flags.bad_input, 40) | mask(flags.unsafe, 41) | mask(flags.qp_early, 42) |
-         mask(flags.target_late, 43) | mask(flags.stopped, 44) |
-         mask(flags.implausible, 45) | mask(flags.ended, 46);
-}
 
 struct StepResult {
   Vec7 tau;  ///< overlay torque, gravity excluded [Nm]

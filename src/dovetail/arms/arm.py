@@ -1,12 +1,16 @@
 """What an arm is: it follows a Target for a while and says where it is."""
 
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard
 
+from dovetail.errors import ArmError
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec3, Vec4, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
+    from dovetail.control.config import LimitConfig, OscConfig
+    from dovetail.control.task_spec import TaskSpec
     from dovetail.robots.robot import Robot
 
 
@@ -34,13 +38,40 @@ class ArmState(NamedTuple):
     """One row per control cycle of the step, columns CYCLE_COLUMNS."""
 
 
-class Arm(Protocol):
-    """An arm under the controller, wherever it is: in this process or a real one."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ArmFacts:
+    """What an arm is, from its building to its end."""
 
     robot: "Robot"
     """The controller's model, tool included."""
+    osc: "OscConfig"
+    """The controller's operational-space law."""
+    limits: "LimitConfig"
+    """The controller's limits."""
+    task: "TaskSpec"
+    """Mode of each axis."""
     period: float
     """Control period [s]."""
+    address: str = ""
+    """Where it is, as an address is written; empty where it was built without one."""
+    is_simulated: bool
+    """Whether it is a `SimulatedArm`: it can be pushed and its fixture moved."""
+    is_real_time: bool
+    """Whether the arm moves on while the learner thinks."""
+    places_fixture: bool
+    """Whether the fixture goes where a reset says; if not, it is where it is."""
+    measures_contact: bool
+    """Whether it may tell contact forces; if not, they are not-a-number. Behind a
+    service only that knows: this says yes."""
+
+
+class Arm(Protocol):
+    """An arm under the controller, wherever it is: in this process or a real one."""
+
+    @property
+    def facts(self) -> ArmFacts:
+        """What the arm is."""
+        ...
 
     def reset(self, q: Vec7, fixture: Pose) -> ArmState:
         """Go to q [rad], at rest, with the fixture at its pose; latch what is held."""
@@ -54,6 +85,61 @@ class Arm(Protocol):
         """
         ...
 
+    def seed(self, seed: int) -> None:
+        """Start a simulation's noise again, with the next reset; a real arm's cannot.
+
+        Args:
+            seed: At least 0.
+        """
+        ...
+
+    def stop(self) -> None:
+        """Hold the arm, now where it moves on its own, until `clear` or `reset`."""
+        ...
+
+    def clear(self) -> None:
+        """End a stop; harmless when there is none."""
+        ...
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what was counted and timed, by name.
+
+        `notes`, always there, is a list of lines that a person should read.
+        """
+        ...
+
     def close(self) -> None:
         """Release the arm; harmless when repeated."""
         ...
+
+
+class SimulatedArm(Arm, Protocol):
+    """An arm whose world can be disturbed: here, or behind a cabinet's control port."""
+
+    def push(self, force: Vec3, duration: float) -> None:
+        """Push the TCP from now on with a force [N], world axes, for a duration [s]."""
+        ...
+
+    def move_fixture(self, fixture: Pose, velocity: Vec3) -> None:
+        """Put the fixture at a pose; it then moves at a velocity [m/s], world axes."""
+        ...
+
+
+def require_simulated(arm: Arm) -> SimulatedArm:
+    """Return the arm as one that can be pushed and its fixture moved.
+
+    Raises:
+        ArmError: It cannot.
+    """
+    if is_simulated(arm):
+        return arm
+    raise ArmError(
+        f"nothing at this end can push the arm {arm.facts.address} or move its "
+        "fixture: take a simulation, or a simulated cabinet's control port",
+        "no_control",
+    )
+
+
+def is_simulated(arm: Arm) -> TypeGuard[SimulatedArm]:
+    """Say whether the arm can be pushed and its fixture moved."""
+    return arm.facts.is_simulated

@@ -56,7 +56,7 @@ class BatchArm:
             return
         cycles = arm.count_cycles(duration)
         self._plants[index].begin_cycles(
-            self._pool, index, arm.controller, target, cycles, arm.period
+            self._pool, index, arm.controller, target, cycles, arm.facts.period
         )
 
     def step(

@@ -4,7 +4,7 @@ import json
 import socket
 from typing import Any
 
-from dovetail.arms.address import parse_endpoint
+from dovetail.arms.arm_address import parse_endpoint
 from dovetail.errors import ArmError
 from dovetail.poses import Pose
 from dovetail.types import Vec3, Vec7

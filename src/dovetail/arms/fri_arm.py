@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmFacts, ArmState
 from dovetail.arms.cabinet_control import CabinetControl
 from dovetail.arms.fri_errors import (
     connection_error,
@@ -21,10 +21,10 @@ from dovetail.arms.fri_errors import (
 )
 from dovetail.arms.reset_drive import drive_to
 from dovetail.arms.reset_motion import TICK
+from dovetail.arms.servo_params import servo_params
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig, check_period
-from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
@@ -66,7 +66,7 @@ class FriArm:
         log_folder: str | Path | None = "fri-logs",
         silence: float | None = None,
         peer: str | None = None,
-        **servo: Any,
+        servo: "_core.ServoParams | None" = None,
     ) -> None:
         """Listen for the cabinet; nothing moves before `reset`.
 
@@ -92,19 +92,28 @@ class FriArm:
                 1 s, 5 s in lockstep.
             peer: The cabinet's IPv4 address: no other is served; None serves whoever
                 speaks first.
-            **servo: Any other field of `_core.ServoParams`, as measured_sign.
+            servo: Signs on the wire and filters; None is `servo_params`. What the
+                other arguments say is put into it.
 
         Raises:
             ArmError: The port is in use or not permitted.
             ConfigError: A setting is out of range.
         """
-        self.robot = robot
-        self.period = check_period(period)
-        self.task = TaskSpec.parse(task) if isinstance(task, str) else task
-        self.osc, self.limits = osc, limits
         if clock not in ("wall", "lockstep"):
             raise ConfigError(f"clock {clock!r} is unknown; known: wall, lockstep")
         self._is_lockstep = clock == "lockstep"
+        self.facts = ArmFacts(
+            robot=robot,
+            osc=osc,
+            limits=limits,
+            task=TaskSpec.parse(task) if isinstance(task, str) else task,
+            period=check_period(period),
+            address=f"fri://{bind[0]}:{bind[1]}",
+            is_simulated=control is not None,
+            is_real_time=clock == "wall",
+            places_fixture=control is not None,
+            measures_contact=False,
+        )
         self._timeout = timeout
         self._approach = approach
         self._left: Vec7 | None = None  # where it was when it last followed
@@ -118,10 +127,18 @@ class FriArm:
                 "control=HOST:PORT, or reset=move"
             )
         self._chain = robot.chain()
+        from dovetail import _core
+
+        loop = _core.LoopParams()
+        (loop.address, loop.port), loop.peer = bind, peer or ""
+        loop.priority = _PRIORITY if realtime else 0
+        loop.lock_memory = realtime
+        loop.processor = -1 if processor is None else processor
+        loop.log_folder = "" if log_folder is None else str(log_folder)
+        loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         self._servo = self._make_servo(
-            bind, osc, watchdog or WatchdogConfig(), realtime, processor, log_folder,
-            silence, peer, servo,
-        )  # fmt: skip
+            loop, servo or servo_params(period), watchdog or WatchdogConfig()
+        )
         self._seed: int | None = None
         self._motion = 0
         self._goal = 0
@@ -131,48 +148,30 @@ class FriArm:
 
     def _make_servo(
         self,
-        bind: tuple[str, int],
-        osc: OscConfig,
+        loop: "_core.LoopParams",
+        servo: "_core.ServoParams",
         watchdog: WatchdogConfig,
-        realtime: bool,
-        processor: int | None,
-        log_folder: str | Path | None,
-        silence: float | None,
-        peer: str | None,
-        settings: dict[str, Any],
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
-        loop, servo = _core.LoopParams(), _core.ServoParams()
-        (loop.address, loop.port), loop.peer = bind, peer or ""
-        loop.priority = _PRIORITY if realtime else 0
-        loop.lock_memory = realtime
-        loop.processor = -1 if processor is None else processor
-        loop.log_folder = "" if log_folder is None else str(log_folder)
-        loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
-        servo.period = self.period
-        servo.observer_gain = observer_gain(self.period)
+        facts = self.facts
+        servo.period = facts.period
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
-        for name, value in settings.items():
-            if not hasattr(servo, name):
-                known = ", ".join(n for n in dir(servo) if not n.startswith("_"))
-                raise ConfigError(f"servo setting {name!r} is unknown; known: {known}")
-            setattr(servo, name, value)
         try:
             servo.version = self._version
             return _core.ServoLoop(
                 loop,
                 servo,
                 self._chain,
-                osc.params(),
-                self.limits.params(),
-                list(self.task.modes),
+                facts.osc.params(),
+                facts.limits.params(),
+                list(facts.task.modes),
             )
         except ValueError as error:
             raise ConfigError(str(error)) from error
         except OSError as error:
-            raise socket_error(error, *bind) from error
+            raise socket_error(error, loop.address, loop.port) from error
 
     @property
     def port(self) -> int:
@@ -198,7 +197,7 @@ class FriArm:
             self._wait_for_motion(before.motion)
         else:
             self._move_there(q, fixture)
-        hold = self.robot.tool_pose(q)
+        hold = self.facts.robot.tool_pose(q)
         self._servo.hold_at(hold.position, hold.quat_wxyz)
         return self._begin_episode()
 
@@ -209,11 +208,11 @@ class FriArm:
             ConfigError: The duration is not a whole number of periods.
             ArmError: The motion has ended, or a watchdog has stopped the arm.
         """
-        cycles = round(duration / self.period)
-        if cycles < 1 or abs(cycles * self.period - duration) > 1e-9:
+        cycles = round(duration / self.facts.period)
+        if cycles < 1 or abs(cycles * self.facts.period - duration) > 1e-9:
             raise ConfigError(
                 f"duration is {duration} s, which is not a whole number of control "
-                f"periods of {self.period} s"
+                f"periods of {self.facts.period} s"
             )
         if self._motion == 0:
             raise ArmError("the arm was not reset yet: call reset first", "reset")
@@ -275,7 +274,8 @@ class FriArm:
     def recent(self, seconds: float) -> Array:
         """Return the cycle log of the last seconds, whatever has ended since."""
         end = self._servo.state().rows
-        begin = max(self._servo.oldest_row(), end - round(seconds / self.period), 0)
+        cycles = round(seconds / self.facts.period)
+        begin = max(self._servo.oldest_row(), end - cycles, 0)
         return self._servo.rows(begin, end, len(CYCLE_COLUMNS))
 
     def seed(self, seed: int) -> None:
@@ -303,7 +303,7 @@ class FriArm:
         end = time.monotonic() + self._timeout
         while not self._servo.wait_for_motion(after, _SLICE):
             if time.monotonic() > end:
-                pace = f"{1e3 * self.period:g} ms"
+                pace = f"{1e3 * self.facts.period:g} ms"
                 raise connection_error(
                     self._servo, self._host, self.port, self._version, pace
                 )
@@ -324,7 +324,7 @@ class FriArm:
                 self._goal += late
         self._goal += cycles
         servo.command(target, self._motion, self._goal)
-        end = time.monotonic() + cycles * self.period + self._timeout
+        end = time.monotonic() + cycles * self.facts.period + self._timeout
         while True:
             result = servo.wait(self._goal, self._motion, _SLICE)
             if result == result.reached:
@@ -363,22 +363,22 @@ class FriArm:
             ArmError: The arm is too far away, or does not arrive.
         """
         if not self._approach:
-            require_near(self.robot, self._servo.state().q, q, self._left)
-        cycles = max(1, round(TICK / self.period))
+            require_near(self.facts.robot, self._servo.state().q, q, self._left)
+        cycles = max(1, round(TICK / self.facts.period))
         drive_to(
-            self.robot,
+            self.facts.robot,
             self._servo.state,
             lambda target: self._follow(target, cycles),
             q,
             fixture,
-            float(self.limits.x_max[2] - 2.0 * self.limits.delta_x),
+            float(self.facts.limits.x_max[2] - 2.0 * self.facts.limits.delta_x),
         )
 
     def _state(self) -> ArmState:
         from dovetail import _core
 
         state = self._servo.state()
-        stamp = (state.tick - self._begin) * self.period
+        stamp = (state.tick - self._begin) * self.facts.period
         q, dq, log = state.q, state.dq, self._rows(state.rows)
         self._left = q
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags

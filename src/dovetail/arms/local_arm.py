@@ -1,9 +1,11 @@
 """Controller and plant in this process."""
 
+from typing import Any
+
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmFacts, ArmState
 from dovetail.arms.disturbance import Disturbance
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
@@ -26,6 +28,8 @@ class LocalArm:
         limits: LimitConfig,
         task: TaskSpec | str,
         period: float,
+        *,
+        address: str = "",
     ) -> None:
         """Build the controller over the plant.
 
@@ -36,13 +40,24 @@ class LocalArm:
             limits: Limits, made for the same robot and period.
             task: Mode of each axis.
             period: Control period [s].
+            address: Where it is, as an address is written.
         """
         self.plant = plant
-        self.robot = robot
-        self.period = period
-        self.task = TaskSpec.parse(task) if isinstance(task, str) else task
-        self.osc, self.limits = osc, limits
-        self.controller = make_controller(robot, osc, limits, self.task, period)
+        task = TaskSpec.parse(task) if isinstance(task, str) else task
+        self.facts = ArmFacts(
+            robot=robot,
+            osc=osc,
+            limits=limits,
+            task=task,
+            period=period,
+            address=address,
+            is_simulated=True,
+            is_real_time=False,
+            places_fixture=True,
+            measures_contact=True,
+        )
+        self.controller = make_controller(robot, osc, limits, task, period)
+        self._period = period
         self._chain = robot.chain()
         self._stamp = 0.0
         self._disturbance = Disturbance()
@@ -52,7 +67,7 @@ class LocalArm:
         self.plant.reset(q, fixture)
         self._disturbance.clear()
         q_m, dq_m = self.plant.read()
-        hold = self.robot.tool_pose(np.asarray(q, dtype=float))
+        hold = self.facts.robot.tool_pose(np.asarray(q, dtype=float))
         self.controller.reset(q_m, hold.position, hold.quat_wxyz)
         self._stamp = 0.0
         return self._state(q_m, dq_m, np.empty((0, len(CYCLE_COLUMNS))))
@@ -76,11 +91,11 @@ class LocalArm:
         Raises:
             ConfigError: Not a whole number.
         """
-        cycles = round(duration / self.period)
-        if cycles < 1 or abs(cycles * self.period - duration) > 1e-9:
+        cycles = round(duration / self._period)
+        if cycles < 1 or abs(cycles * self._period - duration) > 1e-9:
             raise ConfigError(
                 f"duration is {duration} s, which is not a whole number of control "
-                f"periods of {self.period} s"
+                f"periods of {self._period} s"
             )
         return cycles
 
@@ -90,7 +105,7 @@ class LocalArm:
         return self._disturbance.is_active
 
     def _run(self, target: _core.Target, cycles: int) -> tuple[Array, Vec7, Vec7]:
-        return self.plant.run_cycles(self.controller, target, cycles, self.period)
+        return self.plant.run_cycles(self.controller, target, cycles, self._period)
 
     def _run_disturbed(
         self, target: _core.Target, cycles: int
@@ -100,9 +115,9 @@ class LocalArm:
         held = _core.Target(target)
         q, dq = self.plant.read()
         for _ in range(cycles):
-            self._disturbance.before_cycle(self.plant, self.period)
+            self._disturbance.before_cycle(self.plant, self._period)
             row, q, dq = self._run(held, 1)
-            held.age += self.period
+            held.age += self._period
             self._disturbance.after_cycle(self.plant)
             rows.append(row)
         return np.vstack(rows), q, dq
@@ -112,7 +127,7 @@ class LocalArm:
 
         The duration is rounded up to control periods; a later push replaces this one.
         """
-        self._disturbance.push(force, duration, self.period)
+        self._disturbance.push(force, duration, self._period)
 
     def move_fixture(self, fixture: Pose, velocity: Vec3) -> None:
         """Put the fixture at a pose; it then moves at a velocity [m/s], world axes.
@@ -128,6 +143,16 @@ class LocalArm:
     def _state(self, q: Vec7, dq: Vec7, log: Array) -> ArmState:
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
         return ArmState(self._stamp, q, dq, *seen, log)
+
+    def stop(self) -> None:
+        """Do nothing: between two steps nothing moves."""
+
+    def clear(self) -> None:
+        """Do nothing: a stop has left nothing behind."""
+
+    def statistics(self) -> dict[str, Any]:
+        """Return that there is nothing to tell."""
+        return {"notes": []}
 
     def seed(self, seed: int) -> None:
         """Start the plant's noise again."""

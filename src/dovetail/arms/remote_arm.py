@@ -1,13 +1,14 @@
 """An arm behind `dovetail serve`, here or on another machine, over gRPC."""
 
 import threading
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.arms.address import GrpcAddress, parse_address
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import (
     ArmError,
@@ -77,29 +78,39 @@ class RemoteArm:
         from dovetail.rpc.step_stream import StepStream
 
         if isinstance(address, str):
-            parsed = parse_address(address)
-            if not isinstance(parsed, GrpcAddress):
+            if not address.startswith("grpc://"):
                 raise ConfigError(
                     f"arm {address!r} is not behind a service; give grpc://HOST:PORT"
                 )
-            address = parsed
-        self.period = period
-        self.osc, self.limits = osc, limits
-        self.task = TaskSpec.parse(task) if isinstance(task, str) else task
+            address = GrpcAddress.parse(address)
         self._timeout, self._reset_timeout = timeout, reset_timeout
         self._seed: int | None = None
         self._closed = threading.Event()
+        self._lease = ""
+        self._steps: StepStream | None = None
         self._connection = _connect(address, timeout)
         self._stub = self._connection.stub
         try:
-            self.robot = _agreed_robot(self._connection.info, robot)
+            info = self._connection.info
+            self.facts = ArmFacts(
+                robot=_agreed_robot(info, robot),
+                osc=osc,
+                limits=limits,
+                task=TaskSpec.parse(task) if isinstance(task, str) else task,
+                period=period,
+                address=address.text,
+                is_simulated=False,
+                is_real_time=info.real_time,
+                places_fixture=info.places_fixture,
+                measures_contact=True,
+            )
             self._lease = self._acquire(name or client_name(), lease_timeout)
             self._steps = StepStream(self._connection, self._lease, timeout)
             self._keeper = threading.Thread(
                 target=self._keep_alive, name="dovetail-lease", daemon=True
             )
             self._keeper.start()
-            self._configure(osc, cell)
+            self._configure(cell)
         except BaseException:
             self.close()
             raise
@@ -108,11 +119,6 @@ class RemoteArm:
     def info(self) -> "pb.Info":
         """What the service said of its arm when the connection was made."""
         return self._connection.info
-
-    @property
-    def places_fixture(self) -> bool:
-        """Whether the fixture goes where a reset says; if not, it is where it is."""
-        return self.info.places_fixture
 
     def seed(self, seed: int) -> None:
         """Start a simulation's noise again with the next reset."""
@@ -145,7 +151,7 @@ class RemoteArm:
             PlantError: The simulation behind the service diverged.
             ArmError: The service is gone, the lease is lost or the arm is stopped.
         """
-        if self._closed.is_set():
+        if self._closed.is_set() or self._steps is None:
             raise ArmError("this arm is closed: make a new one")
         return self._steps.step(target, duration)
 
@@ -163,6 +169,10 @@ class RemoteArm:
 
         with self._connection.words("the clear failed"):
             self._stub.clear(pb.Holder(lease=self._lease), timeout=self._timeout)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return that nothing is counted at this end; the service tells its notes."""
+        return {"notes": []}
 
     def cycles(self) -> Array:
         """Return every control cycle since the last reset, columns CYCLE_COLUMNS.
@@ -185,18 +195,17 @@ class RemoteArm:
         if self._closed.is_set():
             return
         self._closed.set()
-        lease = getattr(self, "_lease", None)
-        if lease is not None:
+        if self._lease:
             from dovetail.rpc import dovetail_pb2 as pb
             from dovetail.rpc.calls import is_failed_call
 
             try:
-                self._stub.release_lease(pb.Holder(lease=lease), timeout=2.0)
+                self._stub.release_lease(pb.Holder(lease=self._lease), timeout=2.0)
             except Exception as error:
                 if not is_failed_call(error):  # else the service is gone: nothing held
                     raise
-        if (steps := getattr(self, "_steps", None)) is not None:
-            steps.close()
+        if self._steps is not None:
+            self._steps.close()
         self._connection.close()
 
     def _acquire(self, name: str, lease_timeout: float) -> str:
@@ -211,14 +220,17 @@ class RemoteArm:
         self._rest = lease.timeout / 3.0
         return lease.lease
 
-    def _configure(self, osc: OscConfig, cell: "Workcell | None") -> None:
+    def _configure(self, cell: "Workcell | None") -> None:
         from dovetail.rpc import dovetail_pb2 as pb
-        from dovetail.rpc.settings import Settings, write_settings
+        from dovetail.rpc.settings import write_settings
         from dovetail.rpc.version import own_version
 
         request = pb.Configuration(lease=self._lease, version=own_version())
-        settings = Settings(
-            osc=osc, limits=self.limits, task=self.task, period=self.period
+        settings = ControllerSettings(
+            osc=self.facts.osc,
+            limits=self.facts.limits,
+            task=self.facts.task,
+            period=self.facts.period,
         )
         write_settings(settings, request)
         if cell is not None:
@@ -231,9 +243,10 @@ class RemoteArm:
         from dovetail.rpc import dovetail_pb2 as pb
         from dovetail.rpc.calls import is_failed_call
 
-        holder = pb.Holder(lease=self._lease)
+        holder, steps = pb.Holder(lease=self._lease), self._steps
+        assert steps is not None  # the thread begins after it
         while not self._closed.wait(min(self._rest, 1.0)):
-            self._steps.end_overdue()
+            steps.end_overdue()
             try:
                 self._stub.keep_alive(holder, timeout=self._rest)
             except Exception as error:
@@ -273,7 +286,7 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
         raise ConfigError(
             f"the service's robot {offered.name} is not this program's {robot.name}: "
             f"{', '.join(different)} differ, for example {first} is "
-            f"{getattr(offered, first).tolist()} there and "
-            f"{getattr(robot, first).tolist()} here; give both the same tool"
+            f"{vars(offered)[first].tolist()} there and "
+            f"{vars(robot)[first].tolist()} here; give both the same tool"
         )
     return robot

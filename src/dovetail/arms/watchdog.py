@@ -1,6 +1,6 @@
 """When an arm on the network must stop following: settings of the C++ watchdog."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from dovetail.control.ranges import Range, check_ranges
@@ -41,6 +41,6 @@ class WatchdogConfig:
         from dovetail import _core
 
         params = _core.WatchdogParams()
-        for f in fields(self):
-            setattr(params, f.name, getattr(self, f.name))
+        for name, value in vars(self).items():
+            setattr(params, name, value)
         return params

@@ -104,7 +104,7 @@ class Cabinet:
             wake,
             self,
             config.period,
-            watchdog=config.watchdog,
+            patience=config.patience,
             multiplier=config.receive_multiplier,
         )
 

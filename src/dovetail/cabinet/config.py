@@ -2,35 +2,17 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from dovetail.cabinet.protocol import VERSIONS
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.signals import Signal, require_signals, require_transformations
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError
 from dovetail.types import JOINTS
 
-_RANGES: dict[str, tuple[float, float, str]] = {
-    "mirror_tolerance": (0.0, math.pi, "rad"),
-    "axis_delta_max": (0.0, math.pi, "rad"),
-    "command_speed_factor": (0.0, 100.0, "1"),
-    "speed_factor": (0.0, 100.0, "1"),
-    "external_filter": (0.0, 10.0, "s"),
-    "watchdog": (0.01, 3600.0, "s"),
-}
-_WORDS = {
-    "clock": ("wall", "lockstep"),
-    "mode": ("torque", "position", "wrench"),
-}
-_LEAST = {
-    "receive_multiplier": 1,
-    "sync_slots": 1,
-    "drive_slots": 0,
-    "ready_slots": 0,
-    "hold_slots": 0,
-    "stop_slots": 1,
-}
+_SLOTS_MAX = 1_000_000
 _HOLD, _STOP = (3, 0.005), (10, 0.05)
 """Missed commands, and the time in which as many [s]: the sooner counts."""
 
@@ -73,7 +55,7 @@ class CabinetConfig:
     """Wire version: 1.15 (1.14 to 1.16), 2.5 or 2.7; client and cabinet must agree."""
     period: float = DEFAULT_PERIOD
     """Send period [s], 1 to 100 ms in whole ms."""
-    receive_multiplier: int = 1
+    receive_multiplier: Annotated[int, Range(1, _SLOTS_MAX, "messages")] = 1
     """The client answers every so many messages."""
     client: Endpoint = _CLIENT
     """Where messages go, and the only address commands are taken from."""
@@ -85,38 +67,40 @@ class CabinetConfig:
     """What the overlay wants from the client, besides the position in every command."""
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the reply to the last has come."""
-    watchdog: float = 10.0
+    patience: Annotated[float, Range(0.01, 3600.0, "s")] = 10.0
     """How long lockstep waits for a reply before it counts as missed [s]."""
-    stiffness: tuple[float, ...] = (0.0,) * 7
+    stiffness: Annotated[tuple[float, ...], Range(0.0, 1e4, "Nm/rad", JOINTS)] = (
+        0.0,
+    ) * 7
     """Stiffness of the joint impedance [Nm/rad]; 0 leaves the arm to the client."""
-    damping: tuple[float, ...] = (0.0,) * 7
+    damping: Annotated[tuple[float, ...], Range(0.0, 1.0, "1", JOINTS)] = (0.0,) * 7
     """Damping ratio of the joint impedance, 0 to 1 [1]."""
     coriolis: bool = True
     """The cabinet compensates Coriolis and centrifugal torques where its impedance
     acts; real cabinets probably do under an overlay, but no source says so."""
     quality: QualityRule = field(default_factory=QualityRule)
     """When the link is poor, fair, good or excellent."""
-    mirror_tolerance: float = 0.15
+    mirror_tolerance: Annotated[float, Range(0.0, math.pi, "rad")] = 0.15
     """Distance of the command from the interpolator in COMMANDING_WAIT [rad]."""
-    sync_slots: int = 10
+    sync_slots: Annotated[int, Range(1, _SLOTS_MAX, "slots")] = 10
     """Mirrored commands in a row that make the client synchronised."""
-    drive_slots: int = 5
+    drive_slots: Annotated[int, Range(0, _SLOTS_MAX, "slots")] = 5
     """Messages until the drives are active."""
-    ready_slots: int = 10
+    ready_slots: Annotated[int, Range(0, _SLOTS_MAX, "slots")] = 10
     """Messages in MONITORING_READY before a motion starts by itself."""
-    restart_delay: float | None = 0.5
+    restart_delay: Annotated[float | None, Range(0.0, 3600.0, "s")] = 0.5
     """Time after a motion that ended with an error until the next [s]; None waits for
     the control port's resume."""
-    hold_slots: int | None = None
+    hold_slots: Annotated[int | None, Range(0, _SLOTS_MAX, "slots")] = None
     """Missed commands for which the last one is held; None is 3, but 5 ms at most."""
-    stop_slots: int | None = None
+    stop_slots: Annotated[int | None, Range(1, _SLOTS_MAX, "slots")] = None
     """Missed commands in a row that end the motion; None is 10, but 50 ms at most.
     Between, the drives stop the arm on its path."""
-    axis_delta_max: float = math.radians(10.0)
+    axis_delta_max: Annotated[float, Range(0.0, math.pi, "rad")] = math.radians(10.0)
     """Distance of commanded from measured position that stops the motion [rad]."""
-    command_speed_factor: float = 3.0
+    command_speed_factor: Annotated[float, Range(0.0, 100.0, "1")] = 3.0
     """Speed of the position command over the joint's limit that stops the motion."""
-    speed_factor: float = 1.2
+    speed_factor: Annotated[float, Range(0.0, 100.0, "1")] = 1.2
     """Speed of the joint over its limit that stops the motion [1]."""
     measured_sign: Literal[-1, 1] = -1
     """Sign of the measured torque on the wire over the torque on the joint."""
@@ -127,7 +111,7 @@ class CabinetConfig:
     commanded_torque: Literal["overlay", "total"] = "overlay"
     """What the commanded torque on the wire contains; total adds gravity and
     impedance."""
-    external_filter: float = 0.02
+    external_filter: Annotated[float, Range(0.0, 10.0, "s")] = 0.02
     """Time constant of the external torque's estimate [s]."""
     io: tuple[Signal, ...] = ()
     """IO signals that the Java application has registered."""
@@ -149,37 +133,14 @@ class CabinetConfig:
                 "only on arms in its own process)"
             )
         object.__setattr__(self, "period", 1e-3 * round(period_ms))
-        for name, known in _WORDS.items():
-            if getattr(self, name) not in known:
-                raise ConfigError(
-                    f"{name} {getattr(self, name)!r} is unknown; known {name}s: "
-                    f"{', '.join(known)}"
-                )
-        for name, low in _LEAST.items():
-            value = getattr(self, name)
-            if value is not None and value < low:
-                raise ConfigError(f"{name} is {value}; give >= {low}")
+        check_ranges(self, "cabinet")
         if self.stop_misses < self.held_misses:
             raise ConfigError(
                 f"stop_slots is {self.stop_misses}, less than hold_slots "
                 f"{self.held_misses}: the motion would stop while a command is held"
             )
-        for name, (low, high, unit) in _RANGES.items():
-            _require_range(name, getattr(self, name), low, high, unit)
-        if self.restart_delay is not None:
-            _require_range("restart_delay", self.restart_delay, 0.0, 3600.0, "s")
-        self._require_impedance("stiffness", 1e4, "Nm/rad")
-        self._require_impedance("damping", 1.0, "1")
         require_signals(self.io)
         require_transformations(self.transformations)
-
-    def _require_impedance(self, name: str, high: float, unit: str) -> None:
-        values = tuple(float(v) for v in getattr(self, name))
-        if len(values) != 7:
-            raise ConfigError(f"{name} has {len(values)} elements, needs 7")
-        for joint, value in zip(JOINTS, values, strict=True):
-            _require_range(f"{name}[{joint}]", value, 0.0, high, unit)
-        object.__setattr__(self, name, values)
 
     @property
     def held_misses(self) -> int:
@@ -201,10 +162,3 @@ class CabinetConfig:
     def period_ms(self) -> int:
         """Send period as on the wire [ms]."""
         return round(1e3 * self.period)
-
-
-def _require_range(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        raise ConfigError(
-            f"cabinet {name} is {value:g} {unit}, allowed is {low:g} to {high:g} {unit}"
-        )

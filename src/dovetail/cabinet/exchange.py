@@ -173,7 +173,7 @@ class LockstepExchange(Exchange):
         receiver: Receiver,
         period: float,
         *,
-        watchdog: float,
+        patience: float,
         multiplier: int,
     ) -> None:
         """Begin at virtual time 0.
@@ -183,18 +183,18 @@ class LockstepExchange(Exchange):
             wake: Descriptor that becomes readable when requests wait.
             receiver: Takes datagrams and serves requests.
             period: Send period [s].
-            watchdog: How long a reply is waited for [s].
+            patience: How long a reply is waited for [s].
             multiplier: The client answers every so many messages.
         """
         super().__init__(port, wake, receiver, period)
-        self._watchdog = watchdog
+        self._longest_wait = patience
         self._multiplier = multiplier
         self._time = 0.0
         self._unanswered = 0  # messages that the client has seen since its last reply
         self._is_known = False  # the client has answered when it had to
         self._newest = -1
         self.is_patient = False
-        """Wait for the watchdog's time: a client was there."""
+        """Wait as long as patience lasts: a client was there."""
 
     @property
     def now(self) -> float:
@@ -286,7 +286,7 @@ class LockstepExchange(Exchange):
             return _LINGER_TIME if self._is_known else _SEARCH_TIME
         is_regular = self._multiplier == 1 or self.to_client.is_idle
         if is_regular and (self._is_known or self._multiplier == 1):
-            return self._watchdog
+            return self._longest_wait
         return _LINGER_TIME
 
     def _drain(self) -> None:

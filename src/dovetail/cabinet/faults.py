@@ -56,13 +56,13 @@ class FaultConfig:
     @property
     def touches_link(self) -> bool:
         """Whether datagrams are handled any differently."""
-        return any(getattr(self, name) for name in (*_PROBABILITIES, "delay", "jitter"))
+        return any(vars(self)[name] for name in (*_PROBABILITIES, "delay", "jitter"))
 
     def describe(self) -> str:
         """Return the faults as `parse_faults` reads them."""
         parts = []
         for f in fields(self):
-            value = getattr(self, f.name)
+            value = vars(self)[f.name]
             if value == f.default:
                 continue
             if isinstance(value, Quality):

@@ -6,9 +6,10 @@ import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
+import tyro
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -64,7 +65,7 @@ class Cabinet:
     """What the overlay wants from the client."""
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the last message was answered."""
-    watchdog: str = "10s"
+    patience: Annotated[str, tyro.conf.arg(aliases=["--watchdog"])] = "10s"
     """How long lockstep waits for an answer."""
     stiffness: str = "0"
     """Joint stiffness [Nm/rad]: one number, or seven separated by commas."""
@@ -149,7 +150,7 @@ class Cabinet:
             control=control,
             mode=self.mode,
             clock=self.clock,
-            watchdog=parse_duration(self.watchdog, "--watchdog"),
+            patience=parse_duration(self.patience, "--patience"),
             stiffness=_seven(self.stiffness, "--stiffness"),
             damping=_seven(self.damping, "--damping"),
             quality=QualityRule(
@@ -178,7 +179,7 @@ class Cabinet:
             plant = make_plant(self.plant, cell)
         else:
             twin = load_twin(self.twin or "medium")
-            plant = cast("DrivenPlant", TwinPlant(twin, cell))
+            plant = TwinPlant(twin, cell)
         above = _FIXTURE.position + np.array([0.0, 0.0, _ABOVE])
         robot = plant.robot
         pose = Pose(above, TOOL_DOWN)

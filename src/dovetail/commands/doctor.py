@@ -5,17 +5,14 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
-from dovetail.arms.address import (
-    FriAddress,
-    PlantAddress,
-    TwinAddress,
-    parse_address,
-)
+from dovetail.arms.address import parse_address
+from dovetail.arms.fri_address import FriAddress
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
 from dovetail.control.proven import DECLARED, unproven
 from dovetail.doctor import Check, run_checks
 from dovetail.durations import parse_time
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 
 _COLOURS = {"ok": "green", "missing": "yellow", "broken": "red"}
@@ -61,16 +58,16 @@ class Doctor:
 
         address = parse_address(text)
         declared = self._declared()
-        if isinstance(address, (PlantAddress, TwinAddress)):
-            return run_local_checks(
-                address, require_period(self.period, "--period"), declared
-            )
-        if not isinstance(address, FriAddress):
+        if isinstance(address, FriAddress):
+            return run_arm_checks(address, None if self.yes else _ask, declared)
+        period = require_period(self.period, "--period")
+        plant = address.make_plant(find_cell())
+        if plant is None:
             raise ConfigError(
                 f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
-        return run_arm_checks(address, None if self.yes else _ask, declared)
+        return run_local_checks(plant, period, declared)
 
     def _declared(self) -> dict[str, float]:
         declared = DECLARED | {

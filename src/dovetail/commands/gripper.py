@@ -7,7 +7,7 @@ from typing import Literal
 
 from rich.console import Console
 
-from dovetail.arms.address import parse_endpoint
+from dovetail.arms.arm_address import parse_endpoint
 from dovetail.errors import ConfigError
 from dovetail.gripper.facts import PORT
 from dovetail.gripper.simulated import SimulatedWsg50

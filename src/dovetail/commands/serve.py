@@ -5,33 +5,22 @@ import threading
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
-from dovetail.arms.address import (
-    ArmAddress,
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
-    parse_address,
-    period_of,
-    places_fixture,
-)
+from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
+from dovetail.arms.arm_address import ArmAddress
 from dovetail.commands.unproven import warn_of_twin
-from dovetail.control.period import require_period
 from dovetail.control.period_option import Period
+from dovetail.control.settings import ControllerSettings
 from dovetail.envs.registered import DEFAULT_ENV, find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
-from dovetail.plants.plant import Plant, make_plant
 from dovetail.robots.find import DEFAULT_ROBOT
-from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
     from dovetail.rpc.arm_host import ArmBuilder
-    from dovetail.rpc.settings import Settings
 
 _STATUS_PERIOD = 0.5  # s
 
@@ -123,23 +112,27 @@ def _show_status(console: Console, server: Any, end: threading.Event) -> None:
 
 
 def _builder(settings: Serve) -> "ArmBuilder":
-    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
 
     address = _address(settings)
     cell = find_cell(
         settings.env, settings.robot, peg=settings.peg, clearance=settings.clearance
     )
-    if isinstance(address, FriAddress):
-        return _fri_builder(settings.arm, address, cell)
-    period = None if settings.period is None else require_period(settings.period)
-    if isinstance(address, PlantAddress):
-        plant = make_plant(address.engine, cell)
-        return LocalBuilder(address.engine, plant, period)
-    assert isinstance(address, TwinAddress)
-    from dovetail.plants.twin import TwinPlant, load_twin
+    plant = address.make_plant(cell)
+    if plant is not None:
+        return LocalBuilder(address.text, plant, address.period)
 
-    twin = cast("Plant", TwinPlant(load_twin(address.twin), cell))
-    return LocalBuilder(f"twin:{address.twin}", twin, period)
+    def make(learner: ControllerSettings) -> Arm:
+        require_offered(address.text, address.period, learner)
+        return address.build(cell, learner)
+
+    return RebuiltArm(
+        address.text,
+        cell,
+        make,
+        is_real_time=address.is_real_time,
+        places_fixture=address.places_fixture,
+    )
 
 
 def _address(settings: Serve) -> ArmAddress:
@@ -149,36 +142,12 @@ def _address(settings: Serve) -> ArmAddress:
             raise ConfigError("--arm and --twin exclude each other; give one")
         text = f"twin:{settings.twin}"
     address = parse_address(text)
-    if isinstance(address, GrpcAddress):
+    if address.is_service:
         raise ConfigError(
             f"the arm at {text} is served already: learners can use that address; "
             "give mujoco, bullet, twin:NAME or fri://HOST:PORT"
         )
-    if isinstance(address, FriAddress) and settings.period is not None:
-        period = period_of(address, settings.period, settings.period)
+    if settings.period is not None:
+        period = address.control_period(settings.period, settings.period)
         address = replace(address, period=period)
-    if not settings.realtime:
-        return address
-    if not isinstance(address, FriAddress):
-        raise ConfigError(
-            f"--realtime is for fri:// arms: {text} is a simulation, which has no "
-            "clock to keep"
-        )
-    return replace(address, realtime=True)
-
-
-def _fri_builder(name: str, address: FriAddress, cell: Workcell) -> "ArmBuilder":
-    from dovetail.envs.arm_setup import build_fri_arm
-    from dovetail.rpc.builders import RebuiltArm, require_offered
-
-    def make(s: "Settings") -> Arm:
-        require_offered(name, address.period, s)
-        return build_fri_arm(address, cell, s.osc, s.limits, s.task, s.period)
-
-    return RebuiltArm(
-        name,
-        cell,
-        make,
-        is_real_time=address.clock == "wall",
-        places_fixture=places_fixture(address),
-    )
+    return address.with_realtime() if settings.realtime else address

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from dovetail.arms.address import TwinAddress, parse_address
+from dovetail.arms.address import parse_address
 from dovetail.control.proven import unproven
 from dovetail.plants.twin import load_twin
 
@@ -19,9 +19,8 @@ def warn_of_twin(
         twin: A twin's name or file; None is no twin, or the arm's.
         arm: An arm's address.
     """
-    address = parse_address(arm) if arm is not None else None
-    if isinstance(address, TwinAddress):
-        twin = address.twin
+    if arm is not None:
+        twin = parse_address(arm).twin or twin
     if twin is None:
         return
     model = load_twin(twin)

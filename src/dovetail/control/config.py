@@ -120,7 +120,7 @@ class OscConfig:
 
         params = _core.OscParams()
         for f in fields(self):
-            setattr(params, f.name, getattr(self, f.name))
+            setattr(params, f.name, vars(self)[f.name])
         return params
 
 
@@ -147,7 +147,8 @@ class LimitConfig:
     delta_v: Annotated[float, Range(0.0, 0.9, "1")] = 0.01
     """Margin below the joint speed limit, as a share of it [1]."""
     walls: bool = True
-    """Whether Cartesian limits on the TCP are enforced, dx_near included."""
+    """Whether Cartesian limits on the TCP are enforced, near_speed and
+    near_press included."""
     x_min: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
     """Lower walls of the TCP in the world [m]."""
     x_max: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
@@ -156,10 +157,14 @@ class LimitConfig:
         default_factory=_all(3, 0.5)
     )
     """TCP speed limit per axis [m/s]."""
-    dx_near: Annotated[float, Range(1e-4, 10.0, "m/s")] = 0.5
+    near_speed: Annotated[float, Range(1e-4, 10.0, "m/s")] = 0.5
     """TCP speed limit per axis below a Target's near plane [m/s]: contact at this
     speed is what the tool must bear. It holds for force, pose and hold axes with walls
     on; not on a free axis, nor for a joint target."""
+    near_press: Annotated[float, Range(1e-3, 1e3, "m/s2")] = 1e3
+    """Largest f* there against the plane's normal, a Target's tare not counted [m/s2]:
+    times the effective mass, about 10 kg, it is the force of standing on a rim. It
+    acts from 2 mm above the plane on, more and more, and whole below it."""
     ddx_max: Annotated[Vec3, Range(1e-2, 1e3, "m/s2", _XYZ)] = field(
         default_factory=_all(3, 5.0)
     )
@@ -216,7 +221,7 @@ class LimitConfig:
             ("x", _XYZ, "m", 2 * self.delta_x),
         )
         for name, labels, unit, room in pairs:
-            low, high = getattr(self, f"{name}_min"), getattr(self, f"{name}_max")
+            low, high = vars(self)[f"{name}_min"], vars(self)[f"{name}_max"]
             for i, label in enumerate(labels):
                 if high[i] - low[i] <= room:
                     raise ConfigError(
@@ -225,10 +230,8 @@ class LimitConfig:
                         f"wider than {room:g} {unit}"
                     )
         for name, known in (("scheme", SCHEMES), ("bounds", BOUNDS)):
-            if getattr(self, name) not in known:
-                raise ConfigError(
-                    f"unknown {name} {getattr(self, name)!r}; known: {', '.join(known)}"
-                )
+            if (word := vars(self)[name]) not in known:
+                raise ConfigError(f"unknown {name} {word!r}; known: {', '.join(known)}")
 
     @classmethod
     def for_period(
@@ -304,7 +307,7 @@ class LimitConfig:
         params = _core.LimitParams()
         for f in fields(self):
             if f.name not in ("scheme", "bounds", *DECLARED):
-                setattr(params, f.name, getattr(self, f.name))
+                setattr(params, f.name, vars(self)[f.name])
         params.scheme = _core.Scheme(SCHEMES.index(self.scheme))
         params.bounds = _core.BoundsKind(BOUNDS.index(self.bounds))
         return params

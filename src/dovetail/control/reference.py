@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 NEAR_TIME = 0.04
 """Time in which a speed near contact is corrected [s]."""
 
+NEAR_BAND = 0.002
+"""Height over the near plane in which near_press comes to act whole [m]."""
+
 PATH_TIME = 0.1
 """How long a Target's desired pose moves on by its feed-forward [s]."""
 
@@ -177,7 +180,8 @@ class ReferenceController:
         lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
         e *= np.repeat(clamps / np.maximum(clamps, lengths), 3)  # direction kept
         most = np.repeat([osc.f_clamp_linear, osc.f_clamp_angular], 3)
-        action = np.clip(target.f_star, -most, most)
+        asked = self.without_press(p, target) if self.limits.walls else target.f_star
+        action = np.clip(asked, -most, most)
         drive = osc.stiffness * e + action + a_d
         return np.clip(drive - self.D * (twist - v_d), -most, most)
 
@@ -196,13 +200,21 @@ class ReferenceController:
         turn = poses.quat_multiply(swing, about_z[1])
         return poses.quat_multiply(turn, self.quat_hold)
 
+    def without_press(self, p: Array, target: "_core.Target") -> Array:
+        """f* that presses no harder than near_press on what lies below the plane."""
+        normal, asked = target.near_plane[:3], np.array(target.f_star)
+        share = 1.0 - np.clip((normal @ p - target.near_plane[3]) / NEAR_BAND, 0.0, 1.0)
+        press = normal @ (target.f_tare - asked)[:3]
+        asked[:3] += share * max(press - self.limits.near_press, 0.0) * normal
+        return asked
+
     def near_interval(
         self, p: Array, twist: Array, push_x: Array, target: "_core.Target"
     ) -> tuple[Array, ...]:
-        """Speed dx_near below the plane, above it what can be braked to in time."""
+        """Speed near_speed below the plane, above it what can be braked to in time."""
         lim, v, plane = self.limits, twist[:3], target.near_plane
         height = max(plane[:3] @ p - plane[3] + NEAR_TIME * min(plane[:3] @ v, 0.0), 0)
-        near = np.sqrt(lim.dx_near**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
+        near = np.sqrt(lim.near_speed**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
         tare = target.f_tare[:3]
         push = push_x + tare  # weight is held already
 

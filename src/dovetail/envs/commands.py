@@ -60,7 +60,6 @@ class CommandMap:
         f_scale_angular: float,
         theta_range: float,
         position_range: float,
-        press_max: float = math.inf,
     ) -> None:
         """Lay out the action.
 
@@ -70,15 +69,12 @@ class CommandMap:
             f_scale_angular: f* at action 1 on A B C [rad/s2].
             theta_range: Rotation at action 1 on pose axes A B C [rad].
             position_range: Displacement at action 1 on pose axes X Y Z [m].
-            press_max: Largest f* into a surface that is near [m/s2].
 
         Raises:
             ConfigError: The task commands no axis, f_scale is not 1 or 3 numbers, or
                 a number is out of its range.
         """
-        if not press_max > 0.0:
-            raise ConfigError(f"near_press is {press_max:g} m/s2; allowed: above 0")
-        self.task, self._press_max = task, press_max
+        self.task = task
         given = {
             "f_scale": per_axis("f_scale", f_scale),
             "f_scale_angular": f_scale_angular,
@@ -184,19 +180,6 @@ class CommandMap:
         target.stay = stay
         target.position_d = self._position
         target.quat_wxyz_d = self._quat
-
-    def limit_press(self, target: "_core.Target", normal: Vec3) -> None:
-        """Take from a Target what would press the tool on a surface too hard.
-
-        Args:
-            target: Its f* is reduced along the normal, the tare not counted.
-            normal: Of the surface, outwards, unit length.
-        """
-        f_star = target.f_star
-        press = normal @ (self.tare[:3] - f_star[:3])
-        if press > self._press_max:
-            f_star[:3] += (press - self._press_max) * normal
-            target.f_star = f_star
 
 
 def _turn(

@@ -158,7 +158,7 @@ class EnvConfig:
         return replace(
             self,
             **{
-                section: replace(getattr(self, section), **values)
+                section: replace(vars(self)[section], **values)
                 for section, values in changed.items()
             },
         )
@@ -166,7 +166,7 @@ class EnvConfig:
     def flat(self) -> dict[str, Any]:
         """Return every setting by its short name."""
         return {
-            name: getattr(getattr(self, section), name)
+            name: vars(vars(self)[section])[name]
             for name, section in SECTION_OF.items()
         }
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.arm import Arm, ArmState
+from dovetail.arms.arm import Arm, ArmState, require_simulated
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm
@@ -124,7 +124,7 @@ class ContactEnv(
     ) -> None:
         self.render_mode = render_mode
         self.task, self.config = task, config or EnvConfig()
-        action, approach = self.config.action, self.config.approach
+        action = self.config.action
         self.cell = task.workcell(find_robot(self.config.place.robot))
         self.axes = TaskSpec.parse(task.axes)
         self.arm = build_arm(
@@ -140,7 +140,6 @@ class ContactEnv(
             f_scale_angular=action.f_scale_angular,
             theta_range=action.theta_range,
             position_range=action.position_range,
-            press_max=approach.near_press,
         )
         self._tare: ToolTare | None = None
         if self.config.episode.tare:
@@ -152,14 +151,13 @@ class ContactEnv(
         require_axes(self.arm, self.axes)
         self.max_steps = self.config.episode.max_steps
         self._near_distance = self.config.approach.near_distance
-        robot = self.arm.robot
-        self.scaling = Layout(self.task.columns, robot, self.task.zero_offset())
+        facts = self.arm.facts
+        self.scaling = Layout(self.task.columns, facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
-        limits = getattr(self.arm, "limits", None)
-        if limits is not None and limits.walls:
-            self._walls = limits.x_min, limits.x_max
-        self.violations = ViolationCounter(robot, *self._walls)
-        self.places_fixture: bool = getattr(self.arm, "places_fixture", True)
+        if facts.limits.walls:
+            self._walls = tuple(facts.limits.x_min), tuple(facts.limits.x_max)
+        self.violations = ViolationCounter(facts.robot, *self._walls)
+        self.places_fixture = facts.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
         stack = self.config.observation.stack
@@ -206,15 +204,14 @@ class ContactEnv(
         if options.get("start") is not None:
             q = np.asarray(options["start"], dtype=float)
         else:
-            robot = self.arm.robot
+            robot = self.arm.facts.robot
             start = self.task.draw_start(self.np_random, fixture)
             q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
         self.fixture = fixture
         self.slide_fixture(np.zeros(3))
         if seed is not None:
             self._seeds = np.random.default_rng([_STREAM, seed])
-            if hasattr(self.arm, "seed"):
-                self.arm.seed(seed)  # type: ignore[attr-defined]
+            self.arm.seed(seed)
         self.tracker.reset(fixture, int(self._seeds.integers(1 << 31)))
         self.state = self.arm.reset(q, fixture)
         self._steps = 0
@@ -279,8 +276,6 @@ class ContactEnv(
         self._begun, self._action = action, self.commands.usable(action)
         goal = self._goal
         self.commands.fill(self._target, self._action, goal.position, goal.quat_wxyz)
-        if self.state.position @ goal.normal < self._near_height:
-            self.commands.limit_press(self._target, goal.normal)
         if self._is_sliding:
             self._slide()
         return self._target
@@ -288,14 +283,17 @@ class ContactEnv(
     def slide_fixture(self, velocity: Vec3) -> None:
         """Let the fixture move at a velocity [m/s], world axes, in the steps to come.
 
-        The arm must be able to: a simulation here, or a simulated cabinet.
+        Raises:
+            ArmError: It is no simulation here, nor a simulated cabinet.
         """
         self._fixture_velocity = np.array(velocity, dtype=float)
         self._is_sliding = bool(self._fixture_velocity.any())
+        if self._is_sliding:
+            require_simulated(self.arm)
 
     def _slide(self) -> None:
         velocity = self._fixture_velocity
-        self.arm.move_fixture(self.fixture, velocity)  # type: ignore[attr-defined]
+        require_simulated(self.arm).move_fixture(self.fixture, velocity)
         position = self.fixture.position + POLICY_PERIOD * velocity
         self.fixture = self.fixture._replace(position=position)
 

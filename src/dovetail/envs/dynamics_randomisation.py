@@ -44,7 +44,7 @@ class DynamicsRandomisation:
             ("damping", 0.01, 100.0),
             ("friction", 0.0, 5.0),
         ):
-            low, high = (float(end) for end in getattr(self, name))
+            low, high = (float(end) for end in vars(self)[name])
             object.__setattr__(self, name, (low, high))
             if not least <= low <= high <= most:
                 raise ConfigError(

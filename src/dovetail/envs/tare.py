@@ -81,6 +81,7 @@ def measure_tare(
     is_led = np.isin(np.arange(6), axes)
     lead = np.where(is_led, _STIFFNESS, 0.0)
     way = np.where(is_led[:3], direction, 0.0) * SPEED * STEP_TIME
+    along = np.append(near_plane[:3], np.zeros(3))
     reference = start.copy()
     held = change = np.zeros(6)
     logs: list[Array] = []
@@ -92,6 +93,9 @@ def measure_tare(
         error = np.append(reference - state.position, turn)
         pull = (lead * error).clip(-_F_MAX, _F_MAX)
         target.f_star = held + pull
+        # No press on what is near: the controller would cut it, one way and not the
+        # other, and friction would not cancel.
+        target.f_tare = held + along * (along @ pull)
         state = arm.step(target, STEP_TIME)
         logs.append(state.log)
         return pull + stiffness * error
@@ -158,7 +162,7 @@ class ToolTare:
         """Find out which axes can be measured.
 
         Args:
-            arm: Where it tells its `osc`, pose and hold axes are measured too.
+            arm: Its law says how stiff pose and hold axes are.
             commands: Its task says what is measured; gets that.
             force_damping: Damping of force axes X Y Z [1/s], one number or three.
 
@@ -167,10 +171,8 @@ class ToolTare:
         """
         self._arm, self._commands = arm, commands
         self._axes = tared_axes(commands.task, force_damping)
-        self._stiffness: Vec6 = np.zeros(6)
-        if (osc := getattr(arm, "osc", None)) is not None:
-            is_held = np.isin(commands.task.modes, (POSE, HOLD))
-            self._stiffness = np.where(is_held, osc.stiffness, 0.0)
+        is_held = np.isin(commands.task.modes, (POSE, HOLD))
+        self._stiffness: Vec6 = np.where(is_held, arm.facts.osc.stiffness, 0.0)
 
     def take(
         self, state: ArmState, hole: Pose, near_plane: Array, walls: Walls

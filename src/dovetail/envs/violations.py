@@ -6,19 +6,18 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import ArmState
-from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK
 from dovetail.robots.robot import Robot
 from dovetail.types import Array
 
-_FLAGS = CYCLE_COLUMNS.index("flags")
-_BAD_INPUT = 1 << 40  # of pack_flags in types.hpp
+_BAD_INPUT = FLAG_MASK["bad_input"]
 
 
 def count_bad_input(state: ArmState) -> int:
     """Return in how many cycles of a step the controller refused its input."""
     if not state.flags & _BAD_INPUT:
         return 0  # nearly always: the log need not be read
-    flags = state.log[:, _FLAGS].astype(np.int64)
+    flags = state.log[:, COLUMN["flags"]].astype(np.int64)
     return int(np.count_nonzero(flags & _BAD_INPUT))
 
 
@@ -42,7 +41,7 @@ class ViolationCounter:
             ([f"dq{i}" for i in range(1, 8)], -robot.dq_max, robot.dq_max),
             (["x", "y", "z"], x_min, x_max),
         ):
-            columns = [CYCLE_COLUMNS.index(name) for name in names]
+            columns = [COLUMN[name] for name in names]
             self._low[columns], self._high[columns] = low, high
 
     def count(self, log: Array) -> int:

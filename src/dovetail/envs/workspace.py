@@ -14,7 +14,7 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
     Args:
         task: Its places and slack.
         cell: Its walls and reach.
-        arm: The arm, with its limits where it knows them.
+        arm: The arm, with its limits.
         fixture: The fixture's pose.
 
     Raises:
@@ -22,8 +22,7 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
     """
     cell.require_reachable(fixture)
     low, high = cell.walls
-    limits = getattr(arm, "limits", None)
-    margin = max(0.005, getattr(limits, "delta_x", 0.0) - task.slack())
+    margin = max(0.005, arm.facts.limits.delta_x - task.slack())
     for place, point in task.places(fixture).items():
         for i, name in enumerate("xyz"):
             excess = max(low[i] - point[i], point[i] - high[i]) + margin
@@ -42,7 +41,7 @@ def require_axes(arm: Arm, axes: TaskSpec) -> None:
     Raises:
         ConfigError: Names both.
     """
-    own = getattr(arm, "task", axes)
+    own = arm.facts.task
     if own != axes:
         raise ConfigError(
             f"the arm's task is '{own}', the environment's is '{axes}'; give both the "

@@ -5,16 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from dovetail.arms.address import (
-    SCHEMES,
-    ArmAddress,
-    is_simulated_here,
-    parse_address,
-    period_of,
-    places_fixture,
-    with_approach,
-)
-from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.arms.address import SCHEMES, parse_address
+from dovetail.arms.arm_address import ArmAddress
+from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
@@ -118,7 +111,7 @@ def environment_options(
         ConfigError: Neither or both of plant and twin, or an unknown one.
     """
     places = ("plant", "twin", "arm")
-    if sum(getattr(config, name) is not None for name in places) != 1:
+    if sum(vars(config)[name] is not None for name in places) != 1:
         raise ConfigError(
             "give either a plant or a twin or an arm to try the policy on; known "
             f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
@@ -127,7 +120,7 @@ def environment_options(
     options = policy_settings(policy)
     options |= _trained_robot(config, policy)
     for name in (*places, "peg", "clearance", "robot", "tracker"):
-        if (value := getattr(config, name)) is not None:
+        if (value := vars(config)[name]) is not None:
             options[name] = value
     if config.plant is None:
         options.pop("plant", None)
@@ -137,8 +130,10 @@ def environment_options(
         load_twin(options["twin"])
     arm = None if config.arm is None else parse_address(config.arm)
     trained = options.get("period", DEFAULT_PERIOD)
-    options["period"] = period_of(arm, config.period, trained)
-    if arm is not None:
+    if arm is None:
+        options["period"] = require_period(config.period or trained, "period")
+    else:
+        options["period"] = arm.control_period(config.period, trained)
         options["arm"] = _usable(config, arm)
     options["tare"] = config.tare and options.get("tare", True)
     is_searching = config.perturbation().search != "none"
@@ -171,13 +166,13 @@ def _trained_robot(
 def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
     """Return the address, or refuse what an arm outside this process cannot do."""
     config.perturbation().require_possible(arm)
-    if not is_simulated_here(arm) and config.workers > 1:
+    if not arm.is_here and config.workers > 1:
         raise ConfigError(
             f"workers is {config.workers}, but there is one arm at {config.arm}; "
             "needs 1"
         )
-    require_place(config, can_place=places_fixture(arm))
-    return with_approach(str(config.arm)) if config.approach else str(config.arm)
+    require_place(config, can_place=arm.places_fixture)
+    return arm.with_approach() if config.approach else arm.text
 
 
 def require_place(config: EvaluationConfig, *, can_place: bool) -> None:

@@ -137,10 +137,10 @@ def draw_forces(outcomes: Sequence[Outcome]) -> bytes:
         (peak_axes, "peak contact force of a try [N]", "force_peak"),
         (mean_axes, "mean contact force of a try, in contact [N]", "force_mean"),
     ):
-        measured = [o for o in outcomes if not math.isnan(getattr(o, key))]
+        measured = [o for o in outcomes if not math.isnan(vars(o)[key])]
         split = [
-            [getattr(o, key) for o in measured if o.success],
-            [getattr(o, key) for o in measured if not o.success],
+            [vars(o)[key] for o in measured if o.success],
+            [vars(o)[key] for o in measured if not o.success],
         ]
         everything = np.array(split[0] + split[1] or [0.0])
         bins = np.linspace(0.0, max(1.0, 1.05 * everything.max()), 25)

@@ -6,16 +6,11 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dovetail.arms.address import (
-    FriAddress,
-    GrpcAddress,
-    PlantAddress,
-    TwinAddress,
-    parse_address,
-)
+from dovetail.arms.address import parse_address
+from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.local_address import local_address
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD, format_period
 from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.export import commit, versions
@@ -28,18 +23,13 @@ if TYPE_CHECKING:
 
 def name_ground(config: "EvaluationConfig") -> str:
     """Return where a result was found: a twin is called a twin, never a robot."""
-    twin, plant = config.twin, config.plant
+    return _address(config).describe_ground()
+
+
+def _address(config: "EvaluationConfig") -> ArmAddress:
     if config.arm is not None:
-        arm = parse_address(config.arm)
-        if isinstance(arm, FriAddress) and arm.control is not None:
-            return f"simulated cabinet ({config.arm})"
-        if isinstance(arm, (FriAddress, GrpcAddress)):
-            return f"the arm at {config.arm.partition('?')[0]}"
-        twin = arm.twin if isinstance(arm, TwinAddress) else None
-        plant = arm.engine if isinstance(arm, PlantAddress) else None
-    if twin is None:
-        return f"simulation ({plant})"
-    return f"twin {Path(twin).stem} ({load_twin(twin).engine})"
+        return parse_address(config.arm)
+    return local_address(config.plant or "", config.twin)
 
 
 def shared_engine(config: "EvaluationConfig", policy: Mapping[str, Any]) -> str:
@@ -49,10 +39,9 @@ def shared_engine(config: "EvaluationConfig", policy: Mapping[str, Any]) -> str:
         config: The settings.
         policy: The policy's description.
     """
-    arm = None if config.arm is None else parse_address(config.arm)
-    twin = arm.twin if isinstance(arm, TwinAddress) else config.twin
+    twin = _address(config).twin
     trained_on = policy.get("provenance", {}).get("config", {}).get("arm")
-    if twin is None or trained_on is not None:
+    if not twin or trained_on is not None:
         return ""
     engine = load_twin(twin).engine
     if policy["env"].get("plant") != engine:
@@ -110,13 +99,13 @@ def command_line(config: "EvaluationConfig") -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
     for name in _GIVEN:
-        if (value := getattr(config, name)) is not None:
+        if (value := vars(config)[name]) is not None:
             values = value if isinstance(value, tuple) else [value]
             words += [f"--{name}", *map(str, values)]
     if config.period is not None:
         words += ["--period", format_period(config.period)]
     for f in fields(Perturbation):
-        if (value := getattr(config, f.name)) != f.default:
+        if (value := vars(config)[f.name]) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]
     if config.accept_contact:
         words.append("--accept-contact")

@@ -3,18 +3,14 @@
 import math
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import gymnasium as gym
 import numpy as np
 
-from dovetail.arms.address import (
-    ArmAddress,
-    FriAddress,
-    GrpcAddress,
-    places_fixture,
-)
+from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.envs.registered import task_class
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
@@ -36,23 +32,18 @@ which the spiral gets 31 mm away from the middle at 0.5 mm clearance."""
 
 _STREAM = 0x5E7BAC
 """Keeps these draws apart from those of start and noise, which have the same seed."""
-_RANGES = {
-    "hole_shift": (0.0, 0.05, "m"),
-    "push": (0.0, 100.0, "N"),
-    "hole_speed": (0.0, 0.1, "m/s"),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
     """What is done to the arm and the hole during the tries."""
 
-    hole_shift: float = 0.0
+    hole_shift: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Horizontal distance from where the hole was seen last to where it is [m]; above 0
     the camera is covered."""
-    push: float = 0.0
+    push: Annotated[float, Range(0.0, 100.0, "N")] = 0.0
     """Largest force of the pushes on the TCP [N]; 0 is none."""
-    hole_speed: float = 0.0
+    hole_speed: Annotated[float, Range(0.0, 0.1, "m/s")] = 0.0
     """Speed at which the hole moves horizontally, out and back [m/s]."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: anywhere, or below the block's surface, beside it."""
@@ -61,16 +52,7 @@ class Perturbation:
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
-        for name, (low, high, unit) in _RANGES.items():
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ConfigError(
-                    f"{name} is {value:g} {unit}; allowed: {low:g} to {high:g} {unit}"
-                )
-        if self.start not in ("random", "below"):
-            raise ConfigError(f"start is {self.start!r}; known: random, below")
-        if self.search not in ("none", "spiral"):
-            raise ConfigError(f"search is {self.search!r}; known: none, spiral")
+        check_ranges(self)
         if self.search != "none" and not self.hole_shift:
             raise ConfigError(
                 "search is for a covered camera: add --hole-shift with a distance [m]"
@@ -102,21 +84,9 @@ class Perturbation:
         Raises:
             ConfigError: Names the option and what would make it possible.
         """
-        for name in ("push", "hole_speed"):
-            if not getattr(self, name):
-                continue
-            option = name.replace("_", "-")
-            if isinstance(arm, GrpcAddress):
-                raise ConfigError(
-                    f"an arm over gRPC cannot be perturbed by --{option}; try it where "
-                    "the arm is: --plant, --twin, or fri:// with control=HOST:PORT"
-                )
-            if isinstance(arm, FriAddress) and not places_fixture(arm):
-                raise ConfigError(
-                    f"--{option} needs a simulation, or the control port of a "
-                    "simulated cabinet (control=HOST:PORT); a real arm is pushed by "
-                    "hand"
-                )
+        for name, size in (("push", self.push), ("hole-speed", self.hole_speed)):
+            if size and arm.undisturbed:
+                raise ConfigError(f"--{name} {arm.undisturbed}")
 
 
 class Push(NamedTuple):

@@ -57,7 +57,7 @@ def feel_arm(
     Raises:
         ArmError: Too many cycles are missing in the logs, or the arm was stopped.
     """
-    inertia = np.asarray(arm.robot.chain().inertia_matrix(q)) + np.diag(armature)
+    inertia = np.asarray(arm.facts.robot.chain().inertia_matrix(q)) + np.diag(armature)
     rng = np.random.default_rng(seed)
     hold = _core.Target(joint_mode=True, q_d=q)
     balances, turned = [], 0.0
@@ -66,7 +66,7 @@ def feel_arm(
             arm.step(hold, _STEP)
         log = _push(arm, q, joint, seconds, rng)
         turned = max(turned, float(np.abs(_of(log, "q")[:, joint] - q[joint]).max()))
-        balances.append(balance_of(log, joint, inertia, arm.period))
+        balances.append(balance_of(log, joint, inertia, arm.facts.period))
     for _ in range(round(PAUSE / _STEP)):
         arm.step(hold, _STEP)
     delay = estimate_delay(balances, integration_step)
@@ -92,13 +92,14 @@ def _push(
     longest = np.empty((0, 0))
     for _ in range(TRIES):
         log = np.vstack(list(excite(arm, q, joint, seconds, rng)))
-        part = longest_gapless(log, arm.period)
+        part = longest_gapless(log, arm.facts.period)
         longest = max(longest, part, key=len)
-        if len(longest) * arm.period >= ENOUGH * seconds:
+        if len(longest) * arm.facts.period >= ENOUGH * seconds:
             return longest
+    had = len(longest) * arm.facts.period
     raise ArmError(
         f"of {seconds:g} s in which {JOINTS[joint]} was pushed, {TRIES} times, no more "
-        f"than {len(longest) * arm.period:.2f} s came without a lost cycle; needed: "
+        f"than {had:.2f} s came without a lost cycle; needed: "
         f"{ENOUGH * seconds:g} s: mend the connection first. {busy_words()}".strip(),
         "gaps",
     )

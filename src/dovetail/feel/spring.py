@@ -39,12 +39,12 @@ def feel_spring(
         ArmError: The arm was stopped, or the motion ended.
     """
     log, sides = _lean(arm, q)
-    inertia = np.asarray(arm.robot.chain().inertia_matrix(q)) + np.diag(armature)
-    share = leaned(sides, arm.period)
+    inertia = np.asarray(arm.facts.robot.chain().inertia_matrix(q)) + np.diag(armature)
+    share = leaned(sides, arm.facts.period)
     fits = []
     for joint in range(7):
         lean = LEAN[joint] * share
-        balance = balance_of(log, joint, inertia, arm.period, lean)
+        balance = balance_of(log, joint, inertia, arm.facts.period, lean)
         fits.append(balance.solve(delay))
     return tuple(fits)
 

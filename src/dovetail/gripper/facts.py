@@ -77,11 +77,12 @@ REMEDIES = {
     Code.AXIS_BLOCKED: "something is between the fingers",
 }
 """What to do about a code."""
+_REMEDY_OF: dict[int, str] = {int(code): text for code, text in REMEDIES.items()}
 
 
 def describe(code: int | None, word: str) -> str:
     """Return a code, or the word that came in its place, with meaning and remedy."""
     if code is None or not 0 <= code < len(MEANINGS):
         return word
-    remedy = REMEDIES.get(code)  # type: ignore[call-overload]
+    remedy = _REMEDY_OF.get(code)
     return f"{MEANINGS[code]} (code {code})" + (f": {remedy}" if remedy else "")

@@ -93,7 +93,9 @@ class Replies:
             Flag.FAST_STOP: fingers.is_fast_stopped,
         }
         if name == "SYSFLAGS":
-            bits = [int(flags.get(bit, False)) for bit in range(21)]  # type: ignore[call-overload]
+            bits = [0] * 21
+            for flag, is_set in flags.items():
+                bits[flag] = int(is_set)
             if index is None:
                 return "[" + ",".join(map(str, bits)) + "]"
             return str(bits[int(index)]) if int(index) < len(bits) else None

@@ -1,6 +1,6 @@
 """The delay of the arm that is recorded, measured as the doctor measures it."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.envs.contact_env import ContactEnv
@@ -35,14 +35,14 @@ def measure_delay(env: ContactEnv, q: Vec7, fixture: Pose) -> MeasuredDelay:
     Raises:
         ArmError: The arm was stopped, or too many cycles were lost.
     """
-    arm: Any = env.arm
-    declared = float(arm.limits.delay)
+    arm, facts = env.arm, env.arm.facts
+    declared = float(facts.limits.delay)
     if isinstance(arm, LocalArm):
-        osc, limits = quiet(arm.osc, arm.limits)
-        arm = LocalArm(arm.plant, arm.robot, osc, limits, arm.task, arm.period)
+        osc, limits = quiet(facts.osc, facts.limits)
+        arm = LocalArm(arm.plant, facts.robot, osc, limits, facts.task, facts.period)
     arm.reset(q, fixture)
-    step = simulated_step(arm.period) if env.places_fixture else 0.0
-    feeling = feel_arm(arm, q, arm.limits.armature, integration_step=step)
+    step = simulated_step(facts.period) if env.places_fixture else 0.0
+    feeling = feel_arm(arm, q, facts.limits.armature, integration_step=step)
     delay = feeling.delay
-    facts = {"measured": delay.delay, "spread": delay.spread, "declared": declared}
-    return MeasuredDelay(facts, judge_delay(feeling, declared))
+    told = {"measured": delay.delay, "spread": delay.spread, "declared": declared}
+    return MeasuredDelay(told, judge_delay(feeling, declared))

@@ -1,12 +1,13 @@
 """What an identification may change in the simulation, and how far."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
+from dovetail.control.ranges import ranges_of
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DYNAMICS_RANGES, DynamicsConfig
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
@@ -171,10 +172,11 @@ class ParameterSet:
         for p, value in zip(self.parameters, values.tolist(), strict=True):
             _put(changed, model, p.name, value)
         delay = changed.pop("command_delay", [model.command_delay])[0]
+        arrays: dict[str, Any] = {name: tuple(v) for name, v in changed.items()}
         return replace(
             model,
             command_delay=delay,
-            **{name: tuple(v) for name, v in changed.items()},  # type: ignore[arg-type]
+            **arrays,
         )
 
 
@@ -183,7 +185,7 @@ def nominal_model(engine: str = "mujoco") -> TwinConfig:
     d = _NOMINAL
     return TwinConfig(
         description="the controller's model",
-        engine=engine,  # type: ignore[arg-type]
+        engine=engine,  # type: ignore[arg-type]  (TwinConfig checks the word)
         seed=0,
         inertia=d.inertia,
         mass_scale=d.mass_scale,
@@ -206,7 +208,8 @@ def _allowed(name: str) -> tuple[float, float]:
     if name == "command_delay":
         return DELAY_RANGE
     stem = "gravity_residual" if name.startswith("gravity") else name.rstrip("_1234567")
-    return DYNAMICS_RANGES[stem][:2]
+    allowed = ranges_of(DynamicsConfig)[stem]
+    return allowed.low, allowed.high
 
 
 def _put(
@@ -221,7 +224,7 @@ def _put(
         residual = changed.setdefault("gravity_residual", list(model.gravity_residual))
         residual["xyz".index(part)] = value
     elif part.isdigit():
-        changed.setdefault(stem, list(getattr(model, stem)))[int(part) - 1] = value
+        changed.setdefault(stem, list(vars(model)[stem]))[int(part) - 1] = value
     else:
         changed[name] = [value] * 7
 

@@ -14,13 +14,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from dovetail.arms.address import (
-    FriAddress,
-    GrpcAddress,
-    parse_address,
-    period_of,
-    places_fixture,
-)
+from dovetail.arms.address import parse_address
+from dovetail.control.config import LimitConfig
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
@@ -109,7 +104,7 @@ def record(
     """
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
-    _require_hole(config, can_place=places_fixture(address))
+    _require_hole(config, can_place=address.places_fixture)
     x, y, z, yaw = config.hole or DEFAULT_HOLE
     hole = (x, y, z, yaw)
     usual = RecordConfig.period
@@ -118,17 +113,17 @@ def record(
     task = make_task(config.env, {"peg": config.peg, "clearance": config.clearance})
     settings = EnvConfig.of(
         robot=config.robot,
-        period=period_of(address, asked, usual),
+        period=address.control_period(asked, usual),
         max_steps=config.steps + 1,
         f_scale=config.f_scale,
         force_damping=config.force_damping,
-        near_press=math.inf,  # the log is of the actions as they were drawn
+        near_press=LimitConfig.near_press,  # none: the motions are as they were drawn
     )
     env = ContactEnv(task, config.arm, settings)
     with closing(env):
         _require_hole(config, can_place=env.places_fixture)
         if starts is None:
-            robot = env.arm.robot
+            robot = env.arm.facts.robot
             starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])
         metadata = _describe(config, env, hole, starts)
         if not _is_begun(config.out, metadata):
@@ -207,18 +202,16 @@ def _describe(
     """Return what `recording.json` holds."""
     address = parse_address(config.arm)
     action, approach = env.config.action, env.config.approach
-    is_hardware = (
-        not isinstance(address, (FriAddress, GrpcAddress))
-        or address.margins == "hardware"
-    )
+    facts = env.arm.facts
+    is_hardware = address.margins == "hardware"
     return {
         "format": FORMAT,
-        "robot": env.arm.robot.name,
+        "robot": facts.robot.name,
         "env_id": config.env,
         "arm_model": config.robot,
         "task": str(env.axes),
-        "period": env.arm.period,
-        **{name: getattr(env.task, name, None) for name in ("peg", "clearance")},
+        "period": facts.period,
+        **{name: vars(env.task).get(name) for name in ("peg", "clearance")},
         "hole": list(hole),
         "near_height": hole[2] + approach.near_distance,
         "arm": config.arm,

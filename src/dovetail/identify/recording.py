@@ -6,7 +6,7 @@ for each sequence, `sequence-00.npz` on, holds every control cycle.
 
 import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
@@ -17,6 +17,7 @@ from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.commands import CommandMap
+from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import DEFAULT_ENV, make_task
 from dovetail.episode import Episode
 from dovetail.errors import LogError
@@ -97,7 +98,17 @@ class Recording:
 
     def settings(self) -> tuple[OscConfig, LimitConfig]:
         """Return law and limits of the controller that played the motions."""
-        return make_settings(self.cell, self.period, **self.metadata["controller"])
+        given = self.metadata["controller"]
+        low, high = given["walls"]
+        config = EnvConfig.of(
+            period=self.period,
+            force_damping=given["force_damping"],
+            near_speed=given["near_speed"],
+            near_press=LimitConfig.near_press,  # none: see `recorder`
+            scheme=given["scheme"],
+        )
+        cell = replace(self.cell, walls=(tuple(low), tuple(high)))
+        return make_settings(cell, config, is_hardware=given["is_hardware"])
 
     def positions(self) -> list[Array]:
         """Return the TCP by the controller's model at each cycle [m].

@@ -54,7 +54,7 @@ class Comparison:
 
     def errors(self, which: str) -> tuple[float, float]:
         """Return RMS and largest distance [m] of the model `before` or `after`."""
-        simulated = np.concatenate(getattr(self, which))
+        simulated = np.concatenate(vars(self)[which])
         distance = np.linalg.norm(simulated - np.concatenate(self.measured), axis=1)
         return float(np.sqrt(np.mean(distance**2))), float(distance.max())
 
@@ -189,7 +189,7 @@ def _draw(
             caption = f"{which.capitalize()} identification, {comparison.log}"
             png = draw(
                 comparison.measured,
-                getattr(comparison, which),
+                vars(comparison)[which],
                 period=period,
                 title=f"{caption}: {arm}, {rms:.2f} mm RMS",
             )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dovetail.arms.address import with_approach
+from dovetail.arms.address import parse_address
 from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
 from dovetail.tasks.fixture_pose import FixturePose
@@ -73,7 +73,9 @@ def make_vec_env(config: TrainConfig) -> Any:
     options = config.env_options()
     options["reward"] = RewardConfig(force_weight=config.force_weight)
     if config.arm is not None:
-        options["arm"] = with_approach(config.arm) if config.approach else config.arm
+        options["arm"] = config.arm
+        if config.approach:
+            options["arm"] = parse_address(config.arm).with_approach()
     if not (config.model or config.randomise_dynamics or config.arm):
         options["tare"] = False  # the nominal model compensates all of its weight
     if config.model_file is not None:

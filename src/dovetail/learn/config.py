@@ -8,13 +8,7 @@ from typing import Annotated, Any, Literal, get_args
 
 import tyro
 
-from dovetail.arms.address import (
-    FriAddress,
-    is_simulated_here,
-    parse_address,
-    period_of,
-    places_fixture,
-)
+from dovetail.arms.address import parse_address
 from dovetail.control.period import format_period, require_period
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
@@ -135,7 +129,7 @@ class TrainConfig(EnvSettings):
                 f"{', '.join(ALGORITHMS)}"
             )
         for name, (low, high) in _RANGES.items():
-            value = getattr(self, name)
+            value = vars(self)[name]
             if not low <= value <= high:
                 raise ConfigError(f"{name} is {value}; allowed: {low:g} to {high:g}")
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
@@ -176,7 +170,7 @@ class TrainConfig(EnvSettings):
         if self.model is not None:
             object.__setattr__(self, "model", Path(self.model))
         for name in ("model", "randomise_dynamics"):
-            if self.arm is not None and getattr(self, name):
+            if self.arm is not None and vars(self)[name]:
                 raise ConfigError(
                     f"arm and {name} exclude each other: the arm at {self.arm} has its "
                     "own dynamics; give --plant in place of --arm"
@@ -232,18 +226,18 @@ class TrainConfig(EnvSettings):
         arm = parse_address(text)
         usual = TrainConfig.period
         asked = None if self.period == usual else self.period
-        object.__setattr__(self, "period", period_of(arm, asked, usual))
-        if self.seeds > 1 and not is_simulated_here(arm):
+        object.__setattr__(self, "period", arm.control_period(asked, usual))
+        if self.seeds > 1 and not arm.is_here:
             raise ConfigError(
                 f"seeds is {self.seeds}, but there is one arm at {text}; train one "
                 "seed after the other, each with its own --out"
             )
-        if not places_fixture(arm) and not self.fixed_goal:
+        if not arm.places_fixture and not self.fixed_goal:
             raise ConfigError(
                 f"the arm at {text} cannot move the hole: add --fixed-goal and say "
                 "where it is with --hole X Y Z YAW [m, rad]"
             )
-        if self.force_weight > 0.0 and isinstance(arm, FriAddress):
+        if self.force_weight > 0.0 and not arm.measures_contact:
             raise ConfigError(
                 f"force_weight is {self.force_weight:g}, but FRI does not measure "
                 "contact force; needs 0"
@@ -272,7 +266,7 @@ class TrainConfig(EnvSettings):
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = {f.name: getattr(self, f.name) for f in fields(self)} | self.own()
+        values = {f.name: vars(self)[f.name] for f in fields(self)} | self.own()
         if self.model_file is not None:
             values["model"] = self.model_file.table()
         return {

@@ -93,7 +93,7 @@ class EnvSettings:
 
     def given(self) -> dict[str, Any]:
         """Return the settings of the environment that are given."""
-        given = {name: getattr(self, name) for name in ENV_FIELDS}
+        given = {name: vars(self)[name] for name in ENV_FIELDS}
         return {name: value for name, value in given.items() if value is not None}
 
     def own(self) -> dict[str, Any]:
@@ -102,5 +102,5 @@ class EnvSettings:
         return {
             option: own[name]
             for option, name in _TASK_FIELDS.items()
-            if name in own and getattr(self, option) is None
+            if name in own and vars(self)[option] is None
         }

@@ -10,7 +10,7 @@ from typing import Any
 
 import gymnasium
 
-from dovetail.arms.address import FriAddress, is_simulated_here, parse_address
+from dovetail.arms.address import parse_address
 from dovetail.envs.config import USUAL
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
@@ -162,9 +162,7 @@ def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool)
 
 
 def _may_be_robot(arm: str) -> bool:
-    address = parse_address(arm)
-    is_cabinet = isinstance(address, FriAddress) and address.control is not None
-    return not (is_simulated_here(address) or is_cabinet)
+    return bool(parse_address(arm).undisturbed)
 
 
 def make_env(

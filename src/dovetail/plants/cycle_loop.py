@@ -36,14 +36,18 @@ def run_cycles(
         position, rotation = chain.pose(q)
         quat = quat_from_matrix(rotation)
         twist = chain.jacobian(q) @ dq
-        tau = result.tau
-        plant.apply(tau, period)
-        log[i] = (
-            start + i * period,
-            *(*q, *dq, *tau),
-            *(*position, *quat, *twist),
-            *(*plant.contact_force_peak(), *target.f_star[:3]),
-            result.flags.packed,
+        plant.apply(result.tau, period)
+        log[i] = _core.cycle_row(
+            time=start + i * period,
+            q=q,
+            dq=dq,
+            tau=result.tau,
+            position=position,
+            quat_wxyz=quat,
+            twist=twist,
+            contact_force=plant.contact_force_peak(),
+            f_star=target.f_star[:3],
+            flags=result.flags,
         )
         q, dq = plant.read()
     return log, q, dq

@@ -2,10 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Protocol, Self
 
 import numpy as np
 
+from dovetail import _core
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
 from dovetail.robots.iiwa14 import INERTIA_SETS
@@ -13,33 +15,49 @@ from dovetail.robots.robot import NOMINAL
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
-    from dovetail import _core
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
 PLANTS = ("mujoco", "bullet")
 
-CYCLE_COLUMNS: tuple[str, ...] = (
-    "time",
-    *(f"q{i}" for i in range(1, 8)),
-    *(f"dq{i}" for i in range(1, 8)),
-    *(f"tau{i}" for i in range(1, 8)),
-    *("x", "y", "z", "qw", "qx", "qy", "qz"),
-    *("vx", "vy", "vz", "wx", "wy", "wz"),
-    *("fx", "fy", "fz", "fsx", "fsy", "fsz"),
-    "flags",
-)
-"""One row per control cycle, SI units: time [s] since reset; configuration [rad] and
-velocity [rad/s] as measured, noise included; overlay torque sent [Nm], without gravity;
-TCP pose [m, wxyz] and twist [m/s, rad/s] by the controller's model from the measured
-state; true contact force on the tool [N], world axes, of the cycle's physics
-step where it was largest; f* of the target [m/s2]; flags as one number (pack_flags)."""
+CYCLE_UNITS: dict[str, str] = dict(_core.cycle_columns())
+"""Unit of each column of a cycle log, by its name, in order. One row per control cycle:
+time since reset; configuration and velocity as measured, noise included; overlay torque
+sent, without gravity; TCP pose (wxyz) and twist by the controller's model from the
+measured state; true contact force on the tool, world axes, of the cycle's
+physics step where it was largest; f* of the target; flags as one number (FLAG_MASK).
+C++ says which (cycle_row.hpp)."""
+
+CYCLE_COLUMNS: tuple[str, ...] = tuple(CYCLE_UNITS)
+"""Names of the columns of a cycle log."""
 
 COLUMN: dict[str, int] = {name: i for i, name in enumerate(CYCLE_COLUMNS)}
 """Index of each column of a cycle log."""
 
 _INERTIA_SETS = (*INERTIA_SETS, NOMINAL)
-_SEVEN = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+FLAG_MASK: dict[str, int] = {
+    name: (1 << width) - 1 << bit for name, (bit, width) in _core.flag_bits().items()
+}
+"""The bits of each flag in the column `flags`."""
+
+# Ranges that a model of the arm and a twin share.
+MASS_SCALE = Range(0.1, 10.0, "1", JOINTS)
+GRAVITY_RESIDUAL = Range(-20.0, 20.0, "m/s2", ("x", "y", "z"))
+DAMPING = Range(0.0, 100.0, "Nms/rad", JOINTS)
+COULOMB = Range(0.0, 50.0, "Nm", JOINTS)
+ARMATURE = Range(0.0, 10.0, "kg m2", JOINTS)
+CONTACT_FRICTION = Range(0.0, 5.0, "1")
+CONTACT_TIME = Range(1e-3, 0.1, "s")
+
+
+def require_inertia_set(name: str, owner: str) -> None:
+    """Refuse a published inertia set that there is not, and name those there are."""
+    if name not in _INERTIA_SETS:
+        raise ConfigError(
+            f"{owner} inertia {name!r} is unknown; known sets: "
+            f"{', '.join(_INERTIA_SETS)}"
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,50 +67,36 @@ class DynamicsConfig:
     inertia: str = "drake"
     """Published inertia set of the simulated arm; the iiwa 14's controller has drake,
     a robot with one set has nominal."""
-    mass_scale: tuple[float, ...] = (1.0,) * 7
+    mass_scale: Annotated[tuple[float, ...], MASS_SCALE] = (1.0,) * 7
     """Mass and inertia of each link over the set's, payload included in link 7 [1]."""
-    gravity_residual: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gravity_residual: Annotated[tuple[float, float, float], GRAVITY_RESIDUAL] = (
+        0.0,
+        0.0,
+        0.0,
+    )
     """True gravity minus the compensated one, world axes [m/s2]."""
     gravity_compensation: bool = True
     """The lowest level adds the nominal model's gravity torque, as the cabinet does."""
-    damping: tuple[float, ...] = (0.5,) * 7
+    damping: Annotated[tuple[float, ...], DAMPING] = (0.5,) * 7
     """Viscous friction of each joint [Nms/rad]."""
-    coulomb: tuple[float, ...] = _SEVEN
+    coulomb: Annotated[tuple[float, ...], COULOMB] = (0.0,) * 7
     """Dry friction of each joint [Nm]."""
-    armature: tuple[float, ...] = (0.1,) * 7
+    armature: Annotated[tuple[float, ...], ARMATURE] = (0.1,) * 7
     """Rotor inertia at each joint [kg m2]."""
-    contact_friction: float = 0.3
+    contact_friction: Annotated[float, CONTACT_FRICTION] = 0.3
     """Sliding friction coefficient of the tool on fixture and table [1]."""
-    contact_time: float = 0.005
+    contact_time: Annotated[float, CONTACT_TIME] = 0.005
     """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the tool on the
     stiffness k of joints, gripper and surfaces. It is the same at every control period:
     MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
     step, whatever this says."""
-    physics_dt: float = 0.0025
+    physics_dt: Annotated[float, Range(1e-4, 5e-3, "s")] = 0.0025
     """Largest physics step [s]; a control period is split into equal steps."""
 
     def __post_init__(self) -> None:
         """Refuse numbers that no arm has, by name and index."""
-        if self.inertia not in _INERTIA_SETS:
-            raise ConfigError(
-                f"dynamics inertia {self.inertia!r} is unknown; known sets: "
-                f"{', '.join(_INERTIA_SETS)}"
-            )
-        for name, (low, high, unit) in DYNAMICS_RANGES.items():
-            value = getattr(self, name)
-            if name in ("contact_friction", "contact_time", "physics_dt"):
-                _require_range(name, value, low, high, unit)
-                continue
-            labels = ("x", "y", "z") if name == "gravity_residual" else JOINTS
-            values = tuple(float(v) for v in value)
-            if len(values) != len(labels):
-                raise ConfigError(
-                    f"dynamics {name} has {len(values)} elements, needs "
-                    f"{len(labels)}: {', '.join(labels)}"
-                )
-            for label, v in zip(labels, values, strict=True):
-                _require_range(f"{name}[{label}]", v, low, high, unit)
-            object.__setattr__(self, name, values)
+        require_inertia_set(self.inertia, "dynamics")
+        check_ranges(self, "dynamics")
 
     @classmethod
     def of(cls, robot: "Robot") -> Self:
@@ -104,27 +108,6 @@ class DynamicsConfig:
         )
 
 
-DYNAMICS_RANGES: dict[str, tuple[float, float, str]] = {
-    "mass_scale": (0.1, 10.0, "1"),
-    "gravity_residual": (-20.0, 20.0, "m/s2"),
-    "damping": (0.0, 100.0, "Nms/rad"),
-    "coulomb": (0.0, 50.0, "Nm"),
-    "armature": (0.0, 10.0, "kg m2"),
-    "contact_friction": (0.0, 5.0, "1"),
-    "contact_time": (1e-3, 0.1, "s"),
-    "physics_dt": (1e-4, 5e-3, "s"),
-}
-"""Allowed range and unit of each number of a DynamicsConfig."""
-
-
-def _require_range(name: str, value: float, low: float, high: float, unit: str) -> None:
-    if not low <= value <= high:
-        raise ConfigError(
-            f"dynamics {name} is {value:g} {unit}, allowed is {low:g} to {high:g} "
-            f"{unit}"
-        )
-
-
 class Plant(Protocol):
     """A simulated arm in its workcell: torques in, joint state out."""
 
@@ -132,7 +115,11 @@ class Plant(Protocol):
     """What stands in it, as simulated."""
     robot: "Robot"
     """The nominal arm: the model whose gravity is compensated."""
-    dynamics: DynamicsConfig
+
+    @property
+    def dynamics(self) -> DynamicsConfig:
+        """The physics behind the torque."""
+        ...
 
     def reset(self, q: Vec7, fixture: Pose) -> None:
         """Put the arm at rest at q [rad] and the fixture at its pose; time becomes 0.
@@ -171,8 +158,8 @@ class Plant(Protocol):
 
     def run_cycles(
         self,
-        controller: "_core.Controller",
-        target: "_core.Target",
+        controller: _core.Controller,
+        target: _core.Target,
         cycles: int,
         period: float,
     ) -> tuple[Array, Vec7, Vec7]:
@@ -207,7 +194,7 @@ class Plant(Protocol):
         """Start the noise again; an ideal plant has none."""
         ...
 
-    def attach_channel(self, channel: "_core.Channel") -> None:
+    def attach_channel(self, channel: _core.Channel) -> None:
         """Put a twin's delay and noise between controller and joints."""
         ...
 

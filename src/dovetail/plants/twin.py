@@ -8,18 +8,25 @@ import difflib
 import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import (
-    DYNAMICS_RANGES,
-    PLANTS,
+    ARMATURE,
+    CONTACT_FRICTION,
+    CONTACT_TIME,
+    COULOMB,
+    DAMPING,
+    GRAVITY_RESIDUAL,
+    MASS_SCALE,
     DrivenPlant,
     DynamicsConfig,
     make_plant,
+    require_inertia_set,
 )
 from dovetail.poses import Pose
-from dovetail.types import JOINTS, Array, Vec3, Vec7
+from dovetail.types import Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -28,17 +35,6 @@ if TYPE_CHECKING:
 TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 """Where the shipped twins are."""
 
-_SCALARS: dict[str, tuple[float, float, str]] = {
-    "command_delay": (0.0, 0.1, "s"),
-    "torque_noise": (0.0, 20.0, "Nm"),
-    "position_noise": (0.0, 0.01, "rad"),
-    "velocity_noise": (0.0, 0.5, "rad/s"),
-    "clearance_offset": (-0.005, 0.005, "m"),
-}
-_LISTS = {
-    **dict.fromkeys(("mass_scale", "damping", "coulomb", "armature"), JOINTS),
-    "gravity_residual": ("x", "y", "z"),
-}
 _DYNAMICS = (
     "inertia",
     "mass_scale",
@@ -59,34 +55,34 @@ class TwinConfig:
     """What this twin stands for, one line."""
     engine: Literal["mujoco", "bullet"]
     """Physics engine: another one than the policy was trained in."""
-    seed: int
+    seed: Annotated[int, Range(0, 2**63 - 1, "1")]
     """Seed of the noise, >= 0."""
     inertia: str
     """Published inertia set of the arm; the controller's is drake."""
-    mass_scale: tuple[float, ...]
+    mass_scale: Annotated[tuple[float, ...], MASS_SCALE]
     """Mass and inertia of each link over the set's, payload in link 7 [1]."""
-    gravity_residual: tuple[float, float, float]
+    gravity_residual: Annotated[tuple[float, float, float], GRAVITY_RESIDUAL]
     """True gravity minus the compensated one, world axes [m/s2]."""
-    damping: tuple[float, ...]
+    damping: Annotated[tuple[float, ...], DAMPING]
     """Viscous friction of each joint [Nms/rad]."""
-    coulomb: tuple[float, ...]
+    coulomb: Annotated[tuple[float, ...], COULOMB]
     """Dry friction of each joint [Nm]."""
-    armature: tuple[float, ...]
+    armature: Annotated[tuple[float, ...], ARMATURE]
     """Rotor inertia at each joint [kg m2]."""
-    command_delay: float
+    command_delay: Annotated[float, Range(0.0, 0.1, "s")]
     """Delay of the torque command [s], the same at every control period: where it is no
     whole number of physics steps, a change of the torque takes one step to come."""
-    torque_noise: float
+    torque_noise: Annotated[float, Range(0.0, 20.0, "Nm")]
     """Standard deviation of the torque, per joint and command [Nm]."""
-    position_noise: float
+    position_noise: Annotated[float, Range(0.0, 0.01, "rad")]
     """Standard deviation of the encoders, per joint and reading [rad]."""
-    velocity_noise: float
+    velocity_noise: Annotated[float, Range(0.0, 0.5, "rad/s")]
     """Standard deviation of the measured velocity, per joint and reading [rad/s]."""
-    contact_friction: float
+    contact_friction: Annotated[float, CONTACT_FRICTION]
     """Sliding friction coefficient of the tool [1]."""
-    contact_time: float
+    contact_time: Annotated[float, CONTACT_TIME]
     """Time constant of contact [s], see `DynamicsConfig`; MuJoCo only."""
-    clearance_offset: float
+    clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
 
     def __post_init__(self) -> None:
@@ -95,39 +91,17 @@ class TwinConfig:
             raise ConfigError(
                 f"twin description is {self.description!r}; give one line of text"
             )
-        if self.engine not in PLANTS:
-            raise ConfigError(
-                f"twin engine {self.engine!r} is unknown; known: {', '.join(PLANTS)}"
-            )
-        if type(self.seed) is not int or self.seed < 0:
-            raise ConfigError(f"twin seed is {self.seed!r}; give a whole number >= 0")
-        for name, (low, high, unit) in _SCALARS.items():
-            _number(name, getattr(self, name), low, high, unit)
-        for name in ("contact_friction", "contact_time"):
-            _number(name, getattr(self, name), *DYNAMICS_RANGES[name])
-        for name, labels in _LISTS.items():
-            values = getattr(self, name)
-            if not isinstance(values, (list, tuple)) or len(values) != len(labels):
-                raise ConfigError(
-                    f"twin {name} is {values!r}; give a list of {len(labels)} numbers: "
-                    f"{', '.join(labels)}"
-                )
-            numbers = [
-                _number(f"{name}[{label}]", value, *DYNAMICS_RANGES[name])
-                for label, value in zip(labels, values, strict=True)
-            ]
-            object.__setattr__(self, name, tuple(numbers))
-        self.dynamics()  # checks the rest of what the engine simulates
+        require_inertia_set(self.inertia, "twin")
+        check_ranges(self, "twin")
 
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
-        return DynamicsConfig(**{name: getattr(self, name) for name in _DYNAMICS})
+        return DynamicsConfig(**{name: vars(self)[name] for name in _DYNAMICS})
 
     def to_toml(self) -> str:
         """Write the twin as the text of a file that `load_twin` reads."""
         lines = []
-        for f in fields(self):
-            value = getattr(self, f.name)
+        for name, value in vars(self).items():
             if isinstance(value, str):
                 escaped = value.replace("\\", "\\\\").replace('"', '\\"')
                 text = f'"{escaped}"'
@@ -135,17 +109,8 @@ class TwinConfig:
                 text = "[" + ", ".join(repr(v) for v in value) + "]"
             else:
                 text = repr(value)
-            lines.append(f"{f.name} = {text}")
+            lines.append(f"{name} = {text}")
         return "\n".join(lines) + "\n"
-
-
-def _number(name: str, value: Any, low: float, high: float, unit: str) -> float:
-    allowed = f"allowed is {low:g} to {high:g} {unit}"
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ConfigError(f"twin {name} is {value!r}, which is no number; {allowed}")
-    if not low <= value <= high:  # false for nan, too
-        raise ConfigError(f"twin {name} is {value:g} {unit}, {allowed}")
-    return float(value)
 
 
 def _meant(key: str, known: list[str]) -> str:
@@ -236,10 +201,6 @@ class TwinPlant:
     def dynamics(self) -> DynamicsConfig:
         """Return what the engine simulates."""
         return self.plant.dynamics
-
-    @dynamics.setter
-    def dynamics(self, dynamics: DynamicsConfig) -> None:
-        self.plant.configure(dynamics)
 
     def configure(self, dynamics: DynamicsConfig) -> None:
         """Replace the twin's dynamics; delay and noise stay."""

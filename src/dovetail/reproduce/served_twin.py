@@ -10,13 +10,13 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.files import write_atomic
 
 if TYPE_CHECKING:
-    from dovetail.plants.plant import DrivenPlant
+    pass
 
 PORTS = "cabinet.json"
 _HOST = "127.0.0.1"
@@ -121,14 +121,14 @@ def _serve(
 
     x, y, z, yaw = settings["hole"]
     cell = find_cell(**settings["scene"])
-    plant = cast("DrivenPlant", TwinPlant(load_twin(file), cell))
+    plant = TwinPlant(load_twin(file), cell)
     above = Pose(np.array([x, y, z + _ABOVE]), tool_down(yaw))
     start = plant.robot.inverse_kinematics(above, plant.robot.posture("down"))
     plant.reset(start, Pose(np.array([x, y, z]), quat_about_z(yaw)))
     config = CabinetConfig(
         period=settings["period"],
         clock="lockstep",
-        watchdog=_PATIENCE,
+        patience=_PATIENCE,
         client=Endpoint(_HOST, client),
         bind=Endpoint(_HOST, 0),
         control=Endpoint(_HOST, control),

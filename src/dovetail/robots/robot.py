@@ -136,7 +136,7 @@ class Robot:
         for f in fields(self):
             if f.name not in NO_ARRAYS:
                 value = _frozen(
-                    getattr(self, f.name), shapes.get(f.name, (7,)), f"robot {f.name}"
+                    vars(self)[f.name], shapes.get(f.name, (7,)), f"robot {f.name}"
                 )
                 object.__setattr__(self, f.name, value)
         postures = {
@@ -155,8 +155,8 @@ class Robot:
                     f"q_max {self.q_max[i]} rad"
                 )
             for name, unit in (("dq_max", "rad/s"), ("tau_max", "Nm")):
-                if getattr(self, name)[i] <= 0.0:
-                    value = getattr(self, name)[i]
+                if vars(self)[name][i] <= 0.0:
+                    value = vars(self)[name][i]
                     raise ConfigError(f"{name}[{joint}] is {value} {unit}: must be > 0")
         rotations = [*zip(JOINTS, self.origin_rotation, strict=True)]
         rotations += [("flange", self.flange_rotation), ("tool", self.tool_rotation)]
@@ -166,7 +166,7 @@ class Robot:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the cached C++ chain out, so that a robot can cross processes."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
+        return {f.name: vars(self)[f.name] for f in fields(self)}
 
     @classmethod
     def from_mjcf(cls, path: str | Path, **options: Any) -> Self:
@@ -234,7 +234,7 @@ class Robot:
             ),
         )
         merged = {"mass": mass, "com": com, "inertia": inertia}
-        arrays = {name: np.array(getattr(self, name)) for name in merged}
+        arrays = {name: np.array(vars(self)[name]) for name in merged}
         for name, value in merged.items():
             arrays[name][6] = value
         rotation = np.eye(3) if tool_rotation is None else tool_rotation

@@ -5,13 +5,12 @@ Who may move it is the lease's business; whether it can be moved is decided here
 
 import threading
 from collections import deque
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from dovetail.arms.arm import Arm, ArmState
+from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ArmError
 from dovetail.poses import Pose
-from dovetail.rpc.settings import Settings
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ class ArmBuilder(Protocol):
     places_fixture: bool
     """Whether the arm can put the fixture where a reset says."""
 
-    def build(self, settings: Settings) -> Arm:
+    def build(self, settings: ControllerSettings) -> Arm:
         """Return an arm with these settings; the one built before is not used again."""
         ...
 
@@ -72,7 +71,7 @@ class ArmHost:
     def __init__(self, builder: ArmBuilder) -> None:
         """Own what the builder makes; nothing is built before `configure`."""
         self.builder = builder
-        self.settings: Settings | None = None
+        self.settings: ControllerSettings | None = None
         self._configured = b""
         self._arm: Arm | None = None
         self._turn = threading.Lock()
@@ -89,7 +88,7 @@ class ArmHost:
         stop = self._watched.stop
         return "" if stop is None else stop.reason
 
-    def configure(self, settings: Settings, key: bytes) -> bool:
+    def configure(self, settings: ControllerSettings, key: bytes) -> bool:
         """Build the arm with new settings.
 
         Args:
@@ -136,9 +135,9 @@ class ArmHost:
             if stop is not None and stop.is_ordered:
                 raise ArmError(f"the arm is stopped ({stop.reason}): clear it first")
             if stop is not None:
-                _call(arm, "clear")
+                arm.clear()
             if seed is not None:
-                _seed(arm, seed)
+                arm.seed(seed)
             state = arm.reset(q, fixture)
             self._in_motion = True
             self._blocks.clear()
@@ -178,14 +177,14 @@ class ArmHost:
                 )
                 self._news.notify_all()
         if self._arm is not None:
-            _call(self._arm, "stop")
+            self._arm.stop()
 
     def clear(self) -> None:
         """Let the arm move again."""
         with self._turn:
             if (stop := self._watched.stop) is not None:
                 if self._arm is not None:
-                    _call(self._arm, "clear")
+                    self._arm.clear()
                 self._tell(self._watched.state, ended=stop)
 
     def wait_for_news(self, serial: int, timeout: float) -> Watched:
@@ -201,8 +200,7 @@ class ArmHost:
 
     def notes(self) -> list[str]:
         """Return what the arm wants a person to know, such as refused priorities."""
-        statistics = getattr(self._arm, "statistics", None)
-        return [] if statistics is None else list(statistics()["notes"])
+        return [] if self._arm is None else list(self._arm.statistics()["notes"])
 
     def cycles(self) -> list[tuple[int, Array]]:
         """Return step numbers and cycle logs of the motion since its reset."""
@@ -235,20 +233,3 @@ class ArmHost:
             stop = None if stop is ended else stop
             self._watched = Watched(self._watched.serial + 1, state, stop)
             self._news.notify_all()
-
-
-def _call(arm: Any, name: str) -> None:
-    """Call `stop` or `clear` where the arm has it: one that waits for steps does not.
-
-    Nothing runs between the steps of a `LocalArm`, so that there is nothing to stop.
-    """
-    method: Callable[[], None] | None = getattr(arm, name, None)
-    if method is not None:
-        method()
-
-
-def _seed(arm: Any, seed: int) -> None:
-    """Start a simulation's noise again; a real arm's cannot."""
-    seeded = arm if hasattr(arm, "seed") else getattr(arm, "plant", None)
-    if seeded is not None:
-        seeded.seed(seed)

@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING
 from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.period import format_period
+from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import Plant
-from dovetail.rpc.settings import Settings
 
 if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
 
-def require_offered(name: str, period: float | None, settings: Settings) -> None:
+def require_offered(
+    name: str, period: float | None, settings: ControllerSettings
+) -> None:
     """Refuse a learner's control period that is not the one offered.
 
     Args:
@@ -55,7 +57,7 @@ class LocalBuilder:
         self.robot: Robot = plant.robot
         self._plant = plant
 
-    def build(self, settings: Settings) -> Arm:
+    def build(self, settings: ControllerSettings) -> Arm:
         """Return an arm with these settings."""
         require_offered(self.name, self._period, settings)
         return LocalArm(
@@ -82,7 +84,7 @@ class RebuiltArm:
         self,
         name: str,
         cell: "Workcell",
-        make: Callable[[Settings], Arm],
+        make: Callable[[ControllerSettings], Arm],
         *,
         is_real_time: bool,
         places_fixture: bool,
@@ -104,7 +106,7 @@ class RebuiltArm:
         self._make = make
         self._arm: Arm | None = None
 
-    def build(self, settings: Settings) -> Arm:
+    def build(self, settings: ControllerSettings) -> Arm:
         """Close the arm before and return a new one."""
         self.close()
         self._arm = self._make(settings)

@@ -7,6 +7,7 @@ import re
 from typing import TYPE_CHECKING, Any
 
 import grpc
+from google.protobuf.message_factory import GetMessageClass
 
 from dovetail.rpc import dovetail_pb2 as pb
 
@@ -41,15 +42,22 @@ def _shape(method: Any) -> str:
     return "_".join("stream" if is_stream else "unary" for is_stream in ends)
 
 
+_HANDLERS = {
+    "unary_unary": grpc.unary_unary_rpc_method_handler,
+    "unary_stream": grpc.unary_stream_rpc_method_handler,
+    "stream_stream": grpc.stream_stream_rpc_method_handler,
+}
+
+
 def make_handler(servicer: Any) -> grpc.GenericRpcHandler:
     """Return the handler that passes each call to the servicer's method."""
     handlers = {}
     for method in SERVICE.methods:
-        make = getattr(grpc, f"{_shape(method)}_rpc_method_handler")
+        make = _HANDLERS[_shape(method)]
         handlers[method.name] = make(
-            getattr(servicer, _spelled(method.name)),
-            request_deserializer=getattr(pb, method.input_type.name).FromString,
-            response_serializer=getattr(pb, method.output_type.name).SerializeToString,
+            getattr(servicer, _spelled(method.name)),  # the proto says which
+            request_deserializer=GetMessageClass(method.input_type).FromString,
+            response_serializer=GetMessageClass(method.output_type).SerializeToString,
         )
     return grpc.method_handlers_generic_handler(SERVICE.full_name, handlers)
 
@@ -59,13 +67,15 @@ class Stub:
 
     def __init__(self, channel: grpc.Channel) -> None:
         for method in SERVICE.methods:
-            make = getattr(channel, _shape(method))
+            make = {
+                "unary_unary": channel.unary_unary,
+                "unary_stream": channel.unary_stream,
+                "stream_stream": channel.stream_stream,
+            }[_shape(method)]
             call = make(
                 f"/{SERVICE.full_name}/{method.name}",
-                request_serializer=getattr(
-                    pb, method.input_type.name
-                ).SerializeToString,
-                response_deserializer=getattr(pb, method.output_type.name).FromString,
+                request_serializer=GetMessageClass(method.input_type).SerializeToString,
+                response_deserializer=GetMessageClass(method.output_type).FromString,
             )
             setattr(self, _spelled(method.name), call)
 

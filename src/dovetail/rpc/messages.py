@@ -61,12 +61,12 @@ def read_target(message: pb.Target, fields: FieldReader) -> _core.Target:
     )
     if message.near_plane:
         target.near_plane = _read_plane(message.near_plane[:], fields)
-    for name, unit in (
-        ("velocity_d", "m/s or rad/s"),
-        ("acceleration_d", "m/s2 or rad/s2"),
-        ("f_tare", "m/s2 or rad/s2"),
+    for name, values, unit in (
+        ("velocity_d", message.velocity_d, "m/s or rad/s"),
+        ("acceleration_d", message.acceleration_d, "m/s2 or rad/s2"),
+        ("f_tare", message.f_tare, "m/s2 or rad/s2"),
     ):
-        if values := getattr(message, name):
+        if values:
             path = f"target.{name}"
             setattr(target, name, fields.vector(path, values, TASK_AXES, unit))
     target.age = fields.scalar("target.age", message.age, "s", (0.0, AGE_MAX))

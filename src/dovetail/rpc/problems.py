@@ -1,7 +1,7 @@
 """Errors across the wire: which exception, its words, and each wrong field."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import grpc
 
@@ -64,7 +64,7 @@ def problem_of(error: Exception) -> pb.Problem:
         problem = pb.Problem(kind=known.__name__, text=str(error), reason=reason)
     else:
         problem = pb.Problem(kind="ArmError", text=f"{kind.__name__}: {error}")
-    for path, value, allowed in getattr(error, "fields", ()):
+    for path, value, allowed in error.fields if isinstance(error, FieldError) else ():
         problem.fields.add(path=path, value=value, allowed=allowed)
     return problem
 
@@ -99,7 +99,10 @@ def abort(context: grpc.ServicerContext, error: Exception) -> None:
 
 def problem_in(call: grpc.RpcError) -> pb.Problem | None:
     """Return what the service said of a failed call, if it said anything."""
-    for key, value in getattr(call, "trailing_metadata", tuple)() or ():
+    if not isinstance(call, grpc.Call):
+        return None
+    metadata: Any = call.trailing_metadata()  # pairs; its stubs do not say so
+    for key, value in metadata or ():
         if key == METADATA_KEY and isinstance(value, bytes):
             return pb.Problem.FromString(value)
     return None

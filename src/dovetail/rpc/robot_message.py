@@ -22,8 +22,8 @@ _SHAPES = {
 def write_robot(robot: Robot, message: pb.RobotModel) -> None:
     """Put a robot into an empty message."""
     message.name = robot.name
-    for name in _arrays():
-        getattr(message, name).extend(getattr(robot, name).ravel().tolist())
+    arrays = {name: vars(robot)[name].ravel().tolist() for name in _arrays()}
+    message.MergeFrom(pb.RobotModel(**arrays))
     if robot.payload is not None:
         message.payload.mass = robot.payload.mass
         message.payload.com.extend(robot.payload.com.tolist())
@@ -36,8 +36,9 @@ def read_robot(message: pb.RobotModel) -> Robot:
     Raises:
         ConfigError: It is none, see `Robot`.
     """
+    sent = {field.name: value for field, value in message.ListFields()}
     arrays: dict[str, Any] = {
-        name: _shaped(getattr(message, name), _SHAPES.get(name)) for name in _arrays()
+        name: _shaped(sent.get(name, ()), _SHAPES.get(name)) for name in _arrays()
     }
     payload = None
     if message.HasField("payload"):
@@ -54,7 +55,7 @@ def differences(one: Robot, other: Robot) -> list[str]:
     return [
         name
         for name in _arrays()
-        if not np.array_equal(getattr(one, name), getattr(other, name))
+        if not np.array_equal(vars(one)[name], vars(other)[name])
     ]
 
 

@@ -30,7 +30,7 @@ class Certificates:
             ConfigError: A file is missing or none, or the key is another one's.
         """
         for name in ("cert", "key", "ca"):
-            path = getattr(self, name)
+            path = vars(self)[name]
             try:
                 path.read_bytes()
             except OSError as error:
@@ -104,7 +104,7 @@ def tls_context(files: Certificates | None, *, verify: bool) -> ssl.SSLContext:
 
 
 def _words(error: Exception) -> str:
-    reason = getattr(error, "reason", None)
+    reason = error.reason if isinstance(error, ssl.SSLError) else ""
     return str(reason).lower().replace("_", " ") if reason else str(error)
 
 

@@ -1,7 +1,7 @@
 """What a learner sets up: task, law, limits and period, each field checked."""
 
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import fields
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from dovetail.control.config import (
     OscConfig,
 )
 from dovetail.control.ranges import Range
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import FORCE, POSE, TaskSpec
 from dovetail.errors import ConfigError
 from dovetail.robots.robot import Robot
@@ -26,18 +27,7 @@ _CHOICES = {"scheme": SCHEMES, "bounds": BOUNDS}
 _Config = TypeVar("_Config", OscConfig, LimitConfig)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Settings:
-    """What an arm is built with, besides its robot."""
-
-    osc: OscConfig
-    limits: LimitConfig
-    task: TaskSpec
-    period: float
-    """Control period [s]."""
-
-
-def write_settings(settings: Settings, message: pb.Configuration) -> None:
+def write_settings(settings: ControllerSettings, message: pb.Configuration) -> None:
     """Put settings into an empty message."""
     message.task = str(settings.task)
     message.period = settings.period
@@ -45,7 +35,7 @@ def write_settings(settings: Settings, message: pb.Configuration) -> None:
     _write_config(settings.limits, message.limits)
 
 
-def read_settings(message: pb.Configuration, robot: Robot) -> Settings:
+def read_settings(message: pb.Configuration, robot: Robot) -> ControllerSettings:
     """Return a message's settings.
 
     Args:
@@ -66,12 +56,12 @@ def read_settings(message: pb.Configuration, robot: Robot) -> Settings:
     assert osc is not None
     assert limits is not None
     assert task is not None
-    return Settings(osc=osc, limits=limits, task=task, period=period)
+    return ControllerSettings(osc=osc, limits=limits, task=task, period=period)
 
 
 def _write_config(config: Any, settings: Any) -> None:
     for f in fields(config):
-        value = getattr(config, f.name)
+        value = vars(config)[f.name]
         if isinstance(value, bool):
             settings.add(name=f.name, is_on=value)
         elif isinstance(value, str):
@@ -122,7 +112,7 @@ def _read_field(
     field: Any, setting: pb.Setting | None, path: str, reader: FieldReader
 ) -> Any:
     sent = setting or pb.Setting()
-    for allowed in getattr(field.type, "__metadata__", ()):
+    for allowed in get_args(field.type)[1:]:
         if isinstance(allowed, Range):
             labels = allowed.labels or ("",)
             bounds = (allowed.low, allowed.high)
@@ -142,8 +132,8 @@ def _require_inside(limits: LimitConfig, robot: Robot, reader: FieldReader) -> N
     """Refuse limits that are wider than the robot's own."""
     lowest = {"dq_max": 0.0, "tau_max": 0.0, "q_min": robot.q_min, "q_max": robot.q_min}
     for name, low in lowest.items():
-        high = robot.q_max if name == "q_min" else getattr(robot, name)
+        high = robot.q_max if name == "q_min" else vars(robot)[name]
         unit = {"dq_max": "rad/s", "tau_max": "Nm"}.get(name, "rad")
         reader.vector(
-            f"limits.{name}", getattr(limits, name).tolist(), JOINTS, unit, (low, high)
+            f"limits.{name}", vars(limits)[name].tolist(), JOINTS, unit, (low, high)
         )

@@ -94,9 +94,9 @@ class HoleBlock:
         """Refuse a block that cannot be built."""
         check_ranges(self)
         for name, most in (("success_depth", 1.0), ("chamfer", 0.5)):
-            if getattr(self, name) > most * self.depth:
+            if vars(self)[name] > most * self.depth:
                 raise ConfigError(
-                    f"{name} is {getattr(self, name):g} m; allowed: at most "
+                    f"{name} is {vars(self)[name]:g} m; allowed: at most "
                     f"{most * self.depth:g} m in a hole {self.depth:g} m deep"
                 )
 

@@ -1,0 +1,27 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dovetail.control.config import LimitConfig
+from dovetail.envs.registered import make_env
+from dovetail.errors import ConfigError
+from dovetail.poses import Pose, quat_about_z
+from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.workcell.workcell import WALLS
+
+
+def test_a_floor_inside_the_margin_that_hardware_needs_is_refused_with_the_remedy():
+    local = make_env(PegInHole)
+    facts, (low, high) = local.arm.facts, WALLS
+    limits = LimitConfig.for_period(
+        facts.robot, 0.005, hardware=True, x_min=low, x_max=high
+    )
+    local.arm.facts = replace(facts, limits=limits)
+    hole = Pose(np.array([0.56, 0.0, 0.075]), quat_about_z(0.0))
+    with pytest.raises(ConfigError, match=r"z = 0.0450 m.*1 or 2 ms, or margins=model"):
+        local.reset(seed=0, options={"fixture": hole})
+    limits = LimitConfig.for_period(facts.robot, 0.002, hardware=True)
+    local.arm.facts = replace(facts, limits=limits)
+    local.reset(seed=0, options={"fixture": hole})
+    local.close()

@@ -1,0 +1,88 @@
+"""What keeps the files apart: no circle of imports, and nobody probes by name."""
+
+import ast
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1] / "src"
+PROBES = re.compile(r"\b(hasattr|getattr|cast)\(|type: ignore|pyright: ignore")
+PROBES_MAX = 27
+"""How many there are: the number only falls."""
+LAZY_CIRCLES = {
+    frozenset({"dovetail.learn.seeds", "dovetail.learn.train"}),
+    frozenset({"dovetail.arms.grpc_address", "dovetail.arms.remote_arm"}),
+    frozenset(
+        f"dovetail.plants.{name}"
+        for name in ("bullet_plant", "cycle_loop", "mujoco_plant", "plant")
+    ),
+}
+"""Circles that close inside functions, known and on their way out."""
+
+
+def modules():
+    """The file of each module, by its dotted name."""
+    found = {}
+    for path in sorted((ROOT / "dovetail").rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(p for p in parts if p != "__init__")] = path
+    return found
+
+
+def imported(tree, known, is_lazy_too):
+    """Names of the modules that a file imports when it runs."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            continue
+        if isinstance(node, ast.FunctionDef) and not is_lazy_too:
+            continue
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield whole if whole in known else node.module
+        else:
+            yield from imported(node, known, is_lazy_too)
+
+
+def circles(is_lazy_too):
+    """Sets of modules of which each imports the next."""
+    known = modules()
+    graph = {
+        name: set(imported(ast.parse(path.read_text()), known, is_lazy_too))
+        & known.keys() - {name}
+        for name, path in known.items()
+    }
+
+    def reached(start):
+        seen, left = set(), [start]
+        while left:
+            new = graph[left.pop()] - seen
+            seen |= new
+            left += new
+        return seen
+
+    ends = {name: reached(name) for name in graph}
+    return {
+        frozenset(other for other in ends[name] if name in ends[other])
+        for name in graph
+        if name in ends[name]
+    }
+
+
+def test_no_file_imports_itself_by_way_of_others():
+    assert circles(is_lazy_too=False) == set()
+
+
+def test_no_function_does_either():
+    assert circles(is_lazy_too=True) == LAZY_CIRCLES
+
+
+def test_hardly_anybody_probes_an_object_by_name_or_silences_the_type_checker():
+    lines = [
+        f"{path.relative_to(ROOT)}:{number}"
+        for path in modules().values()
+        for number, line in enumerate(path.read_text().splitlines(), 1)
+        if PROBES.search(line)
+    ]
+    assert len(lines) <= PROBES_MAX, lines
