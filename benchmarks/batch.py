@@ -9,7 +9,8 @@ both alike. Prints
 * where the processor time of a step goes: C++ (the control cycles, which the threads
   share) and Python (which only one of them can run), for one environment and for the
   batch;
-* the ratio that these times allow, if no thread ever waited.
+* the ratio that these times allow, if no thread ever waited. The batch's time includes
+  what its threads wait awake, so that on a busy machine it is too long.
 
     python benchmarks/batch.py
 """
