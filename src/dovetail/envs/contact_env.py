@@ -181,6 +181,8 @@ class ContactEnv(
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
         self._seen = self._true = b""
+        self._begun: NDArray[np.float32] | None = None
+        self._action = np.zeros(size, dtype=np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -196,6 +198,7 @@ class ContactEnv(
                 arm that cannot move it.
         """
         super().reset(seed=seed)
+        self._begun = None
         options = options or {}
         if unknown := ", ".join(sorted(set(options) - {"fixture", "start"})):
             raise ConfigError(
@@ -237,12 +240,22 @@ class ContactEnv(
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Follow an action for 50 ms."""
-        action = self.commands.usable(action)
-        goal = self._goal
-        self.commands.fill(self._target, action, goal.position, goal.quat_wxyz)
-        if self._is_sliding:
-            self._slide()
+        """Follow an action for 50 ms.
+
+        Raises:
+            ConfigError: The action is not one finite number for each commanded axis, or
+                is not the one that `begin_step` was given.
+        """
+        begun = self._begun
+        if begun is None:
+            self.begin_step(action)
+        elif begun is not action and not np.array_equal(begun, action):
+            raise ConfigError(
+                f"a step was begun with the action {begun.tolist()} and is ended with "
+                f"{np.asarray(action).tolist()}: what changes actions on their way to "
+                "the environment cannot be in a batch"
+            )
+        self._begun = None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -254,12 +267,32 @@ class ContactEnv(
             info["contact_force_max"],
         )
         return (
-            self._history.push(action, self.scaling.scale(raw)),
+            self._history.push(self._action, self.scaling.scale(raw)),
             reward,
             info["success"],
             self._steps >= self.max_steps and not info["success"],
             info,
         )
+
+    def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
+        """Do what a step does before its control cycles.
+
+        Whoever steps many environments at once (`BatchVectorEnv`) calls this first and
+        hands the Target to the arm's threads; `step` with the same action goes on from
+        there.
+
+        Returns:
+            What the arm is to follow; the environment's own.
+
+        Raises:
+            ConfigError: The action is not one finite number for each commanded axis.
+        """
+        self._begun, self._action = action, self.commands.usable(action)
+        goal = self._goal
+        self.commands.fill(self._target, self._action, goal.position, goal.quat_wxyz)
+        if self._is_sliding:
+            self._slide()
+        return self._target
 
     def slide_fixture(self, velocity: Vec3) -> None:
         """Let the fixture move at a velocity [m/s], world axes, in the steps to come.
