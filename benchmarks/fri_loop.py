@@ -20,7 +20,8 @@ from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
 

@@ -15,7 +15,8 @@ from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError
-from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 
 from .loopback import LOOPBACK, CabinetArm, free_port, make_cabinet

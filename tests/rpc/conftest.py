@@ -12,7 +12,8 @@ from dovetail import _core
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.builders import LocalBuilder

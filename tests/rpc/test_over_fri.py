@@ -10,7 +10,8 @@ from arms.loopback import LOOPBACK, free_port, make_cabinet
 from dovetail.arms.fri_arm import FriArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.rpc.builders import RebuiltArm
 from dovetail.rpc.server import ArmServer
 

@@ -12,6 +12,7 @@ import gymnasium
 import numpy as np
 
 from dovetail.arms.local_arm import LocalArm
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 
@@ -96,7 +97,7 @@ class RandomDynamics(gymnasium.Wrapper):
                 of what an arm may have.
         """
         super().__init__(env)
-        arm = env.unwrapped.arm  # type: ignore[attr-defined]
+        arm = require_contact_env(env).arm
         if not isinstance(arm, LocalArm):
             raise ConfigError(
                 "dynamics can be drawn for an arm that is simulated in this process "

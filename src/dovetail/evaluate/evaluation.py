@@ -14,6 +14,7 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.evaluate.config import (
     EvaluationConfig,
@@ -40,7 +41,7 @@ from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_yes
 from dovetail.learn.spaces import require_spaces
-from dovetail.tasks.task import Outline, Task
+from dovetail.tasks.task import Outline
 
 
 class Evaluation(NamedTuple):
@@ -77,7 +78,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     env_id = known_env_id(policy.metadata, config.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
-        task: Task = env.unwrapped.task  # type: ignore[attr-defined]
+        task = require_contact_env(env).task
         folder = claim_output_folder(config.out or dated_folder("results"))
         logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
@@ -147,7 +148,8 @@ def _inspect(
     """Return an environment; says what is wrong before anything is written."""
     env = make_env()
     try:
-        require_place(config, can_place=env.unwrapped.places_fixture)  # type: ignore[attr-defined]
+        can_place = require_contact_env(env).places_fixture
+        require_place(config, can_place=can_place)
         pose = fixture_poses(config, policy.metadata)[0].pose()
         observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
         policy.require_size(observation, env.action_space.shape or ())

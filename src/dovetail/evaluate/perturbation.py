@@ -8,10 +8,12 @@ from typing import Annotated, Any, Literal, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from dovetail.arms.arm import require_simulated
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.ranges import Range, check_ranges
 from dovetail.envs.registered import task_class
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose
@@ -140,7 +142,7 @@ class Perturbed(gym.Wrapper):
         """Take the environment; with a `hole_shift` its tracker is a Covered."""
         super().__init__(env)
         self.perturbation = perturbation
-        self.core: Any = env.unwrapped
+        self.core = require_contact_env(env)
         self._covered = self.core.tracker
         if perturbation.search != "none":
             gap = self.core.task.gap()
@@ -160,8 +162,8 @@ class Perturbed(gym.Wrapper):
         asked, rng = self.perturbation, self._rng
         told: dict[str, Any] = {}
         if asked.hole_shift:
-            shift = asked.hole_shift * _horizontal(rng)
-            self._covered.shift = shift
+            assert isinstance(self._covered, Covered)  # make_perturbed sees to it
+            self._covered.shift = shift = asked.hole_shift * _horizontal(rng)
             told["hole_shift [m]"] = shift.tolist()
         observation, info = self.env.reset(seed=seed, options=options)
         if asked.hole_speed:
@@ -185,7 +187,7 @@ class Perturbed(gym.Wrapper):
             self.core.slide_fixture((end - begin) / POLICY_PERIOD * self._direction)
         while self._pushes and self._pushes[0].step <= self._step:
             push = self._pushes.pop(0)
-            self.core.arm.push(push.force, push.duration)
+            require_simulated(self.core.arm).push(push.force, push.duration)
         self._step += 1
         return self.env.step(action)
 

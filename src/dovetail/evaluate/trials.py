@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from dovetail.arms.arm import ArmState
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.outcome import Outcome
@@ -73,6 +75,7 @@ class Trialist:
         """
         self._policy = load_policy()
         self._env = make_env()
+        self._core = require_contact_env(self._env)
         self._poses = poses
         self._logs = logs
 
@@ -85,9 +88,13 @@ class Trialist:
                 seed=job.seed, options={"fixture": fixture}
             )
         except ArmError as error:
-            if error.reason != "tare":
+            if error.reason != "tare" or not isinstance(error.state, ArmState):
                 raise
-            return self._without_tare(job, fixture, error)
+            violations = self._core.violations.count(error.state.log)
+            nothing = {"success": False, "depth": math.nan}
+            outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
+            # It ended before it began: the tool did not follow its lead.
+            return replace(outcome, stopped=error.reason)
         self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
@@ -103,7 +110,7 @@ class Trialist:
                 except ArmError as error:
                     stopped = error.reason or str(error)
                     break
-                blocks.append(self._state().log)
+                blocks.append(self._core.state.log)
                 raw = info["observation_raw"]
                 episode.append(blocks[-1], steps, action, float(reward), raw)
                 steps += 1
@@ -114,19 +121,9 @@ class Trialist:
         outcome = replace(outcome, perturbation=perturbation, tare=tuple(tare))
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
 
-    def _without_tare(self, job: Job, fixture: Pose, error: ArmError) -> Outcome:
-        """Return a try that ended before it began: the tool did not follow its lead."""
-        violations = self._env.unwrapped.violations.count(error.state.log)  # type: ignore[attr-defined]
-        nothing = {"success": False, "depth": math.nan}
-        outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
-        return replace(outcome, stopped=error.reason)
-
     def close(self) -> None:
         """Release the environment."""
         self._env.close()
-
-    def _state(self) -> Any:
-        return self._env.unwrapped.state  # type: ignore[attr-defined]
 
     def _describe(self, job: Job) -> dict[str, Any]:
         pose = self._poses[job.pose]
