@@ -17,7 +17,7 @@ from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 
 _STREAM = 0xD15C0
-"""Keeps these draws apart from those of start and hole, which have the same seed."""
+"""Keeps these draws apart from those of start and fixture, which have the same seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ class RandomDynamics(gymnasium.Wrapper):
     """Draws new dynamics at every reset.
 
     The draws have a random stream of their own from the reset's seed, so that start and
-    hole of a seed are the same with and without it.
+    fixture of a seed are the same with and without it.
     """
 
     def __init__(self, env: gymnasium.Env, ranges: DynamicsRandomisation) -> None:

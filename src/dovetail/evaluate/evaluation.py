@@ -168,7 +168,7 @@ def write_report(report: Report, folder: Path, outline: Outline | None) -> list[
     """
     labels = [row.label for row in report.rows[:-1]]
     paths = draw_paths(report.outcomes, labels, outline=outline, title=report.title)
-    captions = {"Paths of the peg's tip": paths}
+    captions = {"Paths of the tool": paths}
     files = [write_atomic(folder / "paths.png", paths)]
     if not math.isnan(report.rows[-1].force_peak):
         forces = captions["Contact force"] = draw_forces(report.outcomes)
