@@ -14,15 +14,20 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from dovetail import _core
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
+from dovetail.robots.robot import Robot
 
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
@@ -53,6 +58,16 @@ def run_cabinet(options: argparse.Namespace, pipe: Connection) -> None:
         pipe.send(cabinet.request({"do": "status"}))
 
 
+def damped_settings(robot: Robot, period: float) -> ControllerSettings:
+    """Return a controller whose force axes are damped a little."""
+    return ControllerSettings(
+        osc=OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3),
+        limits=LimitConfig.for_period(robot, period),
+        task=TaskSpec.parse("XYZ:force A:pose BC:hold"),
+        period=period,
+    )
+
+
 def main() -> None:
     """Print speed, reply times and misses."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -69,20 +84,16 @@ def main() -> None:
     )
     process.start()
     here.send(options.port)
-    cell = find_cell()
-    robot = cell.loaded_robot()
-    arm = FriArm(
-        robot,
-        OscConfig.for_period(options.period, force_damping=[16.0] * 3 + [0.0] * 3),
-        LimitConfig.for_period(robot, options.period),
-        "XYZ:force A:pose BC:hold",
-        options.period,
-        bind=(LOOPBACK, options.port),
+    robot = find_cell().loaded_robot()
+    address = FriAddress(
+        host=LOOPBACK,
+        port=options.port,
         clock=options.clock,
         control=here.recv(),
         realtime=options.realtime,
-        log_folder=None,
     )
+    settings = damped_settings(robot, options.period)
+    arm = FriArm(address, robot, settings, log_folder=None)
     start = robot.inverse_kinematics(Pose(np.array([0.6, 0.0, 0.2]), TOOL_DOWN), Q_SEED)
     arm.reset(start, HOLE)
     rng = np.random.default_rng(0)

@@ -15,8 +15,11 @@ from fri_loop import HOLE, LOOPBACK, Q_SEED, TOOL_DOWN, run_cabinet
 from fuzz_cabinet import flood
 
 from dovetail import _core
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 
 PERIOD = 0.005
@@ -53,17 +56,16 @@ def main() -> None:
     ).start()
     here.send(port)
     robot = find_cell().loaded_robot()
-    arm = FriArm(
-        robot,
-        OscConfig.for_period(PERIOD),
-        LimitConfig.for_period(robot, PERIOD),
-        "XYZ:force A:pose BC:hold",
-        PERIOD,
-        bind=(LOOPBACK, port),
-        clock="lockstep",
-        control=here.recv(),
-        log_folder=None,
+    settings = ControllerSettings(
+        osc=OscConfig.for_period(PERIOD),
+        limits=LimitConfig.for_period(robot, PERIOD),
+        task=TaskSpec.parse("XYZ:force A:pose BC:hold"),
+        period=PERIOD,
     )
+    address = FriAddress(
+        host=LOOPBACK, port=port, clock="lockstep", control=here.recv()
+    )
+    arm = FriArm(address, robot, settings, log_folder=None)
     arm.reset(Q_SEED, HOLE)
     target = _core.Target()
     target.quat_wxyz_d = TOOL_DOWN

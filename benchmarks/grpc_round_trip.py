@@ -25,9 +25,11 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import ArmState
+from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
@@ -68,7 +70,7 @@ class TimedArm:
 class Builder:
     """Makes the arm for the service."""
 
-    name, is_real_time = "timed", False
+    name, is_real_time, places_fixture = "timed", False, True
 
     def __init__(self) -> None:
         self.cell: Workcell | None = find_cell()
@@ -137,14 +139,13 @@ def measure(
 ) -> None:
     """Measure in turns and print the table; `pids` are the learner's, the service's."""
     robot = find_cell().loaded_robot()
-    arm = RemoteArm(
-        f"grpc://{address}",
-        OscConfig(),
-        LimitConfig.for_period(robot, PERIOD),
-        "XYZ:force A:pose BC:hold",
-        PERIOD,
-        robot=robot,
+    settings = ControllerSettings(
+        osc=OscConfig(),
+        limits=LimitConfig.for_period(robot, PERIOD),
+        task=TaskSpec.parse("XYZ:force A:pose BC:hold"),
+        period=PERIOD,
     )
+    arm = RemoteArm(GrpcAddress.parse(f"grpc://{address}"), settings, robot=robot)
     arm.reset(np.full(7, 0.1), Pose(np.array([0.6, 0.0, 0.1]), QUAT))
     target = _core.Target(quat_wxyz_d=QUAT)
     channel = grpc.insecure_channel(f"127.0.0.1:{echo_port}")

@@ -22,15 +22,18 @@ import time
 import numpy as np
 
 from dovetail import _core
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
 from dovetail.rpc.builders import RebuiltArm
 from dovetail.rpc.server import ArmServer
-from dovetail.rpc.settings import Settings
 from dovetail.types import Array
 
 PERIOD, TASK = 0.005, "XYZ:force A:pose BC:hold"
@@ -45,7 +48,10 @@ def learn(address: str, seed: int) -> None:
     """Push at random until killed."""
     robot = find_cell().loaded_robot()
     osc, limits = OscConfig(), LimitConfig.for_period(robot, PERIOD, hardware=True)
-    arm = RemoteArm(address, osc, limits, TASK, PERIOD, robot=robot)
+    settings = ControllerSettings(
+        osc=osc, limits=limits, task=TaskSpec.parse(TASK), period=PERIOD
+    )
+    arm = RemoteArm(GrpcAddress.parse(address), settings, robot=robot)
     start = Pose(np.array([0.60, 0.0, 0.20]), TOOL_DOWN)
     arm.reset(robot.inverse_kinematics(start, Q_SEED), HOLE)
     rng = np.random.default_rng(seed)
@@ -126,15 +132,12 @@ def run(kills: int, twin: str, realtime: bool) -> None:
         stdout=subprocess.DEVNULL,
     )
 
-    def make(settings: Settings) -> FriArm:
-        return FriArm(
-            cell.loaded_robot(),
-            *(settings.osc, settings.limits, settings.task, settings.period),
-            bind=("127.0.0.1", port),
-            control=f"127.0.0.1:{port + 2}",
-            log_folder=None,
-            realtime=realtime,
+    def make(settings: ControllerSettings) -> FriArm:
+        control = f"127.0.0.1:{port + 2}"
+        address = FriAddress(
+            host="127.0.0.1", port=port, control=control, realtime=realtime
         )
+        return FriArm(address, cell.loaded_robot(), settings, log_folder=None)
 
     try:
         builder = RebuiltArm("fri", cell, make, is_real_time=True, places_fixture=True)

@@ -26,15 +26,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dovetail import _core
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.durations import parse_duration
 from dovetail.envs.registered import find_cell
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.types import Array
@@ -109,18 +113,20 @@ def run_client(
     if realtime:  # its servo thread alone, not all that it inherits from the cabinet
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     robot = find_cell().loaded_robot()
-    arm = FriArm(
-        robot,
-        OscConfig.for_period(period, force_damping=[DAMPING] * 3 + [0.0] * 3),
-        LimitConfig.for_period(robot, period, hardware=True),
-        TASK,
-        period,
-        bind=(LOOPBACK, port),
-        clock=clock,  # type: ignore[arg-type]
+    settings = ControllerSettings(
+        osc=OscConfig.for_period(period, force_damping=[DAMPING] * 3 + [0.0] * 3),
+        limits=LimitConfig.for_period(robot, period, hardware=True),
+        task=TaskSpec.parse(TASK),
+        period=period,
+    )
+    address = FriAddress(
+        host=LOOPBACK,
+        port=port,
+        clock="wall" if clock == "wall" else "lockstep",
         control=f"{LOOPBACK}:{control}",
         realtime=realtime,
-        log_folder=None,
     )
+    arm = FriArm(address, robot, settings, log_folder=None)
     start = robot.inverse_kinematics(Pose(np.array([0.6, 0.0, 0.2]), TOOL_DOWN), Q_SEED)
     arm.reset(start, HOLE)
     sign = 1.0

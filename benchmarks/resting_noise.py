@@ -21,8 +21,10 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.local_arm import LocalArm
+from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm, make_settings
 from dovetail.envs.config import EnvConfig
@@ -76,10 +78,11 @@ def build_behind_fri(
     process.start()
     here.send(port)
     osc, limits = make_settings(cell, EnvConfig.of(period=period))
-    arm = FriArm(
-        cell.loaded_robot(), osc, limits, TASK, period, bind=(LOOPBACK, port),
-        clock="lockstep", control=here.recv(), log_folder=None,
-    )  # fmt: skip
+    settings = ControllerSettings(osc=osc, limits=limits, task=TASK, period=period)
+    address = FriAddress(
+        host=LOOPBACK, port=port, clock="lockstep", control=here.recv()
+    )
+    arm = FriArm(address, cell.loaded_robot(), settings, log_folder=None)
     return arm, process
 
 

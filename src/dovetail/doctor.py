@@ -89,7 +89,7 @@ def _check_mujoco() -> str:
     import mujoco
 
     from dovetail.envs.registered import find_cell
-    from dovetail.plants.plant import make_plant
+    from dovetail.plants.find import make_plant
 
     make_plant("mujoco", find_cell()).close()
     return str(mujoco.__version__)
@@ -130,7 +130,8 @@ def _check_policies() -> str:
 def _check_agreement(engine: str) -> str:
     """Compare tool position, gravity torque and inertia with an engine's motion."""
     from dovetail.envs.registered import find_cell
-    from dovetail.plants.plant import DynamicsConfig, make_plant
+    from dovetail.plants.find import make_plant
+    from dovetail.plants.plant import DynamicsConfig
     from dovetail.poses import Pose
 
     cell = find_cell()

@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import FrameType, TracebackType
-from typing import Any, BinaryIO, Self, TypeAlias
+from typing import IO, Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -173,7 +173,7 @@ class Episode:
                 dir=path.parent, prefix=f".{path.name}.", delete=False
             ) as file:
                 beside = Path(file.name)
-                write(self, file)  # type: ignore[arg-type]
+                write(self, file.file)
                 file.flush()
                 os.fsync(file.fileno())
             beside.chmod(0o644)
@@ -302,7 +302,7 @@ def _plain(value: Any) -> Any:
     return str(value)
 
 
-def _write_npz(episode: Episode, file: BinaryIO) -> None:
+def _write_npz(episode: Episode, file: IO[bytes]) -> None:
     np.savez(
         file,
         data=episode.data,
@@ -333,7 +333,7 @@ def _pyarrow() -> tuple[Any, Any]:
     return pyarrow, parquet
 
 
-def _write_parquet(episode: Episode, file: BinaryIO) -> None:
+def _write_parquet(episode: Episode, file: IO[bytes]) -> None:
     pyarrow, parquet = _pyarrow()
     fields = [
         pyarrow.field(name, pyarrow.float64(), metadata={"unit": unit})

@@ -2,11 +2,15 @@
 
 import socket
 from contextlib import contextmanager
+from dataclasses import fields
 
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.control.period import format_period
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 
 LOOPBACK = "127.0.0.1"
 
@@ -48,17 +52,18 @@ class CabinetArm(FriArm):
     def __init__(self, plant, osc, limits, task, period, *, cabinet=None, **options):
         self.plant = plant
         self._is_open = True
-        clock = options.setdefault("clock", "lockstep")
-        options.setdefault("log_folder", None)
-        port = options.pop("port", None) or free_port()
-        settings = {"clock": clock, **(cabinet or {})}
+        options = {"clock": "lockstep", "log_folder": None, **options}
+        names = {field.name for field in fields(FriAddress)}
+        where = {name: options.pop(name) for name in names & options.keys()}
+        port = where.pop("port", None) or free_port()
+        settings = {"clock": where["clock"], **(cabinet or {})}
         self.cabinet = make_cabinet(plant, port, period, **settings)
-        options.setdefault("control", str(self.cabinet.control_address))
-        robot = plant.cell.loaded_robot()
+        where.setdefault("control", str(self.cabinet.control_address))
+        spec = TaskSpec.parse(task) if isinstance(task, str) else task
+        made_of = ControllerSettings(osc=osc, limits=limits, task=spec, period=period)
         try:
-            super().__init__(
-                robot, osc, limits, task, period, bind=(LOOPBACK, port), **options
-            )
+            address = FriAddress(host=LOOPBACK, port=port, **where)
+            super().__init__(address, plant.cell.loaded_robot(), made_of, **options)
         except Exception:
             self.cabinet.close()
             raise

@@ -4,7 +4,10 @@ import pytest
 
 pytest.importorskip("grpc", reason="needs grpc: pip install '.[rpc]'")
 
+from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.remote_arm import RemoteArm
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.rpc.builders import LocalBuilder
 from dovetail.rpc.server import ArmServer
 
@@ -16,11 +19,12 @@ class ServedArm(RemoteArm):
         self._server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
         self._server.start()
         try:
-            super().__init__(
-                f"grpc://{self._server.address}",
-                *(osc, limits, task, period),
-                robot=robot,
+            address = GrpcAddress.parse(f"grpc://{self._server.address}")
+            spec = TaskSpec.parse(task) if isinstance(task, str) else task
+            settings = ControllerSettings(
+                osc=osc, limits=limits, task=spec, period=period
             )
+            super().__init__(address, settings, robot=robot)
         except BaseException:
             self._server.close()
             raise

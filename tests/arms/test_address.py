@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from dovetail import _core
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import parse_endpoint
 from dovetail.arms.fri_address import FriAddress
@@ -211,10 +212,23 @@ def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     assert built == [(0.20, 0.001), (0.01, 0.001), (0.20, 0.001)]
 
 
-def test_the_cabinets_address_reaches_the_servo_loop(monkeypatch):
+def test_what_an_address_says_reaches_the_servo_loop(monkeypatch):
     built = []
     monkeypatch.setattr(
-        "dovetail.arms.fri_arm.FriArm", lambda *_, **options: built.append(options)
+        _core, "ServoLoop", lambda loop, servo, *_: built.append((loop, servo))
     )
-    build_arm("fri://0.0.0.0?peer=192.170.10.2", find_cell(), TASK)
-    assert built[0]["peer"] == "192.170.10.2"
+    text = "fri://127.0.0.1:30205?peer=192.170.10.2&version=2.7&clock=lockstep"
+    text += "&target_timeout=100ms&measured_sign=1&commanded_sign=1&external_sign=-1"
+    build_arm(f"{text}&commanded_is_total=yes", find_cell(), TASK)
+    loop, servo = built[0]
+    assert (loop.address, loop.port, loop.peer) == (
+        *("127.0.0.1", 30205),
+        "192.170.10.2",
+    )
+    assert (servo.measured_sign, servo.commanded_sign, servo.external_sign) == (
+        *(1, 1),
+        -1,
+    )
+    assert servo.commanded_is_total
+    assert servo.lockstep
+    assert servo.watchdog.target_timeout == 0.1

@@ -10,12 +10,12 @@ from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
+from dovetail.plants.find import make_plant
 from dovetail.plants.plant import (
     COLUMN,
     CYCLE_COLUMNS,
     FLAG_MASK,
     DynamicsConfig,
-    make_plant,
 )
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error

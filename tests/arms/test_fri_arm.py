@@ -8,7 +8,8 @@ from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
 from dovetail.plants.encoder_plant import EncoderPlant
-from dovetail.plants.plant import COLUMN, PLANTS, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import COLUMN, PLANTS, DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from extras import need

@@ -11,12 +11,10 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms.fri_arm import FriArm
-from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.errors import ArmError
 
 from .loopback import LOOPBACK, free_port
-from .test_fri_session import CELL, PERIOD, START, TASK, make_arm, wait_until
+from .test_fri_session import START, alone, make_arm, wait_until
 
 HOLD = _core.Target(joint_mode=True, q_d=START)
 
@@ -110,11 +108,7 @@ def test_a_cabinet_that_was_killed_is_a_silence():
     words = f"cabinet --client {LOOPBACK}:{port} --port 0 --control none --period 5ms"
     program = [sys.executable, "-m", "dovetail.cli", *words.split()]
     cabinet = subprocess.Popen(program, stdout=subprocess.DEVNULL)
-    limits = LimitConfig.for_period(CELL.loaded_robot(), PERIOD)
-    arm = FriArm(
-        CELL.loaded_robot(), OscConfig(), limits, TASK, PERIOD, bind=(LOOPBACK, port),
-        log_folder=None, silence=0.4, timeout=60.0,
-    )  # fmt: skip
+    arm = alone(port, silence=0.4, timeout=60.0)
     try:
         arm.connect()
         q = arm.monitoring().q

@@ -3,19 +3,24 @@
 import errno
 import socket
 import time
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 
 from dovetail import _core
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.fri_errors import socket_error
 from dovetail.arms.servo_params import servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError
-from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 
 from .loopback import LOOPBACK, CabinetArm, free_port, make_cabinet
@@ -26,6 +31,12 @@ HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 TASK = "XYZ:force A:pose BC:hold"
 PERIOD = 0.005
 CELL = find_cell()
+SETTINGS = ControllerSettings(
+    osc=OscConfig(),
+    limits=LimitConfig.for_period(CELL.loaded_robot(), PERIOD),
+    task=TaskSpec.parse(TASK),
+    period=PERIOD,
+)
 START = CELL.loaded_robot().inverse_kinematics(
     Pose(np.array([0.60, 0.0, 0.20]), TOOL_DOWN), Q_SEED
 )
@@ -42,11 +53,10 @@ def make_arm(**options):
 
 def alone(port=0, **options):
     """An arm without a cabinet."""
-    osc, limits = OscConfig(), LimitConfig.for_period(CELL.loaded_robot(), PERIOD)
-    return FriArm(
-        CELL.loaded_robot(), osc, limits, TASK, PERIOD,
-        bind=(LOOPBACK, port), log_folder=None, **options,
-    )  # fmt: skip
+    names = {field.name for field in fields(FriAddress)}
+    where = {name: options.pop(name) for name in names & options.keys()}
+    address = FriAddress(**{"host": LOOPBACK, "port": port, **where})
+    return FriArm(address, CELL.loaded_robot(), SETTINGS, log_folder=None, **options)
 
 
 def push(x, y=0.0, z=0.0):
@@ -118,11 +128,9 @@ def test_any_other_socket_error_is_passed_on():
 
 
 def test_address_of_another_machine_is_refused():
-    osc, limits = OscConfig(), LimitConfig.for_period(CELL.loaded_robot(), PERIOD)
-    robot = CELL.loaded_robot()
     for host, words in (("192.0.2.1", "no address of this"), ("robot", "not of the")):
         with pytest.raises((ArmError, ConfigError), match=words):
-            FriArm(robot, osc, limits, TASK, PERIOD, bind=(host, 0))
+            alone(host=host)
 
 
 def test_wrong_version_is_named():
@@ -177,7 +185,7 @@ def test_settings_are_refused_by_name():
     for options, words in (
         ({"version": "3.0"}, "'3.0' is unknown: 1.11, 1.14, 1.15"),
         ({"clock": "sundial"}, "known: wall, lockstep"),
-        ({"reset": "place"}, "needs the control port"),
+        ({"reset": "place"}, "needs control=HOST:PORT"),
         ({"servo": servo_with(observer_gain=2.0)}, "observer gain is 2"),
         ({"servo": servo_with(position_filter=0.0)}, "position_filter is 0"),
     ):
@@ -250,10 +258,14 @@ def test_a_receive_multiplier_gives_the_period_of_two_messages():
     port = free_port()
     settings = {"receive_multiplier": 2, "clock": "lockstep"}
     with make_cabinet(plant, port, 0.002, **settings) as cabinet:
-        arm = FriArm(
-            CELL.loaded_robot(), osc, limits, TASK, 0.004, bind=(LOOPBACK, port),
-            clock="lockstep", control=str(cabinet.control_address), log_folder=None,
-        )  # fmt: skip
+        address = FriAddress(
+            host=LOOPBACK,
+            port=port,
+            clock="lockstep",
+            control=str(cabinet.control_address),
+        )
+        four = replace(SETTINGS, osc=osc, limits=limits, period=0.004)
+        arm = FriArm(address, CELL.loaded_robot(), four, log_folder=None)
         before = arm.reset(START, HOLE)
         for _ in range(10):
             state = arm.step(push(2.0), duration=0.04)

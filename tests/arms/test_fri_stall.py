@@ -19,13 +19,20 @@ ZERO = [0.0] * 7
 
 CLIENT = """
 import sys
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 
 robot = find_cell().loaded_robot()
-arm = FriArm(robot, OscConfig(), LimitConfig.for_period(robot, 0.005),
-             "XYZ:force A:pose BC:hold", 0.005, bind=("127.0.0.1", 0), log_folder=None)
+settings = ControllerSettings(
+    osc=OscConfig(), limits=LimitConfig.for_period(robot, 0.005),
+    task=TaskSpec.parse("XYZ:force A:pose BC:hold"), period=0.005,
+)
+address = FriAddress(host="127.0.0.1", port=0)
+arm = FriArm(address, robot, settings, log_folder=None)
 print(arm.port, flush=True)
 for line in sys.stdin:
     state, counts = arm.monitoring(), arm.statistics()["counts"]

@@ -8,7 +8,8 @@ from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.protocol import Quality, SafetyState, SessionState
 from dovetail.cabinet.stops import DECELERATION, Ramp, StopCategory
 from dovetail.envs.registered import find_cell
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from extras import need
 

@@ -44,7 +44,7 @@ def test_help_comes_from_the_settings_docstrings(capsys):
     with pytest.raises(SystemExit):
         run(["evaluate", "--help"])
     text = capsys.readouterr().out
-    assert "Gap between peg and hole on each side [m]" in text
+    assert "Gap between part and fixture on each side [m]" in text
 
 
 def test_an_unknown_command_lists_the_known_ones(capsys):

@@ -10,7 +10,7 @@ import pytest
 from dovetail import doctor
 from dovetail.cli import run
 from dovetail.doctor import Check, run_checks
-from dovetail.plants.plant import make_plant
+from dovetail.plants.find import make_plant
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_an_arm_heavier_than_the_model_is_found(monkeypatch):
     def make_heavier(name, cell, dynamics):
         return make_plant(name, cell, replace(dynamics, mass_scale=(1.05,) * 7))
 
-    monkeypatch.setattr("dovetail.plants.plant.make_plant", make_heavier)
+    monkeypatch.setattr("dovetail.plants.find.make_plant", make_heavier)
     check = doctor._guard("agreement", lambda: doctor._check_agreement("mujoco"))
     assert check.status == "broken"
     assert "allowed" in check.detail

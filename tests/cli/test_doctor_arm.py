@@ -19,7 +19,8 @@ from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.local_arm_checks import run_local_checks
-from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig
 from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 

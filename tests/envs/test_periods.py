@@ -13,7 +13,8 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
 

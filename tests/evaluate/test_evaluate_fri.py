@@ -11,7 +11,8 @@ from arms.loopback import lockstep_address
 from dovetail.envs.registered import find_cell
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 from extras import need
 

@@ -11,7 +11,8 @@ from dovetail.envs.registered import find_cell
 from dovetail.evaluate.trials import Job, run_trials
 from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Policy
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from extras import need
 

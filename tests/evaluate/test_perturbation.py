@@ -12,7 +12,7 @@ from dovetail.arms.address import parse_address
 from dovetail.errors import ConfigError
 from dovetail.evaluate.evaluation import EvaluationConfig, command_line, evaluate
 from dovetail.evaluate.perturbation import (
-    HOLE_TRAVEL,
+    TRAVEL,
     Perturbation,
     Perturbed,
     distance_out,
@@ -67,7 +67,9 @@ def test_under_a_covered_camera_the_policy_sees_the_old_pose_and_its_age(make):
     _, plain = make().reset(seed=1, options={"fixture": HOLE})
     _, info = env.reset(seed=1, options={"fixture": HOLE})
     off = info["observation_raw"][7:10] - plain["observation_raw"][7:10]
-    np.testing.assert_allclose(off, info["perturbation"]["hole_shift [m]"], atol=1e-12)
+    np.testing.assert_allclose(
+        off, info["perturbation"]["fixture_shift [m]"], atol=1e-12
+    )
     env.step(STILL)
     env.step(STILL)
     assert env.core.tracker.estimate().age == pytest.approx(0.1)
@@ -82,7 +84,7 @@ def test_success_and_depth_are_those_of_the_true_hole(make):
     assert info["success"]
     assert info["depth"] == pytest.approx(0.029, abs=1e-4)
     believed = Pose(
-        bottom.position - info["perturbation"]["hole_shift [m]"], bottom.quat_wxyz
+        bottom.position - info["perturbation"]["fixture_shift [m]"], bottom.quat_wxyz
     )
     beside = robot.inverse_kinematics(
         believed, env.core.arm.facts.robot.posture("down")
@@ -136,7 +138,7 @@ def test_the_arm_is_pushed_as_was_told_and_the_same_for_a_seed(make, plant):
 def test_the_hole_goes_out_and_back_at_its_speed():
     times = np.arange(0.0, 10.0, 0.05)
     way = np.array([distance_out(time, 0.02) for time in times])
-    assert way.max() == pytest.approx(HOLE_TRAVEL)
+    assert way.max() == pytest.approx(TRAVEL)
     assert way.min() == 0.0
     steps = np.abs(np.diff(way))
     np.testing.assert_allclose(steps, 0.001, atol=1e-12)
@@ -176,8 +178,8 @@ def test_a_hole_near_the_edge_moves_inwards(make):
     for seed in range(10):
         options = {"fixture": corner, "start": env.core.arm.facts.robot.posture("down")}
         _, info = env.reset(seed=seed, options=options)
-        velocity = np.array(info["perturbation"]["hole_velocity [m/s]"])
-        end = corner.position + HOLE_TRAVEL * velocity / 0.02
+        velocity = np.array(info["perturbation"]["fixture_velocity [m/s]"])
+        end = corner.position + TRAVEL * velocity / 0.02
         assert end[0] >= 0.38 + 0.005
         assert end[1] >= -0.22 + 0.005
 
@@ -244,15 +246,17 @@ def test_an_evaluation_under_perturbation_says_so_everywhere(policy_file, tmp_pa
     text = StringIO()
     evaluation = evaluate(config, Console(file=text, width=200))
     assert evaluation.rows[-1].successes == 0  # 10 mm beside the hole
-    title = "camera covered and hole moved by 10 mm, pushes of up to 20 N, starts below"
+    title = (
+        "camera covered and fixture moved by 10 mm, pushes of up to 20 N, starts below"
+    )
     assert title in text.getvalue()
     report = json.loads((config.out / "report.json").read_text())
     assert report["config"]["hole_shift"] == 0.01
-    shift = report["tries"][0]["perturbation"]["hole_shift [m]"]
+    shift = report["tries"][0]["perturbation"]["fixture_shift [m]"]
     assert np.linalg.norm(shift) == pytest.approx(0.01)
     for words in ("--hole-shift 0.01", "--push 20.0", "--start below"):
         assert words in report["command"]
-    assert "hole moved by 10 mm" in (config.out / "report.html").read_text()
+    assert "fixture moved by 10 mm" in (config.out / "report.html").read_text()
     with pytest.raises(ConfigError, match="push is 200 N"):
         evaluate(replace(config, push=200.0, out=tmp_path / "no"), Console(file=text))
     assert not (tmp_path / "no").exists()

@@ -91,7 +91,7 @@ def test_no_contact_at_all_gives_no_force():
 
 
 def test_a_pose_without_tries_is_refused_by_name():
-    with pytest.raises(ConfigError, match="hole pose B has no try"):
+    with pytest.raises(ConfigError, match="fixture pose B has no try"):
         summarise([outcome(0)], ["A", "B"])
 
 

@@ -7,6 +7,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from dovetail.arms.arm import ArmState
+from dovetail.envs.contact_env import ContactEnv
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.trials import Job, plan_trials, run_trials
@@ -16,7 +18,7 @@ from dovetail.tasks.peg_in_hole.task import PegInHole
 CYCLES = 10
 
 
-class FallingEnv(gym.Env):
+class FallingEnv(ContactEnv):
     """The tool sinks 4 mm per step from above the hole; no physics."""
 
     def __init__(
@@ -28,7 +30,7 @@ class FallingEnv(gym.Env):
         self.error = error
 
     def reset(self, *, seed=None, options=None):
-        super().reset(seed=seed)
+        gym.Env.reset(self, seed=seed)
         self.hole = options["fixture"]
         self.height = self.np_random.uniform(0.01, 0.05)
         self.time, self.steps = 0.0, 0
@@ -54,6 +56,9 @@ class FallingEnv(gym.Env):
             "observation_raw": np.zeros(14),
         }
         return np.zeros(14), 0.0, success, self.steps >= 30 and not success, info
+
+    def close(self):
+        """Nothing is held."""
 
 
 class IdlePolicy:
@@ -172,7 +177,7 @@ def test_a_tool_that_cannot_be_tared_fails_its_try_and_the_next_one_begins(tmp_p
         def reset(self, **options):
             self.resets = getattr(self, "resets", 0) + 1
             if self.resets == 1:
-                state = SimpleNamespace(log=np.zeros((7, len(CYCLE_COLUMNS))))
+                state = ArmState(*[None] * 8, log=np.zeros((7, len(CYCLE_COLUMNS))))
                 raise ArmError("the rounds disagree", "tare", state)
             return super().reset(**options)
 

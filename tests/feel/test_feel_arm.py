@@ -17,7 +17,8 @@ from dovetail.feel.feeling import feel_arm
 from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.missed_load import explain_by_load
 from dovetail.feel.spring import feel_spring
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 

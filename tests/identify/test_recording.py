@@ -90,7 +90,9 @@ def test_a_hole_that_leaves_no_free_air_is_refused(tmp_path, settings, quiet):
 
 def test_contact_ends_the_recording(tmp_path, settings, quiet):
     config = RecordConfig(out=tmp_path / "log", **settings)
-    with pytest.raises(ArmError, match=r"the peg is in contact: .* N in sequence 0"):
+    with pytest.raises(
+        ArmError, match=r"the held part is in contact: .* N in sequence 0"
+    ):
         record(config, quiet, starts=[touching_start()] * 3)
     assert not (config.out / FIRST).exists()
 
@@ -151,10 +153,21 @@ def test_a_log_of_another_robot_period_or_task_is_refused(copy, facts, message):
 def test_a_missing_key_is_named(copy):
     path = copy / "recording.json"
     table = json.loads(path.read_text())
-    del table["hole"]
+    del table["fixture"]
     path.write_text(json.dumps(table))
-    with pytest.raises(LogError, match="lacks hole"):
+    with pytest.raises(LogError, match="lacks fixture"):
         Recording.load(copy)
+
+
+def test_a_file_that_says_hole_for_fixture_is_the_same_recording(copy):
+    before = Recording.load(copy)
+    path = copy / "recording.json"
+    table = json.loads(path.read_text())
+    table["hole"] = table.pop("fixture")
+    path.write_text(json.dumps(table))
+    after = Recording.load(copy)
+    assert after.fingerprint() == before.fingerprint()
+    assert after.fixture.position.tolist() == before.fixture.position.tolist()
 
 
 def test_another_tool_is_found_by_where_its_tip_is(copy):

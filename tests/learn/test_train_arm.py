@@ -30,7 +30,7 @@ def on_arm(small):
     ("settings", "message"),
     [
         ({"arm": "gazebo"}, "known addresses: mujoco, bullet, twin:NAME"),
-        ({"arm": FRI}, "cannot move the hole: add --fixed-goal"),
+        ({"arm": FRI}, "cannot move the fixture: add --fixed-goal"),
         ({"arm": f"{FRI}?speed=1"}, "unknown keys: speed"),
         ({"arm": FRI, "fixed_goal": True, "seeds": 2}, "there is one arm"),
         ({"arm": FRI, "fixed_goal": True, "force_weight": 0.1}, "needs 0"),

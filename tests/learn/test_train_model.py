@@ -55,7 +55,7 @@ def trained(tmp_path_factory):
         return assess(policy, episodes, env)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dovetail.learn.train.assess", watched)
+        patch.setattr("dovetail.learn.one_run.assess", watched)
         (result,) = train(config)
     return Policy.load(result.policy), result, tried[0], model
 

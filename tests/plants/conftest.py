@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from dovetail.envs.registered import find_cell
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 from extras import need
 

@@ -8,7 +8,8 @@ import pytest
 from dovetail.control.period import PERIODS
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, PlantError
-from dovetail.plants.plant import DynamicsConfig, make_plant, physics_steps
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig, physics_steps
 from dovetail.poses import Pose, quat_about_z, rotation_error
 from plants.conftest import HOLE, Q_BENT, TOOL_DOWN, start_above
 

@@ -9,10 +9,14 @@ import numpy as np
 import pytest
 
 from dovetail import _core
+from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
+from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.builders import LocalBuilder
@@ -90,7 +94,10 @@ def connect(settings):
     def make(server, **options):
         address = server if isinstance(server, str) else f"grpc://{server.address}"
         given = [options.pop(n, v) for n, v in zip(_NAMES, settings, strict=True)]
-        arms.append(RemoteArm(address, *given, **options))
+        made_of = dict(zip(_NAMES, given, strict=True))
+        made_of["task"] = TaskSpec.parse(made_of["task"])
+        where = GrpcAddress.parse(address)
+        arms.append(RemoteArm(where, ControllerSettings(**made_of), **options))
         return arms[-1]
 
     yield make

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, make_cabinet
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
-from dovetail.plants.plant import DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
 from dovetail.rpc.builders import RebuiltArm
 from dovetail.rpc.server import ArmServer
 
@@ -30,14 +32,13 @@ def over_fri(cell, clock, news):
     with make_cabinet(plant, port, PERIOD, clock=clock) as cabinet:
 
         def make(settings):
-            return FriArm(
-                cell.loaded_robot(),
-                *(settings.osc, settings.limits, settings.task, settings.period),
-                bind=(LOOPBACK, port),
+            address = FriAddress(
+                host=LOOPBACK,
+                port=port,
                 clock=clock,
                 control=str(cabinet.control_address),
-                log_folder=None,
             )
+            return FriArm(address, cell.loaded_robot(), settings, log_folder=None)
 
         yield RebuiltArm(
             "fri", cell, make, is_real_time=clock == "wall", places_fixture=True

@@ -6,7 +6,8 @@ import pytest
 
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import COLUMN, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.rpc.builders import LocalBuilder
 from dovetail.rpc.server import ArmServer
 

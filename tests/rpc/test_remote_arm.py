@@ -11,7 +11,8 @@ from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError, PlantError
-from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc import version

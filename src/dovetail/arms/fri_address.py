@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,10 @@ VERSIONS: dict[str, Version] = {
     **{"2.5": "2.5", "2.7": "2.7"},
 }
 """Known FRI versions, and the one whose wire format each has."""
+Clock: TypeAlias = Literal["wall", "lockstep"]
+Reset: TypeAlias = Literal["move", "place"]
+CLOCKS: tuple[Clock, ...] = ("wall", "lockstep")
+RESETS: tuple[Reset, ...] = ("move", "place")
 _SIGNS = {"measured_sign": "-1", "commanded_sign": "-1", "external_sign": "1"}
 _KEYS = (
     *("version", "period", "clock", "control", "reset", "approach"),
@@ -46,13 +50,13 @@ class FriAddress(ArmAddress):
     """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
     version: Version = "1.15"
     """Wire format; the messages themselves do not name it."""
-    clock: Literal["wall", "lockstep"] = "wall"
+    clock: Clock = "wall"
     """Lockstep: a simulated cabinet waits for the learner."""
     control: str | None = None
     """Control port HOST:PORT of a simulated cabinet; a real one has none."""
-    reset: Literal["move", "place"] = "move"
-    """How an episode starts: move there, or be placed, which only a simulated cabinet
-    can do, and does where nothing else is asked."""
+    reset: Reset | None = None
+    """How an episode starts: move there below the limits, or be placed, which only a
+    simulated cabinet can do, and does where nothing else is asked (None)."""
     approach: bool = False
     """Move to a start that is far away, too."""
     timeout: float = 10.0
@@ -71,6 +75,21 @@ class FriAddress(ArmAddress):
     """The same of the external torque."""
     commanded_is_total: bool = False
     """The commanded torque on the wire contains gravity."""
+
+    def __post_init__(self) -> None:
+        """Say how an episode starts, and refuse what no cabinet can do."""
+        if self.clock not in CLOCKS:
+            raise ConfigError(
+                f"arm clock is {self.clock!r}; known: {', '.join(CLOCKS)}"
+            )
+        if self.reset is None:
+            usual = "move" if self.control is None else "place"
+            object.__setattr__(self, "reset", usual)
+        if self.reset == "place" and self.control is None:
+            raise ConfigError(
+                "arm reset=place needs control=HOST:PORT, the control port of a "
+                "simulated cabinet; a real arm starts its episodes with reset=move"
+            )
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -96,9 +115,9 @@ class FriAddress(ArmAddress):
             port=keys.port,
             version=version,
             period=keys.period(FRI_PERIODS),
-            clock=keys.choice("clock", ("wall", "lockstep")),
+            clock=keys.choice("clock", CLOCKS),
             control=control,
-            reset=_reset(keys, control),
+            reset=None if keys.get("reset") is None else keys.choice("reset", RESETS),
             approach=keys.is_on("approach"),
             timeout=keys.time("timeout", cls.timeout),
             target_timeout=keys.time("target_timeout", cls.target_timeout),
@@ -160,48 +179,12 @@ class FriAddress(ArmAddress):
         """
         require_period(settings.period, self.period_name, self.periods)
         from dovetail.arms.fri_arm import FriArm
-        from dovetail.arms.servo_params import servo_params
-        from dovetail.arms.watchdog import WatchdogConfig
 
-        limits = settings.limits
         if self.control is None:  # a robot: T1's limit is one of the velocity's norm
+            limits = settings.limits
             limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
-        servo = servo_params(settings.period)
-        servo.measured_sign = self.measured_sign
-        servo.commanded_sign = self.commanded_sign
-        servo.external_sign = self.external_sign
-        servo.commanded_is_total = self.commanded_is_total
-        return FriArm(
-            cell.loaded_robot(),
-            settings.osc,
-            limits,
-            settings.task,
-            settings.period,
-            bind=(self.host, self.port),
-            version=self.version,
-            clock=self.clock,
-            control=self.control,
-            reset=self.reset,
-            approach=self.approach,
-            timeout=self.timeout,
-            watchdog=watchdog or WatchdogConfig(target_timeout=self.target_timeout),
-            realtime=self.realtime,
-            peer=self.peer,
-            servo=servo,
-        )
-
-
-def _reset(keys: Keys, control: str | None) -> Literal["move", "place"]:
-    """Return how an episode starts: placed, where there is somebody to do it."""
-    if control is not None:
-        return keys.choice("reset", ("place", "move"))
-    reset = keys.choice("reset", ("move", "place"))
-    if reset == "place":
-        raise ConfigError(
-            "arm reset=place needs control=HOST:PORT, the control port of a simulated "
-            "cabinet; a real arm starts its episodes with reset=move"
-        )
-    return reset
+            settings = replace(settings, limits=limits)
+        return FriArm(self, cell.loaded_robot(), settings, watchdog=watchdog)
 
 
 def _peer(peer: str | None) -> str | None:

@@ -6,7 +6,7 @@ The controller runs in C++ on a thread of its own, paced by the cabinet's messag
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,8 +24,8 @@ from dovetail.arms.reset_motion import TICK
 from dovetail.arms.servo_params import servo_params
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
-from dovetail.control.config import LimitConfig, OscConfig, check_period
-from dovetail.control.task_spec import TaskSpec
+from dovetail.control.config import check_period
+from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
 from dovetail.poses import Pose
@@ -34,6 +34,7 @@ from dovetail.types import Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
+    from dovetail.arms.fri_address import FriAddress
 
 _SLICE = 0.05
 """How often a waiting learner says that it is alive [s]: less than the watchdog."""
@@ -47,97 +48,71 @@ class FriArm:
 
     def __init__(
         self,
+        address: "FriAddress",
         robot: Robot,
-        osc: OscConfig,
-        limits: LimitConfig,
-        task: TaskSpec | str,
-        period: float,
+        settings: ControllerSettings,
         *,
-        bind: tuple[str, int] = ("0.0.0.0", 30200),
-        version: str = "1.15",
-        clock: Literal["wall", "lockstep"] = "wall",
-        control: str | None = None,
-        reset: Literal["move", "place"] | None = None,
-        approach: bool = False,
-        timeout: float = 10.0,
         watchdog: WatchdogConfig | None = None,
-        realtime: bool = False,
+        servo: "_core.ServoParams | None" = None,
         processor: int | None = None,
         log_folder: str | Path | None = "fri-logs",
         silence: float | None = None,
-        peer: str | None = None,
-        servo: "_core.ServoParams | None" = None,
     ) -> None:
         """Listen for the cabinet; nothing moves before `reset`.
 
         Args:
+            address: Where to listen, and what the cabinet is; port 0 takes a free one.
             robot: The controller's model, tool included.
-            osc: Operational-space law.
-            limits: Limits, made for the same robot and period.
-            task: Mode of each axis.
-            period: Control period [s]: the cabinet's send period x multiplier.
-            bind: Address and UDP port to listen on; port 0 takes a free one.
-            version: FRI version: 1.15 (1.14, 1.16), 2.5 or 2.7.
-            clock: wall, or lockstep, in which a simulated cabinet waits for `step`.
-            control: Control port HOST:PORT of a simulated cabinet.
-            reset: place (simulated cabinet: put the arm there) or move (drive there
-                below the limits); by default place where there is a control port.
-            approach: Move to a start that is far away, too (`start_distance`).
-            timeout: How long to wait for the cabinet [s].
-            watchdog: When the arm must not follow.
-            realtime: SCHED_FIFO and locked memory, where permitted.
+            settings: Of the controller, made for the robot; the period [s] is the
+                cabinet's send period x multiplier.
+            watchdog: When the arm must not follow; None is as usual, with the
+                address's `target_timeout`.
+            servo: Filters; None is `servo_params`. What the other arguments say is put
+                into it.
             processor: The servo thread stays on this one.
             log_folder: Where the last 10 s of motions that end go; None for nowhere.
             silence: Without a datagram for so long the session is over [s]; by default
                 1 s, 5 s in lockstep.
-            peer: The cabinet's IPv4 address: no other is served; None serves whoever
-                speaks first.
-            servo: Signs on the wire and filters; None is `servo_params`. What the
-                other arguments say is put into it.
 
         Raises:
             ArmError: The port is in use or not permitted.
             ConfigError: A setting is out of range.
         """
-        if clock not in ("wall", "lockstep"):
-            raise ConfigError(f"clock {clock!r} is unknown; known: wall, lockstep")
-        self._is_lockstep = clock == "lockstep"
+        self._address = address
+        self._is_lockstep = address.clock == "lockstep"
         self.facts = ArmFacts(
             robot=robot,
-            osc=osc,
-            limits=limits,
-            task=TaskSpec.parse(task) if isinstance(task, str) else task,
-            period=check_period(period),
-            address=f"fri://{bind[0]}:{bind[1]}",
-            is_simulated=control is not None,
-            is_real_time=clock == "wall",
-            places_fixture=control is not None,
-            measures_contact=False,
+            osc=settings.osc,
+            limits=settings.limits,
+            task=settings.task,
+            period=check_period(settings.period),
+            address=f"fri://{address.host}:{address.port}",
+            is_simulated=address.control is not None,
+            is_real_time=address.is_real_time,
+            places_fixture=address.places_fixture,
+            measures_contact=address.measures_contact,
         )
-        self._timeout = timeout
-        self._approach = approach
+        self._timeout = address.timeout
+        self._approach = address.approach
         self._left: Vec7 | None = None  # where it was when it last followed
-        self._version = version
-        self._host = bind[0]
-        self._control = CabinetControl(control, timeout) if control else None
-        self._reset = reset or ("place" if control else "move")
-        if self._reset == "place" and self._control is None:
-            raise ConfigError(
-                "reset=place needs the control port of a simulated cabinet: give "
-                "control=HOST:PORT, or reset=move"
-            )
+        self._control: CabinetControl | None = None
+        if address.control is not None:
+            self._control = CabinetControl(address.control, address.timeout)
         self._chain = robot.chain()
         from dovetail import _core
 
         loop = _core.LoopParams()
-        (loop.address, loop.port), loop.peer = bind, peer or ""
-        loop.priority = _PRIORITY if realtime else 0
-        loop.lock_memory = realtime
+        loop.address, loop.port = address.host, address.port
+        loop.peer = address.peer or ""
+        loop.priority = _PRIORITY if address.realtime else 0
+        loop.lock_memory = address.realtime
         loop.processor = -1 if processor is None else processor
         loop.log_folder = "" if log_folder is None else str(log_folder)
         loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         self._servo = self._make_servo(
-            loop, servo or servo_params(period), watchdog or WatchdogConfig()
+            loop,
+            servo or servo_params(settings.period),
+            watchdog or WatchdogConfig(target_timeout=address.target_timeout),
         )
         self._seed: int | None = None
         self._motion = 0
@@ -154,12 +129,16 @@ class FriArm:
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
-        facts = self.facts
+        facts, address = self.facts, self._address
+        servo.measured_sign = address.measured_sign
+        servo.commanded_sign = address.commanded_sign
+        servo.external_sign = address.external_sign
+        servo.commanded_is_total = address.commanded_is_total
         servo.period = facts.period
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
         try:
-            servo.version = self._version
+            servo.version = address.version
             return _core.ServoLoop(
                 loop,
                 servo,
@@ -188,7 +167,7 @@ class FriArm:
         """
         q = require_configuration(q)
         self._servo.clear()
-        if self._reset == "place" and self._control is not None:
+        if self._address.reset == "place" and self._control is not None:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
@@ -305,7 +284,11 @@ class FriArm:
             if time.monotonic() > end:
                 pace = f"{1e3 * self.facts.period:g} ms"
                 raise connection_error(
-                    self._servo, self._host, self.port, self._version, pace
+                    self._servo,
+                    self._address.host,
+                    self.port,
+                    self._address.version,
+                    pace,
                 )
         self._motion = self._servo.state().motion
         self._goal = self._servo.state().tick

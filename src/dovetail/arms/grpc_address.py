@@ -96,12 +96,4 @@ class GrpcAddress(ArmAddress):
         """Connect and take the lease; see `ArmAddress.build`."""
         from dovetail.arms.remote_arm import RemoteArm
 
-        return RemoteArm(
-            self,
-            settings.osc,
-            settings.limits,
-            settings.task,
-            settings.period,
-            robot=cell.loaded_robot(),
-            cell=cell,
-        )
+        return RemoteArm(self, settings, robot=cell.loaded_robot(), cell=cell)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, ClassVar, Self
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError
-from dovetail.plants.plant import DrivenPlant, DynamicsConfig, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DrivenPlant, DynamicsConfig
 from dovetail.plants.twin import TwinConfig, TwinPlant, load_twin
 
 if TYPE_CHECKING:

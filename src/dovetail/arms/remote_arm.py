@@ -6,10 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.arms.arm import ArmFacts, ArmState
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
-from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import (
     ArmError,
     ConfigError,
@@ -23,6 +20,7 @@ from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
+    from dovetail.arms.grpc_address import GrpcAddress
     from dovetail.rpc import dovetail_pb2 as pb
     from dovetail.rpc.client import Connection
     from dovetail.workcell.workcell import Workcell
@@ -37,11 +35,8 @@ class RemoteArm:
 
     def __init__(
         self,
-        address: str | GrpcAddress,
-        osc: OscConfig,
-        limits: LimitConfig,
-        task: TaskSpec | str,
-        period: float,
+        address: "GrpcAddress",
+        settings: ControllerSettings,
         *,
         robot: Robot | None = None,
         cell: "Workcell | None" = None,
@@ -53,11 +48,8 @@ class RemoteArm:
         """Connect, take the lease and set the arm up.
 
         Args:
-            address: grpc://HOST:PORT?ca=FILE&cert=FILE&key=FILE.
-            osc: Operational-space law.
-            limits: Limits, made for the same robot and period.
-            task: Mode of each axis.
-            period: Control period [s].
+            address: Where the service is, and the certificates for it.
+            settings: Of the controller, made for the robot.
             robot: Controller's model that this program computes with; refused if the
                 service has another one. None takes the service's.
             cell: What stands there; refused if the service has another part or
@@ -77,12 +69,6 @@ class RemoteArm:
         from dovetail.rpc.client import client_name
         from dovetail.rpc.step_stream import StepStream
 
-        if isinstance(address, str):
-            if not address.startswith("grpc://"):
-                raise ConfigError(
-                    f"arm {address!r} is not behind a service; give grpc://HOST:PORT"
-                )
-            address = GrpcAddress.parse(address)
         self._timeout, self._reset_timeout = timeout, reset_timeout
         self._seed: int | None = None
         self._closed = threading.Event()
@@ -94,10 +80,10 @@ class RemoteArm:
             info = self._connection.info
             self.facts = ArmFacts(
                 robot=_agreed_robot(info, robot),
-                osc=osc,
-                limits=limits,
-                task=TaskSpec.parse(task) if isinstance(task, str) else task,
-                period=period,
+                osc=settings.osc,
+                limits=settings.limits,
+                task=settings.task,
+                period=settings.period,
                 address=address.text,
                 is_simulated=False,
                 is_real_time=info.real_time,
@@ -110,7 +96,7 @@ class RemoteArm:
                 target=self._keep_alive, name="dovetail-lease", daemon=True
             )
             self._keeper.start()
-            self._configure(cell)
+            self._configure(settings, cell)
         except BaseException:
             self.close()
             raise
@@ -220,18 +206,12 @@ class RemoteArm:
         self._rest = lease.timeout / 3.0
         return lease.lease
 
-    def _configure(self, cell: "Workcell | None") -> None:
+    def _configure(self, settings: ControllerSettings, cell: "Workcell | None") -> None:
         from dovetail.rpc import dovetail_pb2 as pb
         from dovetail.rpc.settings import write_settings
         from dovetail.rpc.version import own_version
 
         request = pb.Configuration(lease=self._lease, version=own_version())
-        settings = ControllerSettings(
-            osc=self.facts.osc,
-            limits=self.facts.limits,
-            task=self.facts.task,
-            period=self.facts.period,
-        )
         write_settings(settings, request)
         if cell is not None:
             request.cell.name = cell.name
@@ -264,7 +244,7 @@ def _require_grpc() -> None:
         ) from error
 
 
-def _connect(address: GrpcAddress, timeout: float) -> "Connection":
+def _connect(address: "GrpcAddress", timeout: float) -> "Connection":
     from dovetail.rpc.client import Connection
     from dovetail.rpc.security import certificates
 

@@ -26,7 +26,8 @@ from dovetail.control.period_option import Period
 from dovetail.durations import parse_duration
 from dovetail.envs.registered import DEFAULT_ENV, find_cell
 from dovetail.errors import ConfigError, PlantError
-from dovetail.plants.plant import DrivenPlant, make_plant
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DrivenPlant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
 from dovetail.robots.find import DEFAULT_ROBOT
@@ -86,7 +87,7 @@ class Cabinet:
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     peg: str | None = None
-    """Shape of peg and hole: square, triangle or round; default the task's."""
+    """Shape of the part: square, triangle or round; default the task's."""
     clearance: float | None = None
     """Gap between held part and fixture on each side [m]; default the task's."""
     io: tuple[str, ...] = ()

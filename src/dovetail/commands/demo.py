@@ -14,7 +14,7 @@ from dovetail.files import dated_folder
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
-    """Try the shipped policy 20 times at each of 3 hole poses on a twin."""
+    """Try the shipped policy 20 times at each of 3 fixture poses on a twin."""
 
     policy: str = "peg_square"
     """Policy: the name of a shipped one, or a file."""
@@ -23,7 +23,7 @@ class Demo:
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
     tries: int = 20
-    """Tries at each of the three hole poses."""
+    """Tries at each of the three fixture poses."""
     workers: int = 1
     """Processes that share the tries."""
     video: bool = False

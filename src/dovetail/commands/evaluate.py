@@ -1,4 +1,4 @@
-"""`dovetail evaluate`: any policy, any plant or twin, any peg."""
+"""`dovetail evaluate`: any policy, any plant or twin, any held part."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,7 +12,7 @@ from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
 
 @dataclass(frozen=True, kw_only=True)
 class Evaluate(EvaluationConfig):
-    """Try a policy at three hole poses; write table, figures, report and logs."""
+    """Try a policy at three fixture poses; write table, figures, report and logs."""
 
     policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")]
     """Policy: a file (.safetensors or .json), or the name of a shipped one, such as

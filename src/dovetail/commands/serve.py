@@ -41,7 +41,7 @@ class Serve:
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     peg: str | None = None
-    """Shape of peg and hole: square, triangle or round; default the task's."""
+    """Shape of the part: square, triangle or round; default the task's."""
     clearance: float | None = None
     """Gap between held part and fixture on each side [m]; default the task's."""
     listen: str = "127.0.0.1:50051"

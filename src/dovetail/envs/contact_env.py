@@ -61,7 +61,7 @@ class ContactEnv(
     ## Observation space
 
     `Box`, the task's columns, then `stack` past (observation, action) pairs, newest
-    first. Of peg in hole:
+    first. Of a part that goes in from above:
 
     | index | meaning | unit unscaled | scaling | range |
     |---|---|---|---|---|

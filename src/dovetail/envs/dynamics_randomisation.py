@@ -12,11 +12,12 @@ import gymnasium
 import numpy as np
 
 from dovetail.arms.local_arm import LocalArm
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 
 _STREAM = 0xD15C0
-"""Keeps these draws apart from those of start and hole, which have the same seed."""
+"""Keeps these draws apart from those of start and fixture, which have the same seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +86,7 @@ class RandomDynamics(gymnasium.Wrapper):
     """Draws new dynamics at every reset.
 
     The draws have a random stream of their own from the reset's seed, so that start and
-    hole of a seed are the same with and without it.
+    fixture of a seed are the same with and without it.
     """
 
     def __init__(self, env: gymnasium.Env, ranges: DynamicsRandomisation) -> None:
@@ -96,7 +97,7 @@ class RandomDynamics(gymnasium.Wrapper):
                 of what an arm may have.
         """
         super().__init__(env)
-        arm = env.unwrapped.arm  # type: ignore[attr-defined]
+        arm = require_contact_env(env).arm
         if not isinstance(arm, LocalArm):
             raise ConfigError(
                 "dynamics can be drawn for an arm that is simulated in this process "

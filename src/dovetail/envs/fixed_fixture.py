@@ -4,6 +4,7 @@ from typing import Any
 
 import gymnasium
 
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.poses import Pose
 
@@ -18,7 +19,7 @@ class FixedFixture(gymnasium.Wrapper):
             ConfigError: The fixture lies outside the arm's workspace.
         """
         super().__init__(env)
-        core: Any = env.unwrapped
+        core = require_contact_env(env)
         require_inside(core.task, core.cell, core.arm, fixture)
         self.fixture = fixture
 

@@ -103,7 +103,7 @@ class Layout:
 
     It is monotone and invertible and gives the network millimetres near the goal. The
     position is counted from `zero_offset` from the goal, the mouth of an opening,
-    because that is where millimetres decide: without it the peg was inserted half as
+    because that is where millimetres decide: without it a part was inserted half as
     often after 15,000 steps.
     """
 

@@ -175,13 +175,13 @@ class ToolTare:
         self._stiffness: Vec6 = np.where(is_held, arm.facts.osc.stiffness, 0.0)
 
     def take(
-        self, state: ArmState, hole: Pose, near_plane: Array, walls: Walls
+        self, state: ArmState, fixture: Pose, near_plane: Array, walls: Walls
     ) -> ArmState:
-        """Measure, leading the tool up and away from the hole first.
+        """Measure, leading the tool up and away from the fixture first.
 
         Args:
             state: What the arm said last; nothing touches the tool.
-            hole: Where not to go.
+            fixture: Where not to go.
             near_plane: The plane near contact, as in a Target, shape (4,).
             walls: Lower and upper walls of the TCP [m]: where one is near, the other
                 way is taken.
@@ -193,7 +193,7 @@ class ToolTare:
             ArmError: Something is in the way.
         """
         start = state.position
-        direction = np.where(start >= hole.position, 1.0, -1.0)
+        direction = np.where(start >= fixture.position, 1.0, -1.0)
         direction[2] = 1.0
         end = start + 2.0 * TRAVEL * direction
         direction = np.where((end < walls[0]) | (end > walls[1]), -direction, direction)

@@ -43,28 +43,28 @@ class EvaluationConfig:
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
     hole: tuple[float, float, float, float] | None = None
-    """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes; default
-    three poses, which an arm must be able to put the hole at."""
+    """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes; default
+    three poses, which an arm must be able to put the fixture at."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default the one in the arm's address, or
     else the policy's training's."""
     peg: str | None = None
-    """Shape of peg and hole: square, triangle or round; default the policy's."""
+    """Shape of the part: square, triangle or round; default the policy's."""
     clearance: float | None = None
-    """Gap between peg and hole on each side [m]; default the policy's."""
+    """Gap between part and fixture on each side [m]; default the policy's."""
     hole_shift: float = 0.0
-    """Cover the camera: the hole is this far [m], in a random horizontal direction,
+    """Cover the camera: the fixture is this far [m], in a random horizontal direction,
     from where it was seen last; 0 to 0.05."""
     push: float = 0.0
     """Push the tool at random times in random directions with up to this force [N];
     0 to 100."""
     hole_speed: float = 0.0
-    """Move the hole during the tries at this speed [m/s], out and back, the camera
+    """Move the fixture during the tries at this speed [m/s], out and back, the camera
     following; 0 to 0.1."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: random, or below the block's surface, beside it."""
     search: Literal["none", "spiral"] = "none"
-    """With `hole_shift`: lead the policy over the surface until the peg drops in."""
+    """With `hole_shift`: lead the policy over the surface until the part drops in."""
     tare: bool = True
     """Before each try measure, in free air, the weight that the arm's gravity
     compensation misses, and take it off what the policy commands; not where the policy
@@ -72,7 +72,7 @@ class EvaluationConfig:
     max_steps: int | None = None
     """Policy steps of 50 ms in a try; default the policy's, 20000 with a search."""
     tries: int = 20
-    """Tries at each hole pose."""
+    """Tries at each fixture pose."""
     seed: int = 0
     """Seed of starts and noise, 0 or more."""
     workers: int = 1
@@ -86,7 +86,7 @@ class EvaluationConfig:
     the time, in results."""
 
     def perturbation(self) -> Perturbation:
-        """Return what is done to arm and hole.
+        """Return what is done to arm and fixture.
 
         Raises:
             ConfigError: A number out of range.
@@ -178,10 +178,10 @@ def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
 
 
 def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
-    """Refuse to guess where the hole is, for an arm that cannot move it."""
+    """Refuse to guess where the fixture is, for an arm that cannot move it."""
     if config.hole is None and not can_place:
         raise ConfigError(
-            f"the arm at {config.arm} cannot move the hole: say where it is with "
+            f"the arm at {config.arm} cannot move the fixture: say where it is with "
             "--hole X Y Z YAW [m, rad], or add control=HOST:PORT for a simulated "
             "cabinet"
         )
@@ -190,7 +190,7 @@ def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
 def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[FixturePose, ...]:
-    """Return where the hole is for the tries: by the policy's environment, or given."""
+    """Return where the fixture is for the tries: the policy's own poses, or given."""
     poses = task_class(known_env_id(policy, config.env)).trial_poses
     if config.hole is None:
         return poses

@@ -14,6 +14,7 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.evaluate.config import (
     EvaluationConfig,
@@ -78,7 +79,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     env_id = known_env_id(policy.metadata, config.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
-        task: Task = env.unwrapped.task  # type: ignore[attr-defined]
+        task = require_contact_env(env).task
         folder = claim_output_folder(config.out or dated_folder("results"))
         logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
@@ -161,7 +162,8 @@ def _inspect(
         find_backend()
     env = make_env()
     try:
-        require_place(config, can_place=env.unwrapped.places_fixture)  # type: ignore[attr-defined]
+        can_place = require_contact_env(env).places_fixture
+        require_place(config, can_place=can_place)
         pose = fixture_poses(config, policy.metadata)[0].pose()
         observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
         policy.require_size(observation, env.action_space.shape or ())
@@ -189,7 +191,7 @@ def write_report(
     """
     labels = [row.label for row in report.rows[:-1]]
     paths = draw_paths(report.outcomes, labels, outline=outline, title=report.title)
-    captions = {"Paths of the peg's tip": paths}
+    captions = {"Paths of the tool": paths}
     files = [write_atomic(folder / "paths.png", paths)]
     if not math.isnan(report.rows[-1].force_peak):
         forces = captions["Contact force"] = draw_forces(report.outcomes)

@@ -66,7 +66,7 @@ def draw_paths(
         for axes, across in ((top, "y"), (side, "z")):
             axes.set_ylabel(f"{across} [mm]" if column == 0 else "", fontsize=8)
     for axes in grid[1]:
-        axes.set_xlabel("x in the hole's frame [mm]", fontsize=8)
+        axes.set_xlabel("x in the fixture's frame [mm]", fontsize=8)
     _fit(grid, outcomes)
     _add_legend(figure)
     return _png(figure)

@@ -77,11 +77,11 @@ def describe_settings(
     Args:
         config: The settings.
         options: Keyword arguments of the environment.
-        poses: Where the hole is.
+        poses: Where the fixture is.
     """
     settings = asdict(config)
     settings["environment"] = dict(options)
-    settings["hole poses (x y z [m], theta [rad])"] = {
+    settings["fixture poses (x y z [m], theta [rad])"] = {
         pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
     }
     if config.twin is not None:

@@ -12,13 +12,13 @@ class Outcome:
     """Result of one try of a policy."""
 
     pose: int
-    """Index of the hole pose."""
+    """Index of the fixture pose."""
     attempt: int
     """Number of the try at this pose, from 0."""
     seed: int
     """Seed of the environment's reset: start pose and noise."""
     success: bool
-    """The peg ended at least the required depth inside the hole."""
+    """The task was done: the part, say, ended deep enough inside the fixture."""
     steps: int
     """Policy steps taken (50 ms each)."""
     depth: float
@@ -35,7 +35,7 @@ class Outcome:
     violations: int
     """Control cycles in which a measured value lay outside its limit."""
     path: Array
-    """Tool position in the hole's frame [m], shape (cycles, 3), z out of the hole."""
+    """Tool position in the fixture's frame [m], shape (cycles, 3), z out of it."""
     stopped: str
     """Why the arm ended the try before its time; empty when it did not."""
     log: str

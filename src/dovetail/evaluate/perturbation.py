@@ -1,4 +1,4 @@
-"""Perturbed trials: a covered camera, pushes, a hole that moves, low starts."""
+"""Perturbed trials: a covered camera, pushes, a fixture that moves, low starts."""
 
 import math
 from dataclasses import dataclass
@@ -8,10 +8,12 @@ from typing import Annotated, Any, Literal, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from dovetail.arms.arm import require_simulated
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.ranges import Range, check_ranges
 from dovetail.envs.registered import task_class
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose
@@ -20,8 +22,8 @@ from dovetail.trackers.covered import Covered
 from dovetail.trackers.spiral import SearchConfig, SpiralSearch
 from dovetail.types import Vec3
 
-HOLE_TRAVEL = 0.05
-"""How far a moving hole goes out before it comes back [m]."""
+TRAVEL = 0.05
+"""How far a moving fixture goes out before it comes back [m]."""
 PUSH_TIME = (0.2, 0.5)
 """Range of a push's duration [s], uniform."""
 PUSH_GAP = (0.3, 1.0)
@@ -36,19 +38,19 @@ _STREAM = 0x5E7BAC
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
-    """What is done to the arm and the hole during the tries."""
+    """What is done to the arm and the fixture during the tries."""
 
     hole_shift: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
-    """Horizontal distance from where the hole was seen last to where it is [m]; above 0
-    the camera is covered."""
+    """Horizontal distance from where the fixture was seen last to where it is [m];
+    above 0 the camera is covered."""
     push: Annotated[float, Range(0.0, 100.0, "N")] = 0.0
     """Largest force of the pushes on the TCP [N]; 0 is none."""
     hole_speed: Annotated[float, Range(0.0, 0.1, "m/s")] = 0.0
-    """Speed at which the hole moves horizontally, out and back [m/s]."""
+    """Speed at which the fixture moves horizontally, out and back [m/s]."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: anywhere, or below the block's surface, beside it."""
     search: Literal["none", "spiral"] = "none"
-    """What is done about a covered camera: nothing, or the believed hole wanders."""
+    """What is done about a covered camera: nothing, or the believed fixture wanders."""
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
@@ -67,13 +69,13 @@ class Perturbation:
         words = []
         if self.hole_shift:
             shift = f"{1e3 * self.hole_shift:g} mm"
-            words.append(f"camera covered and hole moved by {shift}")
+            words.append(f"camera covered and fixture moved by {shift}")
         if self.search != "none":
             words.append("searched for on a spiral")
         if self.push:
             words.append(f"pushes of up to {self.push:g} N")
         if self.hole_speed:
-            words.append(f"hole moving at {1e3 * self.hole_speed:g} mm/s")
+            words.append(f"fixture moving at {1e3 * self.hole_speed:g} mm/s")
         if self.start == "below":
             words.append("starts below the surface")
         return words
@@ -128,19 +130,19 @@ def draw_pushes(rng: np.random.Generator, largest: float, episode: float) -> lis
 
 
 def distance_out(time: float, speed: float) -> float:
-    """Return how far a hole that goes out and back by HOLE_TRAVEL is at a time [m]."""
-    way = math.fmod(speed * time, 2.0 * HOLE_TRAVEL)
-    return min(way, 2.0 * HOLE_TRAVEL - way)
+    """Return how far a fixture that goes out and back by TRAVEL is at a time [m]."""
+    way = math.fmod(speed * time, 2.0 * TRAVEL)
+    return min(way, 2.0 * TRAVEL - way)
 
 
 class Perturbed(gym.Wrapper):
-    """Perturbs the episodes of a peg-in-hole environment, each by its reset's seed."""
+    """Perturbs the episodes of an environment, each by its reset's seed."""
 
     def __init__(self, env: gym.Env, perturbation: Perturbation) -> None:
         """Take the environment; with a `hole_shift` its tracker is a Covered."""
         super().__init__(env)
         self.perturbation = perturbation
-        self.core: Any = env.unwrapped
+        self.core = require_contact_env(env)
         self._covered = self.core.tracker
         if perturbation.search != "none":
             gap = self.core.task.gap()
@@ -160,13 +162,15 @@ class Perturbed(gym.Wrapper):
         asked, rng = self.perturbation, self._rng
         told: dict[str, Any] = {}
         if asked.hole_shift:
-            shift = asked.hole_shift * _horizontal(rng)
-            self._covered.shift = shift
-            told["hole_shift [m]"] = shift.tolist()
+            assert isinstance(self._covered, Covered)  # make_perturbed sees to it
+            self._covered.shift = shift = asked.hole_shift * _horizontal(rng)
+            told["fixture_shift [m]"] = shift.tolist()
         observation, info = self.env.reset(seed=seed, options=options)
         if asked.hole_speed:
             self._direction = self._free_direction()
-            told["hole_velocity [m/s]"] = (asked.hole_speed * self._direction).tolist()
+            told["fixture_velocity [m/s]"] = (
+                asked.hole_speed * self._direction
+            ).tolist()
         self._pushes = []
         if asked.push:
             episode = self.core.max_steps * POLICY_PERIOD
@@ -185,7 +189,7 @@ class Perturbed(gym.Wrapper):
             self.core.slide_fixture((end - begin) / POLICY_PERIOD * self._direction)
         while self._pushes and self._pushes[0].step <= self._step:
             push = self._pushes.pop(0)
-            self.core.arm.push(push.force, push.duration)
+            require_simulated(self.core.arm).push(push.force, push.duration)
         self._step += 1
         return self.env.step(action)
 
@@ -198,7 +202,7 @@ class Perturbed(gym.Wrapper):
         core, fixture = self.core, self.core.fixture
         for last in [False] * 31 + [True]:
             direction = _horizontal(self._rng)
-            end = Pose(fixture.position + HOLE_TRAVEL * direction, fixture.quat_wxyz)
+            end = Pose(fixture.position + TRAVEL * direction, fixture.quat_wxyz)
             try:
                 require_inside(core.task, core.cell, core.arm, end)
             except ConfigError:

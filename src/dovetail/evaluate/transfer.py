@@ -1,4 +1,4 @@
-"""The transfer table: successes per hole pose with Wilson intervals, force, limits."""
+"""The transfer table: successes per pose with Wilson intervals, force, limits."""
 
 import math
 from collections.abc import Sequence
@@ -54,14 +54,14 @@ def wilson_interval(successes: int, tries: int, *, z: float = 1.959964) -> Inter
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One line of the table: all tries at one hole pose, or all of them."""
+    """One line of the table: all tries at one fixture pose, or all of them."""
 
     label: str
-    """Name of the hole pose, or "all"."""
+    """Name of the fixture pose, or "all"."""
     tries: int
     """Number of tries."""
     successes: int
-    """Number of tries that ended inside the hole."""
+    """Number of tries in which the task was done."""
     interval: Interval
     """Wilson 95 % interval of the success rate."""
     steps_median: float
@@ -82,11 +82,11 @@ class Row:
 
 
 def summarise(outcomes: Sequence[Outcome], labels: Sequence[str]) -> list[Row]:
-    """Return one row per hole pose, in order, and a last one over all.
+    """Return one row per fixture pose, in order, and a last one over all.
 
     Args:
         outcomes: Every try; at least one per pose.
-        labels: Name of each hole pose; `Outcome.pose` indexes it.
+        labels: Name of each fixture pose; `Outcome.pose` indexes it.
 
     Raises:
         ConfigError: a pose has no try.
@@ -100,7 +100,7 @@ def summarise(outcomes: Sequence[Outcome], labels: Sequence[str]) -> list[Row]:
 
 def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
     if not outcomes:
-        raise ConfigError(f"hole pose {label} has no try to summarise")
+        raise ConfigError(f"fixture pose {label} has no try to summarise")
     steps = np.array([o.steps for o in outcomes if o.success], dtype=float)
     peaks = np.array([o.force_peak for o in outcomes])
     in_contact = np.array([o.contact_cycles for o in outcomes])

@@ -12,6 +12,8 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from dovetail.arms.arm import ArmState
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate.outcome import Outcome
@@ -83,6 +85,7 @@ class Trialist:
         """
         self._policy = load_policy()
         self._env = make_env()
+        self._core = require_contact_env(self._env)
         self._poses = poses
         self._logs, self._films = logs, films
 
@@ -95,15 +98,19 @@ class Trialist:
                 seed=job.seed, options={"fixture": fixture}
             )
         except ArmError as error:
-            if error.reason != "tare":
+            if error.reason != "tare" or not isinstance(error.state, ArmState):
                 raise
-            return self._without_tare(job, fixture, error)
+            violations = self._core.violations.count(error.state.log)
+            nothing = {"success": False, "depth": math.nan}
+            outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
+            # It ended before it began: the tool did not follow its lead.
+            return replace(outcome, stopped=error.reason)
         self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
         film = Film()
-        film.add(self._state(), fixture)
+        film.add(self._core.state, fixture)
         steps, violations = 0, int(info.get("limit_violations", 0))
         done, stopped = False, ""
         about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
@@ -115,8 +122,8 @@ class Trialist:
                 except ArmError as error:
                     stopped = error.reason or str(error)
                     break
-                blocks.append(self._state().log)
-                film.add(self._state(), self._env.unwrapped.fixture)
+                blocks.append(self._core.state.log)
+                film.add(self._core.state, self._core.fixture)
                 raw = info["observation_raw"]
                 episode.append(blocks[-1], steps, action, float(reward), raw)
                 steps += 1
@@ -132,22 +139,12 @@ class Trialist:
         """Write the film of the first try at a pose, if films are wanted."""
         if self._films is None or job.attempt > 0:
             return
-        with closing(Renderer(self._env.unwrapped.cell)) as renderer:
+        with closing(Renderer(self._core.cell)) as renderer:
             film.write(self._films / film_name(self._poses[job.pose]), renderer)
-
-    def _without_tare(self, job: Job, fixture: Pose, error: ArmError) -> Outcome:
-        """Return a try that ended before it began: the tool did not follow its lead."""
-        violations = self._env.unwrapped.violations.count(error.state.log)  # type: ignore[attr-defined]
-        nothing = {"success": False, "depth": math.nan}
-        outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
-        return replace(outcome, stopped=error.reason)
 
     def close(self) -> None:
         """Release the environment."""
         self._env.close()
-
-    def _state(self) -> Any:
-        return self._env.unwrapped.state  # type: ignore[attr-defined]
 
     def _describe(self, job: Job) -> dict[str, Any]:
         pose = self._poses[job.pose]

@@ -35,7 +35,7 @@ from dovetail.identify.population import (
 )
 from dovetail.identify.recording import Recording
 from dovetail.identify.search import Search, space_of
-from dovetail.plants.plant import PLANTS
+from dovetail.plants.find import find_engine
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
@@ -101,10 +101,7 @@ def fit(config: FitConfig, console: Console) -> FitResult:
         DovetailError: A setting, the recording, the folder, or workers that die; see
             its message.
     """
-    if config.plant not in PLANTS:
-        raise ConfigError(
-            f"plant {config.plant!r} is unknown; known plants: {', '.join(PLANTS)}"
-        )
+    find_engine(config.plant)  # what it does not know is refused before any work
     parameters = ParameterSet.parse(config.parameters)
     budget = config.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
     if budget < 1 or config.seed < 0:

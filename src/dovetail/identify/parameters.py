@@ -7,6 +7,7 @@ import numpy as np
 
 from dovetail.control.ranges import ranges_of
 from dovetail.errors import ConfigError
+from dovetail.plants.find import find_engine
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
@@ -185,7 +186,7 @@ def nominal_model(engine: str = "mujoco") -> TwinConfig:
     d = _NOMINAL
     return TwinConfig(
         description="the controller's model",
-        engine=engine,  # type: ignore[arg-type]  (TwinConfig checks the word)
+        engine=find_engine(engine),
         seed=0,
         inertia=d.inertia,
         mass_scale=d.mass_scale,

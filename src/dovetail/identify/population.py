@@ -104,7 +104,7 @@ class Processes:
                 number, model = busy.pop(pipe)
                 idle.append(number)
                 try:
-                    answer = pipe.recv()  # type: ignore[union-attr]
+                    answer = self._workers[number].pipe.recv()
                 except (EOFError, OSError):
                     waiting.append(model)
                     losses[model] += 1

@@ -40,17 +40,17 @@ from dovetail.types import Array, Vec7
 from dovetail.workcell.workcell import WALLS
 
 CONTACT_FORCE = 0.1
-"""Contact force from which the peg counts as in contact [N]."""
+"""Contact force from which the held part counts as in contact [N]."""
 PLAY = 0.002
 """Distance from the block that counts as contact where no force is measured [m]."""
 START_HEIGHT, START_HEIGHT_MAX = 0.18, 0.22
-"""Lowest height of a start [m], and how far it may go up to keep off a high hole."""
+"""Lowest height of a start [m], and how far it may go up to keep off a high fixture."""
 ELBOW = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 """Joints that turn the elbow about the line from shoulder to wrist [1]."""
 FREE_AIR = 0.08
-"""Height of the lowest start over the hole's mouth [m]: the motions go down 0.05 m."""
-DEFAULT_HOLE = (0.60, 0.0, 0.09, 0.0)
-"""Where the hole is put: x y z [m] of its mouth, yaw [rad]."""
+"""Height of the lowest start over the fixture's mouth [m]; motions go down 0.05 m."""
+DEFAULT_FIXTURE = (0.60, 0.0, 0.09, 0.0)
+"""Where the fixture is put: x y z [m] of its mouth, yaw [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +68,7 @@ class RecordConfig:
     steps: int = 50
     """Policy steps of 50 ms of each."""
     hole: tuple[float, float, float, float] | None = None
-    """Where the hole is: x y z [m] of its mouth and yaw [rad], world axes."""
+    """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes."""
     f_scale: float = 8.0
     """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
     0.2 m/s of the 0.25 m/s allowed."""
@@ -81,11 +81,11 @@ class RecordConfig:
     robot: str = USUAL.place.robot
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     peg: str | None = None
-    """Shape of the peg held: square, triangle or round; default the task's."""
+    """Shape of the held part: square, triangle or round; default the task's."""
     clearance: float | None = None
-    """Gap between peg and hole on each side [m]; default the task's."""
+    """Gap between held part and fixture on each side [m]; default the task's."""
     allow_contact: bool = False
-    """Keep a sequence in which the peg touched something."""
+    """Keep a sequence in which the held part touched something."""
 
 
 def record(
@@ -100,13 +100,13 @@ def record(
 
     Raises:
         ConfigError: A setting, or a folder that holds another recording.
-        ArmError: The arm, or the peg in contact.
+        ArmError: The arm, or the held part in contact.
     """
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
-    _require_hole(config, can_place=address.places_fixture)
-    x, y, z, yaw = config.hole or DEFAULT_HOLE
-    hole = (x, y, z, yaw)
+    _require_fixture(config, can_place=address.places_fixture)
+    x, y, z, yaw = config.hole or DEFAULT_FIXTURE
+    fixture = (x, y, z, yaw)
     usual = RecordConfig.period
     asked = None if config.period == usual else config.period
     height = _start_height(config, z)
@@ -121,11 +121,13 @@ def record(
     )
     env = ContactEnv(task, config.arm, settings)
     with closing(env):
-        _require_hole(config, can_place=env.places_fixture)
+        _require_fixture(config, can_place=env.places_fixture)
         if starts is None:
             robot = env.arm.facts.robot
-            starts = plan_starts(robot, config.seed, config.sequences, height, hole[3])
-        metadata = _describe(config, env, hole, starts)
+            starts = plan_starts(
+                robot, config.seed, config.sequences, height, fixture[3]
+            )
+        metadata = _describe(config, env, fixture, starts)
         if not _is_begun(config.out, metadata):
             _begin(env, config.out, metadata, console)
         left = [
@@ -139,10 +141,10 @@ def record(
 
 
 def _start_height(config: RecordConfig, mouth: float) -> float:
-    """Return the lowest height of a start over a hole's mouth [m].
+    """Return the lowest height of a start over a fixture's mouth [m].
 
     Raises:
-        ConfigError: The walls leave too little air above the hole.
+        ConfigError: The walls leave too little air above the fixture.
     """
     height = max(START_HEIGHT, mouth + FREE_AIR)
     if height <= START_HEIGHT_MAX:
@@ -150,17 +152,17 @@ def _start_height(config: RecordConfig, mouth: float) -> float:
     if config.allow_contact:
         return START_HEIGHT
     raise ConfigError(
-        f"the hole's mouth is {mouth:g} m high: the motions need {FREE_AIR:g} m of "
+        f"the fixture's mouth is {mouth:g} m high: the motions need {FREE_AIR:g} m of "
         f"free air above it, below the wall at {WALLS[1][2]:g} m; put the block at "
         f"{START_HEIGHT_MAX - FREE_AIR:g} m or lower, or give --allow-contact"
     )
 
 
-def _require_hole(config: RecordConfig, *, can_place: bool) -> None:
-    """Refuse to guess where the hole is, for an arm that cannot move it."""
+def _require_fixture(config: RecordConfig, *, can_place: bool) -> None:
+    """Refuse to guess where the fixture is, for an arm that cannot move it."""
     if config.hole is None and not can_place:
         raise ConfigError(
-            f"the arm at {config.arm} cannot move the hole: say where it is with "
+            f"the arm at {config.arm} cannot move the fixture: say where it is with "
             "--hole X Y Z YAW [m, rad]; the motions stay above it"
         )
 
@@ -196,7 +198,7 @@ def plan_starts(
 def _describe(
     config: RecordConfig,
     env: ContactEnv,
-    hole: tuple[float, float, float, float],
+    fixture: tuple[float, float, float, float],
     starts: Sequence[Vec7],
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
@@ -212,8 +214,8 @@ def _describe(
         "task": str(env.axes),
         "period": facts.period,
         **{name: vars(env.task).get(name) for name in ("peg", "clearance")},
-        "hole": list(hole),
-        "near_height": hole[2] + approach.near_distance,
+        "fixture": list(fixture),
+        "near_height": fixture[2] + approach.near_distance,
         "arm": config.arm,
         "commands": {
             "f_scale": action.f_scale,
@@ -264,7 +266,7 @@ def _begin(
 ) -> None:
     """Measure and say the arm's delay, and write the description."""
     q_start = np.array(metadata["q_start"][0])
-    delay = measure_delay(env, q_start, _hole(metadata))
+    delay = measure_delay(env, q_start, _fixture(metadata))
     colour, status = ("green", "ok") if delay.judged.is_within else ("red", "broken")
     console.print(
         f"[{colour}]{status}[/] delay {delay.judged.text}",
@@ -280,8 +282,8 @@ def _begin(
     write_atomic(folder / DESCRIPTION, json.dumps(metadata | facts, indent=1) + "\n")
 
 
-def _hole(metadata: dict[str, Any]) -> Pose:
-    x, y, z, yaw = metadata["hole"]
+def _fixture(metadata: dict[str, Any]) -> Pose:
+    x, y, z, yaw = metadata["fixture"]
     return Pose(np.array([x, y, z]), quat_about_z(yaw))
 
 
@@ -294,9 +296,9 @@ def _play(
     actions: Array,
 ) -> None:
     """Play one sequence and write its log."""
-    hole = _hole(metadata)
+    fixture = _fixture(metadata)
     seed = config.seed * 1000 + number
-    env.reset(seed=seed, options={"fixture": hole, "start": q_start})
+    env.reset(seed=seed, options={"fixture": fixture, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}
     facts |= {"q_start": env.state.q, "sequence": number}
     episode = Episode(metadata=facts)
@@ -305,9 +307,9 @@ def _play(
         contact = _contact(env, info["contact_force_max"])
         if contact and not config.allow_contact:
             raise ArmError(
-                f"the peg is in contact: {contact} in sequence {number}, step {step}; "
-                "a fit needs free motion: move the hole away with --hole, or give "
-                "--allow-contact",
+                f"the held part is in contact: {contact} in sequence {number}, step "
+                f"{step}; a fit needs free motion: move the fixture away with --hole, "
+                "or give --allow-contact",
                 "contact",
             )
         episode.append(env.state.log, step, action, float(reward))
@@ -315,12 +317,12 @@ def _play(
 
 
 def _contact(env: ContactEnv, force: float) -> str:
-    """Say in words how the peg touched something in the last step; "" is not at all.
+    """Say in words how the held part touched something in the last step, or "".
 
     Args:
         env: After the step.
         force: Largest contact force [N]; not-a-number where the arm measures none, and
-            the peg's place has to tell.
+            the held part's place has to tell.
     """
     if math.isfinite(force):
         return f"{force:.1f} N" if force > CONTACT_FORCE else ""

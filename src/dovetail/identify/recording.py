@@ -38,9 +38,11 @@ from dovetail.workcell.workcell import Workcell
 FORMAT = 1
 DESCRIPTION = "recording.json"
 _KEYS = (
-    *("format", "robot", "task", "period", "peg", "clearance", "hole", "near_height"),
-    *("arm", "commands", "controller", "excitation", "q_start"),
+    *("format", "robot", "task", "period", "peg", "clearance", "fixture"),
+    *("near_height", "arm", "commands", "controller", "excitation", "q_start"),
 )
+_WRITTEN_ONCE = {"fixture": "hole"}
+"""Keys, and what older files call them; a fingerprint is of the old words."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ class Recording:
     @property
     def fixture(self) -> Pose:
         """Where the fixture was."""
-        x, y, z, yaw = self.metadata["hole"]
+        x, y, z, yaw = self.metadata["fixture"]
         return Pose(np.array([x, y, z]), quat_about_z(yaw))
 
     def commands(self) -> CommandMap:
@@ -122,7 +124,9 @@ class Recording:
 
     def fingerprint(self) -> str:
         """Return a hash of everything that a fit depends on."""
-        known = {k: v for k, v in self.metadata.items() if k in _KEYS}
+        known = {
+            _WRITTEN_ONCE.get(k, k): v for k, v in self.metadata.items() if k in _KEYS
+        }
         digest = hashlib.sha256(json.dumps(known, sort_keys=True).encode())
         for sequence in self.sequences:
             digest.update(np.ascontiguousarray(sequence.log[:, :-1]).tobytes())
@@ -192,6 +196,9 @@ def read_description(folder: Path) -> dict[str, Any]:
         raise LogError(
             f"{path} holds no table; make it with `dovetail identify record`"
         )
+    for key, once in _WRITTEN_ONCE.items():
+        if once in metadata:
+            metadata[key] = metadata.pop(once)
     missing = [key for key in _KEYS if key not in metadata]
     if missing or metadata["format"] != FORMAT:
         raise LogError(

@@ -18,19 +18,21 @@ import numpy as np
 
 from dovetail.errors import ConfigError, LogError
 from dovetail.learn.algorithms import derive_seed
+from dovetail.learn.sbx_model import (
+    NoisyPolicy,
+    ReplayBuffer,
+    SbxModel,
+    buffer_arrays,
+    counters,
+    put_counters,
+    put_states,
+    replay_buffer,
+    trained_states,
+)
 
 VERSION = 1
 KEPT = 2
 
-_STATES = (
-    *("actor_state", "kept_state"),
-    *("qf_state", "qf1_state", "qf2_state", "vf_state"),
-)
-_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
-_BUFFER = (
-    *("observations", "next_observations", "actions"),
-    *("rewards", "dones", "timeouts"),
-)
 _FACTS = "checkpoint.json"
 _NETWORKS = "networks.msgpack"
 _REPLAY = "replay.npz"
@@ -45,7 +47,7 @@ class Counters(NamedTuple):
     """Training time so far [s]."""
 
 
-def save_checkpoint(folder: Path, model: Any, wall_time: float) -> Path:
+def save_checkpoint(folder: Path, model: SbxModel, wall_time: float) -> Path:
     """Write a checkpoint of an SBX algorithm, then remove all but the last two.
 
     Args:
@@ -88,7 +90,7 @@ def list_checkpoints(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob("step-*") if path.is_dir())
 
 
-def load_checkpoint(place: Path, model: Any, seed: int) -> Counters:
+def load_checkpoint(place: Path, model: SbxModel, seed: int) -> Counters:
     """Put a freshly built algorithm of the same settings into a checkpoint's state.
 
     Args:
@@ -109,10 +111,9 @@ def load_checkpoint(place: Path, model: Any, seed: int) -> Counters:
             if hashlib.sha256((place / name).read_bytes()).hexdigest() != digest:
                 raise ValueError(f"{name} is damaged: its SHA-256 differs")
         _set_states(model, (place / _NETWORKS).read_bytes())
-        if getattr(model, "replay_buffer", None) is not None:
-            _set_replay(model.replay_buffer, place / _REPLAY)
-        for name in _COUNTERS:
-            setattr(model, name, int(facts[name]))
+        if (buffer := replay_buffer(model)) is not None:
+            _set_replay(buffer, place / _REPLAY)
+        put_counters(model, facts)
     except (OSError, ValueError, KeyError) as error:
         raise ConfigError(
             f"checkpoint {place} cannot be used: {error}; remove it to continue "
@@ -122,7 +123,7 @@ def load_checkpoint(place: Path, model: Any, seed: int) -> Counters:
     return Counters(int(facts["num_timesteps"]), float(facts["wall_time"]))
 
 
-def seed_run(model: Any, seed: int, step: int) -> None:
+def seed_run(model: SbxModel, seed: int, step: int) -> None:
     """Start every random number of a run from its seed and step.
 
     The environments' next `reset` uses seeds of their own, far from those of other runs
@@ -133,36 +134,28 @@ def seed_run(model: Any, seed: int, step: int) -> None:
 
     model.set_random_seed(derive_seed(seed, step, 0))
     model.policy.key = jax.random.PRNGKey(derive_seed(seed, step, 1))
-    if hasattr(model.policy, "reset_noise"):
+    if isinstance(model.policy, NoisyPolicy):
         model.policy.reset_noise()
     env = model.get_env()
     env._seeds = [derive_seed(seed, step, 2, i) for i in range(env.num_envs)]
 
 
-def _states(model: Any) -> dict[str, tuple[Any, str]]:
-    """Return who holds each trained state."""
-    found = {n: (model.policy, n) for n in _STATES if hasattr(model.policy, n)}
-    if hasattr(model, "ent_coef_state"):
-        found["ent_coef_state"] = (model, "ent_coef_state")
-    return found
-
-
-def _write(folder: Path, model: Any, wall_time: float) -> None:
+def _write(folder: Path, model: SbxModel, wall_time: float) -> None:
     from flax import serialization
 
-    states = {name: getattr(*where) for name, where in _states(model).items()}
-    _write_file(folder / _NETWORKS, serialization.to_bytes(states))
-    buffer = getattr(model, "replay_buffer", None)
-    if buffer is not None:
+    _write_file(folder / _NETWORKS, serialization.to_bytes(trained_states(model)))
+    if (buffer := replay_buffer(model)) is not None:
         count = buffer.buffer_size if buffer.full else buffer.pos
-        arrays = {name: getattr(buffer, name)[:count] for name in _BUFFER}
+        arrays: dict[str, Any] = {"position": buffer.pos, "full": buffer.full}
+        for name, room in buffer_arrays(buffer).items():
+            arrays[name] = room[:count]
         with (folder / _REPLAY).open("wb") as file:
-            np.savez(file, position=buffer.pos, full=buffer.full, **arrays)
+            np.savez(file, **arrays)
             file.flush()
             os.fsync(file.fileno())
     facts = {
         "version": VERSION,
-        **{name: int(getattr(model, name)) for name in _COUNTERS},
+        **counters(model),
         "wall_time": wall_time,
         "sha256": {
             path.name: hashlib.sha256(path.read_bytes()).hexdigest()
@@ -173,20 +166,16 @@ def _write(folder: Path, model: Any, wall_time: float) -> None:
     _sync(folder)
 
 
-def _set_states(model: Any, content: bytes) -> None:
+def _set_states(model: SbxModel, content: bytes) -> None:
     from flax import serialization
 
-    places = _states(model)
-    fresh = {name: getattr(*where) for name, where in places.items()}
-    states = serialization.from_bytes(fresh, content)
-    for name, where in places.items():
-        setattr(*where, states[name])
+    put_states(model, serialization.from_bytes(trained_states(model), content))
 
 
-def _set_replay(buffer: Any, path: Path) -> None:
+def _set_replay(buffer: ReplayBuffer, path: Path) -> None:
     with np.load(path, allow_pickle=False) as arrays:
-        for name in _BUFFER:
-            content, room = arrays[name], getattr(buffer, name)
+        for name, room in buffer_arrays(buffer).items():
+            content = arrays[name]
             if content.shape[1:] != room.shape[1:] or len(content) > len(room):
                 raise ValueError(
                     f"replay buffer {name} has shape {content.shape}, this run's has "

@@ -34,7 +34,7 @@ class TrainConfig(EnvSettings):
     """Settings of one training run, or of several seeds of it."""
 
     out: Path | None = None
-    """Run folder: new or empty, unless `resume`; default a new one, by peg or
+    """Run folder: new or empty, unless `resume`; default a new one, by part or
     environment and the time, in runs."""
     resume: bool = False
     """Continue the run in `out` from its newest checkpoint, with its settings: on the
@@ -60,9 +60,9 @@ class TrainConfig(EnvSettings):
     """Let an arm behind fri:// move to the first start from farther than 0.15 m or
     0.5 rad: slowly, up, across and down."""
     fixed_goal: bool = False
-    """Keep the hole where `hole` says; needed where the arm cannot move it."""
+    """Keep the fixture where `hole` says; needed where the arm cannot move it."""
     hole: tuple[float, float, float, float] = _CENTRE
-    """With `fixed_goal`: x y z [m] of the hole's mouth and yaw [rad], world axes."""
+    """With `fixed_goal`: x y z [m] of the fixture's mouth and yaw [rad], world axes."""
     from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
     """Start from this policy's weights: a file, or the name of a shipped one. For the
     first `learning_starts` steps only the critics learn; then the actor does at a tenth
@@ -86,12 +86,12 @@ class TrainConfig(EnvSettings):
     """Gradient steps per environment step (not ppo)."""
     n_steps: int = 3
     """Rewards that are summed up before the critic's own estimate takes over (not ppo):
-    more than 1 carries the bonus faster from the hole to the way there."""
+    more than 1 carries the bonus faster from the fixture to the way there."""
     gamma: float = 0.97
     """Discount per 50 ms step [1]: looks as far ahead as an insertion takes. With 0.99
     the critic has to tell millimetres apart in sums over a whole episode."""
     learning_rate: float = 1e-3
-    """Step size of Adam, actor and critic [1]; with 3e-4 the hole is found late."""
+    """Step size of Adam, actor and critic [1]; with 3e-4 the fixture is found late."""
     final_rate: float = 0.1
     """Share of it at the end, reached in a straight line from the middle on [1]: the
     last policy is the one that is kept, so it must not be a lucky or unlucky one."""
@@ -234,7 +234,7 @@ class TrainConfig(EnvSettings):
             )
         if not arm.places_fixture and not self.fixed_goal:
             raise ConfigError(
-                f"the arm at {text} cannot move the hole: add --fixed-goal and say "
+                f"the arm at {text} cannot move the fixture: add --fixed-goal and say "
                 "where it is with --hole X Y Z YAW [m, rad]"
             )
         if self.force_weight > 0.0 and not arm.measures_contact:

@@ -31,19 +31,19 @@ class EnvSettings:
     plant: str = USUAL.place.plant
     """Physics engine to train in: mujoco or bullet."""
     peg: str | None = None
-    """Shape of peg and hole: square, triangle (MuJoCo only) or round; default the
-    environment's: square in peg in hole."""
+    """Shape of the part: square, triangle (MuJoCo only) or round; default the
+    environment's: square."""
     robot: str = USUAL.place.robot
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     tracker: str = USUAL.observation.tracker
     """Where the fixture is, as far as the policy may know: truth, delayed?delay=0.1,
     noisy?offset=0.001, or MODULE:CLASS of your own."""
     clearance: float | None = None
-    """Gap between peg and hole on each side [m]; default the environment's: 0.0005 in
-    peg in hole, 0.001 for the rail clip."""
+    """Gap between part and fixture on each side [m]; default the environment's, for
+    example 0.001 for the rail clip."""
     task: str | None = None
-    """Mode of each axis: force, pose, hold or free; default the environment's: "XYZ:
-    force A:pose BC:hold" in peg in hole, "X:force A:pose YZBC:hold" for the clip."""
+    """Mode of each axis: force, pose, hold or free; default the environment's, for
+    example "X:force A:pose YZBC:hold" for the rail clip."""
     stack: int = USUAL.observation.stack
     """Number of past (observation, action) pairs in the observation."""
     period: Period = DEFAULT_PERIOD
@@ -65,10 +65,10 @@ class EnvSettings:
     near_speed: float = USUAL.approach.near_speed
     """Speed limit of the tool per axis where contact is near [m/s]."""
     near_press: float = USUAL.approach.near_press
-    """Largest f* towards the hole there [m/s2]: about a tenth of the newtons with which
-    the tool can stand on the rim."""
+    """Largest f* towards the fixture there [m/s2]: about a tenth of the newtons with
+    which the tool can stand on the rim."""
     near_distance: float = USUAL.approach.near_distance
-    """How far above the hole's mouth that begins [m]."""
+    """How far above the fixture's mouth that begins [m]."""
     theta_range: float = USUAL.action.theta_range
     """Rotation at action 1 on pose axes A B C [rad]."""
     position_range: float = USUAL.action.position_range

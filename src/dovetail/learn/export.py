@@ -65,7 +65,7 @@ def actor_layers(model: Any) -> list[Layer]:
     state = model.policy.actor_state
     params = state.params.get("params", state.params)
     count = len(model.policy.net_arch_pi) + 1
-    return flax_layers(params, getattr(state, "batch_stats", {}), count)
+    return flax_layers(params, vars(state).get("batch_stats", {}), count)
 
 
 def flax_layers(

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import PolicyError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy, find_policy
@@ -49,7 +50,7 @@ def _require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
             f"it takes {policy.observation_size} observations, this run's environment "
             f"gives {size}; give the stack it was trained with"
         )
-    num_axes = len(env.unwrapped.commands)
+    num_axes = len(require_contact_env(env).commands)
     if policy.action_size != num_axes:
         raise PolicyError(
             f"it gives {policy.action_size} actions, this run's environment takes "
@@ -97,7 +98,7 @@ def start_from(model: Any, policy: Policy) -> None:
         layers["log_std"] = jnp.full_like(layers["log_std"], math.log(START_STD))
     params = {**state.params, "params": layers} if is_nested else layers
     changes = {"params": params}
-    if hasattr(state, "target_params"):
+    if "target_params" in vars(state):
         changes["target_params"] = params
     model.policy.actor_state = state.replace(**changes)
 

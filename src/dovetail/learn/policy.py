@@ -190,7 +190,7 @@ class Policy:
         Args:
             env_id: Gymnasium id.
             env: Its keyword arguments; "task" and "stack" are compared where given,
-                the others (peg, clearance, plant, ...) may differ from training.
+                the others (clearance, plant, ...) may differ from training.
 
         Raises:
             PolicyError: Names what differs, and both values.

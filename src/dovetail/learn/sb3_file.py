@@ -105,7 +105,7 @@ def _name_of(record: Any) -> str:
         return record.origin
     found = attributes(record)
     name = found.get("__name__") or found.get("function_name")
-    return str(name or getattr(record, "origin", record))
+    return str(name or (record.origin if isinstance(record, Inert) else record))
 
 
 def _require_unit_actions(entry: Any) -> None:

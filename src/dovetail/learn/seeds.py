@@ -17,9 +17,9 @@ from rich.console import Console
 from dovetail.errors import DovetailError
 from dovetail.files import write_atomic
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.one_run import TrainResult, announce, prepared, train_one
 from dovetail.learn.progress import ProgressBar
 from dovetail.learn.run_folder import CONFIG, EVALUATION, open_run, require_run
-from dovetail.learn.train import TrainResult, announce, prepared, train_one
 
 _Result = TypeVar("_Result")
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from dovetail.envs.observation import by_columns
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import PolicyError
 
 _PARTS = ("zero", "unit", "is_logarithmic")
@@ -13,7 +14,7 @@ _PARTS = ("zero", "unit", "is_logarithmic")
 
 def describe_spaces(env: Any) -> dict[str, Any]:
     """Return size and meaning of observation and action, for a policy's JSON file."""
-    core = env.unwrapped
+    core = require_contact_env(env)
     return {
         "observation": {
             "size": int(env.observation_space.shape[0]),

@@ -1,63 +1,16 @@
 """Train a policy: one call from settings to weights, evaluation and provenance."""
 
-import json
-import shlex
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import partial
-from pathlib import Path
-from typing import Any, NamedTuple
 
 from rich.console import Console
 
-from dovetail.errors import ArmError, PlantError
-from dovetail.files import write_atomic
-from dovetail.learn.algorithms import make_model, make_vec_env
-from dovetail.learn.assess import assess
-from dovetail.learn.best_actor import BestActor
-from dovetail.learn.checkpoint import (
-    list_checkpoints,
-    load_checkpoint,
-    save_checkpoint,
-    seed_run,
-)
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.fine_tune import load_start, start_from
-from dovetail.learn.policy import Policy
-from dovetail.learn.progress import (
-    EpisodeLog,
-    ProgressBar,
-    Report,
-    Stopwatch,
-    read_progress,
-    summarise,
-)
-from dovetail.learn.run_folder import (
-    CHECKPOINTS,
-    EVALUATION,
-    POLICY,
-    PROGRESS,
-    TENSORBOARD,
-    RunLock,
-    open_run,
-    place_run,
-    require_run,
-)
+from dovetail.learn.one_run import TrainResult, announce, train_one
+from dovetail.learn.progress import ProgressBar
+from dovetail.learn.run_folder import place_run
+from dovetail.learn.seeds import train_seeds
 
 __all__ = ["TrainConfig", "TrainResult", "train"]
-
-
-class TrainResult(NamedTuple):
-    """What a finished run left behind."""
-
-    policy: Path
-    """The policy's weights; the JSON file lies beside them."""
-    evaluation: dict[str, Any] | None
-    """Content of evaluation.json; None where `eval_episodes` is 0."""
-    steps: int
-    """Environment steps trained."""
-    wall_time: float
-    """Training time over all sittings [s]."""
 
 
 def train(config: TrainConfig, console: Console | None = None) -> list[TrainResult]:
@@ -83,135 +36,7 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
     console = console or Console(stderr=True)
     config = place_run(config)
     if config.seeds > 1:
-        from dovetail.learn.seeds import train_seeds
-
         return train_seeds(config, console)
     with ProgressBar(config.steps, [f"seed {config.seed}"], console) as bar:
         begin = partial(announce, console)
         return [train_one(config, lambda status: bar.show(0, status), begin)]
-
-
-def announce(console: Console, folder: Path) -> None:
-    """Say where a run is and how it goes on, before anything can end it."""
-    command = shlex.join(["dovetail", "train", "--resume", "--out", str(folder)])
-    console.print(
-        f"training in {folder}\n  if it is cut short: {command}",
-        soft_wrap=True,
-        highlight=False,
-    )
-
-
-def train_one(
-    config: TrainConfig,
-    report: Report,
-    begin: Callable[[Path], None] = lambda folder: None,
-) -> TrainResult:
-    """Train one seed in this process; see `train`.
-
-    Args:
-        config: Settings; `seeds` is not looked at.
-        report: Told now and then where the run stands.
-        begin: Told the run folder as soon as it is there.
-    """
-    with prepared(config) as (model, best):
-        folder = open_run(config)
-        with RunLock(folder):
-            begin(folder)
-            wall_time = _learn(model, best, config, folder, report)
-            policy = _export(model, config, folder, wall_time)
-            steps = int(model.num_timesteps)
-            rows = read_progress(folder / PROGRESS)
-            report(summarise(rows, steps, 0.0)._replace(phase="evaluating"))
-            env = model.get_env().envs[0]
-            evaluation = _evaluate(policy, config, folder, env)
-    return TrainResult(folder / POLICY, evaluation, steps, wall_time)
-
-
-@contextmanager
-def prepared(config: TrainConfig) -> Iterator[tuple[Any, BestActor | None]]:
-    """Build what a run trains, and close its environments at the end.
-
-    Whatever a setting is wrong for shows here, before the run has a folder.
-
-    Args:
-        config: Settings.
-
-    Returns:
-        The algorithm with its environments, and the judge of a run that starts from a
-        policy.
-    """
-    require_run(config)  # before an arm on the network is waited for
-    env = make_vec_env(config)
-    try:
-        model = make_model(config, env)
-        best = None
-        if (start := load_start(config, env.envs[0])) is not None:
-            model.learning_starts = 0  # its own actions are better than random ones
-            start_from(model, start)
-            best = BestActor(model, config.learning_starts)
-        yield model, best
-    finally:
-        env.close()
-
-
-def _learn(
-    model: Any,
-    best: BestActor | None,
-    config: TrainConfig,
-    folder: Path,
-    report: Report,
-) -> float:
-    """Train from the start or the newest checkpoint; return the training time [s]."""
-    from stable_baselines3.common.logger import configure
-
-    from dovetail.learn.recorder import Recorder
-
-    checkpoints = folder / CHECKPOINTS
-    step, wall_time = 0, 0.0
-    if found := list_checkpoints(checkpoints):
-        step, wall_time = load_checkpoint(found[-1], model, config.seed)
-    else:
-        seed_run(model, config.seed, 0)
-    if step >= config.steps:
-        return wall_time
-    log = EpisodeLog(folder / PROGRESS, step)
-    watch = Stopwatch(wall_time, step)
-    model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
-    recorder = Recorder(
-        log,
-        watch,
-        report,
-        lambda: save_checkpoint(checkpoints, model, watch.elapsed()),
-        config.checkpoint_interval,
-        best,
-    )
-    try:
-        model.learn(config.steps - step, callback=recorder, reset_num_timesteps=False)
-        wall_time = watch.elapsed()
-        save_checkpoint(checkpoints, model, wall_time)
-    except (PlantError, ArmError, KeyboardInterrupt):
-        save_checkpoint(checkpoints, model, watch.elapsed())  # an arm's time is dear
-        raise
-    finally:
-        log.close()
-        model.logger.close()
-    return wall_time
-
-
-def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> Policy:
-    from dovetail.learn.export import export_policy
-
-    env = model.get_env().envs[0]
-    path = export_policy(model, config, env, wall_time=wall_time).save(folder / POLICY)
-    return Policy.load(path)
-
-
-def _evaluate(
-    policy: Policy, config: TrainConfig, folder: Path, env: Any
-) -> dict[str, Any] | None:
-    if config.eval_episodes == 0:
-        return None
-    # The run's own environment: what a policy's file says leaves arm and model out.
-    evaluation = assess(policy, config.eval_episodes, env)
-    write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
-    return evaluation

@@ -1,16 +1,47 @@
 """The control cycle over any plant, in Python: the reference of the C++ loop."""
 
+from typing import TYPE_CHECKING, Protocol
+
 import numpy as np
 
 from dovetail import _core
-from dovetail.plants.plant import CYCLE_COLUMNS, Plant
+from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import quat_from_matrix
-from dovetail.types import Array, Vec7
+from dovetail.types import Array, Vec3, Vec7
+
+if TYPE_CHECKING:
+    from dovetail.robots.robot import Robot
+
+
+class Body(Protocol):
+    """What the cycle needs of a plant; `Plant` has it."""
+
+    robot: "Robot"
+
+    def read(self) -> tuple[Vec7, Vec7]:
+        """Return the measured configuration [rad] and velocity [rad/s]."""
+        ...
+
+    def apply(self, tau: Vec7, dt: float) -> None:
+        """Hold the overlay torque tau [Nm] for dt [s]."""
+        ...
+
+    def contact_force_peak(self) -> Vec3:
+        """Return the largest force on the tool during the last `apply` [N], world."""
+        ...
+
+
+class Stepper(Protocol):
+    """What the cycle needs of a controller; `_core.Controller` has it."""
+
+    def step(self, q: Vec7, dq: Vec7, target: _core.Target, /) -> _core.StepResult:
+        """Return the torque at a measured state [rad, rad/s] towards a Target."""
+        ...
 
 
 def run_cycles(
-    plant: Plant,
-    controller: _core.Controller,
+    plant: Body,
+    controller: Stepper,
     target: _core.Target,
     cycles: int,
     period: float,

@@ -1,6 +1,6 @@
 """A plant whose velocity is observed from its positions, as an FRI client has to do."""
 
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -111,14 +111,7 @@ class EncoderPlant:
         """Run the controller against the plant; see `Plant.run_cycles`."""
         watched = _Watched(controller)
         seen = _Seen(self, watched)
-        return run_cycles(
-            cast("Plant", seen),
-            cast("_core.Controller", watched),
-            target,
-            cycles,
-            period,
-            self._time,
-        )
+        return run_cycles(seen, watched, target, cycles, period, self._time)
 
     def apply_commanded(self, tau: Vec7, a: Vec7, dt: float) -> None:
         """Hold tau [Nm] for dt [s], the observer knowing which acceleration it is for.

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Protocol, Self
+from typing import TYPE_CHECKING, Annotated, Literal, Protocol, Self, TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
-PLANTS = ("mujoco", "bullet")
+Engine: TypeAlias = Literal["mujoco", "bullet"]
+"""Name of a physics engine."""
+PLANTS: tuple[Engine, ...] = ("mujoco", "bullet")
 
 CYCLE_UNITS: dict[str, str] = dict(_core.cycle_columns())
 """Unit of each column of a cycle log, by its name, in order. One row per control cycle:
@@ -235,31 +237,6 @@ class DrivenPlant(Plant, Protocol):
     def open_brakes(self) -> None:
         """Take the brakes' friction away, the arm at rest."""
         ...
-
-
-def make_plant(
-    name: str, cell: "Workcell", dynamics: DynamicsConfig | None = None
-) -> DrivenPlant:
-    """Build a plant by its engine's name.
-
-    Args:
-        name: "mujoco" or "bullet".
-        cell: What stands in it.
-        dynamics: Physics of the arm and of the contacts; None is the robot's model.
-
-    Raises:
-        ConfigError: Unknown name.
-        MissingDependencyError: The engine is not installed.
-    """
-    if name == "mujoco":
-        from dovetail.plants.mujoco_plant import MujocoPlant
-
-        return MujocoPlant(cell, dynamics)
-    if name == "bullet":
-        from dovetail.plants.bullet_plant import BulletPlant
-
-        return BulletPlant(cell, dynamics)
-    raise ConfigError(f"plant {name!r} is unknown; known plants: {', '.join(PLANTS)}")
 
 
 def physics_steps(period: float, physics_dt: float) -> int:

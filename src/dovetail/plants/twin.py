@@ -8,10 +8,11 @@ import difflib
 import tomllib
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError
+from dovetail.plants.find import make_plant
 from dovetail.plants.plant import (
     ARMATURE,
     CONTACT_FRICTION,
@@ -22,7 +23,7 @@ from dovetail.plants.plant import (
     MASS_SCALE,
     DrivenPlant,
     DynamicsConfig,
-    make_plant,
+    Engine,
     require_inertia_set,
 )
 from dovetail.poses import Pose
@@ -53,7 +54,7 @@ class TwinConfig:
 
     description: str
     """What this twin stands for, one line."""
-    engine: Literal["mujoco", "bullet"]
+    engine: Engine
     """Physics engine: another one than the policy was trained in."""
     seed: Annotated[int, Range(0, 2**63 - 1, "1")]
     """Seed of the noise, >= 0."""

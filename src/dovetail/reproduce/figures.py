@@ -56,10 +56,10 @@ def curve(runs: Sequence[Sequence[EpisodeRow]], field: str) -> tuple[Array, Arra
     low = max(run[0].step for run in some)
     high = max(low, min(run[-1].step for run in some))
     grid = np.linspace(low, high, _GRID)
-    lines = []
+    lines, column = [], EpisodeRow._fields.index(field)
     for run in some:
         steps = np.array([row.step for row in run], dtype=float)
-        average = moving_average([float(getattr(row, field)) for row in run])
+        average = moving_average([float(row[column]) for row in run])
         lines.append(np.interp(grid, steps, average))
     return grid, np.array(lines)
 

@@ -39,14 +39,19 @@ _NAME_MAX = 200
 _OF_THE_HOLDER = ("configure", "reset", "step", "clear")
 _NO_LOG = np.empty((0, len(CYCLE_COLUMNS)))
 _LOG = logging.getLogger("dovetail.rpc")
-_F = TypeVar("_F", bound=Callable[..., Any])
+_Asked = TypeVar("_Asked")
+_Answer = TypeVar("_Answer")
 
 
-def _answered(method: _F) -> _F:
+def _answered(
+    method: "Callable[[ArmService, _Asked, grpc.ServicerContext], _Answer]",
+) -> "Callable[[ArmService, _Asked, grpc.ServicerContext], _Answer]":
     """Turn an exception into the call's status; a stream's is turned in the stream."""
 
     @functools.wraps(method)
-    def call(self: Any, request: Any, context: grpc.ServicerContext) -> Any:
+    def call(
+        self: "ArmService", request: _Asked, context: grpc.ServicerContext
+    ) -> _Answer:
         try:
             return method(self, request, context)
         except DovetailError as error:
@@ -55,7 +60,7 @@ def _answered(method: _F) -> _F:
             self.fail(error, is_holder=method.__name__ in _OF_THE_HOLDER)
             return abort(context, error)
 
-    return call  # type: ignore[return-value]
+    return call
 
 
 class ArmService:

@@ -84,7 +84,8 @@ class FieldReader:
         if not message.HasField(name):
             self.refuse(path, "missing", _range(unit, *allowed))
             return math.nan
-        return self.scalar(path, getattr(message, name), unit, allowed)
+        value = getattr(message, name)  # HasField knows it by this name, too
+        return self.scalar(path, value, unit, allowed)
 
     def scalar(
         self, path: str, value: float, unit: str, allowed: tuple[float, float]

@@ -1,7 +1,7 @@
 """Errors across the wire: which exception, its words, and each wrong field."""
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import grpc
 
@@ -90,7 +90,7 @@ def status_of(error: Exception) -> grpc.StatusCode:
     return grpc.StatusCode.INTERNAL
 
 
-def abort(context: grpc.ServicerContext, error: Exception) -> None:
+def abort(context: grpc.ServicerContext, error: Exception) -> NoReturn:
     """End a call with an exception's status, words and fields; does not return."""
     problem = problem_of(error)
     context.set_trailing_metadata(((METADATA_KEY, problem.SerializeToString()),))

@@ -1,0 +1,44 @@
+"""Plants by the names of their engines; an engine is imported where it is used."""
+
+from typing import TYPE_CHECKING
+
+from dovetail.errors import ConfigError
+from dovetail.plants.plant import PLANTS, DrivenPlant, DynamicsConfig, Engine
+
+if TYPE_CHECKING:
+    from dovetail.workcell.workcell import Workcell
+
+
+def find_engine(name: str) -> Engine:
+    """Return the physics engine of a name.
+
+    Raises:
+        ConfigError: Unknown name; lists the known ones.
+    """
+    for known in PLANTS:
+        if name == known:
+            return known
+    raise ConfigError(f"plant {name!r} is unknown; known plants: {', '.join(PLANTS)}")
+
+
+def make_plant(
+    name: str, cell: "Workcell", dynamics: DynamicsConfig | None = None
+) -> DrivenPlant:
+    """Build a plant by its engine's name.
+
+    Args:
+        name: "mujoco" or "bullet".
+        cell: What stands in it.
+        dynamics: Physics of the arm and of the contacts; None is the robot's model.
+
+    Raises:
+        ConfigError: Unknown name.
+        MissingDependencyError: The engine is not installed.
+    """
+    if find_engine(name) == "mujoco":
+        from dovetail.plants.mujoco_plant import MujocoPlant
+
+        return MujocoPlant(cell, dynamics)
+    from dovetail.plants.bullet_plant import BulletPlant
+
+    return BulletPlant(cell, dynamics)
