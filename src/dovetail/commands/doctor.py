@@ -44,6 +44,7 @@ class Doctor:
             console.print(
                 f"[{colour}]{check.status:8}[/] {check.name:24} ",
                 end="",
+                markup=True,
                 highlight=False,
             )
             console.print(check.detail, markup=False, highlight=False, soft_wrap=True)

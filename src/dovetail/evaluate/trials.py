@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 import numpy as np
 
+from dovetail.control.ranges import in_count
 from dovetail.episode import Episode
-from dovetail.errors import ArmError, ConfigError
+from dovetail.errors import ArmError
 from dovetail.evaluate.outcome import Outcome
 from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
@@ -20,6 +21,10 @@ from dovetail.poses import Pose, matrix_from_quat
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Array
 
+TRIES_MAX = 100_000
+"""Most tries at one pose: a day's work; all are planned before the first one."""
+SEED_MAX = 2**63 - 1
+"""Largest seed that the simulations' noise takes."""
 CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
 
@@ -36,12 +41,10 @@ def plan_trials(num_poses: int, tries: int, seed: int) -> list[Job]:
     """Return every try with a seed of its own, in the order of the table.
 
     Raises:
-        ConfigError: `tries` is below 1 or `seed` is negative.
+        ConfigError: `tries` or `seed` is out of range.
     """
-    if tries < 1:
-        raise ConfigError(f"tries is {tries}; needs at least 1")
-    if seed < 0:
-        raise ConfigError(f"seed is {seed}; needs 0 or more")
+    in_count("tries", tries, 1, TRIES_MAX, "at each pose")
+    in_count("seed", seed, 0, SEED_MAX, "(2^63 - 1)")
     return [
         Job(pose, attempt, _seed_of(seed, pose, attempt))
         for pose in range(num_poses)
