@@ -5,13 +5,15 @@ import errno
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 import tyro
 from rich.console import Console
 
 import dovetail
-from dovetail.errors import DovetailError
+from dovetail.commands.help_page import help_page
+from dovetail.errors import DovetailError, UnprovenWarning
 
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
@@ -93,8 +95,13 @@ def _run_command(name: str, words: list[str]) -> int:
         raise DovetailError(
             f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
         )
+    warnings.simplefilter("ignore", UnprovenWarning)  # a command says it itself
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
+    if (groups := vars(module).get("GROUPS")) and {"-h", "--help"} & set(words):
+        print(help_page(settings, name, groups))
+        raise SystemExit(0)
+    words = ["--help" if word == "--help-all" else word for word in words]
     find = vars(module).get("defaults")  # of what the words continue
     found = find(words) if find else None
     options = {} if found is None else {"default": found}
@@ -109,9 +116,7 @@ def make_console() -> Console:
 
 def _plain(text: str) -> str:
     """Return text that tells a terminal nothing, whatever file it quotes."""
-    return "".join(
-        c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text
-    )
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
 def _help() -> str:
@@ -122,7 +127,8 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "dovetail COMMAND --help lists the options; --debug shows tracebacks;",
+            "dovetail COMMAND --help lists the options, --help-all says more of each;",
+            "--debug shows tracebacks;",
             "dovetail --version tells the version",
         ]
     )

@@ -2,6 +2,7 @@
 
 import math
 import multiprocessing
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -13,7 +14,7 @@ import numpy as np
 
 from dovetail.control.ranges import in_count
 from dovetail.episode import Episode
-from dovetail.errors import ArmError
+from dovetail.errors import ArmError, UnprovenWarning
 from dovetail.evaluate.outcome import Outcome
 from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
@@ -234,6 +235,7 @@ _of_this_process: list[Trialist] = []
 
 
 def _start_worker(*settings: Any) -> None:
+    warnings.simplefilter("ignore", UnprovenWarning)  # said by whoever started it
     _of_this_process.append(Trialist(*settings))
 
 

@@ -54,8 +54,8 @@ def settings_of(folder: Path) -> dict[str, Any]:
     for name, value in settings.items():
         if not _is_of(kinds[name], value):
             raise ConfigError(
-                f"{folder / CONFIG} is damaged: {name} is {str(value)[:80]!r}, which is "
-                "no such setting; start a new run"
+                f"{folder / CONFIG} is damaged: {name} is {str(value)[:80]!r}, which "
+                "is no such setting; start a new run"
             )
     return settings
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
+from dovetail.control.proven import unproven
 from dovetail.control.ranges import Range, check_ranges, ranges_of
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import (
@@ -95,6 +96,19 @@ class TwinConfig:
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
         return DynamicsConfig(**{name: vars(self)[name] for name in _DYNAMICS})
+
+    def unproven(self) -> dict[str, str]:
+        """Say by field what lies outside that for which the limits were shown to hold.
+
+        Returns:
+            A sentence with value, allowed range and remedy for each such field.
+        """
+        error = max(abs(scale - 1.0) for scale in self.mass_scale)
+        said = {
+            "command_delay": unproven(delay=self.command_delay),
+            "mass_scale": unproven(mass_error=error),
+        }
+        return {name: texts[0] for name, texts in said.items() if texts}
 
     def to_toml(self, *, is_ascii: bool = False) -> str:
         """Write the twin as the text of a file that `load_twin` reads, with its units.
