@@ -25,12 +25,12 @@ from dovetail import _core
 from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.settings import ControllerSettings
 from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
 from dovetail.rpc.builders import RebuiltArm
 from dovetail.rpc.server import ArmServer
-from dovetail.rpc.settings import Settings
 from dovetail.types import Array
 
 PERIOD, TASK = 0.005, "XYZ:force A:pose BC:hold"
@@ -126,7 +126,7 @@ def run(kills: int, twin: str, realtime: bool) -> None:
         stdout=subprocess.DEVNULL,
     )
 
-    def make(settings: Settings) -> FriArm:
+    def make(settings: ControllerSettings) -> FriArm:
         return FriArm(
             cell.loaded_robot(),
             *(settings.osc, settings.limits, settings.task, settings.period),

@@ -161,7 +161,8 @@ def attempt(cell: Cell, job: Job) -> Try:
 
 def judge(log: np.ndarray, core: Any, *, success: bool, stopped: str) -> Try:
     """Return a try's numbers from the log of all its cycles."""
-    robot, (low, high) = core.arm.facts.robot, core.walls()
+    robot, limits = core.arm.facts.robot, core.arm.facts.limits
+    low, high = limits.x_min, limits.x_max
     q, x = log[:, _Q], log[:, _XYZ]
     flags = log[:, COLUMN["flags"]].astype(np.int64)
     return Try(
