@@ -4,9 +4,9 @@
     python benchmarks/torque_hashes.py compare FILE [random]
 
 Tries the shipped policy on an ideal plant and on each twin at 5 ms and 1 ms, and plays
-seeded random actions in both environments; with `random` it only does the latter.
-A hash covers every number of a try's log, so `compare` fails on a change in the last bit. Hashes hold on the machine and build
-that made them only.
+seeded random actions in both environments; with `random` it only does the latter. A
+hash covers every number of a try's log, so `compare` fails on a change in the last bit.
+Hashes hold on the machine and build that made them only.
 """
 
 import hashlib
