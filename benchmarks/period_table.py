@@ -161,8 +161,7 @@ def attempt(cell: Cell, job: Job) -> Try:
 
 def judge(log: np.ndarray, core: Any, *, success: bool, stopped: str) -> Try:
     """Return a try's numbers from the log of all its cycles."""
-    robot, limits = core.arm.facts.robot, core.arm.facts.limits
-    low, high = limits.x_min, limits.x_max
+    robot, (low, high) = core.arm.facts.robot, core.cell.walls
     q, x = log[:, _Q], log[:, _XYZ]
     flags = log[:, COLUMN["flags"]].astype(np.int64)
     return Try(

@@ -15,6 +15,7 @@
 #include "bind_mujoco.hpp"
 #include "bind_replay.hpp"
 #include "bind_servo.hpp"
+#include "bind_thread_pool.hpp"
 #include "dovetail/controller.hpp"
 #include "dovetail/parameters.hpp"
 #include "dovetail/rigid_plant.hpp"
@@ -310,6 +311,7 @@ NB_MODULE(_core, m) {
   bind_attack(m);
   bind_cycle_log(m);
   bind_mujoco(m);
+  bind_thread_pool(m);
   bind_replay(m);
   bind_fri(m);
   bind_servo(m);

@@ -58,7 +58,8 @@ MujocoLoop::MujocoLoop(const std::string& library, std::uintptr_t model,
   }
   tool_body_ = model_->jnt_bodyid[kNumJoints - 1];
   // MuJoCo times its stages for mjData.timer, which nobody reads here: an eighth of it.
-  *find_function<mjfTime*>(handle, library, "mjcb_time") = nullptr;
+  auto* clock = find_function<mjfTime*>(handle, library, "mjcb_time");
+  if (*clock != nullptr) *clock = nullptr;  // a simulation on another thread reads it
   reset();
 }
 

@@ -21,5 +21,6 @@ for _, _folder, _is_package in pkgutil.iter_modules(
         gymnasium.register(
             id=f"dovetail/{_name}-v0",
             entry_point="dovetail.envs.registered:make_env",
+            vector_entry_point="dovetail.envs.registered:make_batch",
             kwargs={"task_class": f"dovetail.tasks.{_folder}.task:{_name}"},
         )

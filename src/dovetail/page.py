@@ -65,11 +65,12 @@ def table(
     return f'<div class="wide"><table>\n<tr>{head}</tr>\n{body}\n</table></div>'
 
 
-def figure(caption: str, png: bytes) -> str:
-    """Return a headed figure with the PNG inside."""
-    data = base64.b64encode(png).decode()
-    label = text(caption)
-    return f'<h2>{label}</h2>\n<img alt="{label}" src="data:image/png;base64,{data}">'
+def figure(caption: str, picture: bytes) -> str:
+    """Return a headed figure with the picture inside, a PNG or an animated GIF."""
+    data, label = base64.b64encode(picture).decode(), text(caption)
+    kind = "gif" if picture.startswith(b"GIF8") else "png"
+    source = f"data:image/{kind};base64,{data}"
+    return f'<h2>{label}</h2>\n<img alt="{label}" src="{source}">'
 
 
 def facts(title: str, facts: Mapping[str, Any]) -> list[str]:

@@ -25,11 +25,12 @@ class Disturbance:
         self._cycles_left = 0
         self._fixture: Pose | None = None
         self._velocity = np.zeros(3)
+        self._is_sliding = False
 
     @property
     def is_active(self) -> bool:
         """Whether anything is to be done between cycles."""
-        return self._cycles_left > 0 or bool(self._velocity.any())
+        return self._cycles_left > 0 or self._is_sliding
 
     def push(self, force: Vec3, duration: float, period: float) -> None:
         """Push with a force [N], world axes, for a duration [s], in whole periods."""
@@ -39,12 +40,13 @@ class Disturbance:
     def slide(self, fixture: Pose, velocity: Vec3) -> None:
         """Move the fixture on from a pose with a velocity [m/s], world axes."""
         self._fixture, self._velocity = fixture, np.array(velocity, dtype=float)
+        self._is_sliding = bool(self._velocity.any())
 
     def before_cycle(self, plant: "Plant", period: float) -> None:
         """Let one control cycle's share act on the plant."""
         if self._cycles_left > 0:
             plant.push(self._force)
-        if self._fixture is not None and self._velocity.any():
+        if self._fixture is not None and self._is_sliding:
             position = self._fixture.position + period * self._velocity
             self._fixture = self._fixture._replace(position=position)
             plant.move_fixture(self._fixture)

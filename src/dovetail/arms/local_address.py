@@ -65,7 +65,7 @@ class PlantAddress(LocalAddress):
 
     def make_plant(self, cell: "Workcell") -> DrivenPlant:
         """Build the simulation."""
-        return make_plant(self.engine, cell, self.dynamics or DynamicsConfig())
+        return make_plant(self.engine, cell, self.dynamics)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -79,16 +79,30 @@ class LocalArm:
             ConfigError: The duration is not a whole number of periods.
             PlantError: The simulation diverged.
         """
+        cycles = self.count_cycles(duration)
+        run = self._run_disturbed if self.is_disturbed else self._run
+        log, q, dq = run(target, cycles)
+        self._stamp += duration
+        return self._state(q, dq, log)
+
+    def count_cycles(self, duration: float) -> int:
+        """Return how many control periods a duration [s] has.
+
+        Raises:
+            ConfigError: Not a whole number.
+        """
         cycles = round(duration / self._period)
         if cycles < 1 or abs(cycles * self._period - duration) > 1e-9:
             raise ConfigError(
                 f"duration is {duration} s, which is not a whole number of control "
                 f"periods of {self._period} s"
             )
-        run = self._run_disturbed if self._disturbance.is_active else self._run
-        log, q, dq = run(target, cycles)
-        self._stamp += duration
-        return self._state(q, dq, log)
+        return cycles
+
+    @property
+    def is_disturbed(self) -> bool:
+        """Whether something acts on the plant between control cycles."""
+        return self._disturbance.is_active
 
     def _run(self, target: _core.Target, cycles: int) -> tuple[Array, Vec7, Vec7]:
         return self.plant.run_cycles(self.controller, target, cycles, self._period)

@@ -29,6 +29,8 @@ class Demo:
     """Tries at each of the three hole poses."""
     workers: int = 1
     """Processes that share the tries."""
+    video: bool = False
+    """Film the first try at each pose: an animated GIF beside the report, and in it."""
     out: Path | None = None
     """Folder for the results; default a new one, by the time, in demo-results."""
 
@@ -42,6 +44,7 @@ class Demo:
             period=self.period,
             tries=self.tries,
             workers=self.workers,
+            video=self.video,
             out=self.out or dated_folder("demo-results"),
         )
         print_files(evaluate(config, console), console)

@@ -17,7 +17,14 @@ GROUPS: Groups = {
         *("robot", "tracker", "period", "tare", "approach", "accept_contact"),
     ),
     "what is made harder": ("hole_shift", "hole_speed", "push", "start", "search"),
-    "the tries and their results": ("tries", "seed", "workers", "keep_logs", "out"),
+    "the tries and their results": (
+        "tries",
+        "seed",
+        "workers",
+        "keep_logs",
+        "video",
+        "out",
+    ),
 }
 
 

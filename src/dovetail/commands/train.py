@@ -15,7 +15,7 @@ from dovetail.learn.train import TrainResult, train
 GROUPS: Groups = {
     "what the run does": (
         *("steps", "out", "resume", "from_policy", "seed", "seeds"),
-        *("num_envs", "eval_episodes", "checkpoint_interval"),
+        *("num_envs", "threads", "eval_episodes", "checkpoint_interval"),
     ),
     "task": ("env", "peg", "clearance", "task", "fixed_goal", "hole", "max_steps"),
     "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),

@@ -1,7 +1,7 @@
 """The one Gymnasium environment: a task, on an arm."""
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
@@ -27,6 +27,9 @@ from dovetail.tasks.task import Goal, Task
 from dovetail.trackers.find import find_tracker
 from dovetail.trackers.tracker import Tracker
 from dovetail.types import Array, Vec3
+
+if TYPE_CHECKING:
+    from dovetail.view.renderer import Renderer
 
 _STREAM = 0x72AC6
 """Keeps the trackers' seeds apart from the draws of start and fixture."""
@@ -100,13 +103,17 @@ class ContactEnv(
             the settings name.
         config: Every other setting; None is the usual ones.
         tracker: Where the fixture is; None is the one that the settings name.
-        render_mode: None; there is nothing to render here.
+        render_mode: None, or "rgb_array": `render` returns a picture. `gym.make` shows
+            it in a window for "human", which needs pygame.
 
     Raises:
         ConfigError: An unknown name or a number out of range.
     """  # noqa: E501
 
-    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  (Gymnasium's name)
+    metadata: dict[str, Any] = {  # noqa: RUF012  (Gymnasium's name)
+        "render_modes": ["rgb_array"],
+        "render_fps": round(1.0 / POLICY_PERIOD),
+    }
 
     state: ArmState
     """What the arm said after the last step."""
@@ -122,7 +129,14 @@ class ContactEnv(
         tracker: Tracker | None = None,
         render_mode: str | None = None,
     ) -> None:
+        known = self.metadata["render_modes"]
+        if render_mode not in (None, *known):
+            raise ConfigError(
+                f"render_mode is {render_mode!r}; known: {', '.join(known)}, and human "
+                "by way of gymnasium.make"
+            )
         self.render_mode = render_mode
+        self._renderer: Renderer | None = None
         self.task, self.config = task, config or EnvConfig()
         action = self.config.action
         self.cell = task.workcell(find_robot(self.config.place.robot))
@@ -167,6 +181,8 @@ class ContactEnv(
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
         self._seen = self._true = b""
+        self._begun: NDArray[np.float32] | None = None
+        self._action = np.zeros(size, dtype=np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -182,6 +198,7 @@ class ContactEnv(
                 arm that cannot move it.
         """
         super().reset(seed=seed)
+        self._begun = None
         options = options or {}
         if unknown := ", ".join(sorted(set(options) - {"fixture", "start"})):
             raise ConfigError(
@@ -223,12 +240,22 @@ class ContactEnv(
     def step(
         self, action: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
-        """Follow an action for 50 ms."""
-        action = self.commands.usable(action)
-        goal = self._goal
-        self.commands.fill(self._target, action, goal.position, goal.quat_wxyz)
-        if self._is_sliding:
-            self._slide()
+        """Follow an action for 50 ms.
+
+        Raises:
+            ConfigError: The action is not one finite number for each commanded axis, or
+                is not the one that `begin_step` was given.
+        """
+        begun = self._begun
+        if begun is None:
+            self.begin_step(action)
+        elif begun is not action and not np.array_equal(begun, action):
+            raise ConfigError(
+                f"a step was begun with the action {begun.tolist()} and is ended with "
+                f"{np.asarray(action).tolist()}: what changes actions on their way to "
+                "the environment cannot be in a batch"
+            )
+        self._begun = None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self._steps += 1
         raw = self._locate()
@@ -240,12 +267,32 @@ class ContactEnv(
             info["contact_force_max"],
         )
         return (
-            self._history.push(action, self.scaling.scale(raw)),
+            self._history.push(self._action, self.scaling.scale(raw)),
             reward,
             info["success"],
             self._steps >= self.max_steps and not info["success"],
             info,
         )
+
+    def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
+        """Do what a step does before its control cycles.
+
+        Whoever steps many environments at once (`BatchVectorEnv`) calls this first and
+        hands the Target to the arm's threads; `step` with the same action goes on from
+        there.
+
+        Returns:
+            What the arm is to follow; the environment's own.
+
+        Raises:
+            ConfigError: The action is not one finite number for each commanded axis.
+        """
+        self._begun, self._action = action, self.commands.usable(action)
+        goal = self._goal
+        self.commands.fill(self._target, self._action, goal.position, goal.quat_wxyz)
+        if self._is_sliding:
+            self._slide()
+        return self._target
 
     def slide_fixture(self, velocity: Vec3) -> None:
         """Let the fixture move at a velocity [m/s], world axes, in the steps to come.
@@ -264,8 +311,28 @@ class ContactEnv(
         position = self.fixture.position + POLICY_PERIOD * velocity
         self.fixture = self.fixture._replace(position=position)
 
+    def render(self) -> NDArray[np.uint8] | None:
+        """Return a picture of what was measured last, shape (480, 640, 3).
+
+        The fixture is where it truly is; an arrow beside the tool is the contact force.
+
+        Raises:
+            MissingDependencyError: There is no OpenGL that draws without a screen.
+        """
+        if self.render_mode is None:
+            return None
+        if self._renderer is None:
+            from dovetail.view.renderer import Renderer
+
+            self._renderer = Renderer(self.cell)
+        state = self.state
+        return self._renderer.draw(state.q, self.fixture, force=state.contact_force)
+
     def close(self) -> None:
         """Close the arm."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
         self.arm.close()
 
     def _locate(self) -> Array:

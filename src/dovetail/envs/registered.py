@@ -9,12 +9,14 @@ import importlib
 import sys
 from collections.abc import Mapping
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 
 from dovetail.arms.arm import Arm
+from dovetail.envs.batch_vector_env import BatchVectorEnv
 from dovetail.envs.config import SECTION_OF, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
@@ -25,6 +27,7 @@ from dovetail.workcell.workcell import Workcell
 
 DEFAULT_ENV = "dovetail/PegInHole-v0"
 _MAKE = "dovetail.envs.registered:make_env"
+_MAKE_BATCH = "dovetail.envs.registered:make_batch"
 
 
 class UnknownSettingError(ConfigError, TypeError):
@@ -39,7 +42,12 @@ def register_task(env_id: str, task: type[Task] | str) -> None:
         task: The task's class, or ``module:Class``.
     """
     if env_id not in gymnasium.registry:
-        gymnasium.register(env_id, entry_point=_MAKE, kwargs={"task_class": task})
+        gymnasium.register(
+            env_id,
+            entry_point=_MAKE,
+            vector_entry_point=_MAKE_BATCH,
+            kwargs={"task_class": task},
+        )
 
 
 def make_env(
@@ -71,6 +79,38 @@ def make_env(
         base, tracker = base.having(tracker=tracker), None
     return ContactEnv(
         kind(**own), arm, base.having(**rest), tracker=tracker, render_mode=render_mode
+    )
+
+
+def make_batch(
+    task_class: type[Task] | str,
+    num_envs: int,
+    threads: int | None = None,
+    **settings: Any,
+) -> BatchVectorEnv:
+    """Build many environments of a task that are stepped at once.
+
+    Args:
+        task_class: The task's class, or ``module:Class``.
+        num_envs: How many, at least 1.
+        threads: That simulate; None is one for each core that this process may use.
+        **settings: See `make_env`; an arm is given by its address, a tracker by its
+            name.
+
+    Raises:
+        ConfigError: See `make_env`; or these settings do not lead to MuJoCo in this
+            process.
+    """
+    if num_envs < 1:
+        raise ConfigError(f"num_envs is {num_envs}; allowed: 1 and more")
+    for name in ("arm", "tracker"):
+        if not isinstance(settings.get(name), str | None):
+            raise ConfigError(
+                f"{name} is an object, which {num_envs} environments would share; give "
+                "its address or name, or a BatchVectorEnv one function per environment"
+            )
+    return BatchVectorEnv(
+        [partial(make_env, task_class, **settings)] * num_envs, threads
     )
 
 

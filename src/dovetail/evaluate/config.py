@@ -79,6 +79,8 @@ class EvaluationConfig:
     """Processes that share the tries; the outcome does not depend on it."""
     keep_logs: bool = True
     """Keep an Episode log of each try. A search of six minutes is one of 40 MB."""
+    video: bool = False
+    """Film the first try at each pose: an animated GIF beside the report, and in it."""
     out: Path | None = None
     """Folder for table, figures, report and logs, new or empty. Default a new one, by
     the time, in results."""

@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -35,12 +35,13 @@ from dovetail.evaluate.perturbation import make_perturbed
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.terminal import render_table, run_shown
 from dovetail.evaluate.transfer import Row, summarise
-from dovetail.evaluate.trials import plan_trials, run_trials
+from dovetail.evaluate.trials import film_name, plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_yes
 from dovetail.learn.spaces import require_spaces
 from dovetail.tasks.task import Outline, Task
+from dovetail.view.gl_context import find_backend
 
 _WORKERS_MAX = 256
 
@@ -88,22 +89,21 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         make = make_env if config.workers > 1 else lambda: env
         load: Any = partial(Policy.load, file)
         trials = run_trials(
-            make, load, jobs, poses=poses, logs=logs, workers=config.workers
+            make,
+            load,
+            jobs,
+            poses=poses,
+            logs=logs,
+            films=folder if config.video else None,
+            workers=config.workers,
         )
-        ground = name_ground(config)
-        parts = [
-            file.stem,
-            *task.describe(),
-            *perturbation.describe(),
-            f"on {ground}",
-            f"control period {1e3 * options['period']:g} ms",
-        ]
-        title, names = ", ".join(parts), [pose.name for pose in poses]
+        title = _title(file.stem, task, config, options["period"])
+        names = [pose.name for pose in poses]
         outcomes = run_shown(trials, len(jobs), title, names, console)
     rows = summarise(outcomes, names)
     report = Report(
         title=title,
-        ground=ground,
+        ground=name_ground(config),
         period=options["period"],
         note=_notes(lax, config, options["period"], policy.metadata),
         rows=rows,
@@ -114,10 +114,22 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         command=command_line(config),
     )
     _print(report, options["tare"], console)
-    files = write_report(report, folder, task.outline())
+    films = [folder / film_name(pose) for pose in poses] if config.video else []
+    files = write_report(report, folder, task.outline(), films)
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
     )
+
+
+def _title(policy: str, task: Task, config: EvaluationConfig, period: float) -> str:
+    parts = [
+        policy,
+        *task.describe(),
+        *config.perturbation().describe(),
+        f"on {name_ground(config)}",
+        f"control period {1e3 * period:g} ms",
+    ]
+    return ", ".join(parts)
 
 
 def _notes(
@@ -146,6 +158,8 @@ def _inspect(
     config: EvaluationConfig, make_env: Callable[[], gym.Env], policy: Policy
 ) -> gym.Env:
     """Return an environment; says what is wrong before anything is written."""
+    if config.video:
+        find_backend()
     env = make_env()
     try:
         require_place(config, can_place=env.unwrapped.places_fixture)  # type: ignore[attr-defined]
@@ -159,8 +173,17 @@ def _inspect(
     return env
 
 
-def write_report(report: Report, folder: Path, outline: Outline | None) -> list[Path]:
+def write_report(
+    report: Report, folder: Path, outline: Outline | None, films: Sequence[Path] = ()
+) -> list[Path]:
     """Write figures, JSON and HTML, the HTML last.
+
+    Args:
+        report: What was found.
+        folder: Where to.
+        outline: Of the fixture, from above.
+        films: Animated GIFs that are there; one that is not, as its try never began,
+            is left out.
 
     Raises:
         LogError: The disk is full or the folder is not writable.
@@ -172,6 +195,9 @@ def write_report(report: Report, folder: Path, outline: Outline | None) -> list[
     if not math.isnan(report.rows[-1].force_peak):
         forces = captions["Contact force"] = draw_forces(report.outcomes)
         files.append(write_atomic(folder / "forces.png", forces))
+    for film in filter(Path.is_file, films):
+        captions[f"First try at {film.stem}"] = film.read_bytes()
+        files.append(film)
     return [
         *files,
         write_atomic(folder / "report.json", report.to_json()),

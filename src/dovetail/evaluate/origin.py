@@ -111,6 +111,8 @@ def command_line(config: "EvaluationConfig") -> str:
         words.append("--accept-contact")
     if not config.tare:
         words.append("--no-tare")
+    if config.video:
+        words.append("--video")
     if config.max_steps is not None:
         words += ["--max-steps", str(config.max_steps)]
     return shlex.join(words)

@@ -55,7 +55,7 @@ class Report:
         """Return the report as one HTML page without a single outside link.
 
         Args:
-            figures: PNG files by caption, in the order of the page.
+            figures: PNG and GIF files by caption, in the order of the page.
         """
         total = self.rows[-1]
         low, high = total.interval
@@ -75,7 +75,7 @@ class Report:
             "percentile over the tries; 50 ms: the same for the largest mean over a "
             "policy step. Limits broken: control cycles in which a measured value lay "
             "outside its limit. A dash: this arm does not measure contact force.</p>",
-            *(figure(caption, png) for caption, png in figures.items()),
+            *(figure(caption, picture) for caption, picture in figures.items()),
             "<h2>Make it again</h2>",
             f"<pre>{text(self.command)}</pre>",
             *facts("Settings", self.config),

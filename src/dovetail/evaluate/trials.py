@@ -5,6 +5,7 @@ import multiprocessing
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +22,8 @@ from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Array
+from dovetail.view.film import Film
+from dovetail.view.renderer import Renderer
 
 TRIES_MAX = 100_000
 """Most tries at one pose: a day's work; all are planned before the first one."""
@@ -57,6 +60,11 @@ def _seed_of(seed: int, pose: int, attempt: int) -> int:
     return int(np.random.SeedSequence([seed, pose, attempt]).generate_state(1)[0])
 
 
+def film_name(pose: FixturePose) -> str:
+    """Return the file's name of the film of the first try at a pose."""
+    return f"{pose.name}.gif"
+
+
 class Trialist:
     """One environment and one policy, ready for any number of tries."""
 
@@ -66,6 +74,7 @@ class Trialist:
         load_policy: Callable[[], Actor],
         poses: Sequence[FixturePose],
         logs: Path | None,
+        films: Path | None,
     ) -> None:
         """Build the environment and load the policy once.
 
@@ -74,11 +83,12 @@ class Trialist:
             load_policy: Loads the policy.
             poses: Poses of the fixture that jobs refer to by index.
             logs: Existing folder for the Episode logs, or None to keep none.
+            films: Existing folder for a film of each pose's first try, or None.
         """
         self._policy = load_policy()
         self._env = make_env()
         self._poses = poses
-        self._logs = logs
+        self._logs, self._films = logs, films
 
     def run(self, job: Job) -> Outcome:
         """Run one try from reset to success, time-out or the arm's stop, and log it."""
@@ -96,6 +106,8 @@ class Trialist:
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
+        film = Film()
+        film.add(self._state(), fixture)
         steps, violations = 0, int(info.get("limit_violations", 0))
         done, stopped = False, ""
         about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
@@ -108,15 +120,24 @@ class Trialist:
                     stopped = error.reason or str(error)
                     break
                 blocks.append(self._state().log)
+                film.add(self._state(), self._env.unwrapped.fixture)
                 raw = info["observation_raw"]
                 episode.append(blocks[-1], steps, action, float(reward), raw)
                 steps += 1
                 violations += int(info["limit_violations"])
                 done = ended or cut
+        self._show(film, job)
         log = "" if file is None else file.name
         outcome = _outcome(job, blocks, fixture, steps, violations, info, log)
         outcome = replace(outcome, perturbation=perturbation, tare=tuple(tare))
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
+
+    def _show(self, film: Film, job: Job) -> None:
+        """Write the film of the first try at a pose, if films are wanted."""
+        if self._films is None or job.attempt > 0:
+            return
+        with closing(Renderer(self._env.unwrapped.cell)) as renderer:
+            film.write(self._films / film_name(self._poses[job.pose]), renderer)
 
     def _without_tare(self, job: Job, fixture: Pose, error: ArmError) -> Outcome:
         """Return a try that ended before it began: the tool did not follow its lead."""
@@ -200,6 +221,7 @@ def run_trials(
     *,
     poses: Sequence[FixturePose],
     logs: Path | None = None,
+    films: Path | None = None,
     workers: int = 1,
 ) -> Iterator[Outcome]:
     """Run every job and yield the outcomes as they come, in order.
@@ -213,10 +235,11 @@ def run_trials(
         jobs: The tries.
         poses: Poses of the fixture that the jobs refer to by index.
         logs: Existing folder for the Episode logs, or None to keep none.
+        films: Existing folder for a film of each pose's first try, or None for none.
         workers: Number of processes, at least 1; 1 stays in this one.
     """
     if workers == 1:
-        trialist = Trialist(make_env, load_policy, poses, logs)
+        trialist = Trialist(make_env, load_policy, poses, logs, films)
         try:
             yield from map(trialist.run, jobs)
         finally:
@@ -226,7 +249,7 @@ def run_trials(
         workers,
         mp_context=multiprocessing.get_context("spawn"),
         initializer=_start_worker,
-        initargs=(make_env, load_policy, poses, logs),
+        initargs=(make_env, load_policy, poses, logs, films),
     ) as pool:
         yield from pool.map(_run_in_worker, jobs)
 

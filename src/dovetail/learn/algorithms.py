@@ -90,6 +90,10 @@ def make_vec_env(config: TrainConfig) -> Any:
             env = FixedFixture(env, FixturePose.given(config.hole, facing).pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
+    if config.is_batch:
+        from dovetail.learn.batch_vec_env import BatchVecEnv
+
+        return BatchVecEnv([make] * config.num_envs, config.threads or None)
     return DummyVecEnv([make] * config.num_envs)
 
 

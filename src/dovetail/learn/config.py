@@ -23,7 +23,7 @@ from dovetail.trackers.find import find_tracker
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 
-_NOT_COMPARED = ("out", "resume")
+_NOT_COMPARED = ("out", "resume", "threads")
 _OPTIONS = {"from_policy": "from"}
 _CENTRE = (0.60, 0.0, 0.10, 0.0)
 _USUAL = DynamicsRandomisation()
@@ -77,7 +77,12 @@ class TrainConfig(EnvSettings):
     seeds: int = 1
     """Runs with seeds seed, seed + 1, ..., as many at once as cores."""
     num_envs: int = 4
-    """Environments stepped in turn; on an arm always 1."""
+    """Environments stepped by one process; on an arm always 1. They are stepped at the
+    same time where `threads` says so, in turn otherwise."""
+    threads: int = 0
+    """Threads that simulate them, with MuJoCo only; 0 is one for each core. These are
+    the cores that this process may use, shared by `seeds`. What is learnt is the same
+    with any number."""
     updates_per_step: int = 2
     """Gradient steps per environment step (not ppo)."""
     n_steps: int = 3
@@ -146,10 +151,20 @@ class TrainConfig(EnvSettings):
         if self.arm is not None:
             object.__setattr__(self, "num_envs", 1)
             self._require_arm(self.arm)
+        self._require_batch()
         self._require_dynamics()
         if self.tare:  # a policy must not ask for what cannot be done with it
             task = TaskSpec.parse(self.env_options()["task"])
             tared_axes(task, self.force_damping)
+
+    def _require_batch(self) -> None:
+        """Refuse threads that would do nothing."""
+        if self.threads > 1 and not self._is_here_in_mujoco:
+            raise ConfigError(
+                f"threads is {self.threads}, but only MuJoCo in this process simulates "
+                f"several environments at once, not {self.arm or self.plant}: leave "
+                "threads out, or give --plant mujoco"
+            )
 
     def _require_dynamics(self) -> None:
         """Read the model, and refuse dynamics that nothing would simulate."""
@@ -181,6 +196,16 @@ class TrainConfig(EnvSettings):
                 "prints its folder when it begins)"
             )
         return self.out.expanduser().absolute()
+
+    @property
+    def _is_here_in_mujoco(self) -> bool:
+        return self.arm is None and self.plant == "mujoco"
+
+    @property
+    def is_batch(self) -> bool:
+        """Whether the environments are stepped at the same time."""
+        has_threads = self.threads != 1 and self.num_envs > 1
+        return has_threads and self._is_here_in_mujoco
 
     @cached_property
     def model_file(self) -> ModelFile | None:
@@ -306,6 +331,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "seed": (0, 2**31 - 1),
     "seeds": (1, 1000),
     "num_envs": (1, 256),
+    "threads": (0, 256),
     "updates_per_step": (1, 64),
     "n_steps": (1, 100),
     "gamma": (0.0, 0.99999),

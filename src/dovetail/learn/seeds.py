@@ -43,7 +43,10 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
         replace(run, resume=config.resume and (run.folder / CONFIG).exists())
         for run in runs
     ]
-    workers = min(len(runs), len(os.sched_getaffinity(0)))
+    cores = len(os.sched_getaffinity(0))
+    workers = min(len(runs), cores)
+    if not config.threads and config.is_batch:
+        runs = [replace(run, threads=cores // workers) for run in runs]
     context = multiprocessing.get_context("spawn")
     channel = context.Queue()
     names = [f"seed {run.seed}" for run in runs]

@@ -51,10 +51,11 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     Args:
         robot: The arm with its tool.
         cell: What stands around it.
-        visual_meshes: Draw the arm with pybullet_data's meshes where that package is
-            installed; capsules otherwise. Never used for collisions.
+        visual_meshes: Draw an iiwa 14 with pybullet_data's meshes where that package
+            is installed; capsules otherwise. Never used for collisions.
     """
-    meshes = _mesh_folder() if visual_meshes else None
+    is_iiwa = robot.name.startswith("iiwa14")
+    meshes = _mesh_folder() if visual_meshes and is_iiwa else None
     lines = [_table(), *_fixture(cell), *_links(robot, cell, meshes)]
     assets = _assets(cell, meshes)
     header = _HEADER.format(

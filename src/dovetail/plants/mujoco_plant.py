@@ -1,7 +1,8 @@
 """A plant in MuJoCo, whose control loop runs in C++."""
 
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,15 @@ def _library_path(mujoco: Any) -> str:
         if found:
             return str(found[0])
     raise PlantError(f"no MuJoCo library in {folder}; install mujoco again")
+
+
+class _Begun(NamedTuple):
+    """Control cycles that a thread of a pool runs."""
+
+    pool: "_core.ThreadPool"
+    slot: int
+    target: "_core.Target"
+    log: Array
 
 
 class MujocoPlant:
@@ -74,6 +84,7 @@ class MujocoPlant:
         self._library = _library_path(engine)
         self._channel = _core.Channel()
         self._is_ready = False
+        self._begun: _Begun | None = None
         self._soft = self.model.dof_solref.copy(), self.model.dof_solimp.copy()
         self._is_compensated: bool | None = None  # None: there is no loop yet
         self.configure(dynamics or DynamicsConfig.of(cell.robot))
@@ -91,6 +102,7 @@ class MujocoPlant:
 
     def configure(self, dynamics: DynamicsConfig) -> None:
         """Change the dynamics; call `reset` before the next torque."""
+        self.drop_cycles()
         model = self.model
         robot = self.cell.loaded_robot(dynamics.inertia)
         for i in range(7):
@@ -113,6 +125,7 @@ class MujocoPlant:
         self._mujoco.mj_setConst(model, self.data)
         self.dynamics = dynamics
         self._is_ready = False
+        self._period = 0.0  # that the physics step is made for: none yet
         if self._is_compensated != dynamics.gravity_compensation:
             self._is_compensated = dynamics.gravity_compensation
             self._loop = self._make_loop()
@@ -149,6 +162,7 @@ class MujocoPlant:
         """
         q = require_configuration(q)
         self.cell.require_reachable(fixture)
+        self.drop_cycles()
         data = self.data
         self.open_brakes()
         self._mujoco.mj_resetData(self.model, data)
@@ -226,25 +240,74 @@ class MujocoPlant:
         cycles: int,
         period: float,
     ) -> tuple[Array, Vec7, Vec7]:
-        """Run the controller against the plant, all in C++; see `Plant.run_cycles`."""
-        steps = self._prepare(period)
-        log = np.empty((cycles, len(CYCLE_COLUMNS)))
+        """Run the controller against the plant, all in C++; see `Plant.run_cycles`.
+
+        Cycles of this target that `begin_cycles` has begun are waited for instead.
+        """
+        begun, self._begun = self._begun, None
         try:
-            self._loop.run(controller, target, steps, log)
+            if begun is None:
+                steps = self._prepare(period)
+                log = np.empty((cycles, len(CYCLE_COLUMNS)))
+                self._loop.run(controller, target, steps, log)
+            else:
+                log = begun.log
+                begun.pool.finish(begun.slot)
         except RuntimeError as error:
-            raise PlantError(str(error)) from error
+            which = "" if begun is None else f"simulation {begun.slot} of the batch: "
+            raise PlantError(f"{which}{error}") from error
+        if begun is not None and (begun.target is not target or len(log) != cycles):
+            raise PlantError(
+                f"{len(log)} control cycles were begun, and then {cycles} asked for or "
+                "another target: step an arm by what it has begun"
+            )
         q, dq = self._loop.read()
         return log, q, dq
+
+    def begin_cycles(
+        self,
+        pool: "_core.ThreadPool",
+        slot: int,
+        controller: "_core.Controller",
+        target: "_core.Target",
+        cycles: int,
+        period: float,
+    ) -> None:
+        """Begin on a thread of a pool what the next `run_cycles` then ends.
+
+        Until then nothing else may be done with plant and controller, but `reset`.
+
+        Args:
+            pool: Where the thread is.
+            slot: The pool's slot for this plant.
+            controller: See `run_cycles`, as for the rest; the target is copied.
+            target: Held during all cycles.
+            cycles: Number of control cycles.
+            period: Control period [s].
+        """
+        steps = self._prepare(period)
+        log = np.empty((cycles, len(CYCLE_COLUMNS)))
+        pool.begin_run(slot, self._loop, controller, target, steps, log)
+        self._begun = _Begun(pool, slot, target, log)
+
+    def drop_cycles(self) -> None:
+        """Wait for cycles that were begun, and forget what came of them."""
+        begun, self._begun = self._begun, None
+        if begun is not None:
+            with suppress(RuntimeError):  # diverged: so is what is forgotten
+                begun.pool.finish(begun.slot)
 
     def _prepare(self, period: float) -> int:
         """Set the physics step for this control period and return their number."""
         if not self._is_ready:
             raise PlantError("plant was not reset since it was built or configured")
-        # MuJoCo (refsafe) would make contacts softer than two steps show.
-        longest = min(self.dynamics.physics_dt, 0.5 * self.dynamics.contact_time)
-        steps = physics_steps(period, longest)
-        self.model.opt.timestep = period / steps
-        return steps
+        if period != self._period:
+            # MuJoCo (refsafe) would make contacts softer than two steps show.
+            longest = min(self.dynamics.physics_dt, 0.5 * self.dynamics.contact_time)
+            self._steps = physics_steps(period, longest)
+            self.model.opt.timestep = period / self._steps
+            self._period = period
+        return self._steps
 
     def contact_force(self) -> Vec3:
         """Return the force on the tool in the last physics step [N], world."""

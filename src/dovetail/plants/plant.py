@@ -51,6 +51,15 @@ CONTACT_FRICTION = Range(0.0, 5.0, "1")
 CONTACT_TIME = Range(1e-3, 0.1, "s")
 
 
+def require_inertia_set(name: str, owner: str) -> None:
+    """Refuse a published inertia set that there is not, and name those there are."""
+    if name not in _INERTIA_SETS:
+        raise ConfigError(
+            f"{owner} inertia {name!r} is unknown; known sets: "
+            f"{', '.join(_INERTIA_SETS)}"
+        )
+
+
 @dataclass(frozen=True, kw_only=True)
 class DynamicsConfig:
     """The physics behind the torque: everything here may differ from the model."""
@@ -86,11 +95,7 @@ class DynamicsConfig:
 
     def __post_init__(self) -> None:
         """Refuse numbers that no arm has, by name and index."""
-        if self.inertia not in _INERTIA_SETS:
-            raise ConfigError(
-                f"dynamics inertia {self.inertia!r} is unknown; known sets: "
-                f"{', '.join(_INERTIA_SETS)}"
-            )
+        require_inertia_set(self.inertia, "dynamics")
         check_ranges(self, "dynamics")
 
     @classmethod

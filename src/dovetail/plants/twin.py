@@ -24,6 +24,7 @@ from dovetail.plants.plant import (
     DrivenPlant,
     DynamicsConfig,
     make_plant,
+    require_inertia_set,
 )
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec3, Vec7
@@ -91,6 +92,7 @@ class TwinConfig:
             raise ConfigError(
                 f"twin description is {self.description!r}; give one line of text"
             )
+        require_inertia_set(self.inertia, "twin")
         check_ranges(self, "twin")
 
     def dynamics(self) -> DynamicsConfig:

@@ -5,8 +5,8 @@ process that started it, and takes with it whatever it has started itself.
 """
 
 import fcntl
-import importlib
 import os
+import pkgutil
 import platform
 import signal
 import sys
@@ -54,7 +54,7 @@ def _run(root: Path, name: str) -> None:
     console = Console(file=sys.stdout, width=120, force_terminal=False)
     sitting = Sitting(root, name, dict(stage["settings"]), console)
     start = time.monotonic()
-    result = vars(importlib.import_module(module))[function](sitting)
+    result = pkgutil.resolve_name(f"{module}:{function}")(sitting)
     write_done(
         root,
         stage,

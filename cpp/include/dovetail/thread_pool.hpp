@@ -1,0 +1,64 @@
+/// Threads that run one job at a time for each of several slots: many simulations at
+/// once.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace dovetail {
+
+/// Jobs of different slots run at the same time and must share nothing that changes.
+/// One thread calls begin, finish and close; the pool's own threads call nothing else
+/// than the jobs.
+class ThreadPool {
+ public:
+  using Job = std::function<void()>;
+
+  /// \param slots  how many jobs there can be at once, at least 1
+  /// \param threads  that work in all, at least 1: one is the thread that waits in
+  /// `finish`, the others are started here
+  /// Throws std::invalid_argument; std::system_error: no thread to be had.
+  ThreadPool(int slots, int threads);
+  ~ThreadPool() { close(); }
+  ThreadPool(const ThreadPool&) = delete;
+  ThreadPool& operator=(const ThreadPool&) = delete;
+
+  /// Lets a thread run a job as soon as one is free; returns at once.
+  /// Throws std::logic_error: the slot's last job is not finished, or the pool is
+  /// closed; std::out_of_range.
+  void begin(int slot, Job job);
+
+  /// Returns when the slot's job is done; until then works on what still waits.
+  /// Rethrows what the job threw. Throws std::logic_error: none was begun.
+  void finish(int slot);
+
+  /// Ends the threads. Jobs that run are waited for, those that wait are dropped.
+  /// Harmless when repeated.
+  void close() noexcept;
+
+ private:
+  enum class Stage { kIdle, kWaiting, kRunning, kDone };
+  struct Slot {
+    Job job;
+    std::atomic<Stage> stage = Stage::kIdle;
+    std::exception_ptr error;
+  };
+
+  void work();
+  void run_next(std::unique_lock<std::mutex>& lock);
+
+  std::vector<Slot> slots_;
+  std::deque<int> waiting_;  // slots, in the order in which they were begun
+  std::atomic<bool> is_closed_ = false, has_waiting_ = false;
+  std::mutex mutex_;  // held by whoever changes any of the above
+  std::condition_variable some_waiting_, some_done_;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace dovetail

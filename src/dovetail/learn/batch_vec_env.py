@@ -1,0 +1,59 @@
+"""Many environments at once: Stable-Baselines3's vector environment over a batch."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import DummyVecEnv  # noqa: TID253
+
+from dovetail.arms.batch_arm import BatchArm
+from dovetail.control.period import POLICY_PERIOD
+
+
+class BatchVecEnv(DummyVecEnv):
+    """Gives the numbers of `DummyVecEnv`, bit for bit; control cycles run at once."""
+
+    def __init__(
+        self, env_fns: list[Callable[[], Any]], threads: int | None = None
+    ) -> None:
+        """Build the environments and start the threads.
+
+        Args:
+            env_fns: Each builds a `ContactEnv` on MuJoCo in this process, in wrappers
+                that hand actions on as they are.
+            threads: That simulate; None is one for each core that this process may use.
+
+        Raises:
+            ConfigError: An environment that cannot be in a batch.
+        """
+        super().__init__(env_fns)
+        self._cores: list[Any] = [env.unwrapped for env in self.envs]
+        self._batch = BatchArm([core.arm for core in self._cores], threads)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Begin the steps."""
+        rows = list(actions)  # the same object twice is compared at once
+        super().step_async(rows)  # type: ignore[arg-type]
+        try:
+            for i, core in enumerate(self._cores):
+                self._batch.begin(i, core.begin_step(rows[i]), POLICY_PERIOD)
+        except BaseException:
+            self._batch.drop()
+            raise
+
+    def step_wait(self) -> Any:
+        """End the steps; an environment that has ended starts anew.
+
+        Raises:
+            PlantError: A simulation diverged; says which. Nothing runs any more.
+        """
+        try:
+            return super().step_wait()
+        except BaseException:
+            self._batch.drop()
+            raise
+
+    def close(self) -> None:
+        """End the threads, and close the environments."""
+        self._batch.close()
+        super().close()

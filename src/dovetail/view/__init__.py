@@ -1,0 +1,1 @@
+"""Pictures and films of a workcell, made without a screen."""

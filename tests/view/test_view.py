@@ -1,0 +1,120 @@
+"""Pictures are of what was measured: neither empty nor frozen."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from PIL import Image
+
+from dovetail.cli import run
+from dovetail.envs.registered import find_cell
+from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.view import gl_context
+from dovetail.view.gl_context import find_backend
+from dovetail.view.renderer import BLUE, FORCE_SCALE, RED, Renderer
+
+CELL = find_cell()
+ROBOT = CELL.loaded_robot()
+HOLE = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0))
+ID = "dovetail/PegInHole-v0"
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    try:
+        renderer = Renderer(CELL)
+    except MissingDependencyError as error:
+        pytest.skip(str(error))  # it names the Debian packages
+    yield renderer
+    renderer.close()
+
+
+def above(height):
+    pose = Pose(HOLE.position + np.array([0.0, 0.0, height]), tool_down(0.0))
+    return ROBOT.inverse_kinematics(pose, ROBOT.posture("down"))
+
+
+def pixels_like(picture, rgba):
+    """Which pixels have the hue of a colour, whatever light falls on them."""
+    way = picture / np.maximum(np.linalg.norm(picture, axis=2, keepdims=True), 1.0)
+    return way @ (rgba[:3] / np.linalg.norm(rgba[:3])) > 0.99
+
+
+def test_a_picture_shows_what_changes_and_nothing_else(renderer):
+    first = renderer.draw(above(0.1), HOLE)
+    assert first.shape == (480, 640, 3)
+    assert first.std() > 20.0
+    np.testing.assert_array_equal(renderer.draw(above(0.1), HOLE), first)
+    beside = HOLE._replace(position=HOLE.position + np.array([0.0, 0.05, 0.0]))
+    for height, hole in ((0.05, HOLE), (0.1, beside)):
+        other = renderer.draw(above(height), hole)
+        changed = (np.abs(other.astype(int) - first) > 30).any(axis=2)
+        assert 100 < changed.sum() < 0.3 * changed.size
+
+
+def test_a_force_is_an_arrow_of_its_size_and_a_path_a_line(renderer):
+    q = above(0.1)
+    tip = HOLE.position + np.array([-0.04, -0.05, 0.1])
+    heights = []
+    for force in (20.0, 40.0):
+        arrow = renderer.draw(q, HOLE, force=np.array([0.0, 0.0, force]))
+        end = tip + np.array([0.0, 0.0, FORCE_SCALE * force])
+        line = renderer.draw(q, HOLE, path=[tip, end])
+        rows = [
+            np.flatnonzero(pixels_like(picture, colour).any(axis=1))
+            for picture, colour in ((arrow, RED), (line, BLUE))
+        ]
+        heights += [np.ptp(found) for found in rows]
+    assert heights[0] == pytest.approx(heights[1], abs=4)
+    assert heights[2] == pytest.approx(heights[3], abs=4)
+    assert heights[2] > 1.7 * heights[0]
+    unknown = renderer.draw(q, HOLE, force=np.full(3, np.nan))
+    np.testing.assert_array_equal(unknown, renderer.draw(q, HOLE))
+
+
+def test_an_environment_draws_what_it_measured(renderer):
+    env = gym.make(ID, render_mode="rgb_array")
+    assert env.metadata["render_fps"] == 20
+    env.reset(seed=0)
+    first = env.render()
+    for _ in range(5):
+        env.step(np.array([0.0, 0.0, -1.0, 0.0], dtype=np.float32))
+    later = env.render()
+    np.testing.assert_array_equal(env.render(), later)
+    assert (first != later).any()
+    env.close()
+    env.close()
+
+
+def test_an_unknown_render_mode_is_refused():
+    with pytest.raises(ConfigError, match="render_mode is 'ansi'; known: rgb_array"):
+        gym.make(ID, render_mode="ansi").unwrapped.reset()
+
+
+def test_a_film_of_each_poses_first_try_lies_beside_the_report(renderer, tmp_path):
+    out = tmp_path / "film"
+    words = ["demo", "--tries", "2", "--workers", "2", "--video", "--out", str(out)]
+    assert run(words) == 0
+    assert (out / "report.html").read_text().count("data:image/gif") == 3
+    for name in "ABC":
+        with Image.open(out / f"{name}.gif") as film:
+            assert film.size == (640, 480)
+            assert 20 < film.n_frames < 200
+            assert film.info["duration"] == 50
+
+
+def test_without_opengl_the_packages_are_named(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: None)
+    with pytest.raises(MissingDependencyError, match="libegl1 libgl1-mesa-dri"):
+        find_backend()
+    out = tmp_path / "none"
+    assert run(["demo", "--tries", "1", "--video", "--out", str(out)]) != 0
+    assert "apt install libegl1" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_the_backend_that_is_asked_for_is_taken(monkeypatch):
+    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    assert find_backend() == "egl" or "MUJOCO_GL" in gl_context.os.environ
+    monkeypatch.setenv("MUJOCO_GL", "osmesa")
+    assert find_backend() == "osmesa"
