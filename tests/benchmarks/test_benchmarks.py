@@ -36,7 +36,7 @@ NEEDS = {
 TINY = {
     "adversary": ("--cycles 200 --period 0.005", "cycles"),
     "bad_samples": ("--spikes 2 --period 0.005 --plants mujoco", "Nm"),
-    "batch": ("--turns 1 --steps 8 --cores 1 --environments 2", "environment"),
+    "batch": ("--turns 1 --steps 8 --cores 1 --envs 2", "one environment"),
     "cabinet_rate": ("--plant mujoco --seconds 0.1", "periods/s"),
     "contact_adversary": ("--cycles 20 --period 0.005 --quiet", "cycles"),
     "control_cycle": ("--period 0.005", "dovetail qp"),
