@@ -107,11 +107,11 @@ class Controller {
   void limit(StepResult& result) noexcept;
   bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
                     double elapsed) noexcept;
-  void soften(StepResult& result) const noexcept;
+  void soften(StepResult& result) noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
   Vec7 held() const noexcept;
-  StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
+  StepResult hold(const Vec7& a, const Vec7& h) noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
   Chain chain_;
@@ -148,6 +148,7 @@ class Controller {
 
   StateCheck check_;
   bool was_believed_ = true;  // in the last cycle
+  bool is_soft_ = false;      // the last torque was on its way to the wanted one
   LastLine last_line_;
   double limiter_power_ = 0.0;  // of what is cut from f* [W]
   bool is_at_rest_ = false;     // after the end
