@@ -18,7 +18,7 @@
 /// After each of them the state is in doubt for a while.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
-/// all: after `kAgreed` of them they are believed. A burst of wrong ones is shorter.
+/// all: after `kAgreed` of them they are believed.
 #pragma once
 
 #include <array>
@@ -52,8 +52,9 @@ class StateCheck {
   /// Whether one of the last `kDoubt` samples was refused, or a surprise.
   bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
 
-  /// Samples in a row that must agree with one another before they are believed.
-  static constexpr int kAgreed = 8;
+  /// Samples in a row that must agree with one another before they are believed. More
+  /// than a burst of five wrong ones has; and no more, for until then the arm is blind.
+  static constexpr int kAgreed = 5;
   /// Cycles for which a doubt is remembered, that of its sample included.
   static constexpr int kDoubt = 11;
 
