@@ -27,16 +27,16 @@ constexpr double kReturnSpeed = 0.05;
 // may be worth 20, of which encoders' noise and gravity's change have their part.
 constexpr double kLargestStep = 18.0;
 
-constexpr double kInMotion = 0.05;   // [rad/s]
-constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset in motion
+constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset that goes on
 
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
 }  // namespace
 
-/// Whether an arm in motion goes on from where it is: what pulls at it pulls on, too.
+/// Whether the arm goes on from where it is: what pulls at it pulls on, too. One whose
+/// measured speed is not told was put there.
 bool Controller::goes_on(const Vec7& q, const Vec7& dq) const noexcept {
-  if (!has_last_ || !(dq.cwiseAbs().maxCoeff() > kInMotion)) return false;
+  if (!has_last_ || dq == Vec7::Zero()) return false;
   const Vec7 reach = kFewPeriods * period_ * limits_.dq_max;
   return ((q - check_.q()).cwiseAbs().array() <= reach.array()).all();
 }

@@ -31,11 +31,11 @@ class Controller {
   Controller(const ChainParams& chain, const OscParams& osc, const LimitParams& limits,
              const TaskSpec& task, double period);
 
-  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets what the last line saw and
-  /// the disturbance, unless the arm goes on in motion from where it was; latches the
-  /// pose that hold axes keep: TCP position [m] and rotation (wxyz). With a q or a pose
-  /// that is none (see input.hpp) every cycle is a damped hold and `bad_input`, until a
-  /// good one.
+  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets what the last line saw,
+  /// and the disturbance, unless a dq that is not zero says that the arm goes on from
+  /// where it was; latches the pose that hold axes keep: TCP position [m] and rotation
+  /// (wxyz). With a q or a pose that is none (see input.hpp) every cycle is a damped
+  /// hold and `bad_input`, until a good one.
   void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
              const Vec7& dq = Vec7::Zero()) noexcept;
 
