@@ -7,7 +7,7 @@ the plain MuJoCo plant and on the twins. Its measured position is wrong by 1 to 
 in one joint, or in all of them, for one message or for a burst of up to five; its
 measured velocity is not, or where it is made of positions (`observed`, as behind FRI)
 as wrong as they make it. Printed is the largest change of a torque from one cycle to
-the next from the first wrong sample to 10 cycles after the last, and beside it the
+the next from the first wrong sample to 20 cycles after the last, and beside it the
 largest without wrong samples. Cycles in which the Target changes are left out of both.
 """
 
@@ -44,8 +44,8 @@ LONGEST = 5  # messages of a burst
 ALL_JOINTS = 0.2  # share of spikes in all joints
 ACTION = 0.05  # s
 SETTLE, EPISODE = 0.5, 2.0  # s before the first spike, s
-SPACING = (0.06, 20)  # s, cycles: at least, between two spikes
-AFTER = 10  # cycles after the last wrong sample that still count
+SPACING = (0.06, 30)  # s, cycles: at least, between two spikes
+AFTER = 20  # cycles after the last wrong sample that still count
 
 Array = NDArray[np.float64]
 

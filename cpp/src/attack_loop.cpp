@@ -29,7 +29,7 @@ struct Side {
   Vec7 tau = Vec7::Zero();
   Vec7 a = Vec7::Zero();
   double elapsed = 0.0;  // since the last message [s]
-  Flags flags;
+  Flags flags = {};
 
   void step(const Vec7& q, Vec7 dq, const Target& target) noexcept {
     elapsed += controller.period();
@@ -40,6 +40,52 @@ struct Side {
     flags = result.flags;
     elapsed = 0.0;
   }
+
+  void lose() noexcept { elapsed += controller.period(); }
+};
+
+/// Tells what bad samples did to the torque from what went on anyway. For each of them
+/// a side goes on from before it, undeceived; a burst is one.
+class Blame {
+ public:
+  /// Before the side takes what came in this cycle.
+  void begin(const Side& side, bool is_bad) {
+    if (is_bad && !was_bad_) undeceived_.push_back({side, 0});
+    if (is_bad) undeceived_.back().left = AttackResult::kAfterBad + 1;
+    was_bad_ = is_bad;
+  }
+
+  /// After it. \param change  of its torque in this cycle [Nm]
+  /// \param is_lost  no message came: to nobody
+  void judge(const Vec7& change, bool is_lost, const Target& target, int cycle,
+             AttackResult& result) {
+    const Vec7 size = change.cwiseAbs();
+    if (!undeceived_.empty()) keep(result.step_after_bad, size, cycle);
+    for (Undeceived& one : undeceived_) {
+      const Vec7 before = one.side.tau;
+      if (is_lost) {
+        one.side.lose();
+      } else {
+        one.side.step(one.side.plant.q(), one.side.plant.dq(), target);
+      }
+      one.side.plant.apply(one.side.tau, one.side.controller.period());
+      --one.left;
+      // Ended anyway: neither that step nor a Target's can be told from the sample's.
+      if (one.side.flags.ended) continue;
+      const Vec7 by_bad = change - (one.side.tau - before);
+      keep(result.step_by_bad, Vec7(by_bad.cwiseAbs().cwiseMin(size)), cycle);
+    }
+    std::erase_if(undeceived_, [](const Undeceived& one) { return one.left <= 0; });
+  }
+
+ private:
+  struct Undeceived {
+    Side side;
+    int left;  // cycles to go
+  };
+
+  std::vector<Undeceived> undeceived_;
+  bool was_bad_ = false;
 };
 
 struct State {
@@ -130,12 +176,11 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
     side.observer.emplace(period, attack.observer_gain);
     side.observer->reset(plant.q());
   }
-  std::optional<Side> clean;  // goes on from before the last bad sample, undeceived
+  Blame blame;
   Judge judge(controller, controller.limits().walls);
   std::vector<State> past;
   past.reserve(attack.age.size());
   auto wrong = attack.wrong.begin();
-  int since_bad = AttackResult::kAfterBad;
   const int cycles = static_cast<int>(attack.age.size());
   for (int k = 0; k < cycles; ++k) {
     past.push_back({side.plant.q(), side.plant.dq()});
@@ -153,33 +198,18 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
       is_bad = true;
     }
     if (is_bad || is_lost_message) ++result.bad_cycles;
-    if (is_lost_message) {
-      clean.reset();  // the torque that follows is late, and none of a bad sample's
-      since_bad = AttackResult::kAfterBad;
-    } else if (is_bad) {
-      if (since_bad > 0) clean.emplace(side);  // a burst is one event
-      since_bad = 0;
-    } else if (++since_bad > AttackResult::kAfterBad) {
-      clean.reset();
-    }
+    blame.begin(side, is_bad);
     const Target& target = attack.targets[std::min<std::size_t>(
         k / attack.cycles_per_target, attack.targets.size() - 1)];
     const Vec7 before = side.tau;
-    if (age < 0) {
-      side.elapsed += period;
+    if (is_lost_message) {
+      side.lose();
     } else {
       side.step(seen.q, seen.dq, target);
     }
     const Vec7 change = side.tau - before;
     if (k > 0) keep(result.step, Vec7(change.cwiseAbs()), k);
-    if (clean) {
-      const Vec7 clean_before = clean->tau;
-      clean->step(clean->plant.q(), clean->plant.dq(), target);
-      const Vec7 by_bad = change - (clean->tau - clean_before);
-      keep(result.step_after_bad, Vec7(change.cwiseAbs()), k);
-      keep(result.step_by_bad, Vec7(by_bad.cwiseAbs().cwiseMin(change.cwiseAbs())), k);
-      clean->plant.apply(clean->tau, period);
-    }
+    blame.judge(change, is_lost_message, target, k, result);
     judge.motor(side.plant, side.tau, k, result);
     const State start = now;
     for (int i = 0; i < looks; ++i) {

@@ -10,6 +10,10 @@ namespace {
 // Way behind a limit's margin on which a push comes to be held against [rad] or [m].
 constexpr double kHoldWidth = 1e-3;
 
+// A braking rate may be 0; the hold then begins half a second ahead of the margin
+// [1/s].
+constexpr double kLeastBrakeRate = 1.0;
+
 struct Bound {
   double value;
   BoundCause cause;
@@ -67,8 +71,10 @@ Bound viability_upper(double d, double v, double v_max, double a_max, double pus
   const double beyond = std::min(2.0 * (d - v * T) / (T * T), speed);
   bound.value = std::min(bound.value, std::max(beyond, -params.authority * a_max));
   if (!params.passive) return {std::min(bound.value, a_max) - push, bound.cause};
+  // The hold begins ahead of the margin, by half of the way that braking takes.
   const double width = std::max(params.delta_x, kHoldWidth);
-  const double met = d - 0.5 * std::max(v, 0.0) / std::max(params.brake_rate, 1.0);
+  const double met =
+      d - 0.5 * std::max(v, 0.0) / std::max(params.brake_rate, kLeastBrakeRate);
   const double held = std::clamp(-met / width, 0.0, 1.0);
   bound.value = under_push(bound.value, push, v, held, params.brake_rate);
   if (bound.value >= a_most) return {a_most, BoundCause::kAcceleration};

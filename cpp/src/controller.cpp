@@ -92,7 +92,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   a0_last_.setZero();
   staying_ = 0;
   resume();
-  has_last_ = false;
+  has_last_ = is_soft_ = false;
   was_believed_ = true;
   has_start_ = is_configuration(q) && is_speed(dq);
   if (!has_start_) return;
@@ -273,14 +273,15 @@ Vec7 Controller::held() const noexcept {
   return Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
 }
 
-/// The damped hold: this acceleration, by a torque that holds against h.
-StepResult Controller::hold(const Vec7& a, const Vec7& h) const noexcept {
+/// The damped hold: this acceleration, by a torque that holds against h, softly.
+StepResult Controller::hold(const Vec7& a, const Vec7& h) noexcept {
   StepResult result;
   result.flags.bad_input = true;
   result.a = result.a0 = a;
   result.tau = terms_.M * a + h;
   if (is_finite(result) && (lo_ + hi_).allFinite()) {
     result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);
+    soften(result);
   } else {  // the model is not: gravity compensation alone holds
     result.a = result.a0 = result.tau = Vec7::Zero();
   }
@@ -293,8 +294,7 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_bounds(q, dq);
   dq_last_ = dq;
   const Vec7 asked = (braking() - held()).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  StepResult result = hold(asked + push_, bias());
-  soften(result);
+  const StepResult result = hold(asked + push_, bias());
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
   has_last_ = true;

@@ -26,19 +26,20 @@ constexpr double kNearBand = 0.002;
 // At which a wall comes in from where the tool was at the start, outside of it [m/s].
 constexpr double kReturnSpeed = 0.05;
 
-// While the state is in doubt: what a torque may change in a cycle [Nm].
+// While the state is in doubt: what a torque may change in a cycle [Nm]. A bad sample
+// may be worth 20, of which encoders' noise and gravity's change have their part.
 constexpr double kLargestStep = 18.0;
 
-constexpr double kInMotion = 0.05;   // [rad/s]
-constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset in motion
+constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset that goes on
 
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
 }  // namespace
 
-/// Whether an arm in motion goes on from where it is: what pulls at it pulls on, too.
+/// Whether the arm goes on from where it is: what pulls at it pulls on, too. One whose
+/// measured speed is not told was put there.
 bool Controller::goes_on(const Vec7& q, const Vec7& dq) const noexcept {
-  if (!has_last_ || !(dq.cwiseAbs().maxCoeff() > kInMotion)) return false;
+  if (!has_last_ || dq == Vec7::Zero()) return false;
   const Vec7 reach = kFewPeriods * period_ * limits_.dq_max;
   return ((q - check_.q()).cwiseAbs().array() <= reach.array()).all();
 }
@@ -192,13 +193,18 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
 
 /// While the state is in doubt the torque changes slowly, into a damped hold and out of
 /// it, too: on the straight line between the last torque and the wanted one, which
-/// keeps limits that both keep. Joint by joint each would disturb the others.
-void Controller::soften(StepResult& result) const noexcept {
-  if (!check_.is_in_doubt() || !has_last_) return;
+/// keeps limits that both keep. Joint by joint each would disturb the others. What was
+/// begun slowly is ended slowly: the rest of a step does not come at once where the
+/// doubt ends.
+void Controller::soften(StepResult& result) noexcept {
+  const bool is_asked = is_soft_ || check_.is_in_doubt();
   const Vec7 change = result.tau - tau_last_;
   const double most = change.cwiseAbs().maxCoeff();
-  if (!(most > kLargestStep)) return;
+  is_soft_ = is_asked && has_last_ && most > kLargestStep;
+  if (!is_soft_) return;
   result.tau = tau_last_ + (kLargestStep / most) * change;
+  // The last torque may be beyond limits that gravity has moved since.
+  result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);
   result.a = Minv_ * (result.tau - h_) + push_;
 }
 

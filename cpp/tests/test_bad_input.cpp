@@ -308,6 +308,37 @@ BOOST_AUTO_TEST_CASE(an_arm_that_is_measured_is_damped_inside_its_joint_limits) 
   }
 }
 
+BOOST_AUTO_TEST_CASE(no_motor_is_overloaded_while_a_doubtful_state_is_answered) {
+  // A torque at the motor's limit, changed slowly, while gravity changes beneath it.
+  LimitParams weak = limits(Scheme::kQp);
+  weak.walls = false;
+  weak.tau_max[1] = 75.0;  // gravity is 60
+  weak.tau_max[3] = 30.0;
+  task = kUsualTask;
+  std::mt19937_64 random(3);
+  int softened = 0;
+  double most = 0.0;
+  for (int episode = 0; episode < 20; ++episode) {
+    Controller loaded(chain, osc, weak, task, kPeriod);
+    RigidPlant plant(chain, chain, {});
+    plant.reset(q, Vec7::Zero());
+    loaded.reset(q, p, quat);
+    for (int k = 0; k < 300; ++k) {
+      if (k % 20 == 0) target.f_star.head<3>() = random_vector<Vec3>(random, 30.0);
+      Vec7 seen = plant.q();
+      if (k % 13 < 3) seen[random() % 7] += 0.1;
+      const StepResult result = loaded.step(seen, plant.dq(), target);
+      softened += loaded.state().is_in_doubt();
+      const Vec7 motor = result.tau + loaded.chain().gravity(loaded.state().q());
+      most = std::max(most, (motor.cwiseAbs() - weak.tau_max).maxCoeff());
+      plant.apply(result.tau, kPeriod);
+    }
+  }
+  BOOST_TEST(softened > 1000);
+  BOOST_TEST(most < 1e-9);
+  BOOST_TEST(most > -1e-9);  // a motor was at its limit
+}
+
 BOOST_AUTO_TEST_CASE(a_hold_brakes_harder_where_a_joint_limit_asks_for_it) {
   const double speed = 0.18;  // softly it would need 3.6 mrad
   for (const Scheme scheme : kSchemes) {

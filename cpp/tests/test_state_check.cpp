@@ -191,6 +191,25 @@ BOOST_AUTO_TEST_CASE(a_surprise_is_believed_and_leaves_a_doubt) {
   }
 }
 
+BOOST_AUTO_TEST_CASE(a_surprise_after_a_wrong_sample_is_bridged_once_and_not_counted) {
+  take(q, dq);
+  move();
+  Vec7 wrong = q;
+  wrong[2] += 0.05;
+  take(wrong, dq);
+  BOOST_TEST(check.implausible() == 1);
+  const Vec7 q_expected = q + kPeriod * dq;
+  dq[2] += 0.25;  // a blow, and then the arm as it is
+  move();
+  take(q, dq);
+  BOOST_TEST(check.implausible() == 1);
+  BOOST_TEST((check.q() - q_expected).norm() < 1e-12);
+  move();
+  take(q, dq);
+  BOOST_TEST(check.implausible() == 0);
+  BOOST_TEST((check.q() - q).norm() < 1e-12);
+}
+
 BOOST_AUTO_TEST_CASE(samples_that_go_on_to_repeat_are_no_old_ones) {
   move();
   take(q, dq);

@@ -55,13 +55,18 @@ struct AttackResult {
   Worst torque{kNever};          ///< of a motor's torque, gravity included [Nm]
   Worst step{kNever};            ///< torque from cycle to cycle [Nm]
   Worst step_after_bad{kNever};  ///< the same within kAfterBad cycles of a bad sample
-  /// The same, less what a controller does that got the true state instead, where that
-  /// is smaller [Nm]: a Target's step is none of a bad sample's, whether it is followed
-  /// or not.
+  /// The same, less what a controller does that got true states since before the bad
+  /// sample, where that is smaller [Nm]: a Target's step is none of a bad sample's,
+  /// whether it is followed or not. Nor is what comes once the last line has ended that
+  /// other controller's motion. Each bad sample has its own such controller; the
+  /// largest difference counts.
   Worst step_by_bad{kNever};
   int bad_cycles = 0;
 
-  static constexpr int kAfterBad = 10;
+  /// Longer than the guard that a bad sample leaves (StateCheck::kDoubt), so that what
+  /// follows the guard is measured, too.
+  static constexpr int kAfterBad = 20;
+  static_assert(kAfterBad > StateCheck::kDoubt);
 };
 
 /// A cycle in a trace: the true state, and the largest excess during the cycle.

@@ -31,11 +31,11 @@ class Controller {
   Controller(const ChainParams& chain, const OscParams& osc, const LimitParams& limits,
              const TaskSpec& task, double period);
 
-  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets what the last line saw and
-  /// the disturbance, unless the arm goes on in motion from where it was; latches the
-  /// pose that hold axes keep: TCP position [m] and rotation (wxyz). With a q or a pose
-  /// that is none (see input.hpp) every cycle is a damped hold and `bad_input`, until a
-  /// good one.
+  /// Starts afresh at q [rad], moving at dq [rad/s]: forgets what the last line saw,
+  /// and the disturbance, unless a dq that is not zero says that the arm goes on from
+  /// where it was; latches the pose that hold axes keep: TCP position [m] and rotation
+  /// (wxyz). With a q or a pose that is none (see input.hpp) every cycle is a damped
+  /// hold and `bad_input`, until a good one.
   void reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
              const Vec7& dq = Vec7::Zero()) noexcept;
 
@@ -108,11 +108,11 @@ class Controller {
   void limit(StepResult& result) noexcept;
   bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
                     double elapsed) noexcept;
-  void soften(StepResult& result) const noexcept;
+  void soften(StepResult& result) noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
   Vec7 held() const noexcept;
-  StepResult hold(const Vec7& a, const Vec7& h) const noexcept;
+  StepResult hold(const Vec7& a, const Vec7& h) noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
   Chain chain_;
@@ -149,6 +149,7 @@ class Controller {
 
   StateCheck check_;
   bool was_believed_ = true;  // in the last cycle
+  bool is_soft_ = false;      // the last torque was on its way to the wanted one
   LastLine last_line_;
   double limiter_power_ = 0.0;  // of what is cut from f* [W]
   bool is_at_rest_ = false;     // after the end

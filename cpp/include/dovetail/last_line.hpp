@@ -67,7 +67,7 @@ class LastLine {
   void end(EndCause cause, int joint, double value, double limit) noexcept;
 
   Vec7 dq_max_;
-  Vec7 dq_end_;  // a joint beyond this has used most of its speed margin [rad/s]
+  Vec7 dq_end_;  // three fifths of the speed margin are used beyond it [rad/s]
   bool is_on_;
   std::array<Swing, 7> swing_;
   double work_ = 0.0;  // that limiters did of late [J]

@@ -2,20 +2,23 @@
 /// believed.
 ///
 /// The state is predicted with the acceleration that the last cycle expected. A sample
-/// near the prediction, by what a bounded torque is worth, is taken as it is. For any
-/// other the prediction stands, and no part of it is believed: what is believed in part
-/// is wrong in part, and the next true sample then looks like a wrong one.
+/// near the prediction, by what a bounded torque is worth, is taken as it is. Of any
+/// other all is believed or nothing: what is believed in part is wrong in part, and the
+/// next true sample then looks like a wrong one. Where nothing is, the prediction
+/// stands.
 ///
 /// * Bit by bit one of the last samples, while the arm moves: an old one, late or
-///   repeated, at most `kAgreed` times in a row.
+///   repeated. Not believed, at most `kAgreed` times in a row.
 /// * A way that no change of speed explains, a speed without a way, more than motors
-///   and blows can do: implausible.
-/// * Otherwise a surprise, a contact or a push: believed, as a whole, if it goes on
-/// from
-///   the sample before, and the state is in doubt for a while.
+///   and blows can do: implausible. Not believed.
+/// * Otherwise a surprise, a contact or a push: believed at once if it goes on from the
+///   sample before, whether that was believed or not. If it does not, one is bridged
+///   without being counted as implausible: after a wrong sample it may be the true one.
+///
+/// After each of them the state is in doubt for a while.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
-/// all: after `kAgreed` of them they are believed. A burst of wrong ones is shorter.
+/// all: after `kAgreed` of them they are believed.
 #pragma once
 
 #include <array>
@@ -46,12 +49,13 @@ class StateCheck {
   /// The joint that made the last one so, 0 to 6.
   int joint() const noexcept { return joint_; }
 
-  /// Whether a sample was refused, or a surprise believed, less than `kDoubt` ago.
+  /// Whether one of the last `kDoubt` samples was refused, or a surprise.
   bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
 
-  /// Samples in a row that must agree with one another before they are believed.
-  static constexpr int kAgreed = 8;
-  /// Cycles for which that is remembered.
+  /// Samples in a row that must agree with one another before they are believed. More
+  /// than a burst of five wrong ones has; and no more, for until then the arm is blind.
+  static constexpr int kAgreed = 5;
+  /// Cycles for which a doubt is remembered, that of its sample included.
   static constexpr int kDoubt = 11;
 
  private:
@@ -79,7 +83,7 @@ class StateCheck {
   int agreed_ = 0;
   int repeated_ = 0;           // samples in a row that were seen before
   int in_doubt_ = 0;           // cycles to go
-  bool is_surprised_ = false;  // the last sample was plausible, and not expected
+  bool is_surprised_ = false;  // the last sample was plausible, and not believed
   bool is_fresh_ = true;       // nothing was taken since the reset
   int joint_ = 0;
 };
