@@ -310,7 +310,7 @@ def main() -> None:
 
         contact_adversary.main([a for a in sys.argv[1:] if a != "--contact"])
         return
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--cycles", type=int, default=1_000_000)
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
     parser.add_argument("--scheme", choices=SCHEMES, default="qp")

@@ -38,12 +38,13 @@ def answer(port_pipe: Connection, link: socket.socket | None = None) -> None:
     while True:
         data, cabinet = link.recvfrom(2000)
         message = _core.FriMonitoring.decode(version, data)
+        assert message.state is not None
         state = int(message.state)
         if state == 0:
             return
         if state >= 3:
             command.q = message.ipo_q if state == 3 else message.q_measured
-            command.tau = 50.0 * (message.ipo_q - message.q_measured)
+            command.tau = 50.0 * (np.array(message.ipo_q) - message.q_measured)
         command.sequence, command.reflected = sequence, message.sequence
         sequence += 1
         link.sendto(command.encode(version), cabinet)

@@ -12,18 +12,21 @@ and DAQP for the same quadratic program (its own C timers, set-up included), eac
 fastest of five calls. Its control law, bounds and disturbance estimate are not counted.
 """
 
+# pyright: reportMissingImports=false
 import argparse
 import time
 from typing import TYPE_CHECKING, Any
 
 import daqp
 import numpy as np
-import pinocchio as pin
+import pinocchio
 from adversary import ARMATURE, TASK, Adversary, Array, Settings
 
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import OscConfig
+
+pin: Any = pinocchio  # its stubs name none of its compiled half
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -186,7 +189,7 @@ def row(name: str, seconds: Array, note: str = "") -> None:
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--period", type=float, default=1e-3, help="[s]")
     args = parser.parse_args()
     print(f"{'':32s} {'all':>13s}  {'quiet':>13s}")

@@ -136,7 +136,8 @@ def replay_bare(
 def measure_loop(period: float, steps: int) -> None:
     """Print the loop's speed against bare MuJoCo, best of three."""
     plant, arm = build_arm(period)
-    fractions = []
+    fractions: list[tuple[float, float, float]] = []
+    count, touching = 1, 0.0
     for _ in range(3):
         with_control, trials = run_trials(plant, arm, period, steps)
         bare, count, touching = replay_bare(plant, period, trials)

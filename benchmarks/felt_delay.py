@@ -45,14 +45,16 @@ def main() -> None:
     """Print a line for each twin and period, and the worst of all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--twins", nargs="*", default=["easy", "medium", "hard"])
+    parser.add_argument("--periods", nargs="*", type=float, default=PERIODS, help="[s]")
+    parser.add_argument("--delays", nargs="*", type=float, default=DELAYS, help="[s]")
     parser.add_argument("--seeds", type=int, default=1)
     options = parser.parse_args()
     worst = 0.0
     for twin in options.twins:
-        for period in PERIODS:
+        for period in options.periods:
             pairs = [
                 measure(twin, period, delay, seed)
-                for delay in DELAYS
+                for delay in options.delays
                 for seed in range(options.seeds)
             ]
             errors = [1e3 * abs(found - true) for true, found in pairs]

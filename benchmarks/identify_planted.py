@@ -51,6 +51,7 @@ def recover(
                 out=folder / "fit",
                 plant=args.plant,
                 workers=args.workers,
+                evaluations=args.evaluations,
                 warm_start=not args.cold,
             ),
             quiet,
@@ -62,6 +63,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--evaluations", type=int, help="at most, of a fit")
     parser.add_argument("--plant", default="mujoco")
     parser.add_argument(
         "--cold", action="store_true", help="begin at the nominal model"

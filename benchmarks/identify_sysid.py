@@ -36,7 +36,7 @@ class Fit(NamedTuple):
     """What one method found, and what it took."""
 
     vector: Array
-    count: int
+    logs: int
     """Simulated logs."""
     seconds: float
     half: Array

@@ -11,8 +11,10 @@ is off in its model: the plant compensates gravity below every law alike.
     answer     7 doubles: torque [Nm], zero for a reset
 """
 
+# pyright: reportMissingImports=false
 import sys
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -63,7 +65,8 @@ def build_controller(sim: MjSim, kp: float, damping: float, q: np.ndarray) -> ob
 
 def main() -> None:
     """Answer until the pipe is closed."""
-    sim, controller = build_sim(Path(sys.argv[1])), None
+    sim = build_sim(Path(sys.argv[1]))
+    controller: Any = None
     source, sink = sys.stdin.buffer, sys.stdout.buffer
     while len(data := source.read(REQUEST * BYTES)) == REQUEST * BYTES:
         row = np.frombuffer(data)

@@ -7,6 +7,7 @@ of a joint and of the tool, from half a second after the tare on.
 """
 
 import argparse
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -20,18 +21,18 @@ SETTLE_STEPS = 10
 
 def drift(twin: str, period: float, minutes: float) -> tuple[float, float]:
     """Return the largest drift of a joint [rad] and of the tool [m]."""
-    options = {} if twin == "none" else {"twin": twin}
+    options: dict[str, Any] = {} if twin == "none" else {"twin": twin}
     made = gym.make("dovetail/PegInHole-v0", tare=True, period=period, **options)
-    env = made.unwrapped
+    env: Any = made.unwrapped
     env.reset(seed=3)
     nothing = np.zeros(env.action_space.shape, dtype=np.float32)
     for _ in range(SETTLE_STEPS):
         env.step(nothing)
-    q, x = env.state.q.copy(), env.state.position.copy()  # type: ignore[attr-defined]
+    q, x = env.state.q.copy(), env.state.position.copy()
     joint = tool = 0.0
     for _ in range(round(60.0 * minutes / POLICY_PERIOD)):
         env.step(nothing)
-        state = env.state  # type: ignore[attr-defined]
+        state = env.state
         joint = max(joint, float(np.abs(state.q - q).max()))
         tool = max(tool, float(np.linalg.norm(state.position - x)))
     made.close()
@@ -40,7 +41,7 @@ def drift(twin: str, period: float, minutes: float) -> tuple[float, float]:
 
 def main() -> None:
     """Run the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--twin", nargs="+", default=["none", *list_twins()])
     args = parser.parse_args()

@@ -61,13 +61,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--policy", default="peg_square")
     parser.add_argument("--tries", type=int, default=20)
+    parser.add_argument("--twins", nargs="+", default=list_twins())
     arguments = parser.parse_args()
     jobs = plan_trials(len(PegInHole.trial_poses), arguments.tries, 0)
     print(
         "| twin | mean f* x y z [m/s2] | error of an axis, RMS; worst [m/s2] ", end=""
     )
     print("| inserted without; with |\n|---|---|---|---|")
-    for name in list_twins():
+    for name in arguments.twins:
         twin = load_twin(name)
         found = tares(twin, jobs)
         error = np.abs(found - tares(without_friction(twin), jobs))

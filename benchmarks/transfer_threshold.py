@@ -17,6 +17,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -55,7 +56,7 @@ def graded(twin: TwinConfig, kind: str, fraction: float) -> TwinConfig:
     )
     masses = np.array(twin.mass_scale) * ratio
     weight = fraction if kind in ("all", "weight") else 0.0
-    changed = {"mass_scale": tuple((masses**weight).tolist())}
+    changed: dict[str, Any] = {"mass_scale": tuple((masses**weight).tolist())}
     for name in NUMBERS:
         start, end = np.array(getattr(model, name)), np.array(getattr(twin, name))
         share = fraction if name in KINDS[kind] else 0.0
@@ -65,7 +66,9 @@ def graded(twin: TwinConfig, kind: str, fraction: float) -> TwinConfig:
     return replace(twin, description=about, inertia="drake", **changed)
 
 
-def measure(twin: str, kind: str, fraction: float, folder: Path, policy: str) -> dict:
+def measure(
+    twin: str, kind: str, fraction: float, folder: Path, args: argparse.Namespace
+) -> dict:
     """Record a graded twin, compare the controller's model with it, try the policy."""
     done = folder / "row.json"
     if done.is_file():
@@ -79,7 +82,12 @@ def measure(twin: str, kind: str, fraction: float, folder: Path, policy: str) ->
         RecordConfig(arm=f"twin:{path}", out=folder / "recording"), quiet
     )
     rms = Replay(recording).rms(nominal_model())
-    config = EvaluationConfig(policy=policy, twin=str(path), out=folder / "evaluation")
+    config = EvaluationConfig(
+        policy=args.policy,
+        twin=str(path),
+        tries=args.tries,
+        out=folder / "evaluation",
+    )
     total = evaluate(config, quiet).rows[-1]
     row = {
         "twin": twin,
@@ -98,11 +106,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--policy", default="peg_square")
+    parser.add_argument("--grades", type=int, default=len(GRADES), help="so many")
+    parser.add_argument("--tries", type=int, default=EvaluationConfig.tries)
     arguments = parser.parse_args()
     rows = []
-    for twin, kind, fraction in GRADES:
+    for twin, kind, fraction in GRADES[: arguments.grades]:
         folder = arguments.out / f"{twin}-{kind}-{fraction:g}"
-        rows.append(measure(twin, kind, fraction, folder, arguments.policy))
+        rows.append(measure(twin, kind, fraction, folder, arguments))
         print(".", end="", flush=True)
     print("\n| twin | what differs | part | error of the model [mm RMS] | inserted |")
     print("|---|---|---|---|---|")

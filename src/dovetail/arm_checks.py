@@ -36,7 +36,9 @@ from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel.spring import feel_spring
 from dovetail.feel_checks import check_rest
+from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.types import JOINTS, Array, Vec3, Vec7
+from dovetail.workcell.workcell import Workcell
 
 DRIFT_MAX = 0.005
 """Largest drift of the tool while it is held [m]."""
@@ -83,7 +85,10 @@ class Rest(NamedTuple):
 
 
 def run_arm_checks(
-    address: FriAddress, ask: Ask | None, declared: dict[str, float] | None = None
+    address: FriAddress,
+    ask: Ask | None,
+    declared: dict[str, float] | None = None,
+    robot: str = DEFAULT_ROBOT,
 ) -> Iterator[Check]:
     """Yield every check of an arm behind a cabinet as soon as it is done.
 
@@ -92,6 +97,7 @@ def run_arm_checks(
         ask: Asks before the arm is moved; None asks nobody, and then only a simulated
             cabinet is pushed.
         declared: What the arm's owner says of it; None is `proven.DECLARED`.
+        robot: Which arm it is, see `robots.find`.
 
     Raises:
         DovetailError: The arm cannot be had.
@@ -103,8 +109,11 @@ def run_arm_checks(
     ):
         return
     period = address.period or DEFAULT_PERIOD
-    osc, limits = _settings(address, period)
-    arm = _build(address, *quiet(osc, limits), period)
+    cell = find_cell(robot=robot)
+    config = EnvConfig.of(period=period, force_damping=0.0)
+    is_hardware = address.margins == "hardware"
+    osc, limits = make_settings(cell, config, is_hardware=is_hardware)
+    arm = _build(address, cell, *quiet(osc, limits), period)
     try:
         arm.connect()
         yield check_connection(arm, address)
@@ -126,26 +135,22 @@ def run_arm_checks(
         "The arm will be held once more, with the controller that tasks run with. "
         "Start the application's motion again",
     ):
-        yield _hold_as_configured(address, osc, limits, period)
-
-
-def _settings(address: FriAddress, period: float) -> tuple[OscConfig, LimitConfig]:
-    return make_settings(
-        find_cell(),
-        EnvConfig.of(period=period, force_damping=0.0),
-        is_hardware=address.margins == "hardware",
-    )
+        yield _hold_as_configured(address, cell, osc, limits, period)
 
 
 def _build(
-    address: FriAddress, osc: OscConfig, limits: LimitConfig, period: float
+    address: FriAddress,
+    cell: Workcell,
+    osc: OscConfig,
+    limits: LimitConfig,
+    period: float,
 ) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
     # Whether the measured torque follows the commanded one is what has to be found out.
     timeout = address.target_timeout
     watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
-    return address.build(find_cell(), settings, watchdog)
+    return address.build(cell, settings, watchdog)
 
 
 def _checks_in_motion(
@@ -175,10 +180,14 @@ def _checks_in_motion(
 
 
 def _hold_as_configured(
-    address: FriAddress, osc: OscConfig, limits: LimitConfig, period: float
+    address: FriAddress,
+    cell: Workcell,
+    osc: OscConfig,
+    limits: LimitConfig,
+    period: float,
 ) -> Check:
     """Hold the arm where it stands with a task's settings, walls apart."""
-    arm = _build(address, osc, replace(limits, walls=False), period)
+    arm = _build(address, cell, osc, replace(limits, walls=False), period)
     try:
         arm.connect()
         return check_as_configured(arm, lambda: last_words(arm, is_resting=True))

@@ -1,15 +1,19 @@
 """The command `dovetail`: finds the subcommand, runs it, and words its errors."""
 
 import difflib
+import errno
 import importlib
+import os
 import sys
+import warnings
 from collections.abc import Sequence
 
 import tyro
 from rich.console import Console
 
 import dovetail
-from dovetail.errors import DovetailError
+from dovetail.commands.help_page import help_page
+from dovetail.errors import DovetailError, UnprovenWarning
 
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
@@ -30,10 +34,26 @@ A subcommand's file is imported only when it is asked for, so that the learning 
 is not needed, nor waited for, by the others.
 """
 
+_NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
+"""What the standard output fails with: a full device, a reader that has gone."""
+
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run `dovetail` with command-line words and leave with its exit code."""
-    sys.exit(run(list(sys.argv[1:] if argv is None else argv)))
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        try:
+            code = run(words)
+        finally:
+            sys.stdout.flush()  # a full disk shows here, not after the last line
+    except OSError as error:
+        if error.filename is not None or error.errno not in _NO_OUTPUT:
+            raise
+        reason = os.strerror(error.errno or 0).lower()
+        print(f"dovetail: cannot write the output: {reason}", file=sys.stderr)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        code = 2
+    sys.exit(code)
 
 
 def run(words: list[str]) -> int:
@@ -61,7 +81,7 @@ def run(words: list[str]) -> int:
     except DovetailError as error:
         if is_debug:
             raise
-        print(f"dovetail: {error}", file=sys.stderr)
+        print(f"dovetail: {_plain(str(error))}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("dovetail: interrupted", file=sys.stderr)
@@ -75,13 +95,28 @@ def _run_command(name: str, words: list[str]) -> int:
         raise DovetailError(
             f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
         )
+    warnings.simplefilter("ignore", UnprovenWarning)  # a command says it itself
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
+    if (groups := vars(module).get("GROUPS")) and {"-h", "--help"} & set(words):
+        print(help_page(settings, name, groups))
+        raise SystemExit(0)
+    words = ["--help" if word == "--help-all" else word for word in words]
     find = vars(module).get("defaults")  # of what the words continue
     found = find(words) if find else None
     options = {} if found is None else {"default": found}
     command = tyro.cli(settings, args=words, prog=f"dovetail {name}", **options)
-    return command.run(Console())
+    return command.run(make_console())
+
+
+def make_console() -> Console:
+    """Return the terminal: a name with [brackets] or :colons: is printed as it is."""
+    return Console(markup=False, emoji=False)
+
+
+def _plain(text: str) -> str:
+    """Return text that tells a terminal nothing, whatever file it quotes."""
+    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
 def _help() -> str:
@@ -92,7 +127,8 @@ def _help() -> str:
             "",
             *lines,
             "",
-            "dovetail COMMAND --help lists the options; --debug shows tracebacks;",
+            "dovetail COMMAND --help lists the options, --help-all says more of each;",
+            "--debug shows tracebacks;",
             "dovetail --version tells the version",
         ]
     )

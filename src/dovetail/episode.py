@@ -39,6 +39,8 @@ _UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward"), "1")
 _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
 _UNITS |= {"obs_theta": "rad"}
 _MAY_BE_NAN = ("fx", "fy", "fz")  # an arm that cannot measure contact forces
+_UNREADABLE = (OSError, EOFError, zipfile.BadZipFile)  # a file,
+_UNREADABLE += (ValueError, KeyError, RecursionError)  # and what is in it
 
 
 def unit_of(column: str) -> str:
@@ -207,7 +209,7 @@ class Episode:
             metadata = json.loads(text)
         except MissingDependencyError:
             raise
-        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        except _UNREADABLE as error:
             raise LogError(
                 f"the log {path} cannot be read: {error}; it is missing, cut short or "
                 "no dovetail log"

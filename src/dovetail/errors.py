@@ -19,6 +19,10 @@ class LimitError(DovetailError, ValueError):
     """A state or command lies outside a limit."""
 
 
+class UnprovenWarning(UserWarning):
+    """Something lies outside that for which the limits were shown to hold."""
+
+
 class ReachError(LimitError):
     """A pose lies outside the reachable workspace."""
 

@@ -1,13 +1,18 @@
 """A twin outside that for which the limits are proven is named by every command."""
 
 import io
+import subprocess
+import sys
+import warnings
 from dataclasses import replace
 
+import gymnasium as gym
 import pytest
 from rich.console import Console
 
 from dovetail.cli import run
 from dovetail.commands.unproven import warn_of_twin
+from dovetail.errors import UnprovenWarning
 from dovetail.plants.twin import list_twins, load_twin
 
 
@@ -56,3 +61,39 @@ def test_a_command_says_it_before_it_begins(far, tmp_path, capsys, words):
     first, second, *_ = capsys.readouterr().out.splitlines()
     assert first.startswith(f"warning: twin {far}: the loop's delay is 15 ms")
     assert second.startswith(f"warning: twin {far}: the error of a link's mass is 30 %")
+
+
+def test_in_python_an_environment_warns_once_by_field(far):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.resetwarnings()
+        for _ in range(2):
+            gym.make("dovetail/PegInHole-v0", twin=str(far)).close()
+        gym.make("dovetail/PegInHole-v0", arm=f"twin:{far}").close()
+    said = [str(w.message) for w in caught if w.category is UnprovenWarning]
+    delay, mass = said
+    assert delay.startswith(f"twin {far}, command_delay: the loop's delay is 15 ms")
+    assert "shown to hold: 0 to 10 ms" in delay
+    assert mass.startswith(
+        f"twin {far}, mass_scale: the error of a link's mass is 30 %"
+    )
+
+
+@pytest.mark.parametrize("place", [{}, {"twin": "hard"}, {"arm": "twin:medium"}])
+def test_in_python_nothing_is_said_of_what_is_inside(place):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UnprovenWarning)
+        gym.make("dovetail/PegInHole-v0", **place).close()
+
+
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_a_command_does_not_say_it_twice(far, tmp_path, workers):
+    words = ["evaluate", "peg_square", "--tries", "1", "--twin", str(far)]
+    words += ["--max-steps", "2", "--no-tare", "--workers", workers]
+    done = subprocess.run(
+        [sys.executable, "-m", "dovetail", *words, "--out", str(tmp_path / "out")],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout.count("the loop's delay is 15 ms") == 1
+    assert "UnprovenWarning" not in done.stderr

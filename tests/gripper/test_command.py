@@ -1,6 +1,7 @@
 """`dovetail gripper` from the command line."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -60,17 +61,22 @@ def test_a_port_in_use_is_said(server, capsys):
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_simulated_gripper_runs_as_a_program_until_interrupted(number):
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        place = f"127.0.0.1:{free.getsockname()[1]}"
-    words = ["-m", "dovetail.cli", "gripper", "--simulate", "--at", place]
+    # The program takes a port itself: one found free before may be taken by then.
+    words = ["-m", "dovetail.cli", "gripper", "--simulate", "--at", "127.0.0.1:0"]
     process = subprocess.Popen(
         [sys.executable, *words],
         stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
         env=os.environ,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
     )
-    assert place in process.stdout.readline()
+    told = process.stdout.readline()
+    place = re.search(r" at (127\.0\.0\.1:[1-9]\d*);", told)
+    assert place is not None, told or process.communicate(timeout=20)[1]
+    host, port = place[1].split(":")
+    socket.create_connection((host, int(port)), timeout=5.0).close()
     process.send_signal(number)
-    assert "ends" in process.communicate(timeout=20)[0]
+    out, error = process.communicate(timeout=20)
+    assert "ends" in out, error
     assert process.returncode == 0

@@ -34,9 +34,10 @@ def test_more_sequences_leave_the_first_ones_as_they_are():
 @pytest.mark.parametrize(
     ("counts", "message"),
     [
-        ((-1,), "excitation seed is -1; allowed: 0 or more"),
-        ((0, 0), "excitation sequences is 0; allowed: 1 or more"),
-        ((0, 1, 1), "excitation steps is 1; allowed: 2 or more"),
+        ((-1,), "excitation seed is -1; allowed: 0 to 9223372036854775807"),
+        ((0, 0), "excitation sequences is 0; allowed: 1 to 1000 sequences"),
+        ((0, 1, 1), "excitation steps is 1; allowed: 2 to 10000 steps"),
+        ((0, 10**9), "excitation sequences is 1000000000; allowed: 1 to 1000"),
     ],
 )
 def test_a_count_that_is_too_small_is_named(counts, message):

@@ -234,12 +234,13 @@ def _split(text: str, default_port: int) -> tuple[str, int, dict[str, str]]:
     return host, port or default_port, keys
 
 
-def parse_endpoint(text: str, name: str) -> tuple[str, int]:
+def parse_endpoint(text: str, name: str, *, is_own: bool = False) -> tuple[str, int]:
     """Return host and port from HOST:PORT.
 
     Args:
         text: The two, an IPv6 address in brackets.
         name: What it is, for messages.
+        is_own: To listen at: port 0 is any free one.
     """
     try:
         parts = urlsplit(f"//{text}")
@@ -247,9 +248,9 @@ def parse_endpoint(text: str, name: str) -> tuple[str, int]:
         is_alone = not (parts.path or parts.query or parts.username)
     except ValueError:
         host, port, is_alone = None, None, False
-    if not host or not port or not is_alone:
+    if not host or port is None or not (port or is_own) or not is_alone:
         raise ConfigError(
             f"{name} is {text!r}; give HOST:PORT, such as 127.0.0.1:30301, the port "
-            "1 to 65535"
+            f"{0 if is_own else 1} to 65535"
         )
     return host, port

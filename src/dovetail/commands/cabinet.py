@@ -21,6 +21,7 @@ from dovetail.cabinet.proven import find_unproven
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
+from dovetail.commands.help_page import Groups
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.durations import parse_duration
@@ -37,6 +38,16 @@ _ABOVE = 0.06
 """Height of the start over the fixture [m]."""
 _PLAIN_EVERY = 10.0
 """Time between two status lines where there is no terminal [s]."""
+
+GROUPS: Groups = {
+    "the robot": ("twin", "plant", "robot", "env", "peg", "clearance"),
+    "the connection": ("version", "client", "bind", "port", "control"),
+    "time": ("period", "multiplier", "clock", "patience", "realtime"),
+    "control": ("mode", "stiffness", "damping", "mirror_tolerance"),
+    "when a motion ends": ("good_from", "hold_slots", "stop_slots", "restart_delay"),
+    "what is passed along": ("io", "transformation"),
+    "faults and events": ("fault", "script", "log"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)

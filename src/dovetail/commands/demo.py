@@ -20,6 +20,9 @@ class Demo:
     """Policy: the name of a shipped one, or a file."""
     twin: str = "medium"
     """Twin to try on: the name of a shipped one, or a .toml file."""
+    robot: str | None = None
+    """Robot that the twin is: one of dovetail's, or MODULE:FUNCTION of your own;
+    default the policy's."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
     tries: int = 20
@@ -37,6 +40,7 @@ class Demo:
         config = EvaluationConfig(
             policy=self.policy,
             twin=self.twin,
+            robot=self.robot,
             period=self.period,
             tries=self.tries,
             workers=self.workers,

@@ -14,6 +14,7 @@ from dovetail.doctor import Check, run_checks
 from dovetail.durations import parse_time
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
+from dovetail.robots.find import DEFAULT_ROBOT
 
 _COLOURS = {"ok": "green", "missing": "yellow", "broken": "red"}
 
@@ -27,6 +28,8 @@ class Doctor:
     simulated one, as mujoco or twin:medium."""
     yes: bool = False
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
+    robot: str = DEFAULT_ROBOT
+    """Which robot the arm is: one of dovetail's, or MODULE:FUNCTION of your own."""
     delay: str = "10ms"
     """Largest delay of the loop that is declared for this arm, with its unit."""
     payload_error: float = DECLARED["payload_error"]
@@ -44,6 +47,7 @@ class Doctor:
             console.print(
                 f"[{colour}]{check.status:8}[/] {check.name:24} ",
                 end="",
+                markup=True,
                 highlight=False,
             )
             console.print(check.detail, markup=False, highlight=False, soft_wrap=True)
@@ -59,9 +63,10 @@ class Doctor:
         address = parse_address(text)
         declared = self._declared()
         if isinstance(address, FriAddress):
-            return run_arm_checks(address, None if self.yes else _ask, declared)
+            ask = None if self.yes else _ask
+            return run_arm_checks(address, ask, declared, self.robot)
         period = require_period(self.period, "--period")
-        plant = address.make_plant(find_cell())
+        plant = address.make_plant(find_cell(robot=self.robot))
         if plant is None:
             raise ConfigError(
                 f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "

@@ -6,8 +6,26 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
+from dovetail.commands.help_page import Groups
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
+
+GROUPS: Groups = {
+    "policy and task": ("policy", "env", "peg", "clearance", "hole", "max_steps"),
+    "where it is tried, one of three": ("plant", "twin", "arm"),
+    "how it runs there": (
+        *("robot", "tracker", "period", "tare", "approach", "accept_contact"),
+    ),
+    "what is made harder": ("hole_shift", "hole_speed", "push", "start", "search"),
+    "the tries and their results": (
+        "tries",
+        "seed",
+        "workers",
+        "keep_logs",
+        "video",
+        "out",
+    ),
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,7 +19,7 @@ class Gripper:
     """Home, move, grip or release with a WSG 50; or simulate one until Ctrl-C."""
 
     at: str = f"127.0.0.1:{PORT}"
-    """The gripper's HOST:PORT; with --simulate where to listen."""
+    """The gripper's HOST:PORT; with --simulate where to listen, port 0 any free one."""
     do: Literal["state", "home", "move", "grip", "release", "stop", "acknowledge"] = (
         "state"
     )
@@ -38,7 +38,7 @@ class Gripper:
 
     def run(self, console: Console) -> int:
         """Do it, and say how the gripper is then."""
-        host, port = parse_endpoint(self.at, "--at")
+        host, port = parse_endpoint(self.at, "--at", is_own=self.simulate)
         if self.simulate:
             return self._simulate(host, port, console)
         with Wsg50(host, port) as gripper:

@@ -6,10 +6,34 @@ from pathlib import Path
 
 from rich.console import Console
 
+from dovetail.commands.help_page import Groups
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
 from dovetail.learn.train import TrainResult, train
+
+GROUPS: Groups = {
+    "what the run does": (
+        *("steps", "out", "resume", "from_policy", "seed", "seeds"),
+        *("num_envs", "threads", "eval_episodes", "checkpoint_interval"),
+    ),
+    "task": ("env", "peg", "clearance", "task", "fixed_goal", "hole", "max_steps"),
+    "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
+    "dynamics of the simulation": (
+        *("model", "randomise_dynamics", "random_gravity", "random_mass"),
+        *("random_damping", "random_friction"),
+    ),
+    "what the policy sees and does": (
+        *("stack", "f_scale", "f_scale_angular", "theta_range", "position_range"),
+        *("force_damping", "tare", "scheme"),
+    ),
+    "near contact": ("near_distance", "near_speed", "near_press", "force_weight"),
+    "learning algorithm": (
+        *("algorithm", "updates_per_step", "n_steps", "gamma", "learning_rate"),
+        *("final_rate", "batch_size", "net", "layer_norm", "ent_coef"),
+        *("reward_scale", "learning_starts", "exploration_noise", "rollout_steps"),
+    ),
+}
 
 
 @dataclass(frozen=True, kw_only=True)

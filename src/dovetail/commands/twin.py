@@ -29,15 +29,16 @@ class TwinList:
 
 @dataclass(frozen=True, kw_only=True)
 class TwinShow:
-    """Print a twin's file: every key of it."""
+    """Print a twin's file: every key of it, with its unit."""
 
     name: Annotated[str, tyro.conf.Positional]
     """Name of a shipped twin, or a .toml file."""
 
     def run(self, console: Console) -> int:
         """Print the file as it can be saved and read again."""
-        text = load_twin(self.name).to_toml().rstrip()
-        console.print(text, markup=False, highlight=False, soft_wrap=True)
+        is_ascii = not console.encoding.startswith("utf")
+        text = load_twin(self.name).to_toml(is_ascii=is_ascii).rstrip()
+        console.print(text, highlight=False, soft_wrap=True)
         return 0
 
 

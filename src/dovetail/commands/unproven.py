@@ -5,7 +5,6 @@ from pathlib import Path
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
-from dovetail.control.proven import unproven
 from dovetail.plants.twin import load_twin
 
 
@@ -23,7 +22,5 @@ def warn_of_twin(
         twin = parse_address(arm).twin or twin
     if twin is None:
         return
-    model = load_twin(twin)
-    error = max(abs(scale - 1.0) for scale in model.mass_scale)
-    for text in unproven(delay=model.command_delay, mass_error=error):
+    for text in load_twin(twin).unproven().values():
         console.print(f"warning: twin {twin}: {text}", soft_wrap=True, highlight=False)

@@ -1,9 +1,11 @@
 """Build the arm of an environment: in this process, or behind an address."""
 
+import warnings
+
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.local_address import local_address
+from dovetail.arms.local_address import TwinAddress, local_address
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import require_period
@@ -11,7 +13,8 @@ from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
 from dovetail.envs.config import USUAL, EnvConfig
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, UnprovenWarning
+from dovetail.plants.twin import load_twin
 from dovetail.workcell.workcell import Workcell
 
 SPEED_MAX = 0.25
@@ -50,6 +53,8 @@ def build_arm(
         return arm
     if arm is not None and place.twin is not None:
         raise ConfigError("an arm's address and a twin exclude each other; give one")
+    if isinstance(address, TwinAddress):
+        _warn_of(address)
     if place.engine is not None:
         address = address.with_engine(place.engine)
     if place.dynamics is not None:
@@ -61,6 +66,13 @@ def build_arm(
     )
     settings = ControllerSettings(osc=osc, limits=limits, task=axes, period=period)
     return address.build(cell, settings)
+
+
+def _warn_of(address: TwinAddress) -> None:
+    """Say, once in a process, what of a twin the limits were not shown to hold for."""
+    name = address.twin or "given"
+    for field, text in load_twin(address.config).unproven().items():
+        warnings.warn(f"twin {name}, {field}: {text}", UnprovenWarning, stacklevel=2)
 
 
 def build_local_arm(cell: Workcell, axes: TaskSpec, config: EnvConfig) -> LocalArm:

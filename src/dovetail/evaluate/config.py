@@ -25,13 +25,14 @@ class EvaluationConfig:
     policy: str
     """Policy: a file (.safetensors or .json) or the name of a shipped one."""
     env: str | None = None
-    """Environment of the policy; needed for one of your own, MODULE:ID: a policy's file
+    """Environment of the policy; needed for one of your own, MODULE:ID. A policy's file
     alone lets no module be imported."""
     robot: str | None = None
     """Robot in the cell; default the policy's."""
     tracker: str | None = None
-    """Where the fixture is, as far as the policy may know: truth, delayed?delay=0.1,
-    noisy?offset=0.001, or MODULE:CLASS of your own; default the policy's."""
+    """What tells where the fixture is: truth, delayed or noisy. With numbers:
+    delayed?delay=0.1, noisy?offset=0.001; MODULE:CLASS is one of your own. Default the
+    policy's."""
     plant: str | None = None
     """Engine of an ideal plant, mujoco or bullet; or give a twin, or an arm."""
     twin: str | None = None
@@ -43,34 +44,33 @@ class EvaluationConfig:
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
     hole: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes; default
+    """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes. Default
     three poses, which an arm must be able to put the fixture at."""
     period: Period | None = None
-    """Control period: 1ms, 2ms, 2.5ms or 5ms; default the one in the arm's address, or
+    """Control period: 1ms, 2ms, 2.5ms or 5ms. Default the one in the arm's address, or
     else the policy's training's."""
     peg: str | None = None
     """Shape of the part: square, triangle or round; default the policy's."""
     clearance: float | None = None
     """Gap between part and fixture on each side [m]; default the policy's."""
     hole_shift: float = 0.0
-    """Cover the camera: the fixture is this far [m], in a random horizontal direction,
-    from where it was seen last; 0 to 0.05."""
+    """Cover the camera: the fixture is this far from where it was seen [m], 0 to 0.05.
+    The direction is random and horizontal."""
     push: float = 0.0
-    """Push the tool at random times in random directions with up to this force [N];
-    0 to 100."""
+    """Push the tool at random times with up to this force [N], 0 to 100. The directions
+    are random, too."""
     hole_speed: float = 0.0
-    """Move the fixture during the tries at this speed [m/s], out and back, the camera
-    following; 0 to 0.1."""
+    """Move the fixture during the tries at this speed [m/s], 0 to 0.1. It goes out and
+    back, and the camera follows."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: random, or below the block's surface, beside it."""
     search: Literal["none", "spiral"] = "none"
     """With `hole_shift`: lead the policy over the surface until the part drops in."""
     tare: bool = True
-    """Before each try measure, in free air, the weight that the arm's gravity
-    compensation misses, and take it off what the policy commands; not where the policy
-    was trained with --no-tare."""
+    """Measure before each try the weight that gravity compensation misses. It is taken
+    off what the policy commands; not where the policy was trained with --no-tare."""
     max_steps: int | None = None
-    """Policy steps of 50 ms in a try; default the policy's, 20000 with a search."""
+    """Policy steps of 50 ms in a try; default the policy's. With a search 20000."""
     tries: int = 20
     """Tries at each fixture pose."""
     seed: int = 0
@@ -78,11 +78,11 @@ class EvaluationConfig:
     workers: int = 1
     """Processes that share the tries; the outcome does not depend on it."""
     keep_logs: bool = True
-    """Keep an Episode log of each try: a search of six minutes is one of 40 MB."""
+    """Keep an Episode log of each try. A search of six minutes is one of 40 MB."""
     video: bool = False
     """Film the first try at each pose: an animated GIF beside the report, and in it."""
     out: Path | None = None
-    """Folder for table, figures, report and logs, new or empty; default a new one, by
+    """Folder for table, figures, report and logs, new or empty. Default a new one, by
     the time, in results."""
 
     def perturbation(self) -> Perturbation:

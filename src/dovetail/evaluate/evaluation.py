@@ -14,8 +14,8 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
+from dovetail.control.ranges import in_count
 from dovetail.envs.unwrapped import require_contact_env
-from dovetail.errors import ConfigError
 from dovetail.evaluate.config import (
     EvaluationConfig,
     environment_options,
@@ -44,6 +44,8 @@ from dovetail.learn.spaces import require_spaces
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.gl_context import find_backend
 
+_WORKERS_MAX = 256
+
 
 class Evaluation(NamedTuple):
     """What an evaluation gave and where it is."""
@@ -65,8 +67,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     Raises:
         DovetailError: A setting, the policy or the disk; see its message.
     """
-    if config.workers < 1:
-        raise ConfigError(f"workers is {config.workers}; needs at least 1")
+    in_count("workers", config.workers, 1, _WORKERS_MAX, "processes")
     file = find_policy(config.policy)
     policy = Policy.load(file)
     poses = fixture_poses(config, policy.metadata)

@@ -2,6 +2,7 @@
 
 import math
 import multiprocessing
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
@@ -13,9 +14,10 @@ import gymnasium as gym
 import numpy as np
 
 from dovetail.arms.arm import ArmState
+from dovetail.control.ranges import in_count
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
-from dovetail.errors import ArmError, ConfigError
+from dovetail.errors import ArmError, UnprovenWarning
 from dovetail.evaluate.outcome import Outcome
 from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
@@ -25,6 +27,10 @@ from dovetail.types import Array
 from dovetail.view.film import Film
 from dovetail.view.renderer import Renderer
 
+TRIES_MAX = 100_000
+"""Most tries at one pose: a day's work; all are planned before the first one."""
+SEED_MAX = 2**63 - 1
+"""Largest seed that the simulations' noise takes."""
 CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
 
@@ -41,12 +47,10 @@ def plan_trials(num_poses: int, tries: int, seed: int) -> list[Job]:
     """Return every try with a seed of its own, in the order of the table.
 
     Raises:
-        ConfigError: `tries` is below 1 or `seed` is negative.
+        ConfigError: `tries` or `seed` is out of range.
     """
-    if tries < 1:
-        raise ConfigError(f"tries is {tries}; needs at least 1")
-    if seed < 0:
-        raise ConfigError(f"seed is {seed}; needs 0 or more")
+    in_count("tries", tries, 1, TRIES_MAX, "at each pose")
+    in_count("seed", seed, 0, SEED_MAX, "(2^63 - 1)")
     return [
         Job(pose, attempt, _seed_of(seed, pose, attempt))
         for pose in range(num_poses)
@@ -251,6 +255,7 @@ _of_this_process: list[Trialist] = []
 
 
 def _start_worker(*settings: Any) -> None:
+    warnings.simplefilter("ignore", UnprovenWarning)  # said by whoever started it
     _of_this_process.append(Trialist(*settings))
 
 

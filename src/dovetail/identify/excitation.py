@@ -3,7 +3,7 @@
 import numpy as np
 
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.errors import ConfigError
+from dovetail.control.ranges import in_count
 from dovetail.types import Array
 
 AXES = 4
@@ -11,6 +11,8 @@ AXES = 4
 FREQUENCIES = (0.8, 1.2, 1.6, 2.4, 3.2)
 """Frequencies of the excitation [Hz]: whole periods in 50 steps, so that the tool
 stays near its start, and at most a third of the policy's Nyquist frequency, 10 Hz."""
+SEQUENCES_MAX, STEPS_MAX = 1_000, 10_000
+"""More than a robot plays: all actions are drawn before the first motion."""
 DRAWS = 60
 """Sets of phases among which the one with the largest RMS action is kept: mass tells
 itself from gravity by inertia alone, that is by fast changes of a large speed."""
@@ -35,12 +37,11 @@ def excitation(seed: int, sequences: int = 10, steps: int = 50) -> Array:
         stay the same.
 
     Raises:
-        ConfigError: Too few sequences or steps, or a seed below 0.
+        ConfigError: One of the three is out of range.
     """
-    counts = (("seed", seed, 0), ("sequences", sequences, 1), ("steps", steps, 2))
-    for name, value, low in counts:
-        if value < low:
-            raise ConfigError(f"excitation {name} is {value}; allowed: {low} or more")
+    in_count("excitation seed", seed, 0, 2**63 - 1, "(2^63 - 1)")
+    in_count("excitation sequences", sequences, 1, SEQUENCES_MAX, "sequences")
+    in_count("excitation steps", steps, 2, STEPS_MAX, "steps of 50 ms")
     return np.stack([_sequence(seed, number, steps) for number in range(sequences)])
 
 

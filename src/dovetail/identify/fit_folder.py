@@ -101,7 +101,7 @@ class FitFolder:
         whole = lines[:-1]  # what follows the last line's end was not finished
         try:
             self.generations = [json.loads(line) for line in whole]
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise LogError(
                 f"{path} is damaged ({error}); the fit cannot go on: choose another "
                 "--out"
@@ -119,7 +119,7 @@ def read_summary(path: Path) -> dict[str, Any]:
     file = path / SUMMARY
     try:
         summary = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise LogError(
             f"{path} holds no fit: {SUMMARY} cannot be read ({error}); make one with "
             "`dovetail identify fit`"

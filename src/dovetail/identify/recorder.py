@@ -270,6 +270,7 @@ def _begin(
     colour, status = ("green", "ok") if delay.judged.is_within else ("red", "broken")
     console.print(
         f"[{colour}]{status}[/] delay {delay.judged.text}",
+        markup=True,
         highlight=False,
         soft_wrap=True,
     )

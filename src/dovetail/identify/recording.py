@@ -187,7 +187,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     path = folder / DESCRIPTION
     try:
         metadata = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise LogError(
             f"{folder} is no recording: {path.name} cannot be read ({error}); make one "
             "with `dovetail identify record`"

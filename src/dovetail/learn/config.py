@@ -34,89 +34,90 @@ class TrainConfig(EnvSettings):
     """Settings of one training run, or of several seeds of it."""
 
     out: Path | None = None
-    """Run folder: new or empty, unless `resume`; default a new one, by part or
-    environment and the time, in runs."""
+    """Run folder, new or empty unless it is resumed; default a new one in runs. That is
+    named by part or environment and the time."""
     resume: bool = False
-    """Continue the run in `out` from its newest checkpoint, with its settings: on the
+    """Continue the run in `out` from its newest checkpoint, with its settings. On the
     command line no other option is needed."""
     model: Path | None = None
-    """Model file whose dynamics and command delay that engine simulates, as `dovetail
-    identify fit` writes it (any twin file); without it the nominal model."""
+    """Model of the arm to simulate, a file of `dovetail identify fit`. Any twin file is
+    one: the engine takes its dynamics and delay. Without it the nominal model."""
     randomise_dynamics: bool = False
-    """Draw gravity, link masses, joint damping and surface friction anew in every
-    episode, about the model, as the next four say."""
+    """Draw the dynamics anew in every episode, as the next four say. They are gravity,
+    link masses, joint damping and surface friction, about the model's."""
     random_gravity: float = _USUAL.gravity
     """Half range of gravity's residual on each of x y z [m/s2], uniform."""
     random_mass: tuple[float, float] = _USUAL.mass
-    """Range of the factor on each link's mass and inertia [1], uniform."""
+    """Range of the factor on each link's mass and inertia [1]. Uniform."""
     random_damping: tuple[float, float] = _USUAL.damping
     """Range of the factor on each joint's damping [1], log-uniform."""
     random_friction: tuple[float, float] = _USUAL.friction
     """Range of the contacts' friction coefficient [1], uniform."""
     arm: str | None = None
-    """Train on this one arm in place of a plant: mujoco, bullet, twin:NAME,
-    fri://HOST:PORT or grpc://HOST:PORT."""
+    """Arm in place of a plant: twin:NAME, fri://HOST:PORT or grpc://HOST:PORT. It is
+    one arm, and mujoco and bullet are addresses, too."""
     approach: bool = False
-    """Let an arm behind fri:// move to the first start from farther than 0.15 m or
-    0.5 rad: slowly, up, across and down."""
+    """Let an arm behind fri:// go to its first start from afar, slowly. Afar is more
+    than 0.15 m or 0.5 rad; it goes up, across and down."""
     fixed_goal: bool = False
-    """Keep the fixture where `hole` says; needed where the arm cannot move it."""
+    """Keep the fixture where `hole` says, for an arm that cannot move it."""
     hole: tuple[float, float, float, float] = _CENTRE
-    """With `fixed_goal`: x y z [m] of the fixture's mouth and yaw [rad], world axes."""
+    """x y z [m] of the fixture's mouth, yaw [rad], world axes. Needs `fixed_goal`."""
     from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
-    """Start from this policy's weights: a file, or the name of a shipped one. For the
-    first `learning_starts` steps only the critics learn; then the actor does at a tenth
-    of their rate, and goes back to the one whose episodes went best if its own go
-    badly. The best one is what the run ends with."""
+    """Policy to start from: a file, or the name of a shipped one. For the first
+    `learning_starts` steps only the critics learn; then the actor does at a tenth of
+    their rate, and goes back to the one whose episodes went best if its own go badly.
+    The best one is what the run ends with."""
     algorithm: Algorithm = "sac"
-    """Learning algorithm (SBX)."""
+    """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
     steps: int = 60_000
-    """Environment steps in all, over all environments."""
+    """Environment steps in all."""
     seed: int = 0
-    """Seed of everything random; with `seeds`, of the first run."""
+    """Seed of everything random, with `seeds` of the first run."""
     seeds: int = 1
-    """Number of runs with seeds seed, seed + 1, ..., as many at once as cores."""
+    """Runs with seeds seed, seed + 1, ..., as many at once as cores."""
     num_envs: int = 4
-    """Environments stepped by one process: at the same time where `threads` says so, in
-    turn otherwise; on an arm always 1."""
+    """Environments stepped by one process; on an arm always 1. They are stepped at the
+    same time where `threads` says so, in turn otherwise."""
     threads: int = 0
-    """Threads that simulate them, with MuJoCo only; 0 is one for each core that this
-    process may use, shared by `seeds`. What is learnt is the same with any number."""
+    """Threads that simulate them, with MuJoCo only; 0 is one for each core. These are
+    the cores that this process may use, shared by `seeds`. What is learnt is the same
+    with any number."""
     updates_per_step: int = 2
     """Gradient steps per environment step (not ppo)."""
     n_steps: int = 3
-    """Rewards that are summed up before the critic's own estimate takes over (not ppo):
-    more than 1 carries the bonus faster from the fixture to the way there."""
+    """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
+    the bonus faster from the fixture to the way there."""
     gamma: float = 0.97
-    """Discount per 50 ms step [1]: looks as far ahead as an insertion takes. With 0.99
-    the critic has to tell millimetres apart in sums over a whole episode."""
+    """Discount per 50 ms step [1]. It looks as far ahead as an insertion takes: with
+    0.99 the critic has to tell millimetres apart in sums over a whole episode."""
     learning_rate: float = 1e-3
-    """Step size of Adam, actor and critic [1]; with 3e-4 the fixture is found late."""
+    """Step size of Adam, actor and critic [1]. With 3e-4 the fixture is found late."""
     final_rate: float = 0.1
-    """Share of it at the end, reached in a straight line from the middle on [1]: the
-    last policy is the one that is kept, so it must not be a lucky or unlucky one."""
+    """Share of it at the end, reached from the middle on [1]. The last policy is the
+    one that is kept, so it must not be a lucky or unlucky one."""
     batch_size: int = 256
     """Transitions per gradient step."""
     net: tuple[int, ...] = (128, 128)
     """Width of each hidden layer, actor and critic alike."""
     layer_norm: bool = True
-    """Layer normalisation in the critic (not ppo): it diverges on the bonus without."""
+    """Layer normalisation in the critic (not ppo). It diverges on the bonus without."""
     ent_coef: str = "auto_0.1"
-    """Entropy coefficient (sac, tqc, crossq): a number, or auto_START to adapt it."""
+    """Entropy coefficient (sac, tqc, crossq), or auto_START. That adapts it."""
     reward_scale: float = 5.0
-    """Factor on the reward inside training only; what is reported is unscaled."""
+    """Factor on the reward inside training. What is reported is unscaled."""
     force_weight: float = 0.0
-    """Weight of contact force in the reward [1/N], see RewardConfig; 0 is the paper."""
+    """Weight of contact force in the reward [1/N]; 0 is the paper."""
     learning_starts: int = 1000
-    """Steps of random actions before the first gradient step (not ppo); see `from`."""
+    """Random actions before the first gradient step (not ppo). See `from`."""
     exploration_noise: float = 0.1
-    """Standard deviation of the noise added to actions (ddpg, td3) [1]."""
+    """Standard deviation of the actions' noise (ddpg, td3) [1]."""
     rollout_steps: int = 512
     """Steps per environment between two updates (ppo)."""
     checkpoint_interval: int = 5000
-    """Steps between two checkpoints: the most that a kill can lose."""
+    """Steps between checkpoints: the most that a kill can lose."""
     eval_episodes: int = 200
-    """Episodes of the deterministic evaluation at the end; 0 leaves it out."""
+    """Episodes of the evaluation at the end; 0 leaves it out."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be trained, by name and range."""

@@ -27,48 +27,48 @@ class EnvSettings:
     """The environment of a policy."""
 
     env: str = DEFAULT_ENV
-    """Gymnasium id of the environment: a task of dovetail, or MODULE:ID of your own."""
+    """Task: a Gymnasium id, or MODULE:ID of your own."""
     plant: str = USUAL.place.plant
     """Physics engine to train in: mujoco or bullet."""
     peg: str | None = None
-    """Shape of the part: square, triangle (MuJoCo only) or round; default the
+    """Shape of the part: square, triangle (MuJoCo only) or round. Default the
     environment's: square."""
     robot: str = USUAL.place.robot
-    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot in the cell, or MODULE:FUNCTION of your own."""
     tracker: str = USUAL.observation.tracker
-    """Where the fixture is, as far as the policy may know: truth, delayed?delay=0.1,
-    noisy?offset=0.001, or MODULE:CLASS of your own."""
+    """What tells where the fixture is: truth, delayed or noisy. With numbers:
+    delayed?delay=0.1, noisy?offset=0.001; MODULE:CLASS is one of your own."""
     clearance: float | None = None
-    """Gap between part and fixture on each side [m]; default the environment's, for
+    """Gap between part and fixture on each side [m]. Default the environment's, for
     example 0.001 for the rail clip."""
     task: str | None = None
-    """Mode of each axis: force, pose, hold or free; default the environment's, for
-    example "X:force A:pose YZBC:hold" for the rail clip."""
+    """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default
+    the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
     stack: int = USUAL.observation.stack
-    """Number of past (observation, action) pairs in the observation."""
+    """Past (observation, action) pairs in the observation."""
     period: Period = DEFAULT_PERIOD
-    """Control period: 1ms, 2ms, 2.5ms or 5ms; an action acts for 50 ms at any of them.
-    An arm's address may give its own."""
+    """Control period: 1ms, 2ms, 2.5ms or 5ms. An action acts for 50 ms at any of them;
+    an arm's address may give its own."""
     f_scale: tuple[float, ...] = (F_SCALE,)
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
     f_scale_angular: float = USUAL.action.f_scale_angular
     """f* at action 1 on A B C [rad/s2]."""
     force_damping: tuple[float, ...] = (FORCE_DAMPING,)
-    """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
+    """Damping D of force axes X Y Z [1/s], one number or three. f_scale / D is the top
     speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
     f_scale, no tare."""
     tare: bool = True
-    """Before each episode measure, in free air, the weight that gravity compensation
-    misses, and take it off what the policy commands: in training with `model`,
-    `randomise_dynamics` or `arm`, as there is none in the nominal model; and wherever
-    the policy is evaluated."""
+    """Measure before each episode the weight that gravity compensation misses. It is
+    taken off what the policy commands: in training with `model`, `randomise_dynamics`
+    or `arm`, as there is none in the nominal model; and wherever the policy is
+    evaluated."""
     near_speed: float = USUAL.approach.near_speed
-    """Speed limit of the tool per axis where contact is near [m/s]."""
+    """Speed limit of the tool there, per axis [m/s]."""
     near_press: float = USUAL.approach.near_press
-    """Largest f* towards the fixture there [m/s2]: about a tenth of the newtons with
-    which the tool can stand on the rim."""
+    """Largest f* towards the fixture there [m/s2]. It is about a tenth of the newtons
+    with which the tool can stand on the rim."""
     near_distance: float = USUAL.approach.near_distance
-    """How far above the fixture's mouth that begins [m]."""
+    """How far above the fixture's mouth contact is near [m]."""
     theta_range: float = USUAL.action.theta_range
     """Rotation at action 1 on pose axes A B C [rad]."""
     position_range: float = USUAL.action.position_range

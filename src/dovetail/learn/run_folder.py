@@ -2,9 +2,9 @@
 
 import fcntl
 import json
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Literal, get_args, get_origin, get_type_hints
 
 from dovetail.errors import ConfigError
 from dovetail.files import (
@@ -42,16 +42,39 @@ def settings_of(folder: Path) -> dict[str, Any]:
     Raises:
         ConfigError: There is no run, or its config.json is damaged.
     """
-    known = {f.name for f in fields(TrainConfig)}
+    kinds = get_type_hints(TrainConfig)
     settings = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in _read_config(folder).items()
-        if name in known
+        if name in kinds
     }
     if settings.get("model") is not None:  # of which config.json has the content
         file = folder / MODEL
         settings["model"] = file if file.exists() else None
+    for name, value in settings.items():
+        if not _is_of(kinds[name], value):
+            raise ConfigError(
+                f"{folder / CONFIG} is damaged: {name} is {str(value)[:80]!r}, which "
+                "is no such setting; start a new run"
+            )
     return settings
+
+
+def _is_of(kind: Any, value: Any) -> bool:
+    """Say whether a value that JSON gave is of a field's type."""
+    parts = get_args(kind)
+    if get_origin(kind) is Literal:
+        return value in parts
+    if get_origin(kind) is tuple:
+        if not isinstance(value, tuple):
+            return False
+        has_length = parts[-1] is Ellipsis or len(value) == len(parts)
+        return has_length and all(_is_of(parts[0], element) for element in value)
+    if parts:
+        return any(_is_of(part, value) for part in parts)
+    if kind is float:
+        kind = (int, float)
+    return isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
 
 
 def require_run(config: TrainConfig) -> Path:
@@ -96,13 +119,16 @@ def open_run(config: TrainConfig) -> Path:
 def _read_config(folder: Path) -> dict[str, Any]:
     path = folder / CONFIG
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        settings = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(settings, dict):
+            raise ValueError("it holds no table")
+        return settings
     except FileNotFoundError as error:
         raise ConfigError(
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
             "start one"
         ) from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"{path} is damaged: {error}; start a new run") from error
 
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.proven import unproven
+from dovetail.control.ranges import Range, check_ranges, ranges_of
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import (
@@ -99,19 +100,45 @@ class TwinConfig:
         """Return the part that the engine simulates."""
         return DynamicsConfig(**{name: vars(self)[name] for name in _DYNAMICS})
 
-    def to_toml(self) -> str:
-        """Write the twin as the text of a file that `load_twin` reads."""
-        lines = []
+    def unproven(self) -> dict[str, str]:
+        """Say by field what lies outside that for which the limits were shown to hold.
+
+        Returns:
+            A sentence with value, allowed range and remedy for each such field.
+        """
+        error = max(abs(scale - 1.0) for scale in self.mass_scale)
+        said = {
+            "command_delay": unproven(delay=self.command_delay),
+            "mass_scale": unproven(mass_error=error),
+        }
+        return {name: texts[0] for name, texts in said.items() if texts}
+
+    def to_toml(self, *, is_ascii: bool = False) -> str:
+        """Write the twin as the text of a file that `load_twin` reads, with its units.
+
+        Args:
+            is_ascii: Escape every other character, for a terminal that has none.
+        """
+        lines, ranges = [], ranges_of(TwinConfig)
         for name, value in vars(self).items():
             if isinstance(value, str):
-                escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-                text = f'"{escaped}"'
+                text = f'"{"".join(_escaped(c, is_ascii) for c in value)}"'
             elif isinstance(value, tuple):
                 text = "[" + ", ".join(repr(v) for v in value) + "]"
             else:
                 text = repr(value)
-            lines.append(f"{name} = {text}")
+            unit = ranges[name].unit if name in ranges else "1"
+            lines.append(f"{name} = {text}" + (f"  # {unit}" if unit != "1" else ""))
         return "\n".join(lines) + "\n"
+
+
+def _escaped(c: str, is_ascii: bool) -> str:
+    """Return a character of a TOML string; what steers a terminal is escaped, too."""
+    if c in '"\\':
+        return f"\\{c}"
+    if c.isprintable() and (c.isascii() or not is_ascii):
+        return c
+    return f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}"
 
 
 def _meant(key: str, known: list[str]) -> str:
@@ -146,7 +173,7 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         )
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"twin file {path} is not TOML: {error}") from error
     known = [f.name for f in fields(TwinConfig)]
     unknown = [key for key in table if key not in known]

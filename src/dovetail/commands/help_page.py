@@ -1,0 +1,121 @@
+"""The help of a command with many options: in groups, a line for each.
+
+A line has the first sentence of the field's docstring, which is where the rest of it
+is, too; `--help-all` prints everything.
+"""
+
+import ast
+import inspect
+import shutil
+import textwrap
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, Field, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+
+from tyro.constructors import PrimitiveConstructorSpec
+
+Groups = Mapping[str, Sequence[str]]
+"""Title of each group, and the fields in it."""
+
+_WIDTH = 100
+_COLUMN = 28
+"""Where the sentences begin, or on a line of their own."""
+_WORDS: Mapping[Any, str] = {int: "N", float: "X", str: "NAME", Path: "PATH"}
+
+
+def help_page(settings: type, name: str, groups: Groups) -> str:
+    """Return the help of a command.
+
+    Args:
+        settings: The command's dataclass.
+        name: Its name.
+        groups: Every field of it, in one group each.
+    """
+    sentences, kinds = _docstrings(settings), get_type_hints(settings, None, None, True)
+    known = {f.name: f for f in fields(settings)}
+    needed = [_metavar(kinds[n]) for n, f in known.items() if _is_positional(f)]
+    lines = [
+        " ".join(["usage: dovetail", name, *needed, "[OPTIONS]"]),
+        "",
+        *textwrap.wrap(inspect.getdoc(settings) or "", _width()),
+        "--help-all says all there is to say of each option.",
+    ]
+    for title, names in groups.items():
+        lines += ["", title]
+        for field in (known[name] for name in names):
+            option = _option(field, kinds[field.name])
+            lines += _rows(option, sentences[field.name], _default(field))
+    return "\n".join(lines)
+
+
+def _docstrings(settings: type) -> dict[str, str]:
+    """Return the first sentence of the string under each field, inherited ones too."""
+    found = {}
+    for kind in reversed(settings.__mro__[:-1]):
+        body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for field, text in zip(body.body, body.body[1:], strict=False):
+            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
+                name, words = ast.unparse(field.target), ast.literal_eval(text.value)
+                found[name] = " ".join(words.split()).partition(". ")[0].rstrip(".")
+    return found
+
+
+def _is_positional(field: "Field[Any]") -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def _option(field: "Field[Any]", kind: Any) -> str:
+    """Return an option as it is typed, with the word that stands for its value."""
+    if _is_positional(field):
+        return _metavar(kind)
+    name = field.name.replace("_", "-")
+    for note in get_args(kind)[1:] if get_origin(kind) is Annotated else ():
+        name = vars(note).get("name") or name
+    if isinstance(field.default, bool):
+        return f"--[no-]{name}" if field.default else f"--{name}"
+    return f"--{name} {_metavar(kind)}"
+
+
+def _metavar(kind: Any) -> str:
+    parts = get_args(kind)
+    if get_origin(kind) is Annotated:
+        for note in parts[1:]:
+            if isinstance(note, PrimitiveConstructorSpec):
+                return str(note.metavar)
+            if metavar := vars(note).get("metavar"):
+                return str(metavar)
+        return _metavar(parts[0])
+    if get_origin(kind) is Literal:
+        return "WORD"
+    if get_origin(kind) is tuple:
+        one = _metavar(parts[0])
+        return f"{one}.." if parts[-1] is Ellipsis else " ".join([one] * len(parts))
+    for part in parts:  # of a union: what it is where it is given
+        if part is not type(None):
+            return _metavar(part)
+    return _WORDS[kind]
+
+
+def _default(field: "Field[Any]") -> str:
+    value = field.default
+    if isinstance(value, bool) or value in (MISSING, None, (), "none"):
+        return ""
+    if field.name == "period" and isinstance(value, float):
+        return f" ({1e3 * value:g}ms)"
+    values = value if isinstance(value, tuple) else (value,)
+    return f" ({' '.join(str(part) for part in values)})"
+
+
+def _width() -> int:
+    return min(_WIDTH, shutil.get_terminal_size((_WIDTH, 24)).columns)
+
+
+def _rows(option: str, sentence: str, default: str) -> list[str]:
+    room = max(20, _width() - _COLUMN)
+    text = textwrap.wrap(f"{sentence}{default}", room, break_on_hyphens=False)
+    first = f"  {option:{_COLUMN - 4}}  "
+    if len(first) > _COLUMN:
+        return [first.rstrip(), *(" " * _COLUMN + line for line in text)]
+    return [first + text[0], *(" " * _COLUMN + line for line in text[1:])]

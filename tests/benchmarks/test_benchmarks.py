@@ -1,0 +1,104 @@
+"""Every benchmark runs, on a size so small that its figures mean nothing."""
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+MODULES = {
+    *("attack_episode", "contact_choices", "contact_policies", "contact_scene"),
+    *("contact_search", "contact_trial", "tracking_report"),
+}
+"""Files that others import, and that no one starts."""
+NEEDS = {
+    "control_cycle": {
+        "pinocchio": "pip install 'pin>=4.1' -c constraints.txt",
+        "daqp": "pip install daqp",
+    },
+    "grpc_round_trip": {"grpc": "pip install '.[rpc]' -c constraints.txt"},
+    "identify_planted": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
+    "identify_sysid": {
+        "mujoco.sysid:optimize": "pip install 'mujoco[sysid]==3.17.0'",
+    },
+    "robosuite_osc": {
+        "robosuite": "pip install robosuite==1.5.2 mujoco==3.3.0 in an environment of "
+        "its own, and give its interpreter: benchmarks/tracking.py --robosuite PYTHON",
+    },
+    "learner_kills": {"grpc": "pip install '.[rpc]' -c constraints.txt"},
+    "contact_adversary": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
+    "evolved_attack": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
+}
+"""What a benchmark needs beyond the package, and how to get it."""
+TINY = {
+    "adversary": ("--cycles 200 --period 0.005", "cycles"),
+    "bad_samples": ("--spikes 2 --period 0.005 --plants mujoco", "Nm"),
+    "batch": ("--turns 1 --steps 8 --cores 1 --envs 2", "one environment"),
+    "cabinet_rate": ("--plant mujoco --seconds 0.1", "periods/s"),
+    "contact_adversary": ("--cycles 20 --period 0.005 --quiet", "cycles"),
+    "control_cycle": ("--period 0.005", "dovetail qp"),
+    "env_step_rate": ("--steps 5", "steps/s"),
+    "evolved_attack": (
+        "--cycles 400 --searches 1 --workers 1 --periods 0.005",
+        "worst",
+    ),
+    "felt_delay": ("--twins easy --periods 0.005 --delays 0.005", "worst error"),
+    "fri_loop": ("--seconds 0.2", "x real time"),
+    "fuzz_arm": ("--count 100", "100"),
+    "fuzz_cabinet": ("--count 100", "100"),
+    "grpc_round_trip": ("--steps 5 --waits 2", "RemoteArm.step"),
+    "identify_planted": ("--seeds 1 --workers 1 --cold --evaluations 2", "gravity"),
+    "identify_sysid": ("", "held-out error"),
+    "learner_kills": ("--kills 1", "1 learners killed"),
+    "losing_the_client": (
+        "--tries 1 --clock lockstep --period 5ms --plant mujoco",
+        "lockstep",
+    ),
+    "period_table": ("--tries 1 --twin none --period 5ms --push 0", "| none"),
+    "resting_noise": ("--period 0.005 --plants mujoco", "mujoco"),
+    "standing_still": ("--minutes 0.001 --twin none", "tool"),
+    "robosuite_osc": ("FOLDER", ""),
+    "tare_accuracy": ("--tries 1 --twins easy", "| easy |"),
+    "torque_hashes": ("record FILE random", "4 hashes in FILE"),
+    "tracking": ("--twins easy --periods 0.005", "easy"),
+    "transfer_threshold": ("--out out --grades 1 --tries 1", "every try inserted"),
+}
+"""Words of the command line, and what it prints."""
+
+
+def is_installed(what):
+    """Whether a module is there, and has what is named after a colon."""
+    module, _, name = what.partition(":")
+    if importlib.util.find_spec(module.partition(".")[0]) is None:
+        return False
+    return not name or hasattr(importlib.import_module(module), name)
+
+
+def names():
+    return sorted(path.stem for path in BENCHMARKS.glob("*.py"))
+
+
+def test_every_benchmark_has_a_tiny_size_here():
+    assert set(names()) == MODULES | set(TINY)
+
+
+@pytest.mark.parametrize("name", TINY)
+def test_a_benchmark_runs(name, tmp_path):
+    for what, way in NEEDS.get(name, {}).items():
+        if not is_installed(what):
+            pytest.skip(f"{name} needs {what.partition(':')[0]}: {way}")
+    words, prints = TINY[name]
+    done = subprocess.run(
+        [sys.executable, str(BENCHMARKS / f"{name}.py"), *words.split()],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env=os.environ,
+    )
+    assert done.returncode == 0, done.stderr
+    assert prints in done.stdout

@@ -1,0 +1,67 @@
+"""The help of commands with many options: groups, each option on a line."""
+
+import importlib
+from dataclasses import fields
+
+import pytest
+
+from dovetail.cli import COMMANDS, run
+
+GROUPED = {
+    name: vars(module)
+    for name in COMMANDS
+    if "GROUPS" in vars(module := importlib.import_module(f"dovetail.commands.{name}"))
+}
+
+
+def shown(name, capsys, option="--help"):
+    with pytest.raises(SystemExit) as stop:
+        run([name, option])
+    assert stop.value.code == 0
+    return capsys.readouterr().out.splitlines()
+
+
+def test_the_commands_with_many_options_have_groups():
+    assert {"train", "evaluate", "cabinet"} <= set(GROUPED)
+
+
+@pytest.mark.parametrize("name", GROUPED)
+def test_every_option_is_in_one_group(name):
+    module = GROUPED[name]
+    grouped = [field for names in module["GROUPS"].values() for field in names]
+    kinds = fields(module[COMMANDS[name][0]])
+    assert sorted(grouped) == sorted(f.name for f in kinds)
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 200])
+@pytest.mark.parametrize("name", GROUPED)
+def test_the_page_keeps_to_the_terminal(name, width, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(width))
+    assert max(map(len, shown(name, capsys))) <= min(width, 100)
+
+
+def test_an_option_of_train_is_one_line(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    lines = shown("train", capsys)
+    options = [line for line in lines if line.startswith("  ")]
+    assert all(line.startswith("  --") for line in options)
+    assert len(options) == len(fields(GROUPED["train"]["Train"]))
+
+
+def test_the_page_says_names_values_and_defaults(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    lines = [" ".join(line.split()) for line in shown("train", capsys)]
+    assert "--steps N Environment steps in all (60000)" in lines
+    assert "--from NAME Policy to start from: a file, or the name of a shipped one" in (
+        lines
+    )
+    assert "--period TIME Control period: 1ms, 2ms, 2.5ms or 5ms (5ms)" in lines
+    assert any(line.startswith("--[no-]tare Measure") for line in lines)
+    assert "learning algorithm" in lines
+    assert shown("evaluate", capsys)[0] == "usage: dovetail evaluate POLICY [OPTIONS]"
+
+
+def test_everything_is_said_with_help_all(capsys):
+    text = " ".join(shown("train", capsys, "--help-all"))
+    assert "carries" in text
+    assert "--exploration-noise" in text
