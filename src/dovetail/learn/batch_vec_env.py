@@ -8,6 +8,7 @@ from stable_baselines3.common.vec_env import DummyVecEnv  # noqa: TID253
 
 from dovetail.arms.batch_arm import BatchArm
 from dovetail.control.period import POLICY_PERIOD
+from dovetail.envs.unwrapped import require_contact_env
 
 
 class BatchVecEnv(DummyVecEnv):
@@ -27,13 +28,13 @@ class BatchVecEnv(DummyVecEnv):
             ConfigError: An environment that cannot be in a batch.
         """
         super().__init__(env_fns)
-        self._cores: list[Any] = [env.unwrapped for env in self.envs]
+        self._cores = [require_contact_env(env) for env in self.envs]
         self._batch = BatchArm([core.arm for core in self._cores], threads)
 
     def step_async(self, actions: np.ndarray) -> None:
         """Begin the steps."""
-        rows = list(actions)  # the same object twice is compared at once
-        super().step_async(rows)  # type: ignore[arg-type]
+        rows: Any = list(actions)  # the same object twice is compared at once
+        super().step_async(rows)
         try:
             for i, core in enumerate(self._cores):
                 self._batch.begin(i, core.begin_step(rows[i]), POLICY_PERIOD)
