@@ -84,7 +84,7 @@ BOOST_AUTO_TEST_CASE(a_hold_acts_against_twelve_hundredths_of_a_motor_or_ten_nm)
   limits.ddq_max.setConstant(1e3);
   Controller pinned = controller();
   press(pinned, 300);
-  target.joint = true;
+  target.joint_mode = true;
   target.q_d = q;
   const StepResult held = pinned.step(q, Vec7::Zero(), target);
   const Vec7 r = pinned.disturbance();
