@@ -104,6 +104,20 @@ def test_streams_that_have_ended_give_their_room_back(server, silent):
     wait_until(lambda: server.service.streams.taken == 0)
 
 
+def test_short_calls_whose_request_never_comes_leave_room_too(server, stub, silent):
+    end = queue.SimpleQueue()
+    with grpc.insecure_channel(server.address) as channel:
+        stop = channel.stream_stream("/dovetail.Arm/Stop")
+        calls = [stop(iter(end.get, None), timeout=60) for _ in range(MANY)]
+        streams = silent(server, MANY)
+        wait_until(lambda: len(ended(streams)) >= MANY - STREAMS_MAX)
+        stub.stop(pb.StopRequest(), timeout=AT_ONCE)
+        assert ended(calls) == []
+        for call in calls:
+            call.cancel()
+            end.put(None)
+
+
 def test_logs_that_are_read_slowly_leave_room_for_a_stop(server, stub, monkeypatch):
     go_on = threading.Event()
     monkeypatch.setattr(server._host, "cycles", lambda: go_on.wait(30.0) and [])

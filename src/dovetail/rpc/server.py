@@ -19,7 +19,9 @@ from dovetail.rpc.security import Certificates, server_credentials, split_addres
 LISTEN = "127.0.0.1:50051"
 """Where the service listens if nothing else is asked for: this machine only."""
 
-_THREADS = LASTING_MAX + 36  # so that a stop finds one, whoever else calls
+# So that a stop finds a thread. A short call whose request never comes holds one, too,
+# until its connection ends; threads that are never needed are never made.
+_THREADS = LASTING_MAX + 100
 _CALLS_MAX = 8 * _THREADS  # calls beyond the threads wait; only a flood is refused
 _GRACE = 0.5  # s for the calls under way when the service closes
 
