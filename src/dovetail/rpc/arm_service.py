@@ -202,7 +202,7 @@ class ArmService:
     @_answered
     def step(self, request: pb.StepRequest, context: Any) -> pb.Report:
         """Follow a target."""
-        with self.motions:
+        with self.leases.use(request.lease), self.motions:
             return self._step(request)
 
     def control(
