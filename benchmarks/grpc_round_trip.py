@@ -63,6 +63,9 @@ class TimedArm:
         # Not `_replace`: its 0.01 to 0.02 ms after a wait would not be in the stamp.
         return ArmState(wait(duration > self.period), *self.rest)
 
+    def stop(self) -> None:
+        """Nothing moves."""
+
     def statistics(self) -> dict[str, Any]:
         """Nothing is counted."""
         return {"notes": []}
@@ -222,6 +225,8 @@ def main() -> None:
             measure(address, echo_port, options.steps, options.waits, pids)
         finally:
             service.communicate("", timeout=20)
+    if service.returncode:
+        sys.exit("the service's process has failed; it says above why")
 
 
 if __name__ == "__main__":

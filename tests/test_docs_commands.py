@@ -13,6 +13,9 @@ import tyro
 
 from dovetail.arms.address import parse_address
 from dovetail.cli import COMMANDS
+from dovetail.commands.evaluate import Evaluate
+from dovetail.commands.serve import Serve
+from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.plants.twin import TWIN_FOLDER
 
 ROOT = Path(__file__).parent.parent
@@ -64,6 +67,32 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
         return
     if getattr(settings, "arm", None):
         parse_address(settings.arm)
+
+
+def served_learners():
+    """Yield each command of a service with each learner's that follows on the page."""
+    for path in sorted((ROOT / "docs").glob("*.md")):
+        service = ""
+        for line in lines(path.read_text()):
+            if line.startswith("dovetail serve "):
+                service = line
+            elif "grpc://" in line and line.startswith("dovetail evaluate "):
+                yield pytest.param(service, line, id=f"{path.stem}: {line}")
+
+
+@pytest.mark.parametrize(("service", "learner"), list(served_learners()))
+def test_a_learner_in_the_docs_fits_its_service(
+    service, learner, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    for name in CERTIFICATES:
+        Path(name).touch()
+    words = shlex.split(service, comments=True)[2:]
+    offered = parse_address(tyro.cli(Serve, args=words).arm)
+    asked = tyro.cli(Evaluate, args=shlex.split(learner, comments=True)[2:])
+    period = parse_address(asked.arm).control_period(asked.period, DEFAULT_PERIOD)
+    assert offered.period in (None, period)
+    assert offered.places_fixture or asked.hole is not None
 
 
 def program(page):

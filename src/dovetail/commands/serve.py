@@ -13,6 +13,7 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.commands.unproven import warn_of_twin
+from dovetail.control.period import format_period
 from dovetail.control.period_option import Period
 from dovetail.control.settings import ControllerSettings
 from dovetail.envs.registered import DEFAULT_ENV, find_cell
@@ -77,7 +78,8 @@ class Serve:
                 f"{now:%H:%M:%S} {line}", markup=False, highlight=False, soft_wrap=True
             )
 
-        builder = _builder(self)
+        address = _address(self)
+        builder = _builder(self, address)
         warn_of_twin(console, self.twin, self.arm)
         try:
             server = ArmServer(builder, self.listen, files, notify)
@@ -91,7 +93,10 @@ class Serve:
         try:
             with server:
                 how = "mutual TLS" if files else "this machine only, no TLS"
-                notify(f"{builder.name} is served at grpc://{server.address} ({how})")
+                learners = f"grpc://{server.address}"
+                if address.period is not None:
+                    learners += f"?period={format_period(address.period)}"
+                notify(f"{builder.name} is served at {learners} ({how})")
                 _show_status(console, server, end)
                 notify("closing: the arm is held")
         finally:
@@ -111,10 +116,9 @@ def _show_status(console: Console, server: Any, end: threading.Event) -> None:
             line.update(server.service.status)
 
 
-def _builder(settings: Serve) -> "ArmBuilder":
+def _builder(settings: Serve, address: ArmAddress) -> "ArmBuilder":
     from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
 
-    address = _address(settings)
     cell = find_cell(
         settings.env, settings.robot, peg=settings.peg, clearance=settings.clearance
     )

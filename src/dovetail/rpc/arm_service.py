@@ -16,6 +16,7 @@ from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.arm_host import ArmHost, Watched
 from dovetail.rpc.fields import FieldReader
+from dovetail.rpc.first_message import first_message
 from dovetail.rpc.lease import TIMEOUT, TIMEOUT_MAX, TIMEOUT_MIN, Holder, LeaseBook
 from dovetail.rpc.messages import (
     read_configuration,
@@ -26,12 +27,21 @@ from dovetail.rpc.messages import (
 )
 from dovetail.rpc.problems import abort, problem_of
 from dovetail.rpc.robot_message import write_robot
+from dovetail.rpc.room import Room
 from dovetail.rpc.settings import read_settings, write_settings
 from dovetail.rpc.version import own_version, require_version
 from dovetail.types import JOINTS
 
 WATCHERS_MAX = 8
 """Most read-only watchers at a time: each needs a thread."""
+STREAMS_MAX = 8
+"""Most control streams at a time: one is the learner's, the others are mistakes."""
+LOGS_MAX = 4
+"""Most logs that are read at a time: a reader may be slow."""
+MOTIONS_MAX = 8
+"""Most resets and steps at a time outside the stream: all but one of them wait."""
+LASTING_MAX = WATCHERS_MAX + STREAMS_MAX + LOGS_MAX + MOTIONS_MAX
+"""Most threads that lasting calls can take; short ones, as a stop, need more."""
 INTERVAL_MAX = 10.0
 """Longest time between two reports that a watcher can ask for [s]."""
 
@@ -79,6 +89,20 @@ class ArmService:
         self.steps = 0
         self._noted: set[str] = set()
         self._watchers = threading.BoundedSemaphore(WATCHERS_MAX)
+        self.streams = Room(
+            STREAMS_MAX,
+            "control streams are open",
+            "a learner needs one, so close the others; silent ones end by themselves "
+            "within seconds, then try again",
+        )
+        self.logs = Room(
+            LOGS_MAX, "logs are being read", "read one to its end, then try again"
+        )
+        self.motions = Room(
+            MOTIONS_MAX,
+            "resets and steps are under way",
+            "wait for their answers before asking for another",
+        )
 
     @property
     def status(self) -> str:
@@ -165,7 +189,7 @@ class ArmService:
     @_answered
     def reset(self, request: pb.ResetRequest, context: Any) -> pb.Report:
         """Begin a motion."""
-        with self.leases.use(request.lease):
+        with self.leases.use(request.lease), self.motions:
             q, fixture = read_configuration(request, self._host.builder.robot)
             seed = request.seed if request.HasField("seed") else None
             report = _report(0, self._host.reset(q, fixture, seed))
@@ -178,30 +202,18 @@ class ArmService:
     @_answered
     def step(self, request: pb.StepRequest, context: Any) -> pb.Report:
         """Follow a target."""
-        return self._step(request)
+        with self.leases.use(request.lease), self.motions:
+            return self._step(request)
 
     def control(
         self, requests: Iterator[pb.StepRequest], context: grpc.ServicerContext
     ) -> Iterator[pb.Report]:
         """Follow targets one after the other; the lease ends with the stream."""
         try:
-            holder = self.leases.bind(next(requests, pb.StepRequest()).lease)
+            with self.streams:
+                yield from self._control(requests, context)
         except DovetailError as error:
-            return abort(context, error)
-        if not context.add_callback(
-            lambda: self.leases.end(holder, "its connection has ended")
-        ):
-            return self.leases.end(holder, "its connection has ended")
-        yield pb.Report()
-        for request in requests:
-            try:
-                report = self._step(request)
-            except DovetailError as error:
-                report = _trouble(request.counter, error)
-            except Exception as error:
-                self.fail(error, is_holder=True)
-                report = _trouble(request.counter, error)
-            yield report
+            abort(context, error)
 
     def state(
         self, request: pb.WatchRequest, context: grpc.ServicerContext
@@ -248,8 +260,31 @@ class ArmService:
         """Send the control cycles since the last reset."""
         try:
             require_version(request.version, "client")
+            with self.logs:
+                yield from self._log()
         except DovetailError as error:
-            return abort(context, error)
+            abort(context, error)
+
+    def _control(
+        self, requests: Iterator[pb.StepRequest], context: grpc.ServicerContext
+    ) -> Iterator[pb.Report]:
+        holder = self.leases.bind(first_message(requests, pb.StepRequest()).lease)
+        if not context.add_callback(
+            lambda: self.leases.end(holder, "its connection has ended")
+        ):
+            return self.leases.end(holder, "its connection has ended")
+        yield pb.Report()
+        for request in requests:
+            try:
+                report = self._step(request)
+            except DovetailError as error:
+                report = _trouble(request.counter, error)
+            except Exception as error:
+                self.fail(error, is_holder=True)
+                report = _trouble(request.counter, error)
+            yield report
+
+    def _log(self) -> Iterator[pb.LogChunk]:
         blocks = self._host.cycles()
         yield pb.LogChunk(columns=CYCLE_COLUMNS, dropped=blocks[0][0] if blocks else 0)
         for step, rows in blocks:

@@ -15,6 +15,8 @@ from dovetail.errors import (
     PlantError,
 )
 from dovetail.rpc import dovetail_pb2 as pb
+from dovetail.rpc.first_message import SilentStreamError
+from dovetail.rpc.room import NoRoomError
 
 METADATA_KEY = "dovetail-problem-bin"
 """Trailing metadata of a failed call: a serialized Problem."""
@@ -85,6 +87,10 @@ def status_of(error: Exception) -> grpc.StatusCode:
         return grpc.StatusCode.INVALID_ARGUMENT
     if isinstance(error, PlantError):
         return grpc.StatusCode.ABORTED
+    if isinstance(error, NoRoomError):
+        return grpc.StatusCode.RESOURCE_EXHAUSTED
+    if isinstance(error, SilentStreamError):
+        return grpc.StatusCode.DEADLINE_EXCEEDED
     if isinstance(error, DovetailError):
         return grpc.StatusCode.FAILED_PRECONDITION
     return grpc.StatusCode.INTERNAL

@@ -12,14 +12,17 @@ import grpc
 
 from dovetail.errors import ConfigError
 from dovetail.rpc.arm_host import ArmBuilder, ArmHost
-from dovetail.rpc.arm_service import WATCHERS_MAX, ArmService
+from dovetail.rpc.arm_service import LASTING_MAX, ArmService
 from dovetail.rpc.calls import KEEPALIVE, MESSAGE_MAX, REQUEST_MAX, make_handler
 from dovetail.rpc.security import Certificates, server_credentials, split_address
 
 LISTEN = "127.0.0.1:50051"
 """Where the service listens if nothing else is asked for: this machine only."""
 
-_THREADS = WATCHERS_MAX + 16
+# So that a stop finds a thread. A short call whose request never comes holds one, too,
+# until its connection ends; threads that are never needed are never made.
+_THREADS = LASTING_MAX + 100
+_CALLS_MAX = 8 * _THREADS  # calls beyond the threads wait; only a flood is refused
 _GRACE = 0.5  # s for the calls under way when the service closes
 
 
@@ -52,7 +55,7 @@ class ArmServer:
         self._server = grpc.server(
             ThreadPoolExecutor(_THREADS, thread_name_prefix="dovetail-rpc"),
             handlers=[make_handler(self.service)],
-            maximum_concurrent_rpcs=_THREADS,
+            maximum_concurrent_rpcs=_CALLS_MAX,
             options=[
                 *KEEPALIVE,
                 ("grpc.so_reuseport", 0),
