@@ -40,6 +40,7 @@ from dovetail.learn.run_folder import (
     open_run,
     require_run,
 )
+from dovetail.learn.sbx_model import num_updates
 
 
 class TrainResult(NamedTuple):
@@ -141,7 +142,7 @@ def _learn(
     if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
-    watch = Stopwatch(wall_time, step)
+    watch = Stopwatch(wall_time, step, lambda: num_updates(model))
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     recorder = Recorder(
         log,

@@ -90,6 +90,11 @@ def counters(model: SbxModel) -> dict[str, int]:
     return {name: int(vars(model)[name]) for name in _COUNTERS}
 
 
+def num_updates(model: SbxModel) -> int:
+    """Return how many gradient steps the algorithm has done."""
+    return counters(model)["_n_updates"]
+
+
 def put_counters(model: SbxModel, counts: Mapping[str, int]) -> None:
     """Put back what `counters` gave."""
     for name in _COUNTERS:
