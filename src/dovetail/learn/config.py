@@ -62,7 +62,7 @@ class TrainConfig(EnvSettings):
     fixed_goal: bool = False
     """Keep the fixture where `hole` says, for an arm that cannot move it."""
     hole: tuple[float, float, float, float] = _CENTRE
-    """x y z [m] of the fixture's mouth, yaw [rad], world axes. Needs `fixed_goal`."""
+    """x y z [m] of its mouth and yaw [rad], world axes. Needs `fixed_goal`."""
     from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
     """Policy to start from: a file, or the name of a shipped one. For the first
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
