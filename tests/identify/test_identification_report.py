@@ -116,9 +116,20 @@ def test_the_figures_lie_beside_the_page(made):
 def test_the_console_says_the_verdict_and_every_error(made):
     _, report, text = made
     flat = " ".join(text.split())
-    assert report.verdict.sentence in flat
+    assert f"{report.verdict.answer}: {report.verdict.sentence}" in flat
     assert "held-out log" in flat
     assert "condition number" in flat
+
+
+def test_the_answer_is_said_once(made):
+    _, report, text = made
+    html = (made[0] / "report" / "report.html").read_text()
+    page = " ".join(re.sub("<[^>]*>", " ", html).split())
+    answer, sentence = report.verdict.answer, report.verdict.sentence
+    for shown in (page, " ".join(text.split())):
+        assert not re.search(rf"\b{answer}\b:? *{answer}\b", shown)
+        assert re.search(rf"\b{answer}:? {re.escape(sentence)}", shown)
+    assert not sentence.startswith(answer)
 
 
 def test_without_a_held_out_log_there_is_no_verdict(made, tmp_path):
@@ -213,6 +224,7 @@ def test_go_at_the_limit_and_no_go_above():
     for verdict in (at, above):
         assert f"{1e3 * TRANSFER_LIMIT:g} mm" in verdict.sentence
         assert "docs/identification.md" in verdict.sentence
+        assert "so the clearance may be far smaller" in verdict.sentence
 
 
 def test_a_delay_is_no_go_however_small_the_error():

@@ -1,5 +1,7 @@
 """A checkpoint is whole or absent, and a run continues from it."""
 
+import hashlib
+import json
 import os
 from pathlib import Path
 
@@ -145,6 +147,36 @@ def test_a_damaged_checkpoint_is_named(trained, build, tmp_path, name):
     content = (place / name).read_bytes()
     (place / name).write_bytes(content[: len(content) // 2])
     with pytest.raises(ConfigError, match=f"checkpoint {place} cannot be used"):
+        load_checkpoint(place, build(), 0)
+
+
+def test_counters_of_a_stranger_leave_the_algorithm_as_it_is(trained, build, tmp_path):
+    place = save_checkpoint(tmp_path, trained, 0.0)
+    path = place / "checkpoint.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"num_timesteps": -5}))
+    model = build()
+    with pytest.raises(ConfigError, match=r"num_timesteps is -5; allowed.*; remove it"):
+        load_checkpoint(place, model, 0)
+    assert model.num_timesteps == 0
+
+
+@pytest.mark.parametrize(
+    ("position", "message"),
+    [(-5, "position is -5; allowed: 0 to"), (7, "at position 7, has")],
+)
+def test_a_replay_buffer_whose_position_is_none_is_refused(
+    trained, build, tmp_path, position, message
+):
+    place = save_checkpoint(tmp_path, trained, 0.0)
+    with np.load(place / "replay.npz") as arrays:
+        content = {**arrays, "position": position}
+    np.savez(place / "replay.npz", **content)
+    path, digest = place / "checkpoint.json", hashlib.sha256()
+    digest.update((place / "replay.npz").read_bytes())
+    facts = json.loads(path.read_text())
+    facts["sha256"]["replay.npz"] = digest.hexdigest()
+    path.write_text(json.dumps(facts))
+    with pytest.raises(ConfigError, match=message):
         load_checkpoint(place, build(), 0)
 
 

@@ -1,5 +1,7 @@
 """A run that starts from a policy acts like it, and keeps it until critics know."""
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +13,7 @@ from dovetail.learn.best_actor import GROUP, BestActor
 from dovetail.learn.checkpoint import load_checkpoint, save_checkpoint
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.export import export_policy
-from dovetail.learn.fine_tune import START_STD, load_start, start_from
+from dovetail.learn.fine_tune import START_STD, load_start, require_fit, start_from
 from dovetail.learn.policy import Policy
 from dovetail.learn.train import train
 
@@ -40,7 +42,8 @@ def make(small, tmp_path):
 
 def start(model, config, path):
     config = replace(config, from_policy=str(path))
-    policy = load_start(config, model.get_env().envs[0])
+    policy = load_start(config)
+    require_fit(policy, config, model.get_env().envs[0])
     start_from(model, policy)
     return policy
 
@@ -162,3 +165,26 @@ def test_an_actor_that_knows_something_learns_slower_than_its_critics(
     slow = make_model(config, model.get_env())
     assert slow.lr_schedule(1.0) == pytest.approx(ACTOR_SHARE * config.learning_rate)
     assert slow.qf_learning_rate == pytest.approx(config.learning_rate)
+
+
+@pytest.mark.parametrize("seeds", ["1", "2"])
+def test_a_missing_policy_is_refused_before_the_learning_stack_is_imported(
+    seeds, tmp_path
+):
+    code = (
+        "import sys\n"
+        "from dovetail.cli import run\n"
+        "if __name__ == '__main__':\n"
+        f"    code = run(['train', '--from', 'missing', '--seeds', '{seeds}'])\n"
+        "    print(code, sorted({'jax', 'torch', 'sbx'} & set(sys.modules)))\n"
+    )
+    script = tmp_path / "train.py"
+    script.write_text(code)
+    work = tmp_path / "work"
+    work.mkdir()
+    done = subprocess.run(
+        [sys.executable, str(script)], cwd=work, capture_output=True, text=True
+    )
+    assert done.stdout.splitlines()[-1] == "2 []"
+    assert "no policy 'missing'" in done.stderr
+    assert not list(work.iterdir())

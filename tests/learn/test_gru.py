@@ -159,4 +159,4 @@ def test_no_training_starts_from_a_policy_with_a_memory(policy, rng, small, tmp_
     weights = remembering(policy, random_gru(rng), 0).save(tmp_path / "gru")
     config = replace(small, from_policy=str(weights))
     with pytest.raises(PolicyError, match="it has a memory"):
-        load_start(config, None)
+        load_start(config)

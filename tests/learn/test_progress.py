@@ -1,18 +1,22 @@
 """progress.csv and the progress bar."""
 
 import math
+import time
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
+from dovetail.learn.one_run import train_one
 from dovetail.learn.progress import (
     WINDOW,
     EpisodeLog,
     EpisodeRow,
     ProgressBar,
     Status,
+    Stopwatch,
     describe_status,
     read_progress,
     summarise,
@@ -62,6 +66,46 @@ def test_the_status_line_has_success_reward_speed_and_time_left():
         "evaluating"
     )
     assert describe_status(Status(0, math.nan, math.nan, 0.0), 10) == "training"
+
+
+def test_no_time_left_is_told_before_the_speed_is_that_of_updates(monkeypatch):
+    """1000 fast steps, a compilation of 10 s, then 20 steps/s."""
+    now, updates = 0.0, 7  # of the sitting before
+    monkeypatch.setattr(time, "monotonic", lambda: now)
+    watch = Stopwatch(0.0, 0, lambda: updates)
+    told = []
+    for step in range(100, 3001, 100):
+        now += 0.1 if step <= 1000 else 15.0 if step == 1100 else 5.0
+        updates = 7 + 2 * max(0, step - 1000)
+        rate, is_steady = watch.speed(step)
+        line = describe_status(Status(step, 0.5, 1.0, rate, is_steady=is_steady), 3100)
+        told.append("min left" in line)
+        if is_steady:
+            assert rate == pytest.approx(20.0)
+    assert told == [step > 1100 for step in range(100, 3001, 100)]
+    assert line.endswith("20 steps/s, 0:05 min left")
+
+
+def test_a_training_tells_no_time_left_before_its_updates(small):
+    told = []
+    config = replace(small, steps=700, learning_starts=350, eval_episodes=0)
+    train_one(config, told.append)
+    steady = [s.is_steady for s in told if s.phase == "training"]
+    assert steady == [False, False, False, False, True, True, True]
+
+
+@pytest.mark.parametrize("width", [80, 95, 130])
+def test_the_bar_has_room_whatever_the_words(width):
+    output = StringIO()
+    console = Console(file=output, force_terminal=True, width=width, color_system=None)
+    with ProgressBar(60_000, ["seed 0"], console) as bar:
+        bar.show(0, Status(10_000, 1.0, -1234567.8, 123.0))
+    line = output.getvalue().rpartition("\n")[0].rpartition("\x1b[2K")[2]
+    assert len(line) <= width
+    assert line.index(" 10000/60000 steps") - len("seed 0 ") >= 15
+    assert "success 100 %" in line
+    assert "6:47 min left" in line
+    assert ("steps/s" in line, "reward" in line) == (width > 80, width > 95)
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])

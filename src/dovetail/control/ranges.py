@@ -105,7 +105,7 @@ def in_range(name: str, value: Any, allowed: Range) -> Any:
             )
     try:
         array = np.array(value, dtype=float)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ConfigError(f"{name} must be numbers [{unit}]: {error}") from error
     if array.ndim == 0 and labels:
         array = np.full(len(labels), float(array))

@@ -345,4 +345,4 @@ def _print(
     for estimate in result.estimates:
         if estimate.verdict != "known":
             console.print(f"- {estimate.sentence}", soft_wrap=True)
-    console.print(verdict.sentence, soft_wrap=True)
+    console.print(f"{verdict.answer}: {verdict.sentence}", soft_wrap=True)

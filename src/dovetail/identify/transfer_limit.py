@@ -25,6 +25,7 @@ class Verdict:
 
     answer: Answer
     sentence: str
+    """Why; whoever shows it puts the answer before it."""
     limit: float
     """What the error was held against [m RMS]."""
     delay_limit: float
@@ -54,7 +55,7 @@ def judge_transfer(
     if held_out is None:
         answer: Answer = "unknown"
         sentence = (
-            "no verdict: without a held-out log nobody knows the error on motions that "
+            "without a held-out log nobody knows the error on motions that "
             "were not fitted; record one with another --seed and give it with "
             "--held-out"
         )
@@ -93,12 +94,14 @@ def _sentence(held_out: float, fitting: float, delay_left: float) -> str:
         f"{'within' if is_prompt else 'beyond'} {1e3 * DELAY_LIMIT:g} ms"
     )
     if is_close and is_prompt:
-        text = f"go: {text}, so transfer is expected as far as free motion decides it"
+        text += ", so transfer is expected as far as free motion decides it"
     else:
-        text = f"no go: {text}, so transfer is not expected"
+        text += ", so transfer is not expected"
         if not is_prompt:
             text += "; fit command_delay too (--parameters extended)"
     text += (
+        ". The error is drift that adds up over a sequence of free motion; a policy "
+        "sees the fixture and corrects drift, so the clearance may be far smaller"
         ". Up to these limits the shipped policy, with a tare, inserted in every try "
         "on twins at graded distances from its model (docs/identification.md)"
     )

@@ -13,11 +13,21 @@ import os
 import shutil
 from pathlib import Path
 from typing import Any, NamedTuple
+from zipfile import BadZipFile
 
 import numpy as np
 
+from dovetail.control.ranges import in_count
 from dovetail.errors import ConfigError, LogError
 from dovetail.learn.algorithms import derive_seed
+from dovetail.learn.checkpoint_facts import (
+    FACTS,
+    NETWORKS,
+    REPLAY,
+    VERSION,
+    check_files,
+    read_facts,
+)
 from dovetail.learn.sbx_model import (
     NoisyPolicy,
     ReplayBuffer,
@@ -30,12 +40,7 @@ from dovetail.learn.sbx_model import (
     trained_states,
 )
 
-VERSION = 1
 KEPT = 2
-
-_FACTS = "checkpoint.json"
-_NETWORKS = "networks.msgpack"
-_REPLAY = "replay.npz"
 
 
 class Counters(NamedTuple):
@@ -101,26 +106,21 @@ def load_checkpoint(place: Path, model: SbxModel, seed: int) -> Counters:
     Raises:
         ConfigError: The checkpoint is damaged, or of other settings.
     """
+    buffer = replay_buffer(model)
     try:
-        facts = json.loads((place / _FACTS).read_bytes())
-        if facts["version"] != VERSION:
-            raise ValueError(
-                f"version {facts['version']}; this release reads {VERSION}"
-            )
-        for name, digest in facts["sha256"].items():
-            if hashlib.sha256((place / name).read_bytes()).hexdigest() != digest:
-                raise ValueError(f"{name} is damaged: its SHA-256 differs")
-        _set_states(model, (place / _NETWORKS).read_bytes())
-        if (buffer := replay_buffer(model)) is not None:
-            _set_replay(buffer, place / _REPLAY)
-        put_counters(model, facts)
-    except (OSError, ValueError, KeyError) as error:
+        facts = read_facts(place, has_replay=buffer is not None)
+        check_files(place, facts.digests)
+        _set_states(model, (place / NETWORKS).read_bytes())
+        if buffer is not None:
+            _set_replay(buffer, place / REPLAY)
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
         raise ConfigError(
             f"checkpoint {place} cannot be used: {error}; remove it to continue "
             "from the one before, or start a new run folder"
         ) from error
+    put_counters(model, facts.counters)
     seed_run(model, seed, model.num_timesteps)
-    return Counters(int(facts["num_timesteps"]), float(facts["wall_time"]))
+    return Counters(model.num_timesteps, facts.wall_time)
 
 
 def seed_run(model: SbxModel, seed: int, step: int) -> None:
@@ -143,13 +143,13 @@ def seed_run(model: SbxModel, seed: int, step: int) -> None:
 def _write(folder: Path, model: SbxModel, wall_time: float) -> None:
     from flax import serialization
 
-    _write_file(folder / _NETWORKS, serialization.to_bytes(trained_states(model)))
+    _write_file(folder / NETWORKS, serialization.to_bytes(trained_states(model)))
     if (buffer := replay_buffer(model)) is not None:
         count = buffer.buffer_size if buffer.full else buffer.pos
         arrays: dict[str, Any] = {"position": buffer.pos, "full": buffer.full}
         for name, room in buffer_arrays(buffer).items():
             arrays[name] = room[:count]
-        with (folder / _REPLAY).open("wb") as file:
+        with (folder / REPLAY).open("wb") as file:
             np.savez(file, **arrays)
             file.flush()
             os.fsync(file.fileno())
@@ -162,7 +162,7 @@ def _write(folder: Path, model: SbxModel, wall_time: float) -> None:
             for path in sorted(folder.iterdir())
         },
     }
-    _write_file(folder / _FACTS, json.dumps(facts, indent=2).encode())
+    _write_file(folder / FACTS, json.dumps(facts, indent=2).encode())
     _sync(folder)
 
 
@@ -173,16 +173,23 @@ def _set_states(model: SbxModel, content: bytes) -> None:
 
 
 def _set_replay(buffer: ReplayBuffer, path: Path) -> None:
+    size = buffer.buffer_size
     with np.load(path, allow_pickle=False) as arrays:
+        is_full, position = (arrays[name].item() for name in ("full", "position"))
+        last = size - 1 if is_full else size
+        buffer.pos = in_count(
+            "replay buffer position", position, 0, last, "transitions"
+        )
+        buffer.full = bool(is_full)
+        count = size if is_full else position
         for name, room in buffer_arrays(buffer).items():
-            content = arrays[name]
-            if content.shape[1:] != room.shape[1:] or len(content) > len(room):
+            content, wanted = arrays[name], (count, *room.shape[1:])
+            if content.shape != wanted:
                 raise ValueError(
-                    f"replay buffer {name} has shape {content.shape}, this run's has "
-                    f"room for {room.shape}"
+                    f"replay buffer {name} has shape {content.shape}; this run's, at "
+                    f"position {position}, has {wanted}"
                 )
-            room[: len(content)] = content
-        buffer.pos, buffer.full = int(arrays["position"]), bool(arrays["full"])
+            room[:count] = content
 
 
 def _write_file(path: Path, content: bytes) -> None:

@@ -15,48 +15,58 @@ START_STD = 0.2
 actor's 1.0 would drown what the policy knows."""
 
 
-def load_start(config: TrainConfig, env: Any) -> Policy | None:
+def load_start(config: TrainConfig) -> Policy | None:
     """Return the policy that a run starts from, or None when it starts from nothing.
+
+    What the settings alone decide is checked here, before the learning stack is
+    imported; the rest by `require_fit`.
 
     Args:
         config: Settings of the run.
-        env: One environment of the run.
 
     Raises:
         ConfigError: No such policy.
-        PolicyError: Its network, observation or action is not this run's; says what to
-            change.
+        PolicyError: It is not one for these settings; says what to change.
     """
     if config.from_policy is None:
         return None
     policy = Policy.load(find_policy(config.from_policy))
     try:
-        _require_fit(policy, config, env)
+        _require_settings(policy, config)
     except PolicyError as error:
-        raise PolicyError(f"cannot start from {config.from_policy}: {error}") from error
+        raise _refused(config, error) from error
     return policy
 
 
-def _require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
+def require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
+    """Refuse a policy whose observation or action is not an environment's.
+
+    Args:
+        policy: What `load_start` gave.
+        config: Settings of the run.
+        env: One environment of the run.
+
+    Raises:
+        PolicyError: Says what to change.
+    """
+    try:
+        _require_sizes(policy, env)
+        require_spaces(policy.metadata, env)
+    except PolicyError as error:
+        raise _refused(config, error) from error
+
+
+def _refused(config: TrainConfig, error: PolicyError) -> PolicyError:
+    return PolicyError(f"cannot start from {config.from_policy}: {error}")
+
+
+def _require_settings(policy: Policy, config: TrainConfig) -> None:
     if policy.memory is not None:
         raise PolicyError(
             "it has a memory (GRU), which no algorithm here trains; start from a "
             "policy without one"
         )
     policy.require_env(config.env, config.env_options())
-    size = int(env.observation_space.shape[0])
-    if policy.observation_size != size:
-        raise PolicyError(
-            f"it takes {policy.observation_size} observations, this run's environment "
-            f"gives {size}; give the stack it was trained with"
-        )
-    num_axes = len(require_contact_env(env).commands)
-    if policy.action_size != num_axes:
-        raise PolicyError(
-            f"it gives {policy.action_size} actions, this run's environment takes "
-            f"{num_axes}; give the task it was trained with"
-        )
-    require_spaces(policy.metadata, env)
     hidden = tuple(int(weight.shape[1]) for weight, _ in policy.layers[:-1])
     if hidden != config.net:
         raise PolicyError(
@@ -74,6 +84,21 @@ def _require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
         )
 
 
+def _require_sizes(policy: Policy, env: Any) -> None:
+    size = int(env.observation_space.shape[0])
+    if policy.observation_size != size:
+        raise PolicyError(
+            f"it takes {policy.observation_size} observations, this run's environment "
+            f"gives {size}; give the stack it was trained with"
+        )
+    num_axes = len(require_contact_env(env).commands)
+    if policy.action_size != num_axes:
+        raise PolicyError(
+            f"it gives {policy.action_size} actions, this run's environment takes "
+            f"{num_axes}; give the task it was trained with"
+        )
+
+
 def start_from(model: Any, policy: Policy) -> None:
     """Put a policy's weights into a freshly built SBX algorithm's actor.
 
@@ -82,7 +107,7 @@ def start_from(model: Any, policy: Policy) -> None:
 
     Args:
         model: SBX algorithm whose actor has the policy's shape.
-        policy: A policy that `load_start` accepted.
+        policy: A policy that `load_start` and `require_fit` accepted.
     """
     import jax.numpy as jnp
 

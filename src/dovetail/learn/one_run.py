@@ -21,7 +21,7 @@ from dovetail.learn.checkpoint import (
     seed_run,
 )
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.fine_tune import load_start, start_from
+from dovetail.learn.fine_tune import load_start, require_fit, start_from
 from dovetail.learn.policy import Policy
 from dovetail.learn.progress import (
     EpisodeLog,
@@ -40,6 +40,7 @@ from dovetail.learn.run_folder import (
     open_run,
     require_run,
 )
+from dovetail.learn.sbx_model import num_updates
 
 
 class TrainResult(NamedTuple):
@@ -105,11 +106,13 @@ def prepared(config: TrainConfig) -> Iterator[tuple[Any, BestActor | None]]:
         policy.
     """
     require_run(config)  # before an arm on the network is waited for
+    start = load_start(config)  # and before the learning stack is, which takes seconds
     env = make_vec_env(config)
     try:
         model = make_model(config, env)
         best = None
-        if (start := load_start(config, env.envs[0])) is not None:
+        if start is not None:
+            require_fit(start, config, env.envs[0])
             model.learning_starts = 0  # its own actions are better than random ones
             start_from(model, start)
             best = BestActor(model, config.learning_starts)
@@ -139,7 +142,7 @@ def _learn(
     if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
-    watch = Stopwatch(wall_time, step)
+    watch = Stopwatch(wall_time, step, lambda: num_updates(model))
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     recorder = Recorder(
         log,

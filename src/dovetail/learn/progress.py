@@ -16,6 +16,10 @@ from dovetail.files import write_atomic
 
 WINDOW = 50
 """Finished episodes behind the success rate and the reward that are shown."""
+_SHORTEST_BAR = 15
+"""Columns that a bar has at least; words give way to it."""
+_DROPPED = ("reward", "steps/s", "success")
+"""What is left out first where a line has no room."""
 
 
 class EpisodeRow(NamedTuple):
@@ -48,6 +52,8 @@ class Status(NamedTuple):
     """Environment steps per second, lately."""
     phase: str = "training"
     """What the run does now: training or evaluating."""
+    is_steady: bool = True
+    """Whether the rate is of steps with updates, so that the time left follows."""
 
 
 Report = Callable[[Status], None]
@@ -157,6 +163,8 @@ class ProgressBar:
         )
         self._total = total
         self._names = names
+        fixed = f"{max(names, key=len)}  {total}/{total} steps "  # with the gaps
+        self._beside = len(fixed) + _SHORTEST_BAR
         self._told: list[tuple[int, str]] = [(0, "")] * len(names)
         self._tasks = [
             self._progress.add_task(name, total=total, text="starting")
@@ -174,9 +182,11 @@ class ProgressBar:
 
     def show(self, index: int, status: Status) -> None:
         """Move one bar."""
-        text = describe_status(status, self._total)
+        is_terminal = self._console.is_terminal
+        room = self._console.width - self._beside if is_terminal else None
+        text = describe_status(status, self._total, room)
         self._progress.update(self._tasks[index], completed=status.step, text=text)
-        if self._console.is_terminal:
+        if is_terminal:
             return
         step, phase = self._told[index]
         if status.phase != phase or status.step - step >= self._total / 20:
@@ -188,42 +198,73 @@ class ProgressBar:
             )
 
 
-def describe_status(status: Status, total: int) -> str:
-    """Return success, reward, speed and time left as a line of text."""
+def describe_status(status: Status, total: int, room: int | None = None) -> str:
+    """Return success, reward, speed and time left as a line of text.
+
+    Args:
+        status: Where the run stands. No time left is told before its speed is that of
+            steps with updates: those before are many times faster.
+        total: Environment steps of the run.
+        room: Columns that it should take at most; words are left out for it, the last
+            one never.
+    """
     words = []
     if not math.isnan(status.success):
         words.append(f"success {100 * status.success:.0f} %")
         words.append(f"reward {status.reward:.1f}")
     if status.phase != "training":
-        return ", ".join([*words, status.phase])
-    if status.rate > 0.0:
-        left = round((total - status.step) / status.rate)
+        words.append(status.phase)
+    elif status.rate > 0.0:
         words.append(f"{status.rate:.0f} steps/s")
-        words.append(f"{left // 60}:{left % 60:02d} min left")
+        if status.is_steady:
+            left = round((total - status.step) / status.rate)
+            words.append(f"{left // 60}:{left % 60:02d} min left")
+    for dropped in _DROPPED:
+        if room is not None and len(", ".join(words)) > room:
+            words = [w for w in words[:-1] if dropped not in w] + words[-1:]
     return ", ".join(words) or status.phase
 
 
 class Stopwatch:
     """Training time over all sittings of a run, and its speed lately."""
 
-    def __init__(self, already: float, step: int) -> None:
+    def __init__(
+        self, already: float, step: int, num_updates: Callable[[], int]
+    ) -> None:
         """Start.
 
         Args:
             already: Training time of earlier sittings [s].
             step: Environment steps of earlier sittings.
+            num_updates: Returns the gradient steps of the run.
         """
         self._already = already
         self._marks = deque([(time.monotonic(), step)], maxlen=20)
         self._start = self._marks[0][0]
+        self._num_updates = num_updates
+        self._updates = num_updates()
+        self._seen = 0
 
     def elapsed(self) -> float:
         """Return the training time, earlier sittings included [s]."""
         return self._already + time.monotonic() - self._start
 
-    def rate(self, step: int) -> float:
-        """Return environment steps per second over the last 20 calls."""
+    def speed(self, step: int) -> tuple[float, bool]:
+        """Return environment steps per second over the last 20 calls, and if it lasts.
+
+        It lasts from the second call on that finds updates: steps before the first are
+        faster, and that is compiled first, which takes seconds.
+
+        Args:
+            step: Environment steps of the run.
+        """
+        updates = self._num_updates()
         now = time.monotonic()
         then, before = self._marks[0]
+        if updates > self._updates:
+            self._updates = updates
+            self._seen += 1
+            if self._seen == 1:
+                self._marks.clear()
         self._marks.append((now, step))
-        return (step - before) / max(now - then, 1e-9)
+        return (step - before) / max(now - then, 1e-9), self._seen > 1

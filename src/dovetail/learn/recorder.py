@@ -58,8 +58,10 @@ class Recorder(BaseCallback):
                 self._force[i] = 0.0
         if self.num_timesteps - self._reported >= _REPORT_INTERVAL:
             self._reported = self.num_timesteps
-            rate = self._watch.rate(self.num_timesteps)
-            self._report(self._log.status(self.num_timesteps, rate))
+            step = self.num_timesteps
+            rate, is_steady = self._watch.speed(step)
+            status = self._log.status(step, rate)
+            self._report(status._replace(is_steady=is_steady))
         return True
 
     def _finish(self, info: dict[str, Any], force: float) -> None:

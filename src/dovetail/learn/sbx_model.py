@@ -90,15 +90,15 @@ def counters(model: SbxModel) -> dict[str, int]:
     return {name: int(vars(model)[name]) for name in _COUNTERS}
 
 
-def put_counters(model: SbxModel, facts: Mapping[str, Any]) -> None:
-    """Put back what `counters` gave; `facts` may hold more.
+def num_updates(model: SbxModel) -> int:
+    """Return how many gradient steps the algorithm has done."""
+    return counters(model)["_n_updates"]
 
-    Raises:
-        KeyError: One is missing.
-        ValueError: One is no number.
-    """
+
+def put_counters(model: SbxModel, counts: Mapping[str, int]) -> None:
+    """Put back what `counters` gave."""
     for name in _COUNTERS:
-        setattr(model, name, int(facts[name]))
+        setattr(model, name, counts[name])
 
 
 def replay_buffer(model: SbxModel) -> ReplayBuffer | None:
