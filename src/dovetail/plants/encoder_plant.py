@@ -6,9 +6,10 @@ import numpy as np
 
 from dovetail.control.observer import observer_gain
 from dovetail.plants.cycle_loop import run_cycles
-from dovetail.plants.plant import DynamicsConfig, Plant
+from dovetail.plants.plant import Plant
+from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.poses import Pose
-from dovetail.types import Array, Vec3, Vec7
+from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -27,7 +28,7 @@ class _Watched:
         return result
 
 
-class EncoderPlant:
+class EncoderPlant(WrappedPlant[Plant]):
     """Any plant without its velocity: what `read` gives is `VelocityObserver`'s.
 
     The observer is the class that the FRI servo loop uses, so that a `LocalArm` over an
@@ -44,47 +45,20 @@ class EncoderPlant:
         """
         from dovetail import _core
 
-        self.plant = plant
-        self.cell = plant.cell
-        self.robot = plant.robot
+        super().__init__(plant)
         gain = observer_gain(period) if gain is None else gain
         self._observer = _core.VelocityObserver(period, gain)
         self._q = np.zeros(7)
         self._a = np.zeros(7)
         self._time = 0.0
 
-    @property
-    def dynamics(self) -> DynamicsConfig:
-        """Return the physics of the plant."""
-        return self.plant.dynamics
-
-    def configure(self, dynamics: DynamicsConfig) -> None:
-        """Change the dynamics; call `reset` before the next torque."""
-        self.plant.configure(dynamics)
-
-    def attach_channel(self, channel: "_core.Channel") -> None:
-        """Put a twin's delay and noise between controller and joints."""
-        self.plant.attach_channel(channel)
-
-    def seed(self, seed: int) -> None:
-        """Start the plant's noise again."""
-        self.plant.seed(seed)
-
     def reset(self, q: Vec7, fixture: Pose) -> None:
         """Put the arm at rest at q [rad], the fixture at its pose; time becomes 0."""
-        self.plant.reset(q, fixture)
+        super().reset(q, fixture)
         self._q, _ = self.plant.read()
         self._observer.reset(self._q)
         self._a = np.zeros(7)
         self._time = 0.0
-
-    def move_fixture(self, fixture: Pose) -> None:
-        """Put the fixture at a pose at once, the arm's motion untouched."""
-        self.plant.move_fixture(fixture)
-
-    def push(self, force: Vec3) -> None:
-        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
-        self.plant.push(force)
 
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and the observed velocity [rad/s]."""
@@ -123,22 +97,6 @@ class EncoderPlant:
         """
         self._a = a
         self.apply(tau, dt)
-
-    def contact_force(self) -> Vec3:
-        """Return the force on the tool in the last physics step [N], world."""
-        return self.plant.contact_force()
-
-    def contact_force_peak(self) -> Vec3:
-        """Return the largest such force during the last `apply` [N], world."""
-        return self.plant.contact_force_peak()
-
-    def tool_pose(self) -> Pose:
-        """Return the true pose of the TCP in the world."""
-        return self.plant.tool_pose()
-
-    def close(self) -> None:
-        """Release the plant; harmless when repeated."""
-        self.plant.close()
 
 
 class _Seen:

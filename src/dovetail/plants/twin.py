@@ -27,8 +27,8 @@ from dovetail.plants.plant import (
     Engine,
     require_inertia_set,
 )
-from dovetail.poses import Pose
-from dovetail.types import Array, Vec3, Vec7
+from dovetail.plants.wrapped_plant import WrappedPlant
+from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -190,7 +190,7 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         raise ConfigError(f"twin file {path}: {error}") from error
 
 
-class TwinPlant:
+class TwinPlant(WrappedPlant[DrivenPlant]):
     """A plant with a twin's dynamics, and its delay and noise at the joints."""
 
     def __init__(
@@ -210,11 +210,8 @@ class TwinPlant:
         from dovetail import _core
 
         self.config = config
-        self.cell = cell.widened(config.clearance_offset)
-        self.plant: DrivenPlant = make_plant(
-            engine or config.engine, self.cell, config.dynamics()
-        )
-        self.robot = self.plant.robot
+        name, widened = engine or config.engine, cell.widened(config.clearance_offset)
+        super().__init__(make_plant(name, widened, config.dynamics()))
         self.plant.attach_channel(
             _core.Channel(
                 delay=config.command_delay,
@@ -224,35 +221,6 @@ class TwinPlant:
                 seed=config.seed,
             )
         )
-
-    @property
-    def dynamics(self) -> DynamicsConfig:
-        """Return what the engine simulates."""
-        return self.plant.dynamics
-
-    def configure(self, dynamics: DynamicsConfig) -> None:
-        """Replace the twin's dynamics; delay and noise stay."""
-        self.plant.configure(dynamics)
-
-    def attach_channel(self, channel: "_core.Channel") -> None:
-        """Replace the twin's delay and noise."""
-        self.plant.attach_channel(channel)
-
-    def seed(self, seed: int) -> None:
-        """Start the noise again from another seed than the file's."""
-        self.plant.seed(seed)
-
-    def reset(self, q: Vec7, fixture: Pose) -> None:
-        """Put the arm at rest at q [rad], the fixture at its pose; time becomes 0."""
-        self.plant.reset(q, fixture)
-
-    def move_fixture(self, fixture: Pose) -> None:
-        """Put the fixture at a pose at once, the arm's motion untouched."""
-        self.plant.move_fixture(fixture)
-
-    def push(self, force: Vec3) -> None:
-        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
-        self.plant.push(force)
 
     def read(self) -> tuple[Vec7, Vec7]:
         """Return the measured configuration [rad] and velocity [rad/s], with noise."""
@@ -294,19 +262,3 @@ class TwinPlant:
     ) -> tuple[Array, Vec7, Vec7]:
         """Run the controller against the twin; see `Plant.run_cycles`."""
         return self.plant.run_cycles(controller, target, cycles, period)
-
-    def contact_force(self) -> Vec3:
-        """Return the force on the tool in the last physics step [N], world."""
-        return self.plant.contact_force()
-
-    def contact_force_peak(self) -> Vec3:
-        """Return the largest such force during the last `apply` [N], world."""
-        return self.plant.contact_force_peak()
-
-    def tool_pose(self) -> Pose:
-        """Return the true pose of the TCP in the world."""
-        return self.plant.tool_pose()
-
-    def close(self) -> None:
-        """Release the engine; harmless when repeated."""
-        self.plant.close()
