@@ -374,7 +374,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
       result = brake(q, dq);
     } else {
       if (!is_ended && !is_explained(target, dq, result, since)) {
-        disturbance_ = weight_;
+        if (last_line_.is_loop()) disturbance_ = weight_;
         joint_params_.passive = wall_params_.passive = true;
         is_at_rest_ = false;
         update_model(q, dq);

@@ -42,9 +42,9 @@ def test_limits_at_a_tabulated_period_are_the_table(
 @pytest.mark.parametrize(
     ("period", "interval", "rate", "delta_q", "delta_v", "delta_x"),
     [
-        (1e-3, 38.5e-3, 60.0, 30e-3, 0.20, 15e-3),
-        (2e-3, 42e-3, 60.0, 30e-3, 0.20, 15e-3),
-        (5e-3, 52.5e-3, 50.0, 45e-3, 0.30, 20e-3),
+        (1e-3, 38.5e-3, 60.0, 30e-3, 0.30, 15e-3),
+        (2e-3, 42e-3, 60.0, 30e-3, 0.30, 15e-3),
+        (5e-3, 52.5e-3, 50.0, 45e-3, 0.35, 20e-3),
     ],
 )
 def test_an_arm_that_nothing_is_said_of_gets_all_that_is_declared(

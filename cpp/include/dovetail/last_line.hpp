@@ -39,6 +39,11 @@ class LastLine {
   bool check(const LastLineInput& input) noexcept;
 
   EndCause cause() const noexcept { return cause_; }
+  /// Whether the disturbance estimate may be part of what was seen. A joint that was
+  /// only too fast was pushed: what pushes it must be known to brake it.
+  bool is_loop() const noexcept {
+    return cause_ == EndCause::kOscillation || cause_ == EndCause::kEnergy;
+  }
   int joint() const noexcept { return joint_; }     ///< 0 to 6; energy has none: -1
   double value() const noexcept { return value_; }  ///< swing, work or speed [SI]
   double limit() const noexcept { return limit_; }  ///< what was allowed [SI]
