@@ -45,13 +45,14 @@ struct Side {
 };
 
 /// Tells what bad samples did to the torque from what went on anyway. For each of them
-/// a side goes on from before it, undeceived; a burst is one.
+/// a side goes on from before it, undeceived; a burst is one. A step that the
+/// undeceived side makes a cycle earlier or later is not the sample's.
 class Blame {
  public:
   /// Before the side takes what came in this cycle.
   void begin(const Side& side, bool is_bad) {
-    if (is_bad && !was_bad_) undeceived_.push_back({side, 0});
-    if (is_bad) undeceived_.back().left = AttackResult::kAfterBad + 1;
+    if (is_bad && !was_bad_) undeceived_.push_back({side, 0, last_, last_, last_});
+    if (is_bad) undeceived_.back().left = AttackResult::kAfterBad + 2;
     was_bad_ = is_bad;
   }
 
@@ -59,8 +60,7 @@ class Blame {
   /// \param is_lost  no message came: to nobody
   void judge(const Vec7& change, bool is_lost, const Target& target, int cycle,
              AttackResult& result) {
-    const Vec7 size = change.cwiseAbs();
-    if (!undeceived_.empty()) keep(result.step_after_bad, size, cycle);
+    if (!undeceived_.empty()) keep(result.step_after_bad, change.cwiseAbs(), cycle);
     for (Undeceived& one : undeceived_) {
       const Vec7 before = one.side.tau;
       if (is_lost) {
@@ -70,21 +70,34 @@ class Blame {
       }
       one.side.plant.apply(one.side.tau, one.side.controller.period());
       --one.left;
+      const Vec7 undeceived = one.side.tau - before;
       // Ended anyway: neither that step nor a Target's can be told from the sample's.
-      if (one.side.flags.ended) continue;
-      const Vec7 by_bad = change - (one.side.tau - before);
-      keep(result.step_by_bad, Vec7(by_bad.cwiseAbs().cwiseMin(size)), cycle);
+      if (!one.side.flags.ended) {
+        Vec7 by_bad = one.deceived.cwiseAbs();
+        for (const Vec7& other : {one.earlier, one.last, undeceived}) {
+          by_bad = by_bad.cwiseMin((one.deceived - other).cwiseAbs());
+        }
+        keep(result.step_by_bad, by_bad, cycle - 1);
+      }
+      one.earlier = one.last;
+      one.last = undeceived;
+      one.deceived = change;
     }
     std::erase_if(undeceived_, [](const Undeceived& one) { return one.left <= 0; });
+    last_ = change;
   }
 
  private:
   struct Undeceived {
     Side side;
     int left;  // cycles to go
+    // changes of torque [Nm]: of the deceived side in the last cycle, of this one in
+    // the last two
+    Vec7 deceived, last, earlier;
   };
 
   std::vector<Undeceived> undeceived_;
+  Vec7 last_ = Vec7::Zero();
   bool was_bad_ = false;
 };
 

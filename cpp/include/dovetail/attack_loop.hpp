@@ -55,11 +55,11 @@ struct AttackResult {
   Worst torque{kNever};          ///< of a motor's torque, gravity included [Nm]
   Worst step{kNever};            ///< torque from cycle to cycle [Nm]
   Worst step_after_bad{kNever};  ///< the same within kAfterBad cycles of a bad sample
-  /// The same, less what a controller does that got true states since before the bad
-  /// sample, where that is smaller [Nm]: a Target's step is none of a bad sample's,
-  /// whether it is followed or not. Nor is what comes once the last line has ended that
-  /// other controller's motion. Each bad sample has its own such controller; the
-  /// largest difference counts.
+  /// The same, less what a controller does, in this cycle or in one beside it, that got
+  /// true states since before the bad sample, where that is smaller [Nm]: a Target's
+  /// step is none of a bad sample's, whether it is followed or not. Nor is what comes
+  /// once the last line has ended that other controller's motion. Each bad sample has
+  /// its own such controller; the largest difference counts.
   Worst step_by_bad{kNever};
   int bad_cycles = 0;
 
