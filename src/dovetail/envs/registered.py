@@ -1,6 +1,6 @@
 """Environments that have a name: a task and a few short settings.
 
-``gym.make("dovetail/PegInHole-v0", clearance=0.001, twin="medium")``. A task outside
+``gym.make("dovetail/RailClip-v0", clearance=0.001, twin="medium")``. A task outside
 the package is registered by its own module with `register_task` and named
 ``my_module:MyTask-v0``.
 """
@@ -21,11 +21,11 @@ from dovetail.envs.config import SECTION_OF, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker
 from dovetail.workcell.workcell import Workcell
 
-DEFAULT_ENV = "dovetail/PegInHole-v0"
 _MAKE = "dovetail.envs.registered:make_env"
 _MAKE_BATCH = "dovetail.envs.registered:make_batch"
 
@@ -65,7 +65,7 @@ def make_env(
         arm: The arm to use, or its address; None is the settings'.
         config: Settings to begin with; None is the usual ones.
         tracker: Where the fixture is, or its name; None is the settings'.
-        render_mode: None; there is nothing to render.
+        render_mode: None, or "rgb_array" for pictures of a simulation here.
         **settings: Fields of the task, and of the sections of `EnvConfig`; ``task`` is
             the mode of each axis.
 
@@ -154,6 +154,11 @@ def task_class(env_id: str) -> type[Task]:
             "MODULE:ID of your own, see docs/your-own-task.md"
         )
     return _class(found)
+
+
+def old_fixture_word() -> str:
+    """Return what files of older versions call the fixture, of whatever task."""
+    return task_class(DEFAULT_ENV).fixture_word
 
 
 def find_cell(
