@@ -6,11 +6,9 @@ the package is registered by its own module with `register_task` and named
 """
 
 import importlib
-import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -21,6 +19,7 @@ from dovetail.envs.config import SECTION_OF, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.strangers import import_names
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker
@@ -194,11 +193,9 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
 
 
 def _import(module: str, env_id: str) -> None:
-    """Import a stranger's module, also from the folder where the command was given."""
-    if (here := str(Path.cwd())) not in sys.path:
-        sys.path.append(here)
+    """Import a stranger's module, which registers its tasks."""
     try:
-        importlib.import_module(module)
+        import_names(module)
     except ImportError as error:
         raise ConfigError(
             f"environment {env_id!r}: Python finds no module {module!r} ({error}); "
