@@ -12,6 +12,7 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.policy_env import make_env
 from dovetail.learn.train import train
+from dovetail.tasks.options import TaskOptions
 
 
 def main() -> None:
@@ -22,7 +23,8 @@ def main() -> None:
     args = parser.parse_args()
     out = args.out or Path(tempfile.mkdtemp()) / "run"
 
-    config = TrainConfig(out=out, clearance=0.001, steps=20_000, eval_episodes=50)
+    options = TaskOptions(clearance=0.001)
+    config = TrainConfig(out=out, task_options=options, steps=20_000, eval_episodes=50)
     if args.quick:
         config = TrainConfig(
             out=out, steps=300, learning_starts=100, eval_episodes=1, max_steps=20

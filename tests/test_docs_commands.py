@@ -9,12 +9,12 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
-import tyro
 
 from dovetail.arms.address import parse_address
 from dovetail.cli import COMMANDS
 from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.serve import Serve
+from dovetail.commands.task_flags import parse
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.plants.twin import TWIN_FOLDER
 
@@ -60,7 +60,7 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
     module = importlib.import_module(f"dovetail.commands.{name}")
     kind = getattr(module, COMMANDS[name][0])
     try:
-        settings = tyro.cli(kind, args=words)
+        settings = parse(kind, words)
     except SystemExit:  # help, or a name whose options the text leaves out
         assert "--help" in words or " -" not in line
         assert "Unrecognized" not in capsys.readouterr().err
@@ -88,11 +88,11 @@ def test_a_learner_in_the_docs_fits_its_service(
     for name in CERTIFICATES:
         Path(name).touch()
     words = shlex.split(service, comments=True)[2:]
-    offered = parse_address(tyro.cli(Serve, args=words).arm)
-    asked = tyro.cli(Evaluate, args=shlex.split(learner, comments=True)[2:])
+    offered = parse_address(parse(Serve, words).arm)
+    asked = parse(Evaluate, shlex.split(learner, comments=True)[2:])
     period = parse_address(asked.arm).control_period(asked.period, DEFAULT_PERIOD)
     assert offered.period in (None, period)
-    assert offered.places_fixture or asked.hole is not None
+    assert offered.places_fixture or asked.fixture is not None
 
 
 def program(page):

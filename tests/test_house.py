@@ -21,6 +21,7 @@ LAYERS = (
         "page",
         "durations",
         "robots",
+        "strangers",
     },
     {"workcell"},
     {"control", "plants"},

@@ -78,6 +78,22 @@ inline Vec4 quat_of(const Mat3& R) {
   return {quat.w(), quat.x(), quat.y(), quat.z()};
 }
 
+/// At rest, tool down, and the target that holds the pose that it has.
+struct RestingArm {
+  ChainParams chain = iiwa14_with_tool();
+  Vec7 q = tool_down_posture();
+  Vec3 p;
+  Vec4 quat;
+  Target target;
+
+  RestingArm() {
+    Mat3 R;
+    Chain(chain).pose(q, p, R);
+    quat = quat_of(R);
+    target.quat_wxyz_d = quat;
+  }
+};
+
 template <typename Vector = Vec7>
 Vector random_vector(std::mt19937_64& random, double scale) {
   std::uniform_real_distribution<double> uniform(-scale, scale);

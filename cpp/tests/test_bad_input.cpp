@@ -20,21 +20,12 @@ constexpr double kPeriod = 0.001;
 constexpr std::array<double, 5> kBad = {kNaN, kInfinity, -kInfinity, 1e300, -1e300};
 
 /// Holds a pose with every axis, so that a spoilt one is used; or goes to q_d.
-struct Arm {
-  ChainParams chain = iiwa14_with_tool();
-  Vec7 q = tool_down_posture();
-  Vec3 p;
-  Vec4 quat;
-  Target target;
+struct Arm : RestingArm {
   OscParams osc;
   TaskSpec task;
 
   Arm() {
-    Mat3 R;
-    Chain(chain).pose(q, p, R);
-    quat = quat_of(R);
     target.position_d = p;
-    target.quat_wxyz_d = quat;
     target.q_d = q;
     task.fill(AxisMode::kHold);
   }

@@ -27,23 +27,13 @@ Controller make_controller(const LimitParams& limits, const OscParams& osc = {})
   return {iiwa14_with_tool(), osc, limits, kUsualTask, kPeriod};
 }
 
-/// At rest, tool down, holding the pose that it has.
-struct Resting {
-  ChainParams chain = iiwa14_with_tool();
-  Vec7 q = tool_down_posture();
-  Vec3 p;
-  Mat3 R;
-  Target target;
+/// At rest, with its limits.
+struct Resting : RestingArm {
   LimitParams limits = limits_for(kPeriod);
-
-  Resting() {
-    Chain(chain).pose(q, p, R);
-    target.quat_wxyz_d = quat_of(R);
-  }
 
   StepResult first_step(const LimitParams& with, const Vec7& dq = Vec7::Zero()) {
     Controller controller = make_controller(with);
-    controller.reset(q, p, quat_of(R), dq);
+    controller.reset(q, p, quat, dq);
     return controller.step(q, dq, target);
   }
 
@@ -101,7 +91,7 @@ BOOST_AUTO_TEST_CASE(at_rest_on_the_target_the_overlay_torque_is_zero) {
 BOOST_AUTO_TEST_CASE(below_the_limits_the_task_torque_is_unchanged) {
   target.f_star << 1.0, -0.5, 0.5, 0, 0, 0;
   Controller controller = make_controller(limits);
-  controller.reset(q, p, quat_of(R));
+  controller.reset(q, p, quat);
   const StepResult result = controller.step(q, Vec7::Zero(), target);
   BOOST_TEST(pack_flags(result.flags) == 0);
   BOOST_TEST((result.tau - controller.osc_terms().u0).norm() < 1e-9);
@@ -159,7 +149,7 @@ BOOST_AUTO_TEST_CASE(acceleration_and_torque_stay_inside_whatever_the_input) {
       const Vec7 dq = random_vector(random, 2.5);
       target.f_star = random_vector<Vec6>(random, 100.0);
       // without memory: jumps of the state are not the plant's doing
-      controller.reset(at, p, quat_of(R), dq);
+      controller.reset(at, p, quat, dq);
       const StepResult result = controller.step(at, dq, target);
       ToolMotion motion;
       controller.chain().tool_motion(at, dq, motion);
@@ -182,7 +172,7 @@ BOOST_AUTO_TEST_CASE(acceleration_and_torque_stay_inside_whatever_the_input) {
 
 BOOST_AUTO_TEST_CASE(one_cycle_of_a_jump_moves_the_estimate_by_a_bounded_amount) {
   Controller controller = make_controller(free_limits());
-  controller.reset(q, p, quat_of(R));
+  controller.reset(q, p, quat);
   static_cast<void>(controller.step(q, Vec7::Zero(), target));
   Vec7 kicked = Vec7::Zero();
   kicked[1] = 0.045;  // [rad/s] in 1 ms: what a state check just believes
@@ -195,7 +185,7 @@ BOOST_AUTO_TEST_CASE(one_cycle_of_a_jump_moves_the_estimate_by_a_bounded_amount)
 
 BOOST_AUTO_TEST_CASE(disturbance_estimate_finds_an_outside_force) {
   Controller controller = make_controller(limits);
-  controller.reset(q, p, quat_of(R));
+  controller.reset(q, p, quat);
   RigidPlant plant(chain, chain, {});
   plant.reset(q, Vec7::Zero());
   const Vec3 push(6.0, -3.0, 2.0);
@@ -215,7 +205,7 @@ BOOST_AUTO_TEST_CASE(
   const Vec7 moving = Vec7::Constant(0.2);
   const auto loaded = [&] {
     Controller controller = make_controller(limits);
-    controller.reset(q, p, quat_of(R));
+    controller.reset(q, p, quat);
     for (int k = 0; k < 20; ++k) {  // at rest, though the torque moves it
       static_cast<void>(controller.step(q, Vec7::Zero(), target));
       target.f_star[2] = 1.0;
@@ -224,15 +214,15 @@ BOOST_AUTO_TEST_CASE(
     return controller;
   };
   Controller at_rest = loaded();
-  at_rest.reset(q, p, quat_of(R));
+  at_rest.reset(q, p, quat);
   BOOST_TEST(at_rest.disturbance().norm() == 0.0);
   Controller elsewhere = loaded();
-  elsewhere.reset(q + Vec7::Constant(0.1), p, quat_of(R), moving);
+  elsewhere.reset(q + Vec7::Constant(0.1), p, quat, moving);
   BOOST_TEST(elsewhere.disturbance().norm() == 0.0);
   for (const double share : {1.0, 1e-3}) {  // held, it moves by its noise
     Controller goes_on = loaded();
     const Vec7 load = goes_on.disturbance();
-    goes_on.reset(q + kPeriod * share * moving, p, quat_of(R), share * moving);
+    goes_on.reset(q + kPeriod * share * moving, p, quat, share * moving);
     BOOST_TEST((goes_on.disturbance() - load).norm() == 0.0);
   }
 }
@@ -349,7 +339,7 @@ BOOST_AUTO_TEST_CASE(a_joint_target_becomes_a_damped_spring_in_each_joint) {
   osc.joint_damping_ratio = 0.5;
   Controller controller = make_controller(arm.limits, osc);
   const Vec7 dq = Vec7::Constant(0.1);
-  controller.reset(arm.q, arm.p, quat_of(arm.R), dq);
+  controller.reset(arm.q, arm.p, arm.quat, dq);
   arm.target.joint_mode = true;
   arm.target.q_d = arm.q + Vec7::Constant(0.05);
   const StepResult result = controller.step(arm.q, dq, arm.target);
@@ -361,7 +351,7 @@ BOOST_AUTO_TEST_CASE(time_that_has_passed_divides_the_change_of_speed) {
   Resting arm;
   for (const double elapsed : {0.001, 0.003}) {
     Controller controller = make_controller(arm.limits);
-    controller.reset(arm.q, arm.p, quat_of(arm.R));
+    controller.reset(arm.q, arm.p, arm.quat);
     RigidPlant plant(arm.chain, arm.chain, {});
     plant.reset(arm.q, Vec7::Zero());
     plant.set_external_force(Vec3(5.0, 0.0, 0.0));

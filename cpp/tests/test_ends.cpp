@@ -14,23 +14,14 @@ namespace {
 constexpr double kPeriod = 0.001;
 
 /// What a hold acts against, and how a motion ends that the last line saw.
-struct Arm {
-  ChainParams chain = iiwa14_with_tool();
-  Vec7 q = tool_down_posture();
-  Vec3 p;
-  Mat3 R;
-  Target target;
+struct Arm : RestingArm {
   LimitParams limits = limits_for(kPeriod);
 
-  Arm() {
-    Chain(chain).pose(q, p, R);
-    target.quat_wxyz_d = quat_of(R);
-    limits.walls = false;
-  }
+  Arm() { limits.walls = false; }
 
   Controller controller() const {
     Controller controller(chain, {}, limits, kUsualTask, kPeriod);
-    controller.reset(q, p, quat_of(R));
+    controller.reset(q, p, quat);
     return controller;
   }
 

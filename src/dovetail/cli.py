@@ -34,6 +34,9 @@ A subcommand's file is imported only when it is asked for, so that the learning 
 is not needed, nor waited for, by the others.
 """
 
+_WITH_TASK = ("train", "export", "evaluate", "identify", "serve", "cabinet")
+"""Of them those that have options of the task, for which it has to be found."""
+
 _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
 """What the standard output fails with: a full device, a reader that has gone."""
 
@@ -98,15 +101,20 @@ def _run_command(name: str, words: list[str]) -> int:
     warnings.simplefilter("ignore", UnprovenWarning)  # a command says it itself
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
-    if (groups := vars(module).get("GROUPS")) and {"-h", "--help"} & set(words):
-        print(help_page(settings, name, groups))
-        raise SystemExit(0)
-    words = ["--help" if word == "--help-all" else word for word in words]
+    prog = f"dovetail {name}"
+    if name not in _WITH_TASK:
+        words = ["--help" if word == "--help-all" else word for word in words]
+        return tyro.cli(settings, args=words, prog=prog).run(make_console())
+    from dovetail.commands.task_flags import describe_options, find_task, parse
+
     find = vars(module).get("defaults")  # of what the words continue
     found = find(words) if find else None
-    options = {} if found is None else {"default": found}
-    command = tyro.cli(settings, args=words, prog=f"dovetail {name}", **options)
-    return command.run(make_console())
+    task = find_task(words, found and found.env)
+    if (groups := vars(module).get("GROUPS")) and {"-h", "--help"} & set(words):
+        print(help_page(settings, name, groups, describe_options(task)))
+        raise SystemExit(0)
+    words = ["--help" if word == "--help-all" else word for word in words]
+    return parse(settings, words, task, prog=prog, default=found).run(make_console())
 
 
 def make_console() -> Console:

@@ -43,6 +43,16 @@ def assert_same(states, others):
             np.testing.assert_array_equal(value, wanted)
 
 
+def assert_as_alone(batch, alone, steps, rng):
+    """Step the batch, and each arm that is like one of it; the states are the same."""
+    for _ in range(steps):
+        wanted = targets(rng, len(alone))
+        assert_same(
+            batch.step(wanted),
+            [arm.step(target) for arm, target in zip(alone, wanted, strict=True)],
+        )
+
+
 def num_threads():
     """Count the threads of this process, C++'s too."""
     return sum(1 for _ in Path("/proc/self/task").iterdir())
@@ -58,12 +68,7 @@ def test_each_arm_of_a_batch_moves_as_it_does_alone(threads, settings, rng):
     arms, alone = ([build(**settings) for _ in range(5)] for _ in range(2))
     batch = BatchArm(arms, threads)
     assert batch.threads == threads
-    for _ in range(25):
-        wanted = targets(rng, 5)
-        assert_same(
-            batch.step(wanted),
-            [arm.step(target) for arm, target in zip(alone, wanted, strict=True)],
-        )
+    assert_as_alone(batch, alone, 25, rng)
     batch.close()
 
 
@@ -72,12 +77,7 @@ def test_arms_of_different_settings_go_together(rng):
     kinds = [{"twin": "medium"}, {}, {"period": 0.0025}, {"twin": "easy"}]
     arms, alone = ([build(**settings) for settings in kinds] for _ in range(2))
     batch = BatchArm(arms, 2)
-    for _ in range(10):
-        wanted = targets(rng, 4)
-        assert_same(
-            batch.step(wanted),
-            [arm.step(target) for arm, target in zip(alone, wanted, strict=True)],
-        )
+    assert_as_alone(batch, alone, 10, rng)
     batch.close()
 
 
@@ -87,12 +87,7 @@ def test_a_push_and_a_fixture_that_moves_are_as_alone(rng):
     for some in (arms, alone):
         some[0].push(np.array([20.0, 0.0, 0.0]), 0.12)
         some[2].move_fixture(HOLE, np.array([0.01, 0.0, 0.0]))
-    for _ in range(5):
-        wanted = targets(rng, 3)
-        assert_same(
-            batch.step(wanted),
-            [arm.step(target) for arm, target in zip(alone, wanted, strict=True)],
-        )
+    assert_as_alone(batch, alone, 5, rng)
     batch.close()
 
 
@@ -106,11 +101,7 @@ def test_a_simulation_that_diverges_is_named_and_nothing_runs_on(threads, rng):
     alone = [build() for _ in range(4)]
     for arm in arms:
         arm.reset(np.array([0.0, 0.6, 0.0, -1.55, 0.0, 0.99, 0.0]), HOLE)
-    wanted = targets(rng, 4)
-    assert_same(
-        batch.step(wanted),
-        [arm.step(target) for arm, target in zip(alone, wanted, strict=True)],
-    )
+    assert_as_alone(batch, alone, 1, rng)
     batch.close()
 
 

@@ -115,7 +115,7 @@ def test_a_folder_in_brackets_is_printed_whole(tmp_path, capsys):
     ("name", "value"),
     [
         *[("gamma", "much"), ("gamma", None), ("gamma", True), ("steps", 1e30)],
-        *[("hole", ["a", 0, 0, 0]), ("hole", [0, 0]), ("net", ["x"]), ("env", 5)],
+        *[("fixture", ["a", 0, 0, 0]), ("fixture", [0, 0]), ("net", ["x"]), ("env", 5)],
         *[("random_mass", 5), ("tare", "no"), ("algorithm", "guess"), ("peg", 1)],
     ],
 )

@@ -41,7 +41,7 @@ def path(env):
         lambda: make_env(RailClip, clearance=0.002),
         lambda: gym.make(ID, twin="easy", randomisation=RandomisationConfig()),
         lambda: gym.make("dovetail/RailClip-v0"),
-        lambda: make_perturbed(ID, Perturbation(hole_shift=0.002, push=20.0), {}),
+        lambda: make_perturbed(ID, Perturbation(fixture_shift=0.002, push=20.0), {}),
     ],
 )
 def test_a_copy_runs_as_the_original_does(make):

@@ -172,7 +172,7 @@ def test_the_shipped_policy_finds_a_hole_that_was_moved_by_4_mm():
     policy = Policy.load(find_policy("peg_square"))
     depths = {}
     for search in ("none", "spiral"):
-        asked = Perturbation(hole_shift=0.004, search=search)
+        asked = Perturbation(fixture_shift=0.004, search=search)
         options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 1200}
         env = make_perturbed(policy.metadata["env_id"], asked, options)
         observation, info = env.reset(seed=4, options={"fixture": HOLE})
@@ -188,7 +188,7 @@ def test_the_shipped_policy_finds_a_hole_that_was_moved_by_4_mm():
 
 
 def test_a_search_without_a_covered_camera_is_refused():
-    with pytest.raises(ConfigError, match="add --hole-shift"):
+    with pytest.raises(ConfigError, match="add --fixture-shift"):
         Perturbation(search="spiral")
     with pytest.raises(ConfigError, match="search is 'grid'; known: none, spiral"):
-        Perturbation(search="grid", hole_shift=0.01)
+        Perturbation(search="grid", fixture_shift=0.01)

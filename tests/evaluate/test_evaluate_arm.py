@@ -76,10 +76,10 @@ def test_a_twin_by_address_gives_the_numbers_of_the_twin(config, tmp_path):
 
 def test_a_given_hole_is_the_only_pose(config):
     hole = (0.6, 0.01, 0.1, 0.1)
-    evaluation, text = run(replace(config, hole=hole))
+    evaluation, text = run(replace(config, fixture=hole))
     assert [row.label for row in evaluation.rows] == ["given", "all"]
     assert "given" in text
-    assert "--hole 0.6 0.01 0.1 0.1" in evaluation.report.command
+    assert "--fixture 0.6 0.01 0.1 0.1" in evaluation.report.command
     episode = Episode.load(evaluation.folder / "logs" / "given_00.npz")
     assert episode.metadata["fixture_pose"]["x"] == 0.6
 
@@ -105,7 +105,7 @@ def test_the_one_arm_is_opened_once(config, blind_arm):
     [
         ({"arm": "gazebo"}, "known addresses: mujoco, bullet, twin:NAME"),
         ({"twin": "easy"}, "either a plant or a twin or an arm"),
-        ({"arm": "fri://0.0.0.0"}, "say where it is with --hole"),
+        ({"arm": "fri://0.0.0.0"}, "say where it is with --fixture"),
         ({"arm": FRI, "workers": 2}, "there is one arm"),
         ({"hole": (0.6, 0.0, float("nan"), 0.0)}, "four finite numbers"),
         ({"hole": (0.6, 0.25, 0.1, 0.0)}, "outside the workspace"),
@@ -130,10 +130,10 @@ def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
             self.facts = replace(self.facts, places_fixture=False)
 
     monkeypatch.setattr("dovetail.arms.local_arm.LocalArm", FixedArm)
-    with pytest.raises(ConfigError, match="say where it is with --hole"):
+    with pytest.raises(ConfigError, match="say where it is with --fixture"):
         run(config)
     assert not config.out.exists()
-    run(replace(config, hole=(0.6, 0.0, 0.1, 0.0)))
+    run(replace(config, fixture=(0.6, 0.0, 0.1, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -151,5 +151,5 @@ def test_a_result_says_where_it_was_found(config, address, ground):
 
 
 def test_the_command_is_complete(config):
-    words = command_line(replace(config, hole=(0.6, 0.0, 0.1, 0.0)))
-    assert "--arm twin:easy --hole 0.6 0.0 0.1 0.0" in words
+    words = command_line(replace(config, fixture=(0.6, 0.0, 0.1, 0.0)))
+    assert "--arm twin:easy --fixture 0.6 0.0 0.1 0.0" in words

@@ -9,10 +9,10 @@ from io import StringIO
 
 import numpy as np
 import pytest
-import tyro
 from rich.console import Console
 
 from dovetail.commands.evaluate import Evaluate
+from dovetail.commands.task_flags import parse
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, DovetailError, LogError, PolicyError
 from dovetail.evaluate.evaluation import (
@@ -24,6 +24,9 @@ from dovetail.evaluate.evaluation import (
 from dovetail.evaluate.origin import shared_engine
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.twin import load_twin
+from dovetail.tasks.options import TaskOptions
+
+HEXAGON = TaskOptions(peg="hexagon")
 
 
 @pytest.fixture
@@ -149,17 +152,17 @@ def test_an_ideal_plant_is_called_a_simulation(config):
 @pytest.mark.parametrize(
     "change",
     [
-        {"peg": "round", "clearance": 0.001, "seed": 7},
-        {"hole_shift": 0.01, "search": "spiral", "max_steps": 900},
-        {"push": 30.0, "hole_speed": 0.02, "start": "below"},
-        {"tare": False, "hole": (0.6, 0.0, 0.1, 0.2), "tries": 5},
+        {"task_options": TaskOptions(peg="round", clearance=0.001), "seed": 7},
+        {"fixture_shift": 0.01, "search": "spiral", "max_steps": 900},
+        {"push": 30.0, "fixture_speed": 0.02, "start": "below"},
+        {"tare": False, "fixture": (0.6, 0.0, 0.1, 0.2), "tries": 5},
         {"twin": None, "arm": "grpc://localhost:50051"},
     ],
 )
 def test_the_printed_command_is_the_same_evaluation(config, change):
     asked = replace(config, **change)
     words = shlex.split(command_line(asked))[2:]
-    read = tyro.cli(Evaluate, args=words)
+    read = parse(Evaluate, words)
     for f in fields(EvaluationConfig):
         if f.name not in ("out", "workers", "keep_logs"):
             assert getattr(read, f.name) == getattr(asked, f.name)
@@ -173,8 +176,11 @@ def test_the_printed_command_is_the_same_evaluation(config, change):
         ({"twin": None, "plant": "gazebo"}, "gazebo.*mujoco, bullet"),
         ({"twin": "unreal"}, "unreal.*easy, hard, medium"),
         ({"twin": "missing.toml"}, "missing"),
-        ({"peg": "hexagon"}, "hexagon.*square, triangle, round"),
-        ({"clearance": -0.001}, "clearance"),
+        (
+            {"task_options": TaskOptions(peg="hexagon")},
+            "hexagon.*square, triangle, round",
+        ),
+        ({"task_options": TaskOptions(clearance=-0.001)}, "clearance"),
         ({"tries": 0}, "tries is 0"),
         ({"workers": 0}, "workers is 0"),
         ({"policy": "nobody"}, "no policy 'nobody'"),
@@ -185,7 +191,7 @@ def test_a_wrong_setting_is_named_with_what_is_known(config, change, words):
         evaluate(replace(config, **change), silent())
 
 
-@pytest.mark.parametrize("change", [{"peg": "hexagon"}, {"workers": 0}])
+@pytest.mark.parametrize("change", [{"task_options": HEXAGON}, {"workers": 0}])
 def test_a_wrong_setting_leaves_no_folder(config, change):
     with pytest.raises(DovetailError):
         evaluate(replace(config, **change), silent())
@@ -242,11 +248,11 @@ def test_laxer_contact_is_said_before_the_tries_and_kept_with_them(
     note = "near_speed 5 m/s (default 0.02)"
     assert text.getvalue().count(note) == 2
     assert note in evaluation.report.note
-    robot = {"arm": "fri://127.0.0.1:30299", "hole": (0.6, 0.0, 0.1, 0.0)}
+    robot = {"arm": "fri://127.0.0.1:30299", "fixture": (0.6, 0.0, 0.1, 0.0)}
     with pytest.raises(ConfigError, match="say --accept-contact"):
         evaluate(replace(asked, twin=None, **robot), silent())
     command = command_line(replace(asked, accept_contact=True))
-    assert tyro.cli(Evaluate, args=shlex.split(command)[2:]).accept_contact
+    assert parse(Evaluate, shlex.split(command)[2:]).accept_contact
 
 
 def test_either_file_or_the_bare_name_finds_a_policy(policy_file):

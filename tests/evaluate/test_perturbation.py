@@ -49,7 +49,7 @@ def test_nothing_perturbed_is_the_plain_environment(make):
 
 
 def test_a_covered_camera_is_off_by_the_distance_in_a_random_horizontal_direction(make):
-    env = make(hole_shift=0.02)
+    env = make(fixture_shift=0.02)
     angles = []
     for seed in range(40):
         env.reset(seed=seed, options={"fixture": HOLE})
@@ -63,7 +63,7 @@ def test_a_covered_camera_is_off_by_the_distance_in_a_random_horizontal_directio
 
 
 def test_under_a_covered_camera_the_policy_sees_the_old_pose_and_its_age(make):
-    env = make(hole_shift=0.02)
+    env = make(fixture_shift=0.02)
     _, plain = make().reset(seed=1, options={"fixture": HOLE})
     _, info = env.reset(seed=1, options={"fixture": HOLE})
     off = info["observation_raw"][7:10] - plain["observation_raw"][7:10]
@@ -76,7 +76,7 @@ def test_under_a_covered_camera_the_policy_sees_the_old_pose_and_its_age(make):
 
 
 def test_success_and_depth_are_those_of_the_true_hole(make):
-    env = make(hole_shift=0.03)
+    env = make(fixture_shift=0.03)
     robot = env.core.arm.facts.robot
     bottom = Pose(HOLE.position - [0, 0, 0.029], tool_down(0.0))
     inside = robot.inverse_kinematics(bottom, env.core.arm.facts.robot.posture("down"))
@@ -152,7 +152,7 @@ def test_the_moving_hole_is_where_the_environment_says_and_the_tracker_sees(
 ):
     if plant == "bullet":
         need("pybullet")
-    env = make(plant, hole_speed=0.03)
+    env = make(plant, fixture_speed=0.03)
     moved = []
     env.reset(seed=2, options={"fixture": HOLE})
     engine = env.core.arm.plant
@@ -173,7 +173,7 @@ def test_the_moving_hole_is_where_the_environment_says_and_the_tracker_sees(
 
 
 def test_a_hole_near_the_edge_moves_inwards(make):
-    env = make(hole_speed=0.02)
+    env = make(fixture_speed=0.02)
     corner = Pose(np.array([0.42, -0.20, 0.10]), HOLE.quat_wxyz)
     for seed in range(10):
         options = {"fixture": corner, "start": env.core.arm.facts.robot.posture("down")}
@@ -196,10 +196,10 @@ def test_starts_below_are_below_the_mouth_and_beside_the_block(make):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"hole_shift": 0.06}, "hole_shift is 0.06 m; allowed: 0 to 0.05 m"),
+        ({"fixture_shift": 0.06}, "fixture_shift is 0.06 m; allowed: 0 to 0.05 m"),
         ({"push": -1.0}, "push is -1 N; allowed: 0 to 100 N"),
         ({"push": float("nan")}, "push is nan N"),
-        ({"hole_speed": 0.2}, "hole_speed is 0.2 m/s; allowed: 0 to 0.1 m/s"),
+        ({"fixture_speed": 0.2}, "fixture_speed is 0.2 m/s; allowed: 0 to 0.1 m/s"),
         ({"start": "above"}, "start is 'above'; known: random, below"),
     ],
 )
@@ -213,12 +213,16 @@ def test_what_is_out_of_range_is_refused_by_name(settings, words):
     [
         ({"push": 30.0}, "grpc://localhost:1", "--push cannot .* over gRPC"),
         (
-            {"hole_speed": 0.02},
+            {"fixture_speed": 0.02},
             "grpc://localhost:1",
-            "--hole-speed cannot .* over gRPC",
+            "--fixture-speed cannot .* over gRPC",
         ),
         ({"push": 30.0}, "fri://0.0.0.0:1", "--push needs .*pushed by hand"),
-        ({"hole_speed": 0.02}, "fri://0.0.0.0:1", "--hole-speed needs a simulation"),
+        (
+            {"fixture_speed": 0.02},
+            "fri://0.0.0.0:1",
+            "--fixture-speed needs a simulation",
+        ),
     ],
 )
 def test_an_arm_that_cannot_be_perturbed_is_refused(settings, address, words):
@@ -227,7 +231,7 @@ def test_an_arm_that_cannot_be_perturbed_is_refused(settings, address, words):
 
 
 def test_a_covered_camera_and_low_starts_need_nothing_of_the_arm():
-    asked = Perturbation(hole_shift=0.02, start="below")
+    asked = Perturbation(fixture_shift=0.02, start="below")
     for address in ("grpc://localhost:1", "fri://0.0.0.0:1", "twin:easy"):
         asked.require_possible(parse_address(address))
 
@@ -238,8 +242,8 @@ def test_an_evaluation_under_perturbation_says_so_everywhere(policy_file, tmp_pa
         plant="mujoco",
         tries=1,
         out=tmp_path / "out",
-        hole=(0.6, 0.0, 0.1, 0.0),
-        hole_shift=0.01,
+        fixture=(0.6, 0.0, 0.1, 0.0),
+        fixture_shift=0.01,
         push=20.0,
         start="below",
     )
@@ -251,10 +255,10 @@ def test_an_evaluation_under_perturbation_says_so_everywhere(policy_file, tmp_pa
     )
     assert title in text.getvalue()
     report = json.loads((config.out / "report.json").read_text())
-    assert report["config"]["hole_shift"] == 0.01
+    assert report["config"]["fixture_shift"] == 0.01
     shift = report["tries"][0]["perturbation"]["fixture_shift [m]"]
     assert np.linalg.norm(shift) == pytest.approx(0.01)
-    for words in ("--hole-shift 0.01", "--push 20.0", "--start below"):
+    for words in ("--fixture-shift 0.01", "--push 20.0", "--start below"):
         assert words in report["command"]
     assert "fixture moved by 10 mm" in (config.out / "report.html").read_text()
     with pytest.raises(ConfigError, match="push is 200 N"):

@@ -72,7 +72,9 @@ def test_the_delay_of_an_arm_behind_fri_is_measured(tmp_path, key, words):
     plant = TwinPlant(load_twin("medium"), find_cell())
     plant.reset(plant.robot.inverse_kinematics(START, Q_SEED), HOLE)
     with lockstep_address(plant) as address:
-        said, kept = record_of(address + key, tmp_path / "log", hole=(0.6, 0, 0.09, 0))
+        said, kept = record_of(
+            address + key, tmp_path / "log", fixture=(0.6, 0, 0.09, 0)
+        )
     assert kept["measured"] == pytest.approx(0.005, abs=5e-4)
     assert words in said
 

@@ -82,7 +82,7 @@ def test_a_folder_of_something_else_is_not_written_to(tmp_path, settings, quiet)
 
 
 def test_a_hole_that_leaves_no_free_air_is_refused(tmp_path, settings, quiet):
-    config = RecordConfig(out=tmp_path / "log", hole=(0.6, 0, 0.2, 0), **settings)
+    config = RecordConfig(out=tmp_path / "log", fixture=(0.6, 0, 0.2, 0), **settings)
     with pytest.raises(ConfigError, match=r"mouth is 0.2 m high.*allow-contact"):
         record(config, quiet)
     assert not config.out.exists()
@@ -126,7 +126,7 @@ def touching_start():
 
 def test_an_arm_that_cannot_move_the_hole_needs_to_be_told_where_it_is(tmp_path, quiet):
     config = RecordConfig(out=tmp_path / "log", arm="fri://127.0.0.1:30299")
-    with pytest.raises(ConfigError, match="say where it is with --hole"):
+    with pytest.raises(ConfigError, match="say where it is with --fixture"):
         record(config, quiet)
 
 

@@ -4,12 +4,13 @@ import shlex
 from dataclasses import replace
 
 import pytest
-import tyro
 
+from dovetail.commands.task_flags import parse
 from dovetail.envs.config import EnvConfig
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.env_settings import ENV_FIELDS
+from dovetail.tasks.options import TaskOptions
 
 
 @pytest.mark.parametrize(
@@ -37,7 +38,7 @@ def test_the_entropy_coefficient_is_a_number_or_adapted():
 
 def test_resuming_with_another_setting_names_it_and_both_values():
     config = TrainConfig()
-    for name, value in (("clearance", 0.001), ("seed", 3), ("net", (64, 64))):
+    for name, value in (("stack", 4), ("seed", 3), ("net", (64, 64))):
         other = replace(config, **{name: value})
         with pytest.raises(ConfigError, match=f"cannot resume .*: {name} is"):
             other.require_same(config.to_json())
@@ -50,7 +51,7 @@ def test_the_noted_command_trains_with_the_same_settings():
     )
     command = shlex.split(config.command())
     assert command[:2] == ["dovetail", "train"]
-    again = tyro.cli(TrainConfig, args=command[2:])
+    again = parse(TrainConfig, command[2:])
     assert again.to_json() == config.to_json()
 
 
@@ -65,7 +66,12 @@ def test_task_and_clearance_are_the_environments_own():
             assert settings["clearance"] == clearance
     assert clip.command() == "dovetail train --env dovetail/RailClip-v0"
     assert replace(peg, env=clip.env) == clip
-    assert replace(clip, clearance=0.002).env_options()["clearance"] == 0.002
+    assert (
+        replace(clip, task_options=TaskOptions(clearance=0.002)).env_options()[
+            "clearance"
+        ]
+        == 0.002
+    )
 
 
 @pytest.mark.parametrize("name", ["dovetail/Nut-v0", "CartPole-v1", "peg"])
@@ -77,7 +83,7 @@ def test_an_unknown_environment_lists_the_known_ones(name):
 
 def test_every_environment_setting_is_a_keyword_of_the_environment():
     usual = EnvConfig().flat()
-    assert set(ENV_FIELDS) <= {*usual, "peg", "clearance", "task"}
+    assert set(ENV_FIELDS) <= {*usual, "task"}
     config = TrainConfig()
     for name in set(ENV_FIELDS) & set(usual) - {"tare"}:
         mine, theirs = getattr(config, name), usual[name]

@@ -12,6 +12,7 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import open_run
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
+from dovetail.tasks.options import TaskOptions
 
 from .conftest import SMALL
 
@@ -59,7 +60,7 @@ def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
     ],
 )
 def test_an_option_that_differs_from_the_run_is_named(small, words, message, capsys):
-    again = begin(replace(small, clearance=0.001, tare=False))
+    again = begin(replace(small, task_options=TaskOptions(clearance=0.001), tare=False))
     assert run(["train", *again, *words]) == 2
     assert message in capsys.readouterr().err
 
@@ -70,7 +71,7 @@ def test_the_runs_settings_are_read_back_whole(small):
         env="dovetail/RailClip-v0",
         stack=2,
         fixed_goal=True,
-        hole=(0.85, 0.0, 0.4, 0.0),
+        fixture=(0.85, 0.0, 0.4, 0.0),
         f_scale=(4.0, 3.0, 2.0),
         from_policy="peg_square",
         randomise_dynamics=True,

@@ -21,6 +21,7 @@ from dovetail.learn.policy import Policy
 from dovetail.learn.progress import read_progress
 from dovetail.learn.run_folder import RunLock
 from dovetail.learn.train import train
+from dovetail.tasks.options import TaskOptions
 
 from .conftest import SMALL
 
@@ -66,15 +67,15 @@ def test_a_run_folder_that_is_not_empty_is_refused(small):
     "wrong",
     [
         {"plant": "gazebo"},
-        {"plant": "bullet", "peg": "triangle"},
-        {"peg": "star"},
-        {"clearance": -1.0},
+        {"plant": "bullet", "task_options": TaskOptions(peg="triangle")},
+        {"task_options": TaskOptions(peg="star")},
+        {"task_options": TaskOptions(clearance=-1.0)},
         {"scheme": "hope"},
         {"period": 0.1},
         {"stack": -1},
         {"from_policy": "nobody"},
         {"from_policy": "peg_square"},
-        {"fixed_goal": True, "hole": (0.9, 0.0, 0.1, 0.0)},
+        {"fixed_goal": True, "fixture": (0.9, 0.0, 0.1, 0.0)},
         {"plant": "gazebo", "seeds": 2},
     ],
 )
@@ -102,7 +103,7 @@ def test_resuming_with_other_settings_names_the_field(small):
     small.out.mkdir()
     (small.out / "config.json").write_text(json.dumps(small.to_json()))
     with pytest.raises(ConfigError, match=r"clearance is 0.001, the run was started"):
-        train(replace(small, resume=True, clearance=0.001))
+        train(replace(small, resume=True, task_options=TaskOptions(clearance=0.001)))
 
 
 def test_two_processes_cannot_train_in_one_folder(tmp_path):

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import tyro
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.cli import run
+from dovetail.commands.task_flags import parse
 from dovetail.errors import ArmError, ConfigError
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
@@ -49,11 +49,14 @@ def test_an_arm_is_one_environment_whatever_was_asked():
 
 def test_the_noted_command_trains_on_the_same_arm():
     config = TrainConfig(
-        arm=FRI, fixed_goal=True, hole=(0.6, -0.02, 0.1, 0.1), from_policy="peg_square"
+        arm=FRI,
+        fixed_goal=True,
+        fixture=(0.6, -0.02, 0.1, 0.1),
+        from_policy="peg_square",
     )
     command = config.command()
     assert "--from peg_square" in command
-    again = tyro.cli(TrainConfig, args=shlex.split(command)[2:])
+    again = parse(TrainConfig, shlex.split(command)[2:])
     assert again.to_json() == config.to_json()
 
 
@@ -66,7 +69,7 @@ def test_every_episode_has_the_hole_where_it_was_said_to_be(on_arm, monkeypatch)
 
     reset = LocalArm.reset
     monkeypatch.setattr(LocalArm, "reset", remember)
-    (result,) = train(replace(on_arm, hole=(0.6, -0.02, 0.11, 0.1)))
+    (result,) = train(replace(on_arm, fixture=(0.6, -0.02, 0.11, 0.1)))
     assert len(holes) > 4 + result.evaluation["episodes"]
     for hole in holes:
         np.testing.assert_array_equal(hole.position, [0.6, -0.02, 0.11])

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import tyro
 
+from dovetail.commands.task_flags import parse
 from dovetail.envs.dynamics_randomisation import RandomDynamics
 from dovetail.errors import ConfigError
 from dovetail.learn.algorithms import make_vec_env
@@ -189,7 +189,7 @@ def test_the_noted_command_names_model_and_ranges(model):
     config = TrainConfig(
         model=model, randomise_dynamics=True, random_mass=(0.9, 1.3), random_gravity=1.0
     )
-    again = tyro.cli(TrainConfig, args=shlex.split(config.command())[2:])
+    again = parse(TrainConfig, shlex.split(config.command())[2:])
     assert again == config
 
 

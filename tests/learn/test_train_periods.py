@@ -3,9 +3,9 @@
 from io import StringIO
 
 import pytest
-import tyro
 from rich.console import Console
 
+from dovetail.commands.task_flags import parse
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
@@ -41,7 +41,7 @@ def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
         tries=1,
         max_steps=3,
         out=tmp_path / "evaluation",
-        hole=(0.6, 0.0, 0.1, 0.0),
+        fixture=(0.6, 0.0, 0.1, 0.0),
     )
     found = evaluate(evaluation, Console(file=StringIO()))
     assert found.report.period == period  # of the policy, where nothing else is asked
@@ -53,7 +53,7 @@ def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
 def test_the_command_line_of_a_training_makes_its_settings_again(period):
     config = TrainConfig(period=period)
     words = config.command().split()[2:]
-    assert tyro.cli(TrainConfig, args=words) == config
+    assert parse(TrainConfig, words) == config
 
 
 def test_the_period_of_an_arms_address_is_the_trainings():

@@ -10,6 +10,7 @@ from dovetail.reproduce.budget import BUDGETS, FULL, QUICK, SMOKE, find_budget
 from dovetail.reproduce.paper import TRANSFER
 from dovetail.reproduce.plan import PlanConfig, plan, transfer_name
 from dovetail.reproduce.schedule import check_plan
+from dovetail.reproduce.settings import as_config
 
 
 def config(budget=QUICK, **changes):
@@ -113,7 +114,9 @@ def test_a_moved_hole_is_also_searched_for_and_the_long_logs_are_not_kept():
 def test_trainings_use_the_defaults_of_train_and_write_all_of_them_down():
     settings = by_name(config())["train-unidentified-seed-0"].settings
     default = TrainConfig(plant="bullet").to_json()
+    default["hole"] = default.pop("fixture")
     assert settings == {k: v for k, v in default.items() if v is not None}
+    assert as_config(settings)["fixture"] == (0.6, 0.0, 0.1, 0.0)
 
 
 def test_the_training_on_the_twin_itself_has_one_hole_pose_and_no_simulation():

@@ -4,7 +4,7 @@ import gc
 import signal
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -25,13 +25,15 @@ from dovetail.commands.help_page import Groups
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.durations import parse_duration
-from dovetail.envs.registered import DEFAULT_ENV, find_cell
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.tasks.options import TaskOptions
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 _FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 _ABOVE = 0.06
@@ -40,7 +42,7 @@ _PLAIN_EVERY = 10.0
 """Time between two status lines where there is no terminal [s]."""
 
 GROUPS: Groups = {
-    "the robot": ("twin", "plant", "robot", "env", "peg", "clearance"),
+    "the robot": ("twin", "plant", "robot", "env", "task_options"),
     "the connection": ("version", "client", "bind", "port", "control"),
     "time": ("period", "multiplier", "clock", "patience", "realtime"),
     "control": ("mode", "stiffness", "damping", "mirror_tolerance"),
@@ -97,10 +99,8 @@ class Cabinet:
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
-    peg: str | None = None
-    """Shape of the part: square, triangle or round; default the task's."""
-    clearance: float | None = None
-    """Gap between held part and fixture on each side [m]; default the task's."""
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are its own."""
     io: tuple[str, ...] = ()
     """IO signals, each NAME:TYPE:DIRECTION[=VALUE]; TYPE is boolean, digital or analog,
     DIRECTION input or output."""
@@ -186,7 +186,7 @@ class Cabinet:
             raise ConfigError(
                 "--twin and --plant exclude each other: a twin has its own"
             )
-        cell = find_cell(self.env, self.robot, peg=self.peg, clearance=self.clearance)
+        cell = find_cell(self.env, self.robot, **self.task_options)
         if self.plant is not None:
             plant = make_plant(self.plant, cell)
         else:

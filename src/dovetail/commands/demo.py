@@ -10,13 +10,14 @@ from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
+from dovetail.tasks.shipped import DEFAULT_POLICY
 
 
 @dataclass(frozen=True, kw_only=True)
 class Demo:
     """Try the shipped policy 20 times at each of 3 fixture poses on a twin."""
 
-    policy: str = "peg_square"
+    policy: str = DEFAULT_POLICY
     """Policy: the name of a shipped one, or a file."""
     twin: str = "medium"
     """Twin to try on: the name of a shipped one, or a .toml file."""

@@ -11,12 +11,20 @@ from dovetail.commands.unproven import warn_of_twin
 from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
 
 GROUPS: Groups = {
-    "policy and task": ("policy", "env", "peg", "clearance", "hole", "max_steps"),
+    "policy and task (by default as in training)": (
+        "policy",
+        "env",
+        "task_options",
+        "fixture",
+        "max_steps",
+    ),
     "where it is tried, one of three": ("plant", "twin", "arm"),
     "how it runs there": (
         *("robot", "tracker", "period", "tare", "approach", "accept_contact"),
     ),
-    "what is made harder": ("hole_shift", "hole_speed", "push", "start", "search"),
+    "what is made harder": (
+        *("fixture_shift", "fixture_speed", "push", "start", "search"),
+    ),
     "the tries and their results": (
         "tries",
         "seed",
@@ -33,8 +41,8 @@ class Evaluate(EvaluationConfig):
     """Try a policy at three fixture poses; write table, figures, report and logs."""
 
     policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")]
-    """Policy: a file (.safetensors or .json), or the name of a shipped one, such as
-    peg_square; `dovetail export` makes one of a model.zip."""
+    """Policy: a file (.safetensors or .json), or the name of a shipped one;
+    `dovetail export` makes one of a model.zip."""
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""

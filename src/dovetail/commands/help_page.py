@@ -4,7 +4,6 @@ A line has the first sentence of the field's docstring, which is where the rest 
 is, too; `--help-all` prints everything.
 """
 
-import ast
 import inspect
 import shutil
 import textwrap
@@ -15,6 +14,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from tyro.constructors import PrimitiveConstructorSpec
 
+from dovetail.commands.field_words import field_words
+
 Groups = Mapping[str, Sequence[str]]
 """Title of each group, and the fields in it."""
 
@@ -24,15 +25,18 @@ _COLUMN = 28
 _WORDS: Mapping[Any, str] = {int: "N", float: "X", str: "NAME", Path: "PATH"}
 
 
-def help_page(settings: type, name: str, groups: Groups) -> str:
+def help_page(
+    settings: type, name: str, groups: Groups, own: Mapping[str, str] | None = None
+) -> str:
     """Return the help of a command.
 
     Args:
         settings: The command's dataclass.
         name: Its name.
         groups: Every field of it, in one group each.
+        own: Options that stand where the field `task_options` is, and their words.
     """
-    sentences, kinds = _docstrings(settings), get_type_hints(settings, None, None, True)
+    sentences, kinds = field_words(settings), get_type_hints(settings, None, None, True)
     known = {f.name: f for f in fields(settings)}
     needed = [_metavar(kinds[n]) for n, f in known.items() if _is_positional(f)]
     lines = [
@@ -44,22 +48,13 @@ def help_page(settings: type, name: str, groups: Groups) -> str:
     for title, names in groups.items():
         lines += ["", title]
         for field in (known[name] for name in names):
+            if own is not None and field.name == "task_options":
+                for option, sentence in own.items():
+                    lines += _rows(option, sentence, "")
+                continue
             option = _option(field, kinds[field.name])
             lines += _rows(option, sentences[field.name], _default(field))
     return "\n".join(lines)
-
-
-def _docstrings(settings: type) -> dict[str, str]:
-    """Return the first sentence of the string under each field, inherited ones too."""
-    found = {}
-    for kind in reversed(settings.__mro__[:-1]):
-        body = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
-        assert isinstance(body, ast.ClassDef)
-        for field, text in zip(body.body, body.body[1:], strict=False):
-            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
-                name, words = ast.unparse(field.target), ast.literal_eval(text.value)
-                found[name] = " ".join(words.split()).partition(". ")[0].rstrip(".")
-    return found
 
 
 def _is_positional(field: "Field[Any]") -> bool:

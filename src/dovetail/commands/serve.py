@@ -2,7 +2,7 @@
 
 import signal
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +16,11 @@ from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period import format_period
 from dovetail.control.period_option import Period
 from dovetail.control.settings import ControllerSettings
-from dovetail.envs.registered import DEFAULT_ENV, find_cell
+from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.tasks.options import TaskOptions
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 if TYPE_CHECKING:
     from dovetail.rpc.arm_host import ArmBuilder
@@ -41,10 +43,8 @@ class Serve:
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
-    peg: str | None = None
-    """Shape of the part: square, triangle or round; default the task's."""
-    clearance: float | None = None
-    """Gap between held part and fixture on each side [m]; default the task's."""
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are its own."""
     listen: str = "127.0.0.1:50051"
     """Where to listen; anything but this machine's loopback needs certificates."""
     cert: Path | None = None
@@ -119,9 +119,7 @@ def _show_status(console: Console, server: Any, end: threading.Event) -> None:
 def _builder(settings: Serve, address: ArmAddress) -> "ArmBuilder":
     from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
 
-    cell = find_cell(
-        settings.env, settings.robot, peg=settings.peg, clearance=settings.clearance
-    )
+    cell = find_cell(settings.env, settings.robot, **settings.task_options)
     plant = address.make_plant(cell)
     if plant is not None:
         return LocalBuilder(address.text, plant, address.period)

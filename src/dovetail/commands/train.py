@@ -17,7 +17,7 @@ GROUPS: Groups = {
         *("steps", "out", "resume", "from_policy", "seed", "seeds"),
         *("num_envs", "threads", "eval_episodes", "checkpoint_interval"),
     ),
-    "task": ("env", "peg", "clearance", "task", "fixed_goal", "hole", "max_steps"),
+    "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
     "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
     "dynamics of the simulation": (
         *("model", "randomise_dynamics", "random_gravity", "random_mass"),

@@ -212,7 +212,7 @@ class ContactEnv(
             name = self.cell.fixture.name
             raise ConfigError(
                 f"the arm cannot move the {name}: say where it is, with --fixed-goal "
-                "--hole X Y Z YAW [m, rad] or reset(options={'fixture': Pose})"
+                "--fixture X Y Z YAW [m, rad] or reset(options={'fixture': Pose})"
             )
         require_inside(self.task, self.cell, self.arm, fixture)
         if options.get("start") is not None:

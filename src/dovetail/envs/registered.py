@@ -1,16 +1,14 @@
 """Environments that have a name: a task and a few short settings.
 
-``gym.make("dovetail/PegInHole-v0", clearance=0.001, twin="medium")``. A task outside
+``gym.make("dovetail/RailClip-v0", clearance=0.001, twin="medium")``. A task outside
 the package is registered by its own module with `register_task` and named
 ``my_module:MyTask-v0``.
 """
 
 import importlib
-import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import gymnasium
@@ -21,11 +19,12 @@ from dovetail.envs.config import SECTION_OF, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.strangers import import_names
+from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker
 from dovetail.workcell.workcell import Workcell
 
-DEFAULT_ENV = "dovetail/PegInHole-v0"
 _MAKE = "dovetail.envs.registered:make_env"
 _MAKE_BATCH = "dovetail.envs.registered:make_batch"
 
@@ -65,7 +64,7 @@ def make_env(
         arm: The arm to use, or its address; None is the settings'.
         config: Settings to begin with; None is the usual ones.
         tracker: Where the fixture is, or its name; None is the settings'.
-        render_mode: None; there is nothing to render.
+        render_mode: None, or "rgb_array" for pictures of a simulation here.
         **settings: Fields of the task, and of the sections of `EnvConfig`; ``task`` is
             the mode of each axis.
 
@@ -156,6 +155,11 @@ def task_class(env_id: str) -> type[Task]:
     return _class(found)
 
 
+def old_fixture_word() -> str:
+    """Return what files of older versions call the fixture, of whatever task."""
+    return task_class(DEFAULT_ENV).fixture_word
+
+
 def find_cell(
     env_id: str = DEFAULT_ENV, robot: str = DEFAULT_ROBOT, **settings: Any
 ) -> Workcell:
@@ -189,11 +193,9 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
 
 
 def _import(module: str, env_id: str) -> None:
-    """Import a stranger's module, also from the folder where the command was given."""
-    if (here := str(Path.cwd())) not in sys.path:
-        sys.path.append(here)
+    """Import a stranger's module, which registers its tasks."""
     try:
-        importlib.import_module(module)
+        import_names(module)
     except ImportError as error:
         raise ConfigError(
             f"environment {env_id!r}: Python finds no module {module!r} ({error}); "

@@ -1,7 +1,7 @@
 """What an evaluation is asked for, and what that means for its environment."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
 from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.options import TaskOptions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,29 +44,27 @@ class EvaluationConfig:
     """Let an arm behind fri:// go to its first start from afar, slowly."""
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
-    hole: tuple[float, float, float, float] | None = None
+    fixture: tuple[float, float, float, float] | None = None
     """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes. Default
     three poses, which an arm must be able to put the fixture at."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms. Default the one in the arm's address, or
     else the policy's training's."""
-    peg: str | None = None
-    """Shape of the part: square, triangle or round; default the policy's."""
-    clearance: float | None = None
-    """Gap between part and fixture on each side [m]; default the policy's."""
-    hole_shift: float = 0.0
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are the policy's."""
+    fixture_shift: float = 0.0
     """Cover the camera: the fixture is this far from where it was seen [m], 0 to 0.05.
     The direction is random and horizontal."""
     push: float = 0.0
     """Push the tool at random times with up to this force [N], 0 to 100. The directions
     are random, too."""
-    hole_speed: float = 0.0
+    fixture_speed: float = 0.0
     """Move the fixture during the tries at this speed [m/s], 0 to 0.1. It goes out and
     back, and the camera follows."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: random, or below the block's surface, beside it."""
     search: Literal["none", "spiral"] = "none"
-    """With `hole_shift`: lead the policy over the surface until the part drops in."""
+    """With `fixture_shift`: lead the policy over the surface until the part goes in."""
     tare: bool = True
     """Measure before each try the weight that gravity compensation misses. It is taken
     off what the policy commands; not where the policy was trained with --no-tare."""
@@ -92,9 +91,9 @@ class EvaluationConfig:
             ConfigError: A number out of range.
         """
         return Perturbation(
-            hole_shift=self.hole_shift,
+            fixture_shift=self.fixture_shift,
             push=self.push,
-            hole_speed=self.hole_speed,
+            fixture_speed=self.fixture_speed,
             start=self.start,
             search=self.search,
         )
@@ -119,9 +118,9 @@ def environment_options(
             f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
             f"arms: {', '.join(SCHEMES)}"
         )
-    options = policy_settings(policy)
+    options = policy_settings(policy, config.env) | config.task_options
     options |= _trained_robot(config, policy)
-    for name in (*places, "peg", "clearance", "robot", "tracker"):
+    for name in (*places, "robot", "tracker"):
         if (value := vars(config)[name]) is not None:
             options[name] = value
     if config.plant is None:
@@ -179,10 +178,10 @@ def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
 
 def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
     """Refuse to guess where the fixture is, for an arm that cannot move it."""
-    if config.hole is None and not can_place:
+    if config.fixture is None and not can_place:
         raise ConfigError(
             f"the arm at {config.arm} cannot move the fixture: say where it is with "
-            "--hole X Y Z YAW [m, rad], or add control=HOST:PORT for a simulated "
+            "--fixture X Y Z YAW [m, rad], or add control=HOST:PORT for a simulated "
             "cabinet"
         )
 
@@ -192,6 +191,6 @@ def fixture_poses(
 ) -> tuple[FixturePose, ...]:
     """Return where the fixture is for the tries: the policy's own poses, or given."""
     poses = task_class(known_env_id(policy, config.env)).trial_poses
-    if config.hole is None:
+    if config.fixture is None:
         return poses
-    return (FixturePose.given(config.hole, poses[0].facing),)
+    return (FixturePose.given(config.fixture, poses[0].facing),)

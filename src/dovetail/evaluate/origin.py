@@ -80,6 +80,7 @@ def describe_settings(
         poses: Where the fixture is.
     """
     settings = asdict(config)
+    settings |= settings.pop("task_options")
     settings["environment"] = dict(options)
     settings["fixture poses (x y z [m], theta [rad])"] = {
         pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
@@ -91,17 +92,18 @@ def describe_settings(
 
 _GIVEN = (
     *("env", "robot", "tracker", "plant", "twin", "arm"),
-    *("hole", "peg", "clearance", "tries", "seed"),
+    *("fixture", "tries", "seed"),
 )
 
 
 def command_line(config: "EvaluationConfig") -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
-    for name in _GIVEN:
-        if (value := vars(config)[name]) is not None:
+    given = {name: vars(config)[name] for name in _GIVEN} | config.task_options
+    for name, value in given.items():
+        if value is not None:
             values = value if isinstance(value, tuple) else [value]
-            words += [f"--{name}", *map(str, values)]
+            words += [f"--{name.replace('_', '-')}", *map(str, values)]
     if config.period is not None:
         words += ["--period", format_period(config.period)]
     for f in fields(Perturbation):

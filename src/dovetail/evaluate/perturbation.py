@@ -40,12 +40,12 @@ _STREAM = 0x5E7BAC
 class Perturbation:
     """What is done to the arm and the fixture during the tries."""
 
-    hole_shift: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
+    fixture_shift: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Horizontal distance from where the fixture was seen last to where it is [m];
     above 0 the camera is covered."""
     push: Annotated[float, Range(0.0, 100.0, "N")] = 0.0
     """Largest force of the pushes on the TCP [N]; 0 is none."""
-    hole_speed: Annotated[float, Range(0.0, 0.1, "m/s")] = 0.0
+    fixture_speed: Annotated[float, Range(0.0, 0.1, "m/s")] = 0.0
     """Speed at which the fixture moves horizontally, out and back [m/s]."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: anywhere, or below the block's surface, beside it."""
@@ -55,9 +55,10 @@ class Perturbation:
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
         check_ranges(self)
-        if self.search != "none" and not self.hole_shift:
+        if self.search != "none" and not self.fixture_shift:
             raise ConfigError(
-                "search is for a covered camera: add --hole-shift with a distance [m]"
+                "search is for a covered camera: add --fixture-shift with a distance "
+                "[m]"
             )
 
     def __bool__(self) -> bool:
@@ -67,15 +68,15 @@ class Perturbation:
     def describe(self) -> list[str]:
         """Return what is done in words, for a title; empty for nothing."""
         words = []
-        if self.hole_shift:
-            shift = f"{1e3 * self.hole_shift:g} mm"
+        if self.fixture_shift:
+            shift = f"{1e3 * self.fixture_shift:g} mm"
             words.append(f"camera covered and fixture moved by {shift}")
         if self.search != "none":
             words.append("searched for on a spiral")
         if self.push:
             words.append(f"pushes of up to {self.push:g} N")
-        if self.hole_speed:
-            words.append(f"fixture moving at {1e3 * self.hole_speed:g} mm/s")
+        if self.fixture_speed:
+            words.append(f"fixture moving at {1e3 * self.fixture_speed:g} mm/s")
         if self.start == "below":
             words.append("starts below the surface")
         return words
@@ -86,7 +87,7 @@ class Perturbation:
         Raises:
             ConfigError: Names the option and what would make it possible.
         """
-        for name, size in (("push", self.push), ("hole-speed", self.hole_speed)):
+        for name, size in (("push", self.push), ("fixture-speed", self.fixture_speed)):
             if size and arm.undisturbed:
                 raise ConfigError(f"--{name} {arm.undisturbed}")
 
@@ -139,7 +140,7 @@ class Perturbed(gym.Wrapper):
     """Perturbs the episodes of an environment, each by its reset's seed."""
 
     def __init__(self, env: gym.Env, perturbation: Perturbation) -> None:
-        """Take the environment; with a `hole_shift` its tracker is a Covered."""
+        """Take the environment; with a `fixture_shift` its tracker is a Covered."""
         super().__init__(env)
         self.perturbation = perturbation
         self.core = require_contact_env(env)
@@ -161,15 +162,15 @@ class Perturbed(gym.Wrapper):
             self._rng = np.random.default_rng([_STREAM, seed])
         asked, rng = self.perturbation, self._rng
         told: dict[str, Any] = {}
-        if asked.hole_shift:
+        if asked.fixture_shift:
             assert isinstance(self._covered, Covered)  # make_perturbed sees to it
-            self._covered.shift = shift = asked.hole_shift * _horizontal(rng)
+            self._covered.shift = shift = asked.fixture_shift * _horizontal(rng)
             told["fixture_shift [m]"] = shift.tolist()
         observation, info = self.env.reset(seed=seed, options=options)
-        if asked.hole_speed:
+        if asked.fixture_speed:
             self._direction = self._free_direction()
             told["fixture_velocity [m/s]"] = (
-                asked.hole_speed * self._direction
+                asked.fixture_speed * self._direction
             ).tolist()
         self._pushes = []
         if asked.push:
@@ -181,9 +182,9 @@ class Perturbed(gym.Wrapper):
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Perturb, and follow the action for 50 ms."""
-        if self.perturbation.hole_speed:
+        if self.perturbation.fixture_speed:
             begin, end = (
-                distance_out(step * POLICY_PERIOD, self.perturbation.hole_speed)
+                distance_out(step * POLICY_PERIOD, self.perturbation.fixture_speed)
                 for step in (self._step, self._step + 1)
             )
             self.core.slide_fixture((end - begin) / POLICY_PERIOD * self._direction)
@@ -236,13 +237,13 @@ def make_perturbed(
     if not perturbation:
         return make(**options)
     is_upright = task.trial_poses[0].facing == UPRIGHT
-    if not is_upright and (perturbation.hole_shift or perturbation.start == "below"):
+    if not is_upright and (perturbation.fixture_shift or perturbation.start == "below"):
         raise ConfigError(
-            f"--hole-shift and --start below are for a fixture that opens upwards; "
+            f"--fixture-shift and --start below are for a fixture that opens upwards; "
             f"that of {env_id} does not: leave them out"
         )
     more: dict[str, Any] = {}
-    if perturbation.hole_shift:
+    if perturbation.fixture_shift:
         more["tracker"] = Covered()
     if perturbation.start == "below":
         more |= task.low_starts()

@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,7 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.registered import DEFAULT_ENV, make_task
+from dovetail.envs.registered import make_task
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.files import write_atomic
@@ -36,6 +36,8 @@ from dovetail.identify.recording import (
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.robots.robot import Robot
+from dovetail.tasks.options import TaskOptions, option_types
+from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Array, Vec7
 from dovetail.workcell.workcell import WALLS
 
@@ -67,7 +69,7 @@ class RecordConfig:
     """Number of sequences."""
     steps: int = 50
     """Policy steps of 50 ms of each."""
-    hole: tuple[float, float, float, float] | None = None
+    fixture: tuple[float, float, float, float] | None = None
     """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes."""
     f_scale: float = 8.0
     """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
@@ -80,10 +82,8 @@ class RecordConfig:
     """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
     robot: str = USUAL.place.robot
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
-    peg: str | None = None
-    """Shape of the held part: square, triangle or round; default the task's."""
-    clearance: float | None = None
-    """Gap between held part and fixture on each side [m]; default the task's."""
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are its own."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
 
@@ -105,12 +105,12 @@ def record(
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
     _require_fixture(config, can_place=address.places_fixture)
-    x, y, z, yaw = config.hole or DEFAULT_FIXTURE
+    x, y, z, yaw = config.fixture or DEFAULT_FIXTURE
     fixture = (x, y, z, yaw)
     usual = RecordConfig.period
     asked = None if config.period == usual else config.period
     height = _start_height(config, z)
-    task = make_task(config.env, {"peg": config.peg, "clearance": config.clearance})
+    task = make_task(config.env, config.task_options)
     settings = EnvConfig.of(
         robot=config.robot,
         period=address.control_period(asked, usual),
@@ -160,10 +160,10 @@ def _start_height(config: RecordConfig, mouth: float) -> float:
 
 def _require_fixture(config: RecordConfig, *, can_place: bool) -> None:
     """Refuse to guess where the fixture is, for an arm that cannot move it."""
-    if config.hole is None and not can_place:
+    if config.fixture is None and not can_place:
         raise ConfigError(
             f"the arm at {config.arm} cannot move the fixture: say where it is with "
-            "--hole X Y Z YAW [m, rad]; the motions stay above it"
+            "--fixture X Y Z YAW [m, rad]; the motions stay above it"
         )
 
 
@@ -213,7 +213,7 @@ def _describe(
         "arm_model": config.robot,
         "task": str(env.axes),
         "period": facts.period,
-        **{name: vars(env.task).get(name) for name in ("peg", "clearance")},
+        **{name: vars(env.task)[name] for name in option_types(type(env.task))},
         "fixture": list(fixture),
         "near_height": fixture[2] + approach.near_distance,
         "arm": config.arm,
@@ -309,8 +309,8 @@ def _play(
         if contact and not config.allow_contact:
             raise ArmError(
                 f"the held part is in contact: {contact} in sequence {number}, step "
-                f"{step}; a fit needs free motion: move the fixture away with --hole, "
-                "or give --allow-contact",
+                f"{step}; a fit needs free motion: move it away with --fixture, or "
+                "give --allow-contact",
                 "contact",
             )
         episode.append(env.state.log, step, action, float(reward))

@@ -18,7 +18,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.config import EnvConfig
-from dovetail.envs.registered import DEFAULT_ENV, make_task
+from dovetail.envs.registered import make_task, old_fixture_word, task_class
 from dovetail.episode import Episode
 from dovetail.errors import LogError
 from dovetail.identify.log_checks import (
@@ -31,6 +31,8 @@ from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.robots.robot import Robot
+from dovetail.tasks.options import option_types
+from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Goal, Task
 from dovetail.types import Array, Vec7
 from dovetail.workcell.workcell import Workcell
@@ -38,11 +40,11 @@ from dovetail.workcell.workcell import Workcell
 FORMAT = 1
 DESCRIPTION = "recording.json"
 _KEYS = (
-    *("format", "robot", "task", "period", "peg", "clearance", "fixture"),
-    *("near_height", "arm", "commands", "controller", "excitation", "q_start"),
+    *("format", "robot", "task", "period", "fixture", "near_height", "arm"),
+    *("commands", "controller", "excitation", "q_start"),
 )
-_WRITTEN_ONCE = {"fixture": "hole"}
-"""Keys, and what older files call them; a fingerprint is of the old words."""
+_UNFITTED = ("env_id", "arm_model", "created", "version", "delay")
+"""Keys of which a fit is independent; the task's options stand beside them."""
 
 
 @dataclass(frozen=True)
@@ -124,9 +126,8 @@ class Recording:
 
     def fingerprint(self) -> str:
         """Return a hash of everything that a fit depends on."""
-        known = {
-            _WRITTEN_ONCE.get(k, k): v for k, v in self.metadata.items() if k in _KEYS
-        }
+        known = {k: v for k, v in self.metadata.items() if k not in _UNFITTED}
+        known[old_fixture_word()] = known.pop("fixture")  # fits of older versions last
         digest = hashlib.sha256(json.dumps(known, sort_keys=True).encode())
         for sequence in self.sequences:
             digest.update(np.ascontiguousarray(sequence.log[:, :-1]).tobytes())
@@ -138,14 +139,20 @@ class Recording:
         Raises:
             LogError: What differs, and both values.
         """
-        for name in ("robot", "period", "task", "peg", "commands", "controller"):
-            mine, theirs = self.metadata[name], other.metadata[name]
+        names = ("robot", "period", "task", "commands", "controller")
+        pairs = {name: (self.metadata[name], other.metadata[name]) for name in names}
+        pairs["load"] = self._load(), other._load()
+        for name, (mine, theirs) in pairs.items():
             if mine != theirs:
                 raise LogError(
                     f"the two recordings differ in {name}: {mine!r} (arm "
                     f"{self.metadata['arm']}) and {theirs!r} (arm "
                     f"{other.metadata['arm']}); record both with the same settings"
                 )
+
+    def _load(self) -> str:
+        load = self.cell.payload()
+        return f"{load.mass:.6f} kg at {load.com.round(6).tolist()} m from the flange"
 
     @classmethod
     def load(cls, folder: str | Path) -> Self:
@@ -196,9 +203,8 @@ def read_description(folder: Path) -> dict[str, Any]:
         raise LogError(
             f"{path} holds no table; make it with `dovetail identify record`"
         )
-    for key, once in _WRITTEN_ONCE.items():
-        if once in metadata:
-            metadata[key] = metadata.pop(once)
+    if (once := old_fixture_word()) in metadata:
+        metadata["fixture"] = metadata.pop(once)
     missing = [key for key in _KEYS if key not in metadata]
     if missing or metadata["format"] != FORMAT:
         raise LogError(
@@ -210,8 +216,9 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 def _task(metadata: dict[str, Any]) -> Task:
     """Return the task; recordings of version 0.3 and before do not name it."""
-    given = {name: metadata[name] for name in ("peg", "clearance")}
-    return make_task(metadata.get("env_id", DEFAULT_ENV), given)
+    env_id = metadata.get("env_id", DEFAULT_ENV)
+    names = option_types(task_class(env_id))
+    return make_task(env_id, {k: metadata[k] for k in names if k in metadata})
 
 
 def _cell(metadata: dict[str, Any]) -> Workcell:

@@ -87,7 +87,7 @@ def make_vec_env(config: TrainConfig) -> Any:
             env = RandomDynamics(env, config.dynamics_randomisation)
         if config.fixed_goal:
             facing = config.task_class.trial_poses[0].facing
-            env = FixedFixture(env, FixturePose.given(config.hole, facing).pose())
+            env = FixedFixture(env, FixturePose.given(config.fixture, facing).pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
     if config.is_batch:

@@ -60,9 +60,9 @@ class TrainConfig(EnvSettings):
     """Let an arm behind fri:// go to its first start from afar, slowly. Afar is more
     than 0.15 m or 0.5 rad; it goes up, across and down."""
     fixed_goal: bool = False
-    """Keep the fixture where `hole` says, for an arm that cannot move it."""
-    hole: tuple[float, float, float, float] = _CENTRE
-    """x y z [m] of its mouth and yaw [rad], world axes. Needs `fixed_goal`."""
+    """Keep the fixture where `fixture` says, for an arm that cannot move it."""
+    fixture: tuple[float, float, float, float] = _CENTRE
+    """Place of its mouth: x y z [m], yaw [rad], world axes. Needs `fixed_goal`."""
     from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
     """Policy to start from: a file, or the name of a shipped one. For the first
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
@@ -140,9 +140,9 @@ class TrainConfig(EnvSettings):
         split_settings(self.task_class, self.given())
         find_robot(self.robot)
         find_tracker(self.tracker)
-        object.__setattr__(self, "hole", tuple(float(number) for number in self.hole))
-        if self.hole != _CENTRE and not self.fixed_goal:
-            raise ConfigError("hole is given, which needs --fixed-goal")
+        object.__setattr__(self, "fixture", tuple(map(float, self.fixture)))
+        if self.fixture != _CENTRE and not self.fixed_goal:
+            raise ConfigError("fixture is given, which needs --fixed-goal")
         if self.from_policy is not None and self.algorithm == "crossq":
             raise ConfigError(
                 "crossq cannot start from a policy: its actor normalises by the batch "
@@ -236,7 +236,7 @@ class TrainConfig(EnvSettings):
         if not arm.places_fixture and not self.fixed_goal:
             raise ConfigError(
                 f"the arm at {text} cannot move the fixture: add --fixed-goal and say "
-                "where it is with --hole X Y Z YAW [m, rad]"
+                "where it is with --fixture X Y Z YAW [m, rad]"
             )
         if self.force_weight > 0.0 and not arm.measures_contact:
             raise ConfigError(
@@ -267,7 +267,8 @@ class TrainConfig(EnvSettings):
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = {f.name: vars(self)[f.name] for f in fields(self)} | self.own()
+        values = {f.name: vars(self)[f.name] for f in fields(self)}
+        values |= values.pop("task_options") | self.own()
         if self.model_file is not None:
             values["model"] = self.model_file.table()
         return {
@@ -286,7 +287,8 @@ class TrainConfig(EnvSettings):
             ConfigError: Names the field and both values.
         """
         mine = _flat(self.to_json())
-        other = _flat(TrainConfig().to_json()) | _flat(other)  # from before an option
+        usual = TrainConfig(env=self.env).to_json()
+        other = _flat(usual) | _flat(other)  # from before an option
         for name in {**mine, **other}:
             if mine.get(name) != other.get(name):
                 raise ConfigError(

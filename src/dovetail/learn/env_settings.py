@@ -1,25 +1,25 @@
 """What a training and an export say about the environment, written once."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from typing import Any
 
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.envs.config import F_SCALE, FORCE_DAMPING, USUAL
-from dovetail.envs.registered import DEFAULT_ENV, task_class
+from dovetail.envs.registered import task_class
+from dovetail.tasks.options import TaskOptions, own_options
+from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 
 ENV_FIELDS = (
-    *("plant", "peg", "clearance", "task", "stack", "period"),
+    *("plant", "task", "stack", "period"),
     *("robot", "tracker"),
     *("f_scale", "f_scale_angular", "force_damping", "tare"),
     *("near_speed", "near_press", "near_distance"),
     *("theta_range", "position_range", "max_steps", "scheme"),
 )
 """Fields that are handed to the environment as they are."""
-_TASK_FIELDS = {"peg": "peg", "clearance": "clearance", "task": "axes"}
-"""Option, and the field of a task that it is; left out, it is the task's own."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,17 +30,13 @@ class EnvSettings:
     """Task: a Gymnasium id, or MODULE:ID of your own."""
     plant: str = USUAL.place.plant
     """Physics engine to train in: mujoco or bullet."""
-    peg: str | None = None
-    """Shape of the part: square, triangle (MuJoCo only) or round. Default the
-    environment's: square."""
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are its own."""
     robot: str = USUAL.place.robot
     """Robot in the cell, or MODULE:FUNCTION of your own."""
     tracker: str = USUAL.observation.tracker
     """What tells where the fixture is: truth, delayed or noisy. With numbers:
     delayed?delay=0.1, noisy?offset=0.001; MODULE:CLASS is one of your own."""
-    clearance: float | None = None
-    """Gap between part and fixture on each side [m]. Default the environment's, for
-    example 0.001 for the rail clip."""
     task: str | None = None
     """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default
     the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
@@ -93,14 +89,15 @@ class EnvSettings:
 
     def given(self) -> dict[str, Any]:
         """Return the settings of the environment that are given."""
-        given = {name: vars(self)[name] for name in ENV_FIELDS}
+        given = {name: vars(self)[name] for name in ENV_FIELDS} | self.task_options
         return {name: value for name, value in given.items() if value is not None}
 
     def own(self) -> dict[str, Any]:
         """Return what is not given and so is the task's own."""
-        own = {f.name: f.default for f in fields(self.task_class)}
-        return {
-            option: own[name]
-            for option, name in _TASK_FIELDS.items()
-            if name in own and vars(self)[option] is None
-        }
+        own = {**own_options(self.task_class), "task": self._usual_axes()}
+        given = self.given()
+        return {name: value for name, value in own.items() if name not in given}
+
+    def _usual_axes(self) -> str:
+        (axes,) = (f.default for f in fields(self.task_class) if f.name == "axes")
+        return str(axes)

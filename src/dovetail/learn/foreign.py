@@ -10,6 +10,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.env_settings import ENV_FIELDS, EnvSettings
 from dovetail.learn.export import commit, versions
@@ -17,6 +18,7 @@ from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Layer, Policy
 from dovetail.learn.sb3_file import Actor, read_actor
 from dovetail.learn.spaces import describe_spaces
+from dovetail.tasks.options import gather_options, option_types
 
 TOLERANCE = 1e-4
 """Largest difference between the exported policy's actions and the model's [1]."""
@@ -37,13 +39,13 @@ def settings_of_env(env: gymnasium.Env) -> EnvSettings:
             "the environment does not know its own settings: build it by "
             'gymnasium.make("dovetail/...", ...)'
         )
-    given = {n: v for n, v in spec.kwargs.items() if n in ENV_FIELDS and v is not None}
+    task = task_class(spec.id)
+    known = {*ENV_FIELDS, *option_types(task)}
+    given = {n: v for n, v in spec.kwargs.items() if n in known and v is not None}
     for name in ("f_scale", "force_damping"):
         if name in given:
             given[name] = tuple(np.atleast_1d(given[name]).tolist())
-    settings = EnvSettings(env=spec.id, **given)
-    _ = settings.task_class
-    return settings
+    return EnvSettings(env=spec.id, **gather_options(given, task))
 
 
 def make_policy(

@@ -16,6 +16,7 @@ from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import require_spaces
+from dovetail.tasks.options import option_types
 
 TOLD = ("plant", "robot", "tracker")
 """Settings that say where the policy was trained: read, and never taken."""
@@ -42,16 +43,17 @@ _ONE_OR_THREE = ("one number or three", _is_one_or_three)
 _SWITCH = ("true or false", lambda value: isinstance(value, bool))
 
 TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    **dict.fromkeys(("peg", "task", "scheme"), _WORD),
+    **dict.fromkeys(("task", "scheme"), _WORD),
     **dict.fromkeys(("stack", "max_steps"), _COUNT),
     **dict.fromkeys(("f_scale", "force_damping"), _ONE_OR_THREE),
-    **dict.fromkeys(("clearance", "period", "f_scale_angular"), _NUMBER),
+    **dict.fromkeys(("period", "f_scale_angular"), _NUMBER),
     **dict.fromkeys(("near_speed", "near_press", "near_distance"), _NUMBER),
     **dict.fromkeys(("theta_range", "position_range"), _NUMBER),
     "tare": _SWITCH,
 }
 """Settings of the environment that a policy's file chooses, and what each must be; the
-environment checks their ranges."""
+environment checks their ranges. The task's options are such settings, too."""
+_OPTIONS = {str: _WORD, float: _NUMBER, int: _COUNT, bool: _SWITCH}
 
 
 def known_env_id(metadata: Mapping[str, Any], said: str | None = None) -> str:
@@ -81,13 +83,17 @@ def known_env_id(metadata: Mapping[str, Any], said: str | None = None) -> str:
     return env_id
 
 
-def policy_settings(metadata: Mapping[str, Any]) -> dict[str, Any]:
+def policy_settings(
+    metadata: Mapping[str, Any], said: str | None = None
+) -> dict[str, Any]:
     """Return the keyword arguments of the environment that a policy's file may choose.
 
     Args:
         metadata: Content of the policy's JSON file; "env" holds the settings.
+        said: What whoever runs it says that its environment is, see `known_env_id`.
 
     Raises:
+        ConfigError: See `known_env_id`.
         PolicyError: A setting that is not the file's to choose, or that is none; names
             it, and what is known.
     """
@@ -96,21 +102,23 @@ def policy_settings(metadata: Mapping[str, Any]) -> dict[str, Any]:
         raise PolicyError(
             "the policy's JSON file has no section 'env'; export the policy again"
         )
+    options = option_types(task_class(known_env_id(metadata, said)))
+    taken = {name: _OPTIONS[kind] for name, kind in options.items()} | TAKEN
     for name in env:
-        if name not in (*TAKEN, *TOLD):
+        if name not in (*taken, *TOLD):
             raise PolicyError(
                 f"the policy's JSON file sets {name!r} of its environment, which is "
-                f"not a policy's to choose; known: {', '.join(TAKEN)}. Where a policy "
+                f"not a policy's to choose; known: {', '.join(taken)}. Where a policy "
                 "runs is said by --plant, --twin or --arm. Do not use a file that "
                 "somebody has changed; ask for the one that was exported"
             )
-    for name, (wanted, is_fine) in TAKEN.items():
+    for name, (wanted, is_fine) in taken.items():
         if name in env and not is_fine(env[name]):
             raise PolicyError(
                 f"the policy's JSON file gives {name} as {str(env[name])[:80]!r}; "
                 f"needs {wanted}"
             )
-    return {name: value for name, value in env.items() if name in TAKEN}
+    return {name: value for name, value in env.items() if name in taken}
 
 
 def lax_contact(settings: Mapping[str, Any]) -> str:
@@ -186,8 +194,8 @@ def make_env(
         PolicyError: The file sets what is not its to choose, or observation or action
             mean something else here than in training: names the column or axis.
     """
+    settings = policy_settings(policy.metadata, env_id) | where
     env_id = known_env_id(policy.metadata, env_id)
-    settings = policy_settings(policy.metadata) | where
     require_yes(settings, where.get("arm"), is_given=accept_contact)
     env = gymnasium.make(env_id, disable_env_checker=True, **settings)
     try:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any, Literal, get_args, get_origin, get_type_hints
 
+from dovetail.envs.registered import old_fixture_word, task_class
 from dovetail.errors import ConfigError
 from dovetail.files import (
     claim_output_folder,
@@ -14,6 +15,8 @@ from dovetail.files import (
     write_atomic,
 )
 from dovetail.learn.config import TrainConfig
+from dovetail.tasks.options import gather_options, option_types
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 CONFIG = "config.json"
 MODEL = "model.toml"
@@ -32,7 +35,9 @@ def place_run(config: TrainConfig) -> TrainConfig:
         return config
     name = config.env.replace(":", "/").rpartition("/")[2]
     if config.env == TrainConfig.env:
-        name = f"peg_{config.env_options()['peg']}"
+        options = config.env_options()
+        kinds = option_types(config.task_class)
+        name = "_".join(f"{k}_{options[k]}" for k in kinds if kinds[k] is str)
     return replace(config, out=dated_folder("runs", f"{name}-"))
 
 
@@ -42,10 +47,13 @@ def settings_of(folder: Path) -> dict[str, Any]:
     Raises:
         ConfigError: There is no run, or its config.json is damaged.
     """
-    kinds = get_type_hints(TrainConfig)
+    content, kinds = _read_config(folder), get_type_hints(TrainConfig)
+    env_id = content.get("env")
+    task = task_class(env_id if isinstance(env_id, str) else DEFAULT_ENV)
+    kinds |= {name: kind | None for name, kind in option_types(task).items()}
     settings = {
         name: tuple(value) if isinstance(value, list) else value
-        for name, value in _read_config(folder).items()
+        for name, value in content.items()
         if name in kinds
     }
     if settings.get("model") is not None:  # of which config.json has the content
@@ -57,7 +65,7 @@ def settings_of(folder: Path) -> dict[str, Any]:
                 f"{folder / CONFIG} is damaged: {name} is {str(value)[:80]!r}, which "
                 "is no such setting; start a new run"
             )
-    return settings
+    return gather_options(settings, task)
 
 
 def _is_of(kind: Any, value: Any) -> bool:
@@ -117,12 +125,12 @@ def open_run(config: TrainConfig) -> Path:
 
 
 def _read_config(folder: Path) -> dict[str, Any]:
-    path = folder / CONFIG
+    path, once = folder / CONFIG, old_fixture_word()
     try:
         settings = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(settings, dict):
             raise ValueError("it holds no table")
-        return settings
+        return {"fixture" if k == once else k: v for k, v in settings.items()}
     except FileNotFoundError as error:
         raise ConfigError(
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "

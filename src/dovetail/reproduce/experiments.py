@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.page import finite
-from dovetail.reproduce.stage import Sitting, with_tuples
+from dovetail.reproduce.settings import as_config
+from dovetail.reproduce.stage import Sitting
 
 TWINS = "twins"
 """Folder of the twins in the results folder: copies, so that a change of the original
@@ -114,8 +115,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
 
     out = sitting.folder / RUN
     resume = _is_begun(out, "config.json")
-    settings = with_tuples(settings)
-    config = TrainConfig(out=out, resume=resume, **settings)
+    config = TrainConfig(out=out, resume=resume, **as_config(settings))
     (result,) = train(config, sitting.console)
     return {
         "steps": result.steps,
@@ -132,7 +132,7 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     settings = dict(sitting.settings)
     policy = sitting.of(settings.pop("policy_of")) / RUN / POLICY
     twin = twin_file(sitting.root, settings.pop("twin"))
-    settings = with_tuples(settings)
+    settings = as_config(settings)
     out = sitting.folder / EVALUATION
     shutil.rmtree(out, ignore_errors=True)  # of a sitting that was cut short
     evaluation = evaluate(

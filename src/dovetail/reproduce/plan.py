@@ -11,7 +11,8 @@ from typing import Any
 
 from dovetail.learn.config import TrainConfig
 from dovetail.reproduce.budget import Budget
-from dovetail.reproduce.stage import Stage, with_tuples
+from dovetail.reproduce.settings import as_config
+from dovetail.reproduce.stage import Stage
 
 _STAGES = "dovetail.reproduce.experiments"
 _STEP = 1.0 / 75.0
@@ -165,7 +166,8 @@ def _fit_time(evaluations: int | None, parameters: str) -> float:
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as JSON knows them."""
     chosen = {"plant": config.plant, **config.budget.train, **changes}
-    settings = TrainConfig(**with_tuples(chosen)).to_json()
+    settings = TrainConfig(**as_config(chosen)).to_json()
+    settings["hole"] = settings.pop("fixture")
     return {name: value for name, value in settings.items() if value is not None}
 
 
@@ -230,7 +232,7 @@ def _transfer(config: PlanConfig) -> Iterator[Stage]:
                 yield _evaluation(config, name, policy, twin, peg=peg)
     name = transfer_name(ON_TWIN, "square", config.seed)
     policy = train_name(ON_TWIN, config.seed)
-    hole = list(TrainConfig().hole)
+    hole = list(TrainConfig().fixture)
     yield _evaluation(config, name, policy, twin, peg="square", hole=hole)
 
 

@@ -5,11 +5,11 @@ A robot that is not in the package is named by ``module:function``.
 
 import importlib
 import pkgutil
-import sys
 from pathlib import Path
 
 from dovetail.errors import ConfigError
 from dovetail.robots.robot import Robot
+from dovetail.strangers import import_names
 
 DEFAULT_ROBOT = "iiwa14"
 _PACKAGE = "dovetail.robots"
@@ -42,10 +42,8 @@ def find_robot(name: str = DEFAULT_ROBOT) -> Robot:
                 "give MODULE:FUNCTION of your own, see docs/your-own-robot.md"
             )
         module, function = f"{_PACKAGE}.{name}", name
-    if (here := str(Path.cwd())) not in sys.path:
-        sys.path.append(here)
     try:
-        make = vars(importlib.import_module(module))[function]
+        make = import_names(module)[function]
     except (ImportError, KeyError) as error:
         raise ConfigError(
             f"robot {name!r}: no function {function!r} in a module {module!r} that "

@@ -26,8 +26,18 @@ GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s2]."""
 NOMINAL = "nominal"
 """Name of the inertia set of a robot that has one only."""
-NO_ARRAYS = ("name", "postures", "inertia_set", "inertia_sets", "payload")
-"""Fields of a Robot that are no arrays."""
+_NO_ARRAYS = ("name", "postures", "inertia_set", "inertia_sets", "payload")
+_SHAPES: Mapping[str, tuple[int, ...]] = {
+    "origin_position": (7, 3),
+    "origin_rotation": (7, 3, 3),
+    "com": (7, 3),
+    "inertia": (7, 3, 3),
+    "flange_rotation": (3, 3),
+    "tool_rotation": (3, 3),
+    "flange_position": (3,),
+    "tool_position": (3,),
+}
+"""Of what has not one number for each joint."""
 
 
 class InertiaSet(NamedTuple):
@@ -39,6 +49,12 @@ class InertiaSet(NamedTuple):
     """Centres of mass in the link frames [m], shape (7, 3)."""
     inertia: Array
     """Inertias about the com, link axes [kg m2], shape (7, 3, 3)."""
+
+
+def array_shapes() -> dict[str, tuple[int, ...]]:
+    """Return the shape of each field of a Robot that is an array."""
+    names = [f.name for f in fields(Robot) if f.name not in _NO_ARRAYS]
+    return {name: _SHAPES.get(name, (7,)) for name in names}
 
 
 def _frozen(value: Any, shape: tuple[int, ...], name: str) -> Array:
@@ -123,22 +139,9 @@ class Robot:
     """What the flange carries; it is already merged into mass, com and inertia."""
 
     def __post_init__(self) -> None:
-        shapes = {
-            "origin_position": (7, 3),
-            "origin_rotation": (7, 3, 3),
-            "com": (7, 3),
-            "inertia": (7, 3, 3),
-            "flange_rotation": (3, 3),
-            "tool_rotation": (3, 3),
-            "flange_position": (3,),
-            "tool_position": (3,),
-        }
-        for f in fields(self):
-            if f.name not in NO_ARRAYS:
-                value = _frozen(
-                    vars(self)[f.name], shapes.get(f.name, (7,)), f"robot {f.name}"
-                )
-                object.__setattr__(self, f.name, value)
+        for name, shape in array_shapes().items():
+            value = _frozen(vars(self)[name], shape, f"robot {name}")
+            object.__setattr__(self, name, value)
         postures = {
             n: _frozen(q, (7,), f"posture {n}") for n, q in self.postures.items()
         }

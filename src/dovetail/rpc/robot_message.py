@@ -1,28 +1,17 @@
 """The controller's model in a message, so that both ends compute with the same."""
 
-from dataclasses import fields
 from typing import Any
 
 import numpy as np
 
-from dovetail.robots.robot import NO_ARRAYS, Payload, Robot
+from dovetail.robots.robot import Payload, Robot, array_shapes
 from dovetail.rpc import dovetail_pb2 as pb
-
-_SHAPES = {
-    "origin_position": (7, 3),
-    "origin_rotation": (7, 3, 3),
-    "com": (7, 3),
-    "inertia": (7, 3, 3),
-    "flange_rotation": (3, 3),
-    "tool_rotation": (3, 3),
-}
-"""Shapes of what is not one-dimensional."""
 
 
 def write_robot(robot: Robot, message: pb.RobotModel) -> None:
     """Put a robot into an empty message."""
     message.name = robot.name
-    arrays = {name: vars(robot)[name].ravel().tolist() for name in _arrays()}
+    arrays = {name: vars(robot)[name].ravel().tolist() for name in array_shapes()}
     message.MergeFrom(pb.RobotModel(**arrays))
     if robot.payload is not None:
         message.payload.mass = robot.payload.mass
@@ -38,7 +27,8 @@ def read_robot(message: pb.RobotModel) -> Robot:
     """
     sent = {field.name: value for field, value in message.ListFields()}
     arrays: dict[str, Any] = {
-        name: _shaped(sent.get(name, ()), _SHAPES.get(name)) for name in _arrays()
+        name: _shaped(sent.get(name, ()), shape)
+        for name, shape in array_shapes().items()
     }
     payload = None
     if message.HasField("payload"):
@@ -54,17 +44,13 @@ def differences(one: Robot, other: Robot) -> list[str]:
     """Return the names of the fields in which two robots differ."""
     return [
         name
-        for name in _arrays()
+        for name in array_shapes()
         if not np.array_equal(vars(one)[name], vars(other)[name])
     ]
 
 
-def _arrays() -> list[str]:
-    return [f.name for f in fields(Robot) if f.name not in NO_ARRAYS]
-
-
-def _shaped(values: Any, shape: tuple[int, ...] | None) -> Any:
+def _shaped(values: Any, shape: tuple[int, ...]) -> Any:
     array = np.array(values, dtype=float)
-    if shape is not None and array.size == np.prod(shape):
+    if array.size == np.prod(shape):
         return array.reshape(shape)
     return array  # Robot says what is wrong with its shape

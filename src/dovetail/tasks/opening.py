@@ -2,9 +2,29 @@
 
 import math
 
+from dovetail.control.ranges import Range
+from dovetail.errors import ConfigError
 from dovetail.poses import TOOL_DOWN, Pose, quat_multiply
 from dovetail.tasks.task import Goal, Progress, axis_of
 from dovetail.types import Vec3
+
+CLEARANCE = Range(0.0, 0.010, "m")
+"""Gap between held part and fixture on each side; 0.06 mm to 4 mm is tested."""
+
+
+def widened_gap(clearance: float, widened: float) -> float:
+    """Return a gap [m] that a twin made wider.
+
+    Raises:
+        ConfigError: It would be negative.
+    """
+    if clearance + widened < 0.0:
+        raise ConfigError(
+            f"clearance_offset {widened * 1e3:g} mm makes the clearance of "
+            f"{clearance * 1e3:g} mm negative; allowed is "
+            f"{-clearance * 1e3:g} mm and more"
+        )
+    return clearance + widened
 
 
 def goal_inside(fixture: Pose, depth: float) -> Goal:

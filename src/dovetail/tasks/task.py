@@ -70,6 +70,9 @@ class Task(ABC):
     reward: RewardConfig = field(default_factory=RewardConfig)
     """Weights of the reward."""
 
+    fixture_word: ClassVar[str] = "fixture"
+    """What command lines and older files may call the fixture: where it is "slot",
+    `--slot` and `--slot-shift` are `--fixture` and `--fixture-shift`."""
     posture: ClassVar[str] = "down"
     """The robot's posture in which inverse kinematics starts: down or forward."""
     walls: ClassVar[Walls] = WALLS

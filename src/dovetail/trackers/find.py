@@ -6,11 +6,11 @@ question mark. A tracker that is not in the package is ``module:Class``.
 
 import importlib
 import pkgutil
-import sys
 from pathlib import Path
 from urllib.parse import parse_qsl
 
 from dovetail.errors import ConfigError
+from dovetail.strangers import import_names
 from dovetail.trackers.tracker import Tracker
 
 DEFAULT_TRACKER = "truth"
@@ -47,10 +47,8 @@ def find_tracker(text: str = DEFAULT_TRACKER) -> Tracker:
                 "MODULE:CLASS of your own"
             )
         module, kind = f"{_PACKAGE}.{name}", name.title()
-    if (here := str(Path.cwd())) not in sys.path:
-        sys.path.append(here)
     try:
-        make = vars(importlib.import_module(module))[kind]
+        make = import_names(module)[kind]
         return make(**{key: float(value) for key, value in parse_qsl(query)})
     except (ImportError, KeyError) as error:
         raise ConfigError(

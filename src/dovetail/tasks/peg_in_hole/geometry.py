@@ -22,8 +22,6 @@ from dovetail.workcell.parts import IDENTITY, Part, Primitive, turned_box
 PegShape = Literal["square", "triangle", "round"]
 PEG_SHAPES: tuple[PegShape, ...] = ("square", "triangle", "round")
 
-CLEARANCE = Range(0.0, 0.010, "m")
-"""Gap between peg and hole on each side; 0.06 mm to 4 mm is tested."""
 _SIDES = {"square": 4, "triangle": 3, "round": 36}
 """Walls of the hole: its edges, or the flats that stand for a circle."""
 _PEG_RGBA = (0.90, 0.55, 0.15, 1.0)

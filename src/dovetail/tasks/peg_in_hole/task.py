@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from dovetail.control.ranges import in_range
-from dovetail.errors import ConfigError
 from dovetail.poses import Pose
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.opening import goal_inside, judge_insertion
+from dovetail.tasks.opening import CLEARANCE, goal_inside, judge_insertion, widened_gap
 from dovetail.tasks.peg_in_hole.geometry import (
-    CLEARANCE,
     HoleBlock,
     Peg,
     PegShape,
@@ -53,6 +51,8 @@ class PegInHole(Task):
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     """Ranges of starts and holes."""
 
+    fixture_word: ClassVar[str] = "hole"
+    """The hole is the fixture."""
     trial_poses: ClassVar[tuple[FixturePose, ...]] = (
         FixturePose("A", 0.56, -0.045, 0.085, -0.15),
         FixturePose("B", 0.60, 0.045, 0.10, 0.10),
@@ -81,14 +81,8 @@ class PegInHole(Task):
         Raises:
             ConfigError: The clearance would be negative.
         """
-        clearance = self.clearance + widened
-        if clearance < 0.0:
-            raise ConfigError(
-                f"clearance_offset {widened * 1e3:g} mm makes the clearance of "
-                f"{self.clearance * 1e3:g} mm negative; allowed is "
-                f"{-self.clearance * 1e3:g} mm and more"
-            )
-        return self.block.part(Peg(shape=self.peg), clearance)
+        gap = widened_gap(self.clearance, widened)
+        return self.block.part(Peg(shape=self.peg), gap)
 
     def draw_fixture(self, rng: np.random.Generator) -> Pose:
         """Draw the true pose of the hole's mouth for an episode."""

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from dovetail.control.ranges import Range, in_range
-from dovetail.errors import ConfigError
+from dovetail.control.ranges import in_range
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z, quat_multiply
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.opening import goal_inside, judge_insertion
+from dovetail.tasks.opening import CLEARANCE, goal_inside, judge_insertion, widened_gap
 from dovetail.tasks.rail_clip.geometry import (
     DEPTH,
     LENGTH,
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 
 FACING_ROBOT = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
 """Rotation (wxyz) of a slot whose z axis points out of it towards the robot, -x."""
-_CLEARANCE = Range(0.0, 0.010, "m")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +74,7 @@ class RailClip(Task):
 
     def __post_init__(self) -> None:
         """Refuse a clearance that cannot be built."""
-        gap = in_range("clearance", self.clearance, _CLEARANCE)
+        gap = in_range("clearance", self.clearance, CLEARANCE)
         object.__setattr__(self, "clearance", gap)
 
     def held(self) -> Part:
@@ -93,14 +91,7 @@ class RailClip(Task):
         Raises:
             ConfigError: The clearance would be negative.
         """
-        clearance = self.clearance + widened
-        if clearance < 0.0:
-            raise ConfigError(
-                f"clearance_offset {widened * 1e3:g} mm makes the clearance of "
-                f"{self.clearance * 1e3:g} mm negative; allowed is "
-                f"{-self.clearance * 1e3:g} mm and more"
-            )
-        return rail(clearance)
+        return rail(widened_gap(self.clearance, widened))
 
     def draw_fixture(self, rng: np.random.Generator) -> Pose:
         """Draw the pose of the slot's mouth; its axis is the world's -x."""

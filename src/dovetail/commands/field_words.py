@@ -1,0 +1,18 @@
+"""What the fields of a dataclass are, in the words under each of them."""
+
+import ast
+import inspect
+import textwrap
+
+
+def field_words(kind: type) -> dict[str, str]:
+    """Return the first sentence of the string under each field, inherited ones too."""
+    found = {}
+    for base in reversed(kind.__mro__[:-1]):
+        body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for field, text in zip(body.body, body.body[1:], strict=False):
+            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
+                name, words = ast.unparse(field.target), ast.literal_eval(text.value)
+                found[name] = " ".join(words.split()).partition(". ")[0].rstrip(".")
+    return found

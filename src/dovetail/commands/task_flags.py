@@ -1,0 +1,108 @@
+"""The options of a command line that are the chosen task's own."""
+
+import argparse
+import re
+from typing import Any
+
+import tyro
+from tyro.constructors import (
+    ConstructorRegistry,
+    StructConstructorSpec,
+    StructFieldSpec,
+    StructTypeInfo,
+)
+
+from dovetail.commands.field_words import field_words
+from dovetail.envs.registered import old_fixture_word, task_class
+from dovetail.tasks.options import TaskOptions, option_types, own_options
+from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.tasks.task import Task
+
+_STANDS_FOR = {str: "NAME", float: "X", int: "N", bool: "True|False"}
+
+
+def find_task(words: list[str], env: str | None = None) -> type[Task]:
+    """Return the task that a command line chooses with `--env`.
+
+    Args:
+        words: The command line.
+        env: The environment where none is said; None is the usual one.
+
+    Raises:
+        ConfigError: No such environment; lists the known ones.
+    """
+    parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    parser.add_argument("--env", nargs="?")
+    found, _ = parser.parse_known_args(words)
+    return task_class(found.env or env or DEFAULT_ENV)
+
+
+def parse(
+    settings: Any,
+    words: list[str],
+    task: type[Task] | None = None,
+    *,
+    prog: str = "dovetail",
+    default: Any = None,
+) -> Any:
+    """Read a command line whose settings have `task_options`.
+
+    Args:
+        settings: The command's dataclass, or a union of them.
+        words: The command line. It may call the fixture by the task's own word.
+        task: Whose options it may give; None is that of its `--env`.
+        prog: The command's name.
+        default: Settings that the command line changes.
+    """
+    task, registry = task or find_task(words), ConstructorRegistry()
+
+    @registry.struct_rule
+    def _(info: StructTypeInfo) -> StructConstructorSpec | None:
+        if info.type is not TaskOptions:
+            return None
+        return StructConstructorSpec(_given, _fields(task, info.default))
+
+    return tyro.cli(
+        settings,
+        args=[_of_fixture(word, task) for word in words],
+        prog=prog,
+        config=(tyro.conf.OmitArgPrefixes,),
+        registry=registry,
+        **({} if default is None else {"default": default}),
+    )
+
+
+def describe_options(task: type[Task]) -> dict[str, str]:
+    """Return the options of a task as they are typed, and what each is."""
+    said, own = field_words(task), own_options(task)
+    return {
+        f"--{name.replace('_', '-')} {_STANDS_FOR[kind]}": (
+            f"{said.get(name, name)} ({own.get(name, 'to be given')})"
+        )
+        for name, kind in option_types(task).items()
+    }
+
+
+def _fields(task: type[Task], given: Any) -> tuple[StructFieldSpec, ...]:
+    said, own = field_words(task), own_options(task)
+    before = given if isinstance(given, TaskOptions) else {}
+    kinds: dict[str, Any] = {n: kind | None for n, kind in option_types(task).items()}
+    return tuple(
+        StructFieldSpec(
+            name,
+            kinds[name],
+            before.get(name),
+            f"{said.get(name, name)}. The task's own is {own.get(name, 'missing')}.",
+        )
+        for name in kinds
+    )
+
+
+def _given(**values: Any) -> TaskOptions:
+    return TaskOptions({k: v for k, v in values.items() if v is not None})
+
+
+def _of_fixture(word: str, task: type[Task]) -> str:
+    """Return an option that says the task's word for the fixture as one of fixtures."""
+    called = "|".join({task.fixture_word, old_fixture_word()})
+    return re.sub(rf"^--(?:{called})(?=$|[-_=])", "--fixture", word)

@@ -1,0 +1,57 @@
+"""Short options of a task: its fields that have one plain value.
+
+A command takes them beside its own, files hold them beside their own: `--clearance` is
+the field `clearance` of the task that is chosen, with the type and the words it has
+there.
+"""
+
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from dovetail.tasks.task import Task
+
+_PLAIN = (str, float, int, bool)
+
+
+class TaskOptions(dict[str, Any]):
+    """Options of a task that are given, by name; the others are the task's own."""
+
+
+def option_types(task: type[Task]) -> dict[str, type]:
+    """Return the type of each option of a task: str, float, int or bool."""
+    kinds = get_type_hints(task)
+    shared = {f.name for f in fields(Task)}
+    found = {f.name: _plain(kinds[f.name]) for f in fields(task)}
+    return {
+        name: kind
+        for name, kind in found.items()
+        if kind is not None and name not in shared
+    }
+
+
+def own_options(task: type[Task]) -> dict[str, Any]:
+    """Return what each option of a task is where nothing is given."""
+    usual = {f.name: f.default for f in fields(task)}
+    known = {name: usual[name] for name in option_types(task)}
+    return {name: value for name, value in known.items() if value is not MISSING}
+
+
+def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, Any]:
+    """Return flat settings with those of the task together, as `task_options`.
+
+    Args:
+        settings: By name; None is the task's own.
+        task: Whose options are gathered.
+    """
+    names = option_types(task)
+    own = {k: v for k, v in settings.items() if k in names and v is not None}
+    rest = {k: v for k, v in settings.items() if k not in names}
+    return rest | {"task_options": TaskOptions(own)}
+
+
+def _plain(kind: Any) -> type | None:
+    """Return the plain type that a field's value has, or None."""
+    if get_origin(kind) is Literal:
+        (kind,) = {type(value) for value in get_args(kind)}
+    return kind if kind in _PLAIN else None

@@ -1,0 +1,34 @@
+"""The tasks in this package, by the folders beside this file, and the usual one."""
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def _find() -> dict[str, str]:
+    folders = [
+        folder
+        for _, folder, is_package in pkgutil.iter_modules([str(Path(__file__).parent)])
+        if is_package
+    ]
+    names = {folder: folder.title().replace("_", "") for folder in folders}
+    return {
+        f"dovetail/{name}-v0": f"dovetail.tasks.{folder}.task:{name}"
+        for folder, name in names.items()
+    }
+
+
+def _find_usual() -> tuple[str, str]:
+    """Return the environment and the policy of the folder that names one."""
+    for env_id, task in TASKS.items():
+        folder = importlib.import_module(task.rpartition(".")[0])
+        if "USUAL_POLICY" in vars(folder):
+            return env_id, vars(folder)["USUAL_POLICY"]
+    raise LookupError("no task's folder names the USUAL_POLICY")
+
+
+TASKS: Mapping[str, str] = _find()
+"""Gymnasium id of each, and its class as ``module:Class``."""
+DEFAULT_ENV, DEFAULT_POLICY = _find_usual()
+"""Environment and shipped policy where none is asked for."""

@@ -1,0 +1,92 @@
+"""A command takes the options of the task that is chosen, by that task's own words."""
+
+import json
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+import pytest
+
+from dovetail.commands.evaluate import Evaluate
+from dovetail.commands.serve import Serve
+from dovetail.commands.task_flags import describe_options, find_task, parse
+from dovetail.control.ranges import Range
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.run_folder import settings_of
+from dovetail.tasks.options import TaskOptions, gather_options, own_options
+from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.tasks.rail_clip.task import RailClip
+
+CLIP = ["--env", "dovetail/RailClip-v0"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screw(RailClip):
+    """A task with an option of each kind."""
+
+    fixture_word = "thread"
+    size: Literal["M3", "M4"] = "M4"
+    """Size of the screw. The usual ones."""
+    turns: int = 2
+    pitch: Annotated[float, Range(0.0, 0.01, "m")] = 7e-4
+    is_left: bool = False
+
+
+def test_the_options_of_the_chosen_task_are_taken():
+    words = ["--peg", "round", "--clearance", "0.001"]
+    assert parse(Serve, words).task_options == {"peg": "round", "clearance": 0.001}
+    assert parse(Serve, []).task_options == {}
+    assert parse(Serve, [*CLIP, "--clearance", "0.002"]).task_options["clearance"]
+
+
+def test_an_option_of_another_task_is_not_known(capsys):
+    with pytest.raises(SystemExit):
+        parse(Serve, [*CLIP, "--peg", "round"])
+    assert "--peg" in capsys.readouterr().err
+
+
+def test_each_plain_field_is_an_option_with_its_type():
+    words = ["--size", "M3", "--turns", "3", "--pitch", "1e-3", "--is-left", "True"]
+    given = parse(Serve, words, Screw).task_options
+    assert given == {"size": "M3", "turns": 3, "pitch": 1e-3, "is_left": True}
+    told = describe_options(Screw)
+    assert told["--size NAME"] == "Size of the screw (M4)"
+    assert set(own_options(Screw)) == {*given, "clearance"}
+
+
+def test_what_is_resumed_keeps_its_options():
+    default = TrainConfig(task_options=TaskOptions(peg="round"))
+    assert parse(TrainConfig, [], default=default).task_options["peg"] == "round"
+
+
+@pytest.mark.parametrize(
+    ("word", "task"),
+    [("fixture", PegInHole), ("hole", PegInHole), ("hole", Screw), ("thread", Screw)],
+)
+def test_the_fixture_has_the_tasks_own_word(word, task):
+    words = ["p", f"--{word}", "0.6", "0", "0.1", "0", f"--{word}-shift=0.01"]
+    read = parse(Evaluate, [*words, f"--{word}_speed", "0.02"], task)
+    assert read.fixture == (0.6, 0.0, 0.1, 0.0)
+    assert (read.fixture_shift, read.fixture_speed) == (0.01, 0.02)
+
+
+def test_the_task_is_that_of_env():
+    assert find_task(["x", *CLIP]) is RailClip
+    assert find_task(["--env=dovetail/RailClip-v0"]) is RailClip
+    assert find_task([]) is PegInHole
+    assert find_task([], CLIP[1]) is RailClip
+
+
+def test_a_run_of_an_older_version_is_read(tmp_path):
+    """It has `hole`, and `peg` even where the task has none."""
+    config = TrainConfig(env=CLIP[1], fixed_goal=True, fixture=(0.85, 0.0, 0.4, 0.0))
+    content = config.to_json() | {"peg": None, "clearance": 0.002}
+    content["hole"] = content.pop("fixture")
+    (tmp_path / "config.json").write_text(json.dumps(content))
+    again = TrainConfig(**settings_of(tmp_path))
+    assert again.fixture == config.fixture
+    assert again.task_options == {"clearance": 0.002}
+
+
+def test_flat_settings_are_gathered_and_nothing_else():
+    found = gather_options({"peg": None, "clearance": 1e-3, "steps": 5}, PegInHole)
+    assert found == {"steps": 5, "task_options": {"clearance": 1e-3}}
