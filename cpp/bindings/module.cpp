@@ -232,7 +232,8 @@ void bind_controller(nb::module_& m) {
       .def(
           "osc_terms",
           [](const Controller& self, const Vec7& q, const Vec7& dq,
-             const Target& target) {
+             const Target* given) {
+            const Target target = given != nullptr ? *given : Target{};
             check_state(q, dq);
             check_target(target);
             Controller probe = self;  // a copy: the disturbance estimate stays as it is
@@ -240,7 +241,7 @@ void bind_controller(nb::module_& m) {
             static_cast<void>(probe.step(q, dq, target));
             return model_of(probe);
           },
-          "q"_a, "dq"_a, "target"_a = Target{},
+          "q"_a, "dq"_a, "target"_a = nb::none(),
           "What a cycle at (q, dq) would use: J_task and Lambda with rotation rows "
           "scaled by length_scale and zero rows for free axes, N, M (with armature), "
           "Minv, h, f (scaled), u0, exact, lb, ub, cl, cu. Changes nothing. Raises "
