@@ -20,6 +20,10 @@ constexpr double kStayError = 0.02;  // largest way back that is used [m]
 // Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
 constexpr double kNearTime = 0.04;
 
+// Fastest surface that the tool may go along with near contact [m/s]. It need not: a
+// tool that stands is not pushed.
+constexpr double kFastestSurface = 0.1;
+
 // Height over the near plane in which near_press comes to act whole [m].
 constexpr double kNearBand = 0.002;
 
@@ -96,16 +100,23 @@ void Controller::keep_inside(const Target& target, Vec6& f_star,
   Vec3 drift = terms_.J.topRows<3>() * (Minv_ * -lost).eval();
   if (!osc_.params().use_jdot) drift += terms_.dJdq.head<3>();
   const bool is_qp = limits_.scheme == Scheme::kQp;
+  const Vec6 wanted = desired_motion(target).velocity;
   unsigned upper = 0;
   unsigned lower = 0;
   for (int i = 0; i < 3; ++i) {
     if (osc_.task()[i] == AxisMode::kFree) continue;
     const double near = speed_limit(i, target);
     const double speed = tool_.twist[i];
+    const bool is_force = osc_.task()[i] == AxisMode::kForce;
+    const double surface =
+        is_force ? std::clamp(wanted[i], -kFastestSurface, kFastestSurface) : 0.0;
     const double push = push_x_[i] + target.f_tare[i];  // weight is held already
     const double tare = target.f_tare[i];
-    double high = below((near - speed) / kNearTime, push, speed) + tare;
-    double low = -below((near + speed) / kNearTime, -push, -speed) + tare;
+    double high =
+        below((near + std::max(surface, 0.0) - speed) / kNearTime, push, speed) + tare;
+    double low =
+        -below((near + std::max(-surface, 0.0) + speed) / kNearTime, -push, -speed) +
+        tare;
     const std::uint8_t axis = bit(i);
     if (f_star[i] > high - drift[i] || f_star[i] < low - drift[i]) {
       result.flags.wall_velocity |= axis;

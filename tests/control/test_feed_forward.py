@@ -1,5 +1,7 @@
 """The feed-forward of a Target: a path is followed without lag, and ends by itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -175,6 +177,25 @@ def test_damping_of_force_axes_pulls_towards_the_velocity(robot, limits, q_home)
     assert twist[1] == pytest.approx(0.1, abs=5e-3)
     _, twist = run(robot, limits, task, q_home, target, 0.3, **damped)
     assert np.abs(twist[:3]).max() < 1e-3  # its path has ended
+
+
+@pytest.mark.parametrize("surface", [0.0, 0.04, 0.1, 0.3])
+def test_near_contact_the_tool_may_go_along_with_the_surface(
+    robot, limits, q_home, surface
+):
+    """Up to 0.1 m/s: whoever is wrong about the surface has no more than that."""
+    limits = replace(limits, near_speed=0.02)
+    height = robot.tool_pose(q_home).position[2]
+    velocity = surface * np.eye(6)[1]
+    for sign in (1.0, -1.0):
+        target = target_at(robot, q_home, velocity_d=velocity)
+        target.f_star = 2.0 * sign * np.eye(6)[1]
+        target.near_plane = np.array([0.0, 0.0, 1.0, height + 0.1])
+        task = "XYZ:force ABC:hold"
+        _, twist = run(robot, limits, task, q_home, target, PATH_TIME)
+        most = max(sign, 0.0) * min(surface, 0.1) + 0.02
+        come = 1.0 - np.exp(-PATH_TIME / 0.04)  # the time in which it is corrected
+        assert sign * twist[1] == pytest.approx(most * come, abs=3e-3)
 
 
 def moved_by(roads):

@@ -47,11 +47,11 @@ def test_the_policy_inserts_over_fri_as_in_this_process(policy_file, tmp_path):
 
 
 def test_pushes_and_a_moving_hole_are_the_same_over_fri(policy_file, tmp_path):
-    asked = {"push": 30.0, "hole_speed": 0.02, "hole": (0.6, 0.0, 0.1, 0.0)}
+    asked = {"push": 30.0, "fixture_speed": 0.02, "fixture": (0.6, 0.0, 0.1, 0.0)}
     with cabinet() as address:
         over_fri = run(policy_file, tmp_path / "fri", arm=address, **asked).outcomes[0]
     here = run(policy_file, tmp_path / "here", arm="mujoco", **asked).outcomes[0]
-    calm = {"hole": asked["hole"], "hole_speed": 0.02}
+    calm = {"fixture": asked["fixture"], "fixture_speed": 0.02}
     calm = run(policy_file, tmp_path / "calm", arm="mujoco", **calm).outcomes[0]
     assert over_fri.perturbation == here.perturbation
     count = min(200, len(here.path), len(over_fri.path), len(calm.path))

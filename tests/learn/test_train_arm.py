@@ -34,7 +34,7 @@ def on_arm(small):
         ({"arm": f"{FRI}?speed=1"}, "unknown keys: speed"),
         ({"arm": FRI, "fixed_goal": True, "seeds": 2}, "there is one arm"),
         ({"arm": FRI, "fixed_goal": True, "force_weight": 0.1}, "needs 0"),
-        ({"hole": (0.6, 0.01, 0.1, 0.0)}, "needs --fixed-goal"),
+        ({"fixture": (0.6, 0.01, 0.1, 0.0)}, "needs --fixed-goal"),
     ],
 )
 def test_what_the_arm_cannot_do_is_refused(settings, message):

@@ -132,8 +132,9 @@ struct Target {
   Vec4 quat_wxyz_d{1.0, 0.0, 0.0, 0.0};  ///< pose axes: desired TCP rotation, unit
   /// Feed-forward, world axes [m/s, rad/s] and [m/s2, rad/s2]: how the desired pose
   /// moves on while the Target is held, for `kPathTime` from its making; then that pose
-  /// stands still. On force axes what damping pulls towards, and a further f*; hold and
-  /// free axes have none.
+  /// stands still. On force axes what damping pulls towards, such as a surface that
+  /// moves: the tool may be faster by it than `near_speed`, by up to 0.1 m/s; and a
+  /// further f*. Hold and free axes have none.
   Vec6 velocity_d = Vec6::Zero();
   Vec6 acceleration_d = Vec6::Zero();
   double age = 0.0;  ///< time since it was made [s]: whoever holds it counts

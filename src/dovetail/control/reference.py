@@ -217,13 +217,18 @@ class ReferenceController:
         near = np.sqrt(lim.near_speed**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
         tare = target.f_tare[:3]
         push = push_x + tare  # weight is held already
+        is_force = np.array([int(m) == FORCE for m in self.modes[:3]])
+        moving = np.clip(desired_motion(target)[2][:3], -0.1, 0.1)
+        surface = np.where(is_force, moving, 0.0)
 
         def below(limit: Array, push: Array, v: Array) -> Array:
             sides = zip(limit, push, v, strict=True)
             return np.array([under_push(lim, *side, held=0.0) for side in sides])
 
-        high = below((near - v) / NEAR_TIME, push, v) + tare
-        return -below((near + v) / NEAR_TIME, -push, -v) + tare, high
+        high = below((near + np.maximum(surface, 0.0) - v) / NEAR_TIME, push, v) + tare
+        return -below(
+            (near + np.maximum(-surface, 0.0) + v) / NEAR_TIME, -push, -v
+        ) + tare, high
 
 
 def desired_motion(target: "_core.Target") -> tuple[Array, ...]:

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState, require_simulated
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.control.task_spec import TaskSpec
+from dovetail.control.task_spec import FORCE, TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.copying import RebuiltOnCopy
+from dovetail.envs.fixture_velocity import FixtureVelocity
 from dovetail.envs.observation import Layout
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
@@ -181,6 +182,8 @@ class ContactEnv(
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
         self._seen = self._true = b""
+        self._velocity = FixtureVelocity()
+        self._is_force = np.array([m == FORCE for m in self.axes.modes[:3]])
         self._begun: NDArray[np.float32] | None = None
         self._action = np.zeros(size, dtype=np.float32)
 
@@ -227,6 +230,7 @@ class ContactEnv(
             self._seeds = np.random.default_rng([_STREAM, seed])
             self.arm.seed(seed)
         self.tracker.reset(fixture, int(self._seeds.integers(1 << 31)))
+        self._velocity.reset()
         self.state = self.arm.reset(q, fixture)
         self._steps = 0
         raw = self._locate()
@@ -338,7 +342,13 @@ class ContactEnv(
     def _locate(self) -> Array:
         """Ask the tracker for the fixture; return the unscaled observation."""
         self.tracker.update(self.fixture, self.state)
-        seen = self.tracker.estimate().pose
+        estimate = self.tracker.estimate()
+        velocity = self._velocity.update(estimate, self.state.stamp)
+        seen = estimate.pose
+        if velocity.any():  # it has moved on since
+            way = estimate.age * velocity
+            seen = seen._replace(position=seen.position + way)
+        self._target.velocity_d = np.append(velocity * self._is_force, np.zeros(3))
         # By value: a tracker may change its pose in place.
         if (value := _value(seen)) != self._seen:
             self._seen = value

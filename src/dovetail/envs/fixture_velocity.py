@@ -1,0 +1,66 @@
+"""How fast the fixture moves, from where a tracker saw it."""
+
+from collections import deque
+
+import numpy as np
+
+from dovetail.trackers.tracker import Estimate
+from dovetail.types import Vec3
+
+WINDOW = 8
+"""Sights that the velocity is fitted to; at 50 ms each 0.35 s."""
+FASTEST = 0.1
+"""Largest speed that is followed [m/s]; what is seen to jump further is a new place."""
+LONGEST = 0.25
+"""Age of the last sight from which on nothing is known of the motion [s]."""
+_JUMP = 3e-3  # [m] that noise may add to a way
+_CERTAIN = 6.0  # standard deviations between a velocity and noise
+_RESOLUTION = 1e-5  # [m], below any sensor's
+
+
+class FixtureVelocity:
+    """Fits a line to the last sights; where noise explains it, the fixture stands."""
+
+    def __init__(self) -> None:
+        self._times: deque[float] = deque(maxlen=WINDOW)
+        self._positions: deque[Vec3] = deque(maxlen=WINDOW)
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+        self._times.clear()
+        self._positions.clear()
+
+    def update(self, estimate: Estimate, now: float) -> Vec3:
+        """Take in a sight and return the velocity [m/s], world axes, shape (3,).
+
+        Args:
+            estimate: What the tracker says.
+            now: Time of the episode [s].
+        """
+        seen, position = now - estimate.age, np.array(estimate.pose.position)
+        if not self._times or seen > self._times[-1] + 1e-6:
+            if self._times:
+                way = float(np.linalg.norm(position - self._positions[-1]))
+                if way > FASTEST * (seen - self._times[-1]) + _JUMP:
+                    self.reset()
+            self._times.append(seen)
+            self._positions.append(position)
+        return self._fit() if now - self._times[-1] < LONGEST else np.zeros(3)
+
+    def _fit(self) -> Vec3:
+        count = len(self._times)
+        if count < WINDOW:
+            return np.zeros(3)
+        p = np.array(self._positions)
+        if np.ptp(p, axis=0).max() < _RESOLUTION:
+            return np.zeros(3)
+        t = np.array(self._times)
+        t -= t.mean()
+        spread = t @ t
+        velocity = t @ p / spread
+        rest = p - p.mean(axis=0) - np.outer(t, velocity)
+        sigma = np.sqrt((rest**2).sum() / (3 * (count - 2)) + _RESOLUTION**2)
+        speed = float(np.linalg.norm(velocity))
+        if speed < _CERTAIN * sigma / np.sqrt(spread):
+            return np.zeros(3)
+        return velocity * min(1.0, FASTEST / speed)
