@@ -20,6 +20,7 @@ COMMANDS = {
     "train": ("Train", "train a policy in a simulation or on an arm"),
     "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
+    "cockpit": ("Cockpit", "see an arm in the browser, and touch it"),
     "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
     "reproduce": ("Reproduce", "run the paper's experiments, resumable"),
     "serve": ("Serve", "offer an arm to learners over gRPC"),
