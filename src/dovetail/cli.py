@@ -21,6 +21,7 @@ COMMANDS = {
     "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
     "cockpit": ("Cockpit", "see an arm in the browser, and touch it"),
+    "replay": ("Replay", "show recorded episodes in the browser"),
     "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
     "reproduce": ("Reproduce", "run the paper's experiments, resumable"),
     "serve": ("Serve", "offer an arm to learners over gRPC"),

@@ -1,4 +1,7 @@
-"""Writes down what happens in the cockpit: an Episode log for each reset."""
+"""Writes down what happens in the cockpit, as Episode logs.
+
+One begins with each reset, and after a rest in which the arm was only held.
+"""
 
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -49,11 +52,12 @@ class Diary:
         self.end()
         self._about = dict(about)
         self._fixture = []
+        self._idle = 0
         self._open()
 
     def _open(self) -> None:
         self._episode = Episode(metadata=self._about) if self.folder else None
-        self._idle, self._is_worth = 0, False
+        self._is_worth = False
         self._fixture = self._fixture[-1:]
 
     def follow(self, stamp: float, fixture: Pose) -> None:
@@ -81,17 +85,19 @@ class Diary:
             raw: Unscaled observation after it.
             is_idle: Whether the arm was only held: soon, that is not written any more.
         """
+        self._idle = self._idle + 1 if is_idle else 0
+        if self._idle > IDLE_MAX:  # what happens next has a file of its own
+            self.end()
+            return
+        if self._episode is None:
+            self._open()
         if self._episode is None:
             return
-        self._idle = self._idle + 1 if is_idle else 0
         self._is_worth = self._is_worth or not is_idle
-        if self._idle > IDLE_MAX:
-            return
         observed = raw if len(raw) == len(OBSERVED) else None
         self._episode.append(state.log, step, action, reward, observed)
         if len(self._episode) >= CYCLES_MAX:
             self.end()
-            self._open()
 
     def end(self) -> None:
         """Have what runs written, if anything happened in it."""

@@ -9,7 +9,10 @@ from dovetail.cockpit.panel import ControlPanel
 from dovetail.cockpit.plots import LivePlots
 from dovetail.cockpit.scene import CellScene
 from dovetail.cockpit.seat import Seat
+from dovetail.cockpit.server import light
 from dovetail.cockpit.session import Session
+from dovetail.cockpit.snapshot import USED
+from dovetail.cockpit.trace import COLUMNS
 from dovetail.errors import DovetailError
 from dovetail.poses import quat_about_z, theta_about_vertical
 
@@ -18,7 +21,14 @@ if TYPE_CHECKING:
 
 FRAME = 1.0 / 30.0
 """Time between two pictures [s]."""
-_SELDOM = 4  # pictures between two updates of curves and words
+PLOTS = {
+    "force [N]": ("force", "pull"),
+    "limits used [%]": USED,
+    "reward": ("reward",),
+    "time to compute 10 ms [ms]": ("work",),
+}
+"""Title of each plot, and its columns."""
+_SELDOM = 6  # pictures between two updates of curves and words
 
 
 class Page:
@@ -55,16 +65,17 @@ class Page:
         server, session = self._server, self._session
         server.scene.reset()
         server.gui.reset()
+        light(server.scene)
         self._version = session.version
         self._scene = CellScene(server.scene, session.cell)
         self._panel = ControlPanel(server, session, self._seat)
         server.gui.main_panel.dock_right()
-        server.gui.main_panel.set_width(300)
+        server.gui.main_panel.set_width(320)
         panel = server.gui.add_panel()
         with panel.add_tab("Live"):
-            self._plots = LivePlots(server.gui)
+            self._plots = LivePlots(server.gui, PLOTS, COLUMNS)
         panel.dock_left()
-        panel.set_width(290)
+        panel.set_width(280)
         if session.can_touch:
             self._add_gizmos()
 

@@ -67,7 +67,7 @@ class CellScene:
         model = self._model
         body = int(model.geom_bodyid[geom])
         parent = f"{self._name}/body{body}" if body else self._name
-        vertices, faces, is_smooth = _triangles(self._mujoco, model, geom)
+        vertices, faces, is_smooth = triangles(self._mujoco, model, geom)
         rgba = model.geom_rgba[geom]
         about: dict[str, Any] = {
             "vertices": vertices,
@@ -182,7 +182,7 @@ class CellScene:
         self._root.remove()
 
 
-def _triangles(mujoco: Any, model: Any, geom: int) -> tuple[Array, Array, bool]:
+def triangles(mujoco: Any, model: Any, geom: int) -> tuple[Array, Array, bool]:
     """Return a geom's vertices [m], faces, and whether its surface is round."""
     from trimesh import creation
 

@@ -39,11 +39,26 @@ def open_server(port: int = PORT) -> "viser.ViserServer":
         raise _taken(port)
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.set_panel_label("dovetail")
-    server.scene.configure_default_lights(cast_shadow=False)
-    server.initial_camera.position = (1.35, -0.85, 0.75)
-    server.initial_camera.look_at = (0.45, 0.0, 0.3)
-    server.initial_camera.fov = 0.75
+    server.initial_camera.position = (1.55, -1.15, 0.85)
+    server.initial_camera.look_at = (0.32, 0.0, 0.36)
+    server.initial_camera.fov = 0.72
     return server
+
+
+def light(scene: "viser.SceneApi") -> None:
+    """Light the scene so that a browser without a GPU draws it, too.
+
+    An environment map looks a little better and takes such a browser six times as long.
+    """
+    scene.configure_environment_map(hdri=None)
+    scene.configure_default_lights(enabled=False)
+    scene.add_light_hemisphere(
+        "/light/sky",
+        sky_color=(255, 255, 255),
+        ground_color=(150, 145, 138),
+        intensity=2.2,
+    )
+    scene.add_light_directional("/light/sun", intensity=2.0, position=(1.0, -1.5, 2.0))
 
 
 def _require_free(port: int) -> None:
