@@ -139,26 +139,26 @@ class Page:
         moment = session.moment
         if moment is not None:
             scene.place(moment.q, moment.fixture, moment.seen)
-            shown = panel.forces.value
+            shown = panel.forces.is_on
             nothing = np.zeros(3)
             scene.point(
                 moment.force if shown else nothing, moment.pull if shown else nothing
             )
         if session.can_touch and moment is not None:
-            self._grip.visible = panel.pulls.value
-            self._handle.visible = panel.drags.value
+            self._grip.visible = panel.pulls.is_on
+            self._handle.visible = panel.drags.is_on
             if not self._pulled:
                 self._grip.position = moment.position
             if not self._dragged:
                 yaw = theta_about_vertical(moment.fixture.quat_wxyz, session.facing)
                 self._handle.position = moment.fixture.position
                 self._handle.wxyz = quat_about_z(yaw)
-        scene.walls.visible = panel.walls.value
+        scene.walls.visible = panel.walls.is_on
         if self.frames % _SELDOM == 0:
             panel.show(moment, session.status, len(self._server.get_clients()))
             self._plots.show(session.trace.rows())
-            scene.trace(session.trace.path() if panel.path.value else np.zeros((0, 3)))
-            scene.near.visible = panel.near.value
+            scene.trace(session.trace.path() if panel.path.is_on else np.zeros((0, 3)))
+            scene.near.visible = panel.near.is_on
             normal, height = session.near_plane
             scene.lay_near(normal, height)
 

@@ -9,6 +9,7 @@ from dovetail.cockpit.choice import NOBODY, known_places, known_words
 from dovetail.cockpit.seat import Seat
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import Moment, Status
+from dovetail.cockpit.toggle import Toggle
 from dovetail.learn.policy import list_policies
 
 if TYPE_CHECKING:
@@ -63,17 +64,14 @@ class ControlPanel:
 
     def _add_touch(self) -> None:
         gui, session = self._server.gui, self._session
+        may = self.may_drive
         with gui.add_folder("Touch"):
-            self.pulls = gui.add_checkbox("Pull the arm", True)
-            self.drags = gui.add_checkbox("Drag the fixture", True)
-            cover = gui.add_checkbox("Cover the camera", False)
-            cover.on_update(
-                self._driven(lambda event: session.cover(event.target.value))
-            )
-            search = gui.add_checkbox("Search while covered", False)
-            search.on_update(
-                self._driven(lambda event: session.search(event.target.value))
-            )
+            self.pulls = Toggle(gui, "Pull the arm", True, may=may)
+            self.drags = Toggle(gui, "Drag the fixture", True, may=may)
+            covered = session.is_covered
+            Toggle(gui, "Cover the camera", covered, may=may, act=session.cover)
+            searching = session.is_searching
+            Toggle(gui, "Search while covered", searching, may=may, act=session.search)
 
     def _add_choice(self) -> None:
         gui, session = self._server.gui, self._session
@@ -94,8 +92,14 @@ class ControlPanel:
                 now = str(settings[name])
                 box = gui.add_dropdown(name, known, initial_value=now)
                 box.on_update(self._chosen(self._setting(name)))
-            tare = gui.add_checkbox("tare", bool(settings["tare"]))
-            tare.on_update(self._chosen(self._setting("tare")))
+            change = self._setting("tare")
+            Toggle(
+                gui,
+                "Tare at a reset",
+                bool(settings["tare"]),
+                may=self.may_drive,
+                act=lambda is_on: session.choose(change(is_on)),
+            )
 
     def _setting(self, name: str) -> Callable[[Any], Any]:
         def change(value: Any) -> Any:
@@ -107,10 +111,10 @@ class ControlPanel:
     def _add_display(self) -> None:
         gui = self._server.gui
         with gui.add_folder("Show", expand_by_default=False):
-            self.walls = gui.add_checkbox("Walls of the tool", True)
-            self.near = gui.add_checkbox("Plane near contact", False)
-            self.path = gui.add_checkbox("Path", True)
-            self.forces = gui.add_checkbox("Forces", True)
+            self.walls = Toggle(gui, "Walls of the tool", True)
+            self.near = Toggle(gui, "Plane near contact", False)
+            self.path = Toggle(gui, "Path", True)
+            self.forces = Toggle(gui, "Forces", True)
 
     # -- callbacks ------------------------------------------------------------------
 

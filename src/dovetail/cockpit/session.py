@@ -70,6 +70,8 @@ class Session:
         self._note = ""
         self.moment: Moment | None = None
         """The newest slice; None before the first reset."""
+        self.is_searching = False
+        """Whether a search is wanted while the camera is covered."""
         self.version = 0
         """Counts the cells that were built: another number, another scene."""
         self._install(choice)
@@ -311,12 +313,13 @@ class Session:
         self._steps_left = 1 if self.can_touch else 0
 
     def _search(self, searching: bool) -> None:
+        self.is_searching = searching
         gap = self._core.task.gap()
         config = SearchConfig.for_clearance(gap) if gap else SearchConfig()
         self._core.tracker = (
             SpiralSearch(self._shutter, config) if searching else self._shutter
         )
-        if self.moment is not None:
+        if self._is_ready and self.moment is not None:
             self._core.tracker.reset(self.moment.seen, 0)
 
     def _begin(self) -> None:
@@ -380,6 +383,7 @@ class Session:
         self._first, self._left = core.task.trial_poses[0], left
         self._seed: int | None = 0
         self._is_ready = False
+        self._search(self.is_searching)
         self.version += 1
         if self.can_touch:
             self._begin()
