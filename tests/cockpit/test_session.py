@@ -76,6 +76,18 @@ def test_the_tool_follows_a_pull_of_at_most_so_much(session, far):
     assert (session.moment.position - begin)[1] < 0.5 * moved
 
 
+def test_a_pull_to_the_end_of_the_world_is_as_hard_as_any(session):
+    session.pull(np.array([-1e308, 1e308, 0.0]))
+    simulate(session, 0.5)
+    assert np.linalg.norm(session.moment.pull) == pytest.approx(PULL_MAX)
+    assert session.violations == 0
+    with pytest.raises(ConfigError, match="nan"):
+        session.pull(np.array([0.0, np.nan, 0.0]))
+    session.stop()
+    simulate(session, 0.1)
+    assert session.status.mode == "held"
+
+
 def test_a_dragged_fixture_follows_no_faster_than_a_hand(session):
     begin = session.moment.fixture
     session.drag(begin.position + np.array([0.03, 0.02, 0.0]), 0.1)

@@ -79,7 +79,10 @@ class Hand:
 
 def spring_force(stretch: Vec3) -> Vec3:
     """Return the spring's force [N] at a stretch [m], `PULL_MAX` at most."""
-    force = STIFFNESS * np.asarray(stretch, dtype=float)
+    stretch = np.asarray(stretch, dtype=float)
+    # Shortened along its direction first: of what a page may send, squares overflow.
+    stretch = stretch / max(1.0, float(np.abs(stretch).max()))
+    force = STIFFNESS * stretch
     size = float(np.linalg.norm(force))
     return force if size <= PULL_MAX else force * (PULL_MAX / size)
 

@@ -94,19 +94,21 @@ class Page:
 
     async def _on_pull(self, event: Any) -> None:
         """Pull while the gizmo is dragged."""
+        if not self._panel.may_drive(event.client_id):
+            return
         self._pulled = event.phase != "end"
         if event.phase == "end":
             self._session.pull(None)
-        elif self._panel.may_drive(event.client_id):
+        else:
             place = np.array(event.target.position, dtype=float)
             if np.isfinite(place).all():
                 self._session.pull(place)
 
     async def _on_drag(self, event: Any) -> None:
         """Drag the fixture to where the gizmo is."""
-        self._dragged = event.phase != "end"
         if not self._panel.may_drive(event.client_id):
             return
+        self._dragged = event.phase != "end"
         place = np.array(event.target.position, dtype=float)
         quat = np.array(event.target.wxyz, dtype=float)
         if not (np.isfinite(place).all() and np.linalg.norm(quat) > 0.5):
@@ -120,6 +122,7 @@ class Page:
 
     def _leave(self, client: Any) -> None:
         if self._seat.leave(client.client_id):
+            self._pulled = self._dragged = False
             self._session.pull(None)
             if not self._keeps_running:
                 self._session.stop()

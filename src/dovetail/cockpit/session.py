@@ -27,7 +27,7 @@ from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.log_facts import describe_cell
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
-from dovetail.errors import ArmError, DovetailError
+from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.trackers.spiral import SearchConfig, SpiralSearch
@@ -70,6 +70,8 @@ class Session:
         self._note = ""
         self.moment: Moment | None = None
         """The newest slice; None before the first reset."""
+        self.violations = 0
+        """Control cycles that were outside a joint or wall limit, since the begin."""
         self.is_searching = False
         """Whether a search is wanted while the camera is covered."""
         self.version = 0
@@ -114,9 +116,12 @@ class Session:
 
         Raises:
             ArmError: Nothing at this end can push the arm.
+            ConfigError: The point is none.
         """
         if point is not None:
             self._require_touch()
+            if not np.isfinite(point).all():
+                raise ConfigError(f"the point to pull towards is {point} m")
         self.hand.pull_to = None if point is None else np.array(point, dtype=float)
 
     def drag(self, position: Vec3, yaw: float) -> None:
@@ -250,13 +255,15 @@ class Session:
         self._observation, reward, done, _, info = self._env.step(action)
         self._step += 1
         self._reward, self._depth = float(reward), float(info["depth"])
+        self.violations += int(info["limit_violations"])
         is_idle = not (self._is_running or self.hand.is_busy)
         raw = info["observation_raw"]
         self.diary.add(core.state, self._step, action, self._reward, raw, is_idle)
         self.diary.follow(core.state.stamp, core.fixture)
         if done and self._is_running:
             self._is_success = True
-            self._note = f"done after {core.state.stamp:.1f} s"
+            passed = core.state.stamp - self._started
+            self._note = f"done, {passed:.1f} s after the start"
             self._arm.stop()
             self._hold()
 
@@ -296,6 +303,7 @@ class Session:
             self._begin()
         self._arm.clear()
         self._note = ""
+        self._started = self._core.state.stamp
         self._is_paused = False
         self._is_running = True
         self.pace.begin()
