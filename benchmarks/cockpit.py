@@ -8,7 +8,8 @@ prints
 * the time from a mouse's move to the force on the arm: from the moment the browser is
   told of the move to the end of the first slice that was simulated with the new force;
 * with ``--clicks N``, what is left after N random clicks, drags, keys, reloads and
-  closed pages; with ``--garbage N``, after N random messages to the page's socket.
+  closed pages; with ``--garbage N``, after N random messages to the page's socket;
+* with ``--picture FILE``, a screenshot.
 
 The load of the machine is printed beside: the browser draws by the processor.
 """
@@ -38,6 +39,7 @@ from cockpit_browser import (
     press,
     wait_for,
 )
+from cockpit_garbage import flood
 
 from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.page import Page
@@ -116,6 +118,26 @@ def measure_rates(session: Session, browser: Any, seconds: float) -> None:
         f"pictures per second {statistics.median(pictures):.1f} "
         f"(worst {min(pictures):.1f})"
     )
+
+
+def take_picture(session: Session, browser: Any, file: Path) -> None:
+    """Write a screenshot of the page as the part goes in, a person pulling at it."""
+    browser.execute_script(
+        "document.querySelector('.mantine-Notification-closeButton')?.click()"
+    )
+    session.stop()
+    session.reset()
+    wait_for(lambda: moment(session).stamp < 2.5)
+    session.start()
+    wait_for(lambda: moment(session).depth > 0.004)
+    session.pull(moment(session).position + np.array([0.0, 0.06, 0.02]))
+    time.sleep(0.8)
+    session.pause()
+    time.sleep(1.5)
+    browser.save_screenshot(str(file))
+    session.pull(None)
+    session.pause(False)
+    print(f"written: {file}")
 
 
 def moment(session: Session) -> Any:
@@ -237,63 +259,13 @@ def verdict(session: Session) -> str:
 def send_garbage(session: Session, server: "viser.ViserServer", count: int) -> None:
     """Send random messages to the page's socket, well formed ones among them."""
     begin, stamp = time.monotonic(), moment(session).stamp
-    closed = asyncio.run(_flood(server, count))
+    closed = asyncio.run(flood(server, count))
     passed = time.monotonic() - begin
     rate = (moment(session).stamp - stamp) / passed
     print(
         f"{count} garbage messages in {passed:.1f} s, {closed} connections were "
         f"closed, simulated over wall time meanwhile {rate:.3f}: {verdict(session)}"
     )
-
-
-async def _flood(server: "viser.ViserServer", count: int) -> int:
-    import msgspec
-    import viser
-    from websockets.asyncio.client import connect
-    from websockets.exceptions import ConnectionClosed
-    from websockets.typing import Subprotocol
-
-    rng = random.Random(2)
-    url = f"ws://{server.get_host()}:{server.get_port()}"
-    version = [Subprotocol(f"viser-v{viser.__version__}")]
-    sent = closed = 0
-    while sent < count:
-        async with connect(url, subprotocols=version, max_size=None) as socket:
-            reader = asyncio.create_task(_swallow(socket))
-            with suppress(ConnectionClosed):
-                while sent < count:
-                    sent += 1
-                    if rng.random() < 0.01:
-                        await socket.send(rng.randbytes(rng.randrange(200)))
-                    else:
-                        await socket.send(msgspec.msgpack.encode(_nonsense(rng)))
-            closed += sent < count
-            reader.cancel()
-    return closed
-
-
-async def _swallow(socket: Any) -> None:
-    async for _ in socket:
-        pass
-
-
-def _nonsense(rng: random.Random) -> dict[str, Any]:
-    """Return a message of a known kind with values that no page sends."""
-    numbers = (float("nan"), float("inf"), -1e308, 0.0, 1.0, 1e9)
-    place = [rng.choice(numbers) for _ in range(3)]
-    turn = [rng.choice(numbers) for _ in range(4)]
-    name = rng.choice(("/pull", "/drag", "/cell", "", "../x"))
-    kinds: tuple[dict[str, Any], ...] = (
-        {"type": "TransformControlsDragStartMessage", "name": name, "owner": ""},
-        {
-            "type": "TransformControlsUpdateMessage",
-            **{"name": name, "wxyz": turn, "position": place, "owner": ""},
-        },
-        {"type": "TransformControlsDragEndMessage", "name": name, "owner": ""},
-        {"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": place}},
-        {"type": "CommandTriggerMessage", "uuid": str(rng.random())},
-    )
-    return rng.choice(kinds)
 
 
 def main() -> None:
@@ -304,12 +276,15 @@ def main() -> None:
     parser.add_argument("--moves", type=int, default=40)
     parser.add_argument("--clicks", type=int, default=0)
     parser.add_argument("--garbage", type=int, default=0)
+    parser.add_argument("--picture", type=Path)
     asked = parser.parse_args()
     if why := missing():
         print(f"nothing is measured under any load: {why}")
         return
     with cockpit(asked.twin) as (session, server, browser, url):
         print(f"load before {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+        if asked.picture:
+            take_picture(session, browser, asked.picture)
         if asked.seconds:
             measure_rates(session, browser, asked.seconds)
         if asked.moves:

@@ -1,8 +1,5 @@
 """The pages in a real browser: what a person presses, drags and sees."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -15,22 +12,11 @@ from dovetail.cockpit.session import Session
 from dovetail.poses import matrix_from_quat
 from extras import need
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-sys.path.insert(0, str(BENCHMARKS))
-try:
-    from cockpit_browser import (
-        Mouse,
-        button,
-        missing,
-        on_screen,
-        open_browser,
-        picture,
-        press,
-        wait_for,
-    )
-finally:
-    sys.path.remove(str(BENCHMARKS))
+from .conftest import from_benchmarks
 
+driven = from_benchmarks("cockpit_browser")
+button, on_screen, picture = driven.button, driven.on_screen, driven.picture
+press, wait_for = driven.press, driven.wait_for
 ESCAPE = "\ue00c"
 
 
@@ -38,9 +24,9 @@ ESCAPE = "\ue00c"
 def browser():
     need("viser")
     need("selenium")
-    if why := missing():
+    if why := driven.missing():
         pytest.skip(why)
-    browser = open_browser()
+    browser = driven.open_browser()
     yield browser
     browser.quit()
 
@@ -106,7 +92,7 @@ def test_the_arm_is_pulled_by_its_gizmo_until_that_is_let_go(browser, cockpit):
     button(browser, "Reset").click()
     wait_for(lambda: session.moment.stamp < 1.0)
     tip = session.moment.position
-    mouse = Mouse(browser)
+    mouse = driven.Mouse(browser)
     up = np.array([0.0, 0.0, 1.0])
     begin = on_screen(browser, server, tip + 0.07 * up)
     end = on_screen(browser, server, tip + 0.13 * up)
@@ -124,7 +110,7 @@ def test_the_fixture_is_dragged_while_the_camera_is_covered(browser, cockpit):
     begin = session.moment.fixture.position
     button(browser, "Cover the camera").click()
     wait_for(lambda: session.is_covered)
-    mouse = Mouse(browser)
+    mouse = driven.Mouse(browser)
     turn = matrix_from_quat(session.moment.fixture.quat_wxyz)
     here = on_screen(browser, server, begin + 0.11 * turn[:, 0])
     there = on_screen(browser, server, begin + 0.13 * turn[:, 0])

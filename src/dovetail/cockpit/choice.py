@@ -10,6 +10,7 @@ import numpy as np
 from dovetail.arms.address import parse_address
 from dovetail.control.config import SCHEMES
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.envs.log_facts import describe_cell
 from dovetail.envs.registered import DEFAULT_ENV, task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
@@ -88,6 +89,17 @@ def _trained_robot(trained: Mapping[str, Any]) -> str:
     """Return the robot of a policy's training; a module's only the user may name."""
     robot = str(trained.get("robot", DEFAULT_ROBOT))
     return DEFAULT_ROBOT if ":" in robot else robot
+
+
+def describe(env: gymnasium.Env, choice: Choice) -> dict[str, Any]:
+    """Return what a log says of itself: enough to draw it again."""
+    core = require_contact_env(env)
+    return describe_cell(env) | {
+        "policy": choice.policy,
+        "place": choice.place,
+        "period [s]": core.arm.facts.period,
+        "tare [m/s2, rad/s2]": np.round(core.commands.tare, 3).tolist(),
+    }
 
 
 def known_places(choice: Choice) -> tuple[str, ...]:

@@ -76,7 +76,8 @@ class PacedArm:
         """
         if not is_simulated(self._arm):
             return self._slice(self._commanded(target, 0.0), duration)
-        count = max(1, round(duration / SLICE))
+        is_whole = self.facts.is_real_time  # it keeps its own time, step by step
+        count = 1 if is_whole else max(1, round(duration / SLICE))
         length = SLICE if count > 1 else duration
         parts = []
         for i in range(count):

@@ -28,6 +28,7 @@ PLOTS = {
     "time to compute 10 ms [ms]": ("work",),
 }
 """Title of each plot, and its columns."""
+_FAR = 100.0  # [m] to which no mouse drags anything
 _SELDOM = 6  # pictures between two updates of curves and words
 
 
@@ -111,7 +112,8 @@ class Page:
         self._dragged = event.phase != "end"
         place = np.array(event.target.position, dtype=float)
         quat = np.array(event.target.wxyz, dtype=float)
-        if not (np.isfinite(place).all() and np.linalg.norm(quat) > 0.5):
+        is_near = bool((np.abs(place) < _FAR).all())  # false for nan
+        if not (is_near and np.isfinite(quat).all() and np.abs(quat).max() > 0.5):
             return
         place[2] = self._session.core.fixture.position[2]
         upright = np.array([1.0, 0.0, 0.0, 0.0])

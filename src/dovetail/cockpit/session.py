@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.arms.arm import ArmState, is_simulated, require_simulated
-from dovetail.cockpit.choice import Choice, build, require_place
+from dovetail.cockpit.choice import Choice, build, describe, require_place
 from dovetail.cockpit.diary import Diary
 from dovetail.cockpit.hand import Hand
 from dovetail.cockpit.pace import Pace
@@ -24,7 +24,6 @@ from dovetail.cockpit.shutter import Shutter
 from dovetail.cockpit.snapshot import Moment, Status, used_limits
 from dovetail.cockpit.trace import Trace
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.log_facts import describe_cell
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ArmError, ConfigError, DovetailError
@@ -119,7 +118,7 @@ class Session:
             ConfigError: The point is none.
         """
         if point is not None:
-            self._require_touch()
+            require_simulated(self._core.arm)
             if not np.isfinite(point).all():
                 raise ConfigError(f"the point to pull towards is {point} m")
         self.hand.pull_to = None if point is None else np.array(point, dtype=float)
@@ -131,7 +130,7 @@ class Session:
             ArmError: Nothing at this end can move it.
             ConfigError: The arm could not work there.
         """
-        self._require_touch()
+        require_simulated(self._core.arm)
         quat = quat_multiply(quat_about_z(yaw), np.array(self._first.facing))
         pose = Pose(np.array(position, dtype=float), quat)
         require_inside(self._core.task, self._core.cell, self._core.arm, pose)
@@ -140,10 +139,6 @@ class Session:
     def choose(self, choice: Choice) -> None:
         """Build something else; what cannot be built leaves everything as it is."""
         self._wishes.put(lambda: self._rebuild(choice))
-
-    def call(self, wish: Callable[[], None]) -> None:
-        """Have the loop call a function between two steps; for tests and programs."""
-        self._wishes.put(wish)
 
     # -- what is to be seen; from any thread --------------------------------------
 
@@ -335,7 +330,7 @@ class Session:
         core = self._core
         self._is_running = self._is_success = False
         self._note = ""
-        self.diary.begin(self._describe())
+        self.diary.begin(describe(self._env, self._choice))
         options: dict[str, Any] = {"fixture": self._fixture()}
         self._step, self._reward, self._depth = 0, 0.0, 0.0
         self._observation, info = self._env.reset(seed=self._seed, options=options)
@@ -363,8 +358,8 @@ class Session:
 
     def _rebuild(self, choice: Choice) -> None:
         before = self._env
-        if not self.can_touch:
-            self._note = "another choice needs another start: this arm is not simulated"
+        if self._core.arm.facts.is_real_time:
+            self._note = "another choice for this arm needs another dovetail cockpit"
             return
         left = self._core.fixture if self._is_ready else None
         self._is_building, self._is_running = True, False
@@ -397,16 +392,3 @@ class Session:
             self._begin()
         else:
             self._note = "reset brings the arm to its start: it will move"
-
-    def _require_touch(self) -> None:
-        require_simulated(self._core.arm)
-
-    def _describe(self) -> dict[str, Any]:
-        """Return what a log says of itself: enough to draw it again."""
-        core, choice = self._core, self._choice
-        return describe_cell(self._env) | {
-            "policy": choice.policy,
-            "place": choice.place,
-            "period [s]": core.arm.facts.period,
-            "tare [m/s2, rad/s2]": np.round(core.commands.tare, 3).tolist(),
-        }

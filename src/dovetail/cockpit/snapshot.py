@@ -1,6 +1,6 @@
 """What the page shows of one moment: made by the control loop, read by everyone."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -54,8 +54,6 @@ class Status:
     """Simulated over wall time, over the speed asked for [1]."""
     success: bool = False
     """Whether the task was done in this episode."""
-    choice: dict[str, str] = field(default_factory=dict)
-    """What is running: policy, twin, ..."""
 
 
 def used_limits(state: ArmState, facts: ArmFacts) -> tuple[float, ...]:
