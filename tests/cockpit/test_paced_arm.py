@@ -107,6 +107,8 @@ def test_an_arm_that_is_no_simulation_is_stepped_whole_and_stops_itself():
     assert distant.durations == [0.05]
     arm.stop()
     assert distant.stops == 1
+    env.reset()
+    assert distant.stops == 0
     with pytest.raises(ArmError, match="push"):
         arm.push(np.zeros(3), 0.1)
     env.close()

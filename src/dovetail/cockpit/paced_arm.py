@@ -57,7 +57,8 @@ class PacedArm:
     def reset(self, q: np.ndarray, fixture: Pose) -> ArmState:
         """Go to q [rad], at rest, with the fixture at its pose; the hand lets go."""
         self._hand.let_go()
-        self._hold = None
+        if self._hold is not None:  # a service wants to be told that the stop is over
+            self.clear()
         self.fixture = fixture
         self._state = state = self._arm.reset(q, fixture)
         self._pace.begin()
