@@ -367,7 +367,8 @@ class Session:
             self._install(choice, left)
         finally:
             self._is_building = False
-        before.close()
+            if self._env is not before:
+                before.close()
 
     def _install(self, choice: Choice, left: Pose | None = None) -> None:
         env, policy = build(choice)
@@ -384,6 +385,11 @@ class Session:
         core.tracker = self._shutter
         core.arm = self._arm = PacedArm(core.arm, self.hand, self.pace, self._see)
         self._first, self._left = core.task.trial_poses[0], left
+        if left is not None:
+            try:
+                require_inside(core.task, core.cell, core.arm, left)
+            except ConfigError:  # where it was left, this task cannot be done
+                self._left = None
         self._seed: int | None = 0
         self._is_ready = False
         self._search(self.is_searching)

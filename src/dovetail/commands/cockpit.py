@@ -2,9 +2,11 @@
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 
@@ -17,6 +19,9 @@ from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
 from dovetail.errors import ConfigError
 from dovetail.files import dated_folder
+
+if TYPE_CHECKING:
+    import viser
 
 GROUPS: Groups = {
     "what runs": ("policy", "env", "clearance", "tare", "accept_contact"),
@@ -68,20 +73,19 @@ class Cockpit:
 
         choice = self.choice()
         warn_of_twin(console, None, choice.place)
-        server = open_server(self.port)
+        logs = self.logs or dated_folder("cockpit-logs")
+        session = Session(choice, logs=logs, fixture=self.fixture)
         try:
-            logs = self.logs or dated_folder("cockpit-logs")
-            session = Session(choice, logs=logs, fixture=self.fixture)
+            server = open_server(self.port)
             try:
                 page = Page(server, session, keep_running=self.keep_running)
-                where = f"http://{server.get_host()}:{server.get_port()}"
-                console.print(f"the page is {where}; Ctrl-C ends it", highlight=False)
-                wait_for_signal()
+                serve_page(server, console)
                 page.close()
             finally:
                 session.close()
+                server.stop()
         finally:
-            server.stop()
+            session.close()
         for file in session.diary.files:
             console.print(f"  {file}", highlight=False, soft_wrap=True)
         if session.diary.problem:
@@ -115,16 +119,25 @@ class Cockpit:
         )
 
 
-def wait_for_signal() -> None:
-    """Wait for Ctrl-C or SIGTERM."""
+@contextmanager
+def ended_by_signal() -> Iterator[threading.Event]:
+    """Give an event that Ctrl-C and SIGTERM set, in place of what they usually do."""
     end = threading.Event()
     before = {
         number: signal.signal(number, lambda *_: end.set())
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:
-        while not end.wait(0.5):
-            pass
+        yield end
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def serve_page(server: "viser.ViserServer", console: Console) -> None:
+    """Say where the page is, and wait until it is ended."""
+    with ended_by_signal() as end:
+        where = f"http://{server.get_host()}:{server.get_port()}"
+        console.print(f"the page is {where}; Ctrl-C ends it", highlight=False)
+        while not end.wait(0.5):
+            pass

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from dovetail.cockpit.recorded import Recorded
 from dovetail.cockpit.server import PORT, open_server
-from dovetail.commands.cockpit import wait_for_signal
+from dovetail.commands.cockpit import serve_page
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +38,7 @@ class Replay:
         server = open_server(self.port)
         try:
             page = ReplayPage(server, logs)
-            where = f"http://{server.get_host()}:{server.get_port()}"
-            console.print(f"the page is {where}; Ctrl-C ends it", highlight=False)
-            wait_for_signal()
+            serve_page(server, console)
             page.close()
         finally:
             server.stop()
