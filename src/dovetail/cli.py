@@ -36,7 +36,10 @@ A subcommand's file is imported only when it is asked for, so that the learning 
 is not needed, nor waited for, by the others.
 """
 
-_WITH_TASK = ("train", "export", "evaluate", "identify", "serve", "cabinet")
+_WITH_TASK = (
+    *("train", "export", "evaluate", "identify", "serve", "cabinet"),
+    "cockpit",
+)
 """Of them those that have options of the task, for which it has to be found."""
 
 _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)

@@ -11,7 +11,7 @@ from dovetail.arms.address import parse_address
 from dovetail.control.config import SCHEMES
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.envs.log_facts import describe_cell
-from dovetail.envs.registered import DEFAULT_ENV, task_class
+from dovetail.envs.registered import task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import Policy, find_policy
@@ -19,6 +19,7 @@ from dovetail.learn.policy_env import known_env_id, make_env
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 NOBODY = "none"
 """The policy that there is not: only a person moves the arm."""

@@ -13,12 +13,13 @@ import numpy as np
 
 from dovetail.cockpit.diary import FIXTURE
 from dovetail.envs.log_facts import CELL
-from dovetail.envs.registered import DEFAULT_ENV, make_task, task_class
+from dovetail.envs.registered import make_task, task_class
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError
 from dovetail.poses import Pose
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Array, Vec3, Vec7
 from dovetail.workcell.workcell import Workcell
 

@@ -4,7 +4,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +19,14 @@ from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
 from dovetail.errors import ConfigError
 from dovetail.files import dated_folder
+from dovetail.tasks.options import TaskOptions
+from dovetail.tasks.shipped import DEFAULT_POLICY
 
 if TYPE_CHECKING:
     import viser
 
 GROUPS: Groups = {
-    "what runs": ("policy", "env", "clearance", "tare", "accept_contact"),
+    "what runs": ("policy", "env", "task_options", "tare", "accept_contact"),
     "where, one of two": ("twin", "arm"),
     "how it runs there": ("robot", "tracker", "period", "fixture"),
     "the page": ("port", "keep_running", "logs"),
@@ -35,12 +37,12 @@ GROUPS: Groups = {
 class Cockpit:
     """Show an arm in the browser: start, stop, pull it, move its fixture, replay it."""
 
-    policy: str = Demo.policy
+    policy: str = DEFAULT_POLICY
     """Policy: the name of a shipped one, a file, or none."""
     env: str | None = None
     """Environment of the policy; needed for one of your own, MODULE:ID."""
-    clearance: float | None = None
-    """Gap between held part and fixture on each side [m]; default the policy's."""
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are the policy's."""
     tare: bool = True
     """Measure at each reset the weight that nobody compensates."""
     accept_contact: bool = False
@@ -103,9 +105,10 @@ class Cockpit:
         twin = self.twin or Demo.twin
         if Path(twin).suffix == ".toml":
             twin = str(Path(twin).expanduser().absolute())
-        names = ("clearance", "robot", "tracker", "period")
+        names = ("robot", "tracker", "period")
         given = {name: vars(self)[name] for name in names}
         settings: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
+        settings |= self.task_options
         if not self.tare:
             settings["tare"] = False
         place = self.arm or f"twin:{twin}"
