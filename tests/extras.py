@@ -13,6 +13,8 @@ EXTRA_OF = {
     "qpsolvers": "test",
     "ray": "cluster",
     "sbx": "learn",
+    "selenium": "test",
+    "viser": "view",
 }
 """The extra of pyproject.toml that installs a module."""
 

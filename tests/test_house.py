@@ -29,7 +29,7 @@ LAYERS = (
     {"tasks", "trackers", "view"},
     {"envs", "feel", "identify", "perceive"},
     {"learn", "evaluate"},
-    {"reproduce"},
+    {"cockpit", "reproduce"},
     {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"},
     {"cli", "__main__"},
 )

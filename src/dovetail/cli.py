@@ -20,6 +20,8 @@ COMMANDS = {
     "train": ("Train", "train a policy in a simulation or on an arm"),
     "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
+    "cockpit": ("Cockpit", "see an arm in the browser, and touch it"),
+    "replay": ("Replay", "show recorded episodes in the browser"),
     "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
     "reproduce": ("Reproduce", "run the paper's experiments, resumable"),
     "serve": ("Serve", "offer an arm to learners over gRPC"),
@@ -34,7 +36,10 @@ A subcommand's file is imported only when it is asked for, so that the learning 
 is not needed, nor waited for, by the others.
 """
 
-_WITH_TASK = ("train", "export", "evaluate", "identify", "serve", "cabinet")
+_WITH_TASK = (
+    *("train", "export", "evaluate", "identify", "serve", "cabinet"),
+    "cockpit",
+)
 """Of them those that have options of the task, for which it has to be found."""
 
 _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)

@@ -12,9 +12,14 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
     *("attack_episode", "contact_choices", "contact_policies", "contact_scene"),
     *("contact_search", "contact_trial", "tracking_report"),
+    *("cockpit_browser", "cockpit_garbage"),
 }
 """Files that others import, and that no one starts."""
 NEEDS = {
+    "cockpit": {
+        "viser": "pip install '.[view]' -c constraints.txt",
+        "selenium": "pip install '.[test]' -c constraints.txt",
+    },
     "control_cycle": {
         "pinocchio": "pip install 'pin>=4.1' -c constraints.txt",
         "daqp": "pip install daqp",
@@ -38,6 +43,7 @@ TINY = {
     "bad_samples": ("--spikes 2 --period 0.005 --plants mujoco", "Nm"),
     "batch": ("--turns 1 --steps 8 --cores 1 --envs 2", "one environment"),
     "cabinet_rate": ("--plant mujoco --seconds 0.1", "periods/s"),
+    "cockpit": ("--seconds 1 --moves 2 --clicks 2 --garbage 200", "load"),
     "contact_adversary": ("--cycles 20 --period 0.005 --quiet", "cycles"),
     "control_cycle": ("--period 0.005", "dovetail qp"),
     "env_step_rate": ("--steps 5", "steps/s"),

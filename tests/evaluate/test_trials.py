@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dovetail.arms.arm import ArmState
+from dovetail.envs.config import EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
@@ -33,6 +34,7 @@ class FallingEnv(ContactEnv):
         self.action_space = gym.spaces.Box(-1, 1, (4,))
         self.drop, self.force, self.fail_at = drop, force, fail_at
         self.error = error
+        self.task, self.config = PegInHole(), EnvConfig()  # a log names both
 
     def reset(self, *, seed=None, options=None):
         gym.Env.reset(self, seed=seed)

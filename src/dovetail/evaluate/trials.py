@@ -15,6 +15,7 @@ import numpy as np
 
 from dovetail.arms.arm import ArmState
 from dovetail.control.ranges import in_count
+from dovetail.envs.log_facts import describe_cell
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, UnprovenWarning
@@ -152,7 +153,8 @@ class Trialist:
 
     def _describe(self, job: Job) -> dict[str, Any]:
         pose = self._poses[job.pose]
-        return {"fixture_pose": pose._asdict(), **job._asdict()}
+        own = {"fixture_pose": pose._asdict(), **job._asdict()}
+        return own | describe_cell(self._env)
 
     def _log_file(self, job: Job) -> Path | None:
         if self._logs is None:

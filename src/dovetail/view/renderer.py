@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.plants.mjcf import build_mjcf
 from dovetail.poses import Pose
 from dovetail.types import Vec3, Vec7
+from dovetail.view.cell_model import cell_spec
 from dovetail.view.gl_context import open_context
 from dovetail.workcell.workcell import Workcell
 
@@ -137,8 +137,7 @@ class Renderer:
 
 def _model(mujoco: Any, cell: Workcell, width: int, height: int) -> Any:
     """Return the compiled cell, with a sky and light for pictures."""
-    text = build_mjcf(cell.loaded_robot(), cell, visual_meshes=True)
-    spec = mujoco.MjSpec.from_string(text)
+    spec = cell_spec(cell)
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
     spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]

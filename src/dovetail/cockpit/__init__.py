@@ -1,0 +1,1 @@
+"""One page in the browser: see the arm, start and stop it, touch it, replay it."""

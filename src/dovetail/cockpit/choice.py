@@ -1,0 +1,142 @@
+"""What runs in the cockpit: policy, task, place; and the environment that it makes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+import gymnasium
+import numpy as np
+
+from dovetail.arms.address import parse_address
+from dovetail.control.config import SCHEMES
+from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.envs.log_facts import describe_cell
+from dovetail.envs.registered import task_class
+from dovetail.envs.unwrapped import require_contact_env
+from dovetail.errors import ConfigError
+from dovetail.learn.policy import Policy, find_policy
+from dovetail.learn.policy_env import known_env_id, make_env
+from dovetail.plants.plant import PLANTS
+from dovetail.plants.twin import list_twins
+from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.tasks.shipped import DEFAULT_ENV
+
+NOBODY = "none"
+"""The policy that there is not: only a person moves the arm."""
+_STEPS = 1_000_000
+"""Policy steps of an episode: a person ends it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """What a person has chosen; another choice builds everything anew."""
+
+    policy: str = NOBODY
+    """A policy's file, the name of a shipped one, or `NOBODY`."""
+    place: str = "mujoco"
+    """Address of the arm: a plant, twin:NAME, fri://..., grpc://..."""
+    env: str | None = None
+    """Gymnasium id of the task; None is the policy's, or the usual one."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Settings of task and environment that go before the policy's."""
+    accept_contact: bool = False
+    """Yes to laxer contact settings than the defaults, on a robot."""
+
+
+def build(choice: Choice) -> tuple[gymnasium.Env, Policy | None]:
+    """Return the environment, and who acts in it.
+
+    Raises:
+        DovetailError: No such policy, place or setting, or they do not fit one another.
+    """
+    policy = None
+    where: dict[str, Any] = {"arm": choice.place, "max_steps": _STEPS}
+    where |= choice.settings
+    if choice.policy == NOBODY:
+        env_id = choice.env or DEFAULT_ENV
+        task_class(env_id)
+        where["period"] = _period(choice, {})
+        env = gymnasium.make(env_id, disable_env_checker=True, **where)
+    else:
+        policy = Policy.load(find_policy(choice.policy))
+        trained = policy.metadata.get("env", {})
+        where = {"tare": True, "robot": _trained_robot(trained), **where}
+        where["period"] = _period(choice, trained)
+        env = make_env(
+            policy,
+            env_id=choice.env,
+            accept_contact=choice.accept_contact,
+            **where,
+        )
+    try:
+        require_contact_env(env)
+        if policy is not None:
+            nothing = np.zeros(env.observation_space.shape or ())
+            policy.require_size(nothing, env.action_space.shape or ())
+    except BaseException:
+        env.close()
+        raise
+    return env, policy
+
+
+def _period(choice: Choice, trained: Mapping[str, Any]) -> float:
+    """Return the control period [s]: asked for, the arm's, or the training's."""
+    usual = trained.get("period", DEFAULT_PERIOD)
+    asked = choice.settings.get("period")
+    return parse_address(choice.place).control_period(asked, usual)
+
+
+def _trained_robot(trained: Mapping[str, Any]) -> str:
+    """Return the robot of a policy's training; a module's only the user may name."""
+    robot = str(trained.get("robot", DEFAULT_ROBOT))
+    return DEFAULT_ROBOT if ":" in robot else robot
+
+
+def describe(env: gymnasium.Env, choice: Choice) -> dict[str, Any]:
+    """Return what a log says of itself: enough to draw it again."""
+    core = require_contact_env(env)
+    return describe_cell(env) | {
+        "policy": choice.policy,
+        "place": choice.place,
+        "period [s]": core.arm.facts.period,
+        "tare [m/s2, rad/s2]": np.round(core.commands.tare, 3).tolist(),
+    }
+
+
+def known_places(choice: Choice) -> tuple[str, ...]:
+    """Return where it could run too: the simulations, if it runs in one."""
+    if not parse_address(choice.place).is_here:
+        return (choice.place,)
+    usual = (*(f"twin:{name}" for name in list_twins()), *PLANTS)
+    return tuple(dict.fromkeys((choice.place, *usual)))
+
+
+def known_words(choice: Choice) -> dict[str, tuple[str, ...]]:
+    """Return the settings that are one of a few words: the task's, and the scheme."""
+    kind = task_class(_env_id(choice))
+    kinds = get_type_hints(kind)
+    found = {
+        f.name: get_args(kinds[f.name])
+        for f in fields(kind)
+        if get_origin(kinds[f.name]) is Literal
+    }
+    return {**found, "scheme": tuple(SCHEMES)}
+
+
+def _env_id(choice: Choice) -> str:
+    if choice.policy == NOBODY:
+        return choice.env or DEFAULT_ENV
+    return known_env_id(Policy.load(find_policy(choice.policy)).metadata, choice.env)
+
+
+def require_place(env: gymnasium.Env, fixture: object) -> None:
+    """Refuse to guess where the fixture is, for an arm that cannot move it.
+
+    Raises:
+        ConfigError: It is not given and cannot be placed.
+    """
+    if fixture is None and not require_contact_env(env).places_fixture:
+        raise ConfigError(
+            "this arm cannot move the fixture: say where it is with --fixture X Y Z "
+            "YAW [m, rad], or add control=HOST:PORT for a simulated cabinet"
+        )

@@ -1,0 +1,163 @@
+"""An arm in the cockpit: in slices, at the wall's pace, touched and held in between.
+
+The environment steps it as any other arm. A policy step of 50 ms is cut into slices
+where the arm is a simulation, so that a person's hand acts within one of them.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from dovetail import _core
+from dovetail.arms.arm import Arm, ArmFacts, ArmState, is_simulated, require_simulated
+from dovetail.cockpit.hand import Hand
+from dovetail.cockpit.pace import Pace
+from dovetail.poses import Pose
+from dovetail.types import Vec3
+
+SLICE = 0.01
+"""How long a simulation is stepped at once [s]: a multiple of each control period."""
+
+
+class PacedArm:
+    """Wraps an arm; what a person does to it is in `hand`, how fast in `pace`."""
+
+    fixture: Pose
+    """Where the fixture is; `reset` says it first."""
+    work = 0.0
+    """What the last slice took to compute [s]."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        hand: Hand,
+        pace: Pace,
+        see: Callable[[ArmState, Pose], None],
+    ) -> None:
+        """Wrap an arm.
+
+        Args:
+            arm: To step; closed with this one.
+            hand: What acts on it, where it is a simulation.
+            pace: How fast simulated time may go.
+            see: Called after each slice with what the arm said and where the fixture
+                is; it must not take long.
+        """
+        self._arm, self._hand, self._pace, self._see = arm, hand, pace, see
+        self._hold: _core.Target | None = None
+        self._state: ArmState | None = None
+
+    @property
+    def facts(self) -> ArmFacts:
+        """What the arm is."""
+        return self._arm.facts
+
+    def reset(self, q: np.ndarray, fixture: Pose) -> ArmState:
+        """Go to q [rad], at rest, with the fixture at its pose; the hand lets go."""
+        self._hand.let_go()
+        if self._hold is not None:  # a service wants to be told that the stop is over
+            self.clear()
+        self.fixture = fixture
+        self._state = state = self._arm.reset(q, fixture)
+        self._pace.begin()
+        return state
+
+    def resume_from(self, state: ArmState) -> None:
+        """Go on from what the arm has said to somebody else, such as a tare's way."""
+        self._state = state
+
+    def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
+        """Follow the target for a duration [s], or hold where `stop` was called.
+
+        Raises:
+            ConfigError: The duration is not a whole number of slices.
+            ArmError: As the arm's own.
+        """
+        if not is_simulated(self._arm):
+            return self._slice(self._commanded(target, 0.0), duration)
+        is_whole = self.facts.is_real_time  # it keeps its own time, step by step
+        count = 1 if is_whole else max(1, round(duration / SLICE))
+        length = SLICE if count > 1 else duration
+        parts = []
+        for i in range(count):
+            state, before = self._state, self.fixture
+            if self._hand.is_busy and state is not None:
+                arm = require_simulated(self._arm)
+                self.fixture = self._hand.act(arm, state.position, before, length)
+            parts.append(self._slice(self._commanded(target, i * length), length))
+        return _joined(parts)
+
+    def _slice(self, target: _core.Target, duration: float) -> ArmState:
+        begin = time.perf_counter()
+        self._state = state = self._arm.step(target, duration)
+        self.work = time.perf_counter() - begin
+        if not self.facts.is_real_time:
+            self._pace.wait(duration)
+        self._see(state, self.fixture)
+        return state
+
+    def _commanded(self, target: _core.Target, age: float) -> _core.Target:
+        """Return what the arm is to follow now: the target, or what holds it."""
+        hold = self._hold
+        command = _core.Target(target)
+        if hold is None:
+            command.age = target.age + age
+            return command
+        # The tare goes on holding the weight, and the plane near contact stays.
+        command.f_star = np.array(target.f_tare)
+        command.stay = 0b111
+        command.position_d, command.quat_wxyz_d = hold.position_d, hold.quat_wxyz_d
+        return command
+
+    def stop(self) -> None:
+        """Hold the arm where it is from the next slice on, until `clear` or `reset`."""
+        if self._state is None:
+            return
+        if not is_simulated(self._arm):
+            self._arm.stop()
+        hold = _core.Target()
+        hold.position_d, hold.quat_wxyz_d = self._state.position, self._state.quat_wxyz
+        self._hold = hold
+
+    def clear(self) -> None:
+        """End a stop."""
+        self._arm.clear()
+        self._hold = None
+
+    @property
+    def is_held(self) -> bool:
+        """Whether a stop holds it."""
+        return self._hold is not None
+
+    def push(self, force: Vec3, duration: float) -> None:
+        """Push the TCP with a force [N], world axes, for a duration [s]."""
+        require_simulated(self._arm).push(force, duration)
+
+    def move_fixture(self, fixture: Pose, velocity: Vec3) -> None:
+        """Put the fixture at a pose; it then moves at a velocity [m/s], world axes."""
+        require_simulated(self._arm).move_fixture(fixture, velocity)
+
+    def seed(self, seed: int) -> None:
+        """Start a simulation's noise again."""
+        self._arm.seed(seed)
+
+    def statistics(self) -> dict[str, Any]:
+        """Return what the arm counted and timed."""
+        return self._arm.statistics()
+
+    def close(self) -> None:
+        """Release the arm."""
+        self._arm.close()
+
+
+def _joined(parts: list[ArmState]) -> ArmState:
+    """Return the slices of a step as one state: the last, with the largest force."""
+    flags = 0
+    for part in parts:
+        flags |= part.flags
+    sizes = [float(np.linalg.norm(part.contact_force)) for part in parts]
+    force = parts[int(np.argmax(sizes))].contact_force
+    log = np.vstack([part.log for part in parts])
+    return parts[-1]._replace(contact_force=force, flags=flags, log=log)

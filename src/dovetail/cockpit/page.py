@@ -1,0 +1,173 @@
+"""The page: reads what the session says and draws it; owns no state of the arm."""
+
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail.cockpit.panel import ControlPanel
+from dovetail.cockpit.plots import LivePlots
+from dovetail.cockpit.scene import CellScene
+from dovetail.cockpit.seat import Seat
+from dovetail.cockpit.server import light
+from dovetail.cockpit.session import Session
+from dovetail.cockpit.snapshot import USED
+from dovetail.cockpit.trace import COLUMNS
+from dovetail.errors import DovetailError
+from dovetail.poses import quat_about_z, theta_about_vertical
+
+if TYPE_CHECKING:
+    import viser
+
+FRAME = 1.0 / 30.0
+"""Time between two pictures [s]."""
+PLOTS = {
+    "force [N]": ("force", "pull"),
+    "limits used [%]": USED,
+    "reward": ("reward",),
+    "time to compute 10 ms [ms]": ("work",),
+}
+"""Title of each plot, and its columns."""
+_FAR = 100.0  # [m] to which no mouse drags anything
+_SELDOM = 6  # pictures between two updates of curves and words
+
+
+class Page:
+    """Draws a session for every viewer, and brings their wishes to it."""
+
+    def __init__(
+        self,
+        server: "viser.ViserServer",
+        session: Session,
+        *,
+        keep_running: bool = False,
+    ) -> None:
+        """Build the page and begin to draw.
+
+        Args:
+            server: Where it is; stopped by whoever opened it.
+            session: What it shows.
+            keep_running: Let the arm go on when the driver leaves; otherwise it is
+                held.
+        """
+        self._server, self._session = server, session
+        self._keeps_running = keep_running
+        self._seat = Seat()
+        self._is_ended = threading.Event()
+        self._pulled = self._dragged = False
+        self._build()
+        server.on_client_disconnect(self._leave)
+        self.frames = 0
+        """Pictures that were sent."""
+        self._thread = threading.Thread(target=self._draw, name="page", daemon=True)
+        self._thread.start()
+
+    def _build(self) -> None:
+        server, session = self._server, self._session
+        server.scene.reset()
+        server.gui.reset()
+        light(server.scene)
+        self._version = session.version
+        self._scene = CellScene(server.scene, session.cell)
+        self._panel = ControlPanel(server, session, self._seat)
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(320)
+        panel = server.gui.add_panel()
+        with panel.add_tab("Live"):
+            self._plots = LivePlots(server.gui, PLOTS, COLUMNS)
+        panel.dock_left()
+        panel.set_width(280)
+        if session.can_touch:
+            self._add_gizmos()
+
+    def _add_gizmos(self) -> None:
+        scene = self._server.scene
+        self._grip = scene.add_transform_controls(
+            "/pull", scale=0.10, disable_rotations=True, depth_test=False
+        )
+        self._grip.on_update(self._on_pull)
+        self._handle = scene.add_transform_controls(
+            "/drag", scale=0.16, active_axes=(True, True, False), depth_test=False
+        )
+        self._handle.on_update(self._on_drag)
+
+    # -- what a mouse does ---------------------------------------------------------
+
+    async def _on_pull(self, event: Any) -> None:
+        """Pull while the gizmo is dragged."""
+        if not self._panel.may_drive(event.client_id):
+            return
+        self._pulled = event.phase != "end"
+        if event.phase == "end":
+            self._session.pull(None)
+        else:
+            place = np.array(event.target.position, dtype=float)
+            if np.isfinite(place).all():
+                self._session.pull(place)
+
+    async def _on_drag(self, event: Any) -> None:
+        """Drag the fixture to where the gizmo is."""
+        if not self._panel.may_drive(event.client_id):
+            return
+        self._dragged = event.phase != "end"
+        place = np.array(event.target.position, dtype=float)
+        quat = np.array(event.target.wxyz, dtype=float)
+        is_near = bool((np.abs(place) < _FAR).all())  # false for nan
+        if not (is_near and np.isfinite(quat).all() and np.abs(quat).max() > 0.5):
+            return
+        place[2] = self._session.core.fixture.position[2]
+        upright = np.array([1.0, 0.0, 0.0, 0.0])
+        try:
+            self._session.drag(place, theta_about_vertical(quat, upright))
+        except DovetailError as error:
+            self._session.say(str(error))
+
+    def _leave(self, client: Any) -> None:
+        if self._seat.leave(client.client_id):
+            self._pulled = self._dragged = False
+            self._session.pull(None)
+            if not self._keeps_running:
+                self._session.stop()
+
+    # -- drawing -------------------------------------------------------------------
+
+    def _draw(self) -> None:
+        while not self._is_ended.wait(FRAME):
+            if self._session.version != self._version:
+                self._build()
+            with self._server.atomic():
+                self._draw_frame()
+            self.frames += 1
+
+    def _draw_frame(self) -> None:
+        session, scene, panel = self._session, self._scene, self._panel
+        moment = session.moment
+        if moment is not None:
+            scene.place(moment.q, moment.fixture, moment.seen)
+            shown = panel.forces.is_on
+            nothing = np.zeros(3)
+            scene.point(
+                moment.force if shown else nothing, moment.pull if shown else nothing
+            )
+        if session.can_touch and moment is not None:
+            self._grip.visible = panel.pulls.is_on
+            self._handle.visible = panel.drags.is_on
+            if not self._pulled:
+                self._grip.position = moment.position
+            if not self._dragged:
+                yaw = theta_about_vertical(moment.fixture.quat_wxyz, session.facing)
+                self._handle.position = moment.fixture.position
+                self._handle.wxyz = quat_about_z(yaw)
+        scene.walls.visible = panel.walls.is_on
+        if self.frames % _SELDOM == 0:
+            panel.show(moment, session.status, len(self._server.get_clients()))
+            self._plots.show(session.trace.rows())
+            scene.trace(session.trace.path() if panel.path.is_on else np.zeros((0, 3)))
+            scene.near.visible = panel.near.is_on
+            normal, height = session.near_plane
+            scene.lay_near(normal, height)
+
+    def close(self) -> None:
+        """Draw no more; the server is stopped by whoever opened it."""
+        self._is_ended.set()
+        self._thread.join()

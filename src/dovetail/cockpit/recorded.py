@@ -1,0 +1,191 @@
+"""A recorded episode, ready to be drawn: the cell it was in, and what it was at a time.
+
+A log comes from somebody else: it may name one of dovetail's tasks and robots, and no
+module, which only whoever replays it may name.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from dovetail.cockpit.diary import FIXTURE
+from dovetail.envs.log_facts import CELL
+from dovetail.envs.registered import make_task, task_class
+from dovetail.episode import Episode
+from dovetail.errors import ConfigError, LogError
+from dovetail.poses import Pose
+from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.types import Array, Vec3, Vec7
+from dovetail.workcell.workcell import Workcell
+
+COLUMNS = ("time", "force", "torque", "speed", "reward", "apart")
+"""Time since the log's begin [s], contact force [N], largest joint torque [Nm], speed
+of the TCP [m/s], reward [1], distance of the TCP from the other log's [mm]."""
+_POINTS = 600  # of a curve
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recorded:
+    """One log and its cell."""
+
+    name: str
+    """Of its file, with its folder."""
+    cell: Workcell
+    """Where it was."""
+    time: Array
+    """Since the first cycle [s], shape (cycles,)."""
+    q: Array
+    """Joint angles [rad], shape (cycles, 7)."""
+    position: Array
+    """TCP [m], world axes, shape (cycles, 3)."""
+    force: Array
+    """Contact force [N], world axes, shape (cycles, 3); not-a-number where unknown."""
+    curves: Array
+    """`COLUMNS` of some cycles, shape (points, columns)."""
+    fixtures: tuple[tuple[float, Pose], ...]
+    """Where the fixture was, from which time on [s]."""
+
+    @classmethod
+    def load(
+        cls, path: Path, *, env: str | None = None, robot: str | None = None
+    ) -> Self:
+        """Read a log, and find its cell.
+
+        Args:
+            path: The Episode log.
+            env: Its environment, where the log does not say it, or says a module's.
+            robot: Its robot, in the same way.
+
+        Raises:
+            LogError: Damaged, empty, or of another robot than the one given.
+            ConfigError: No such environment or robot, or a module's that nobody named.
+        """
+        episode = Episode.load(path)
+        if len(episode) == 0:
+            raise LogError(f"the log {path} is empty: nothing was recorded")
+        facts = episode.metadata.get(CELL, {})
+        if not isinstance(facts, Mapping):
+            raise LogError(f"the log {path}: its metadata {CELL!r} is no table")
+        told_robot = facts.get("robot", episode.metadata.get("robot"))
+        env_id = _named("env", env, facts.get("env_id"), DEFAULT_ENV)
+        robot_name = _named("robot", robot, told_robot, DEFAULT_ROBOT)
+        settings = facts.get("task", {})
+        task = make_task(env_id, settings if isinstance(settings, Mapping) else {})
+        columns = {name: episode[name] for name in episode.columns}
+        stamp = columns["time"]
+        time = stamp - stamp[0]
+        position = _stack(columns, "x", "y", "z")
+        first = task_class(env_id).trial_poses[0]
+        return cls(
+            name=f"{path.resolve().parent.name}/{path.stem}",
+            cell=task.workcell(find_robot(robot_name)),
+            time=time,
+            q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
+            position=position,
+            force=_stack(columns, "fx", "fy", "fz"),
+            curves=_curves(columns, time),
+            fixtures=_fixtures(path, episode.metadata, float(stamp[0]), first),
+        )
+
+    @property
+    def end(self) -> float:
+        """Length [s]."""
+        return float(self.time[-1])
+
+    def at(self, time: float) -> tuple[Vec7, Vec3, Pose]:
+        """Return joint angles, contact force and fixture at a time [s] since its begin.
+
+        Before the first cycle they are the first one's, after the last the last one's.
+        """
+        row = self._row(time)
+        fixture = self.fixtures[0][1]
+        for begin, pose in self.fixtures:
+            if begin <= time:
+                fixture = pose
+        return self.q[row], self.force[row], fixture
+
+    def path(self, time: float) -> Array:
+        """Return where the TCP was until a time [m], shape (points, 3)."""
+        end = self._row(time) + 1
+        return self.position[: end : max(1, end // _POINTS)]
+
+    def _row(self, time: float) -> int:
+        row = int(np.searchsorted(self.time, time, side="right")) - 1
+        return min(max(row, 0), len(self.time) - 1)
+
+    def compared(self, other: "Recorded") -> Array:
+        """Return the curves, with how far the TCP is from another log's [mm].
+
+        Both are taken at the same time since their begin; beyond the other's end there
+        is nothing to compare.
+        """
+        curves = self.curves.copy()
+        for axis in range(3):
+            own = np.interp(curves[:, 0], self.time, self.position[:, axis])
+            their = np.interp(curves[:, 0], other.time, other.position[:, axis])
+            curves[:, -1] = np.hypot(curves[:, -1], 1e3 * (own - their))
+        curves[curves[:, 0] > other.end, -1] = np.nan
+        return curves
+
+
+def _stack(columns: Mapping[str, Array], *names: str) -> Array:
+    return np.column_stack([columns[name] for name in names])
+
+
+def _curves(columns: Mapping[str, Array], time: Array) -> Array:
+    chosen = np.unique(np.linspace(0, len(time) - 1, _POINTS).astype(int))
+    torque = np.abs(_stack(columns, *(f"tau{i}" for i in range(1, 8)))).max(axis=1)
+    force = np.linalg.norm(_stack(columns, "fx", "fy", "fz"), axis=1)
+    speed = np.linalg.norm(_stack(columns, "vx", "vy", "vz"), axis=1)
+    rows = (time, force, torque, speed, columns["reward"], np.zeros(len(time)))
+    return np.column_stack(rows)[chosen]
+
+
+def _named(what: str, asked: str | None, told: Any, usual: str) -> str:
+    """Return the name asked for, told by the log, or the usual one.
+
+    Raises:
+        ConfigError: The log names a module, or another than the one asked for.
+    """
+    if not isinstance(told, str) or not told:
+        return asked or usual
+    if asked is None and ":" in told:
+        raise ConfigError(
+            f"the log's {what} is {told[:80]!r}, of a module; add --{what} "
+            f"{told[:80]} if you trust it"
+        )
+    if asked is not None and asked.rpartition(":")[2] != told.rpartition(":")[2]:
+        raise ConfigError(
+            f"{what} is {asked!r}, the log says {told[:80]!r}; leave --{what} out"
+        )
+    return asked or told
+
+
+def _fixtures(
+    path: Path, metadata: Mapping[str, Any], begin: float, first: FixturePose
+) -> tuple[tuple[float, Pose], ...]:
+    """Return where the fixture was; where the log does not say, the task's first."""
+    try:
+        if FIXTURE in metadata:
+            rows = np.array(metadata[FIXTURE], dtype=float).reshape(-1, 8)
+            poses = [(float(r[0]) - begin, Pose(r[1:4], r[4:8])) for r in rows]
+        elif "fixture_pose" in metadata:
+            poses = [(0.0, FixturePose(**metadata["fixture_pose"]).pose())]
+        elif "fixture" in metadata:
+            place = FixturePose.given(metadata["fixture"], first.facing)
+            poses = [(0.0, place.pose())]
+        else:
+            poses = []
+    except (TypeError, ValueError) as error:
+        raise LogError(
+            f"the log {path} does not say where its fixture was: {error}"
+        ) from error
+    for _, pose in poses:
+        if not np.isfinite([*pose.position, *pose.quat_wxyz]).all():
+            raise LogError(f"the log {path}: a place of its fixture is not finite")
+    return tuple(poses) or ((0.0, first.pose()),)

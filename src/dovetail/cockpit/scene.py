@@ -1,0 +1,226 @@
+"""The workcell in the browser: the bodies of the one scene description, and marks."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dovetail.poses import Pose, quat_from_matrix
+from dovetail.types import Array, Vec3, Vec7
+from dovetail.view.cell_model import cell_spec
+from dovetail.view.renderer import FORCE_SCALE
+from dovetail.workcell.workcell import Workcell
+
+if TYPE_CHECKING:
+    import viser
+
+BELIEVED = (60, 130, 230)
+FORCE_COLOUR, PULL_COLOUR = (217, 38, 31), (240, 150, 20)
+PATH_COLOUR, WALL_COLOUR, NEAR_COLOUR = (26, 90, 190), (120, 130, 140), (11, 122, 117)
+_FORCE_MIN = 0.5  # [N] of which an arrow is drawn
+_BESIDE = np.array([-0.04, -0.05, 0.0])  # else the arrow is inside the part [m]
+_GREY, _CORAL = (200, 203, 207), (226, 122, 63)
+
+
+class CellScene:
+    """Draws one cell below a node of the browser's scene; `remove` takes it away."""
+
+    def __init__(
+        self,
+        scene: "viser.SceneApi",
+        cell: Workcell,
+        *,
+        name: str = "/cell",
+        shift: Vec3 | None = None,
+        has_believed: bool = True,
+    ) -> None:
+        """Send every body of the cell to the browser.
+
+        Args:
+            scene: The browser's.
+            cell: What is drawn.
+            name: Node below which it is.
+            shift: Where its base is drawn [m]; None is the world's origin.
+            has_believed: Draw where the fixture is believed, too.
+        """
+        import mujoco
+
+        self._mujoco: Any = mujoco
+        self._scene, self._name = scene, name
+        self._model: Any = cell_spec(cell).compile()
+        self._data: Any = mujoco.MjData(self._model)
+        at = np.zeros(3) if shift is None else shift
+        self._root = scene.add_frame(name, show_axes=False, position=at)
+        self._bodies = {
+            i: scene.add_frame(f"{name}/body{i}", show_axes=False)
+            for i in range(1, self._model.nbody)
+        }
+        self._fixture = self._model.body("fixture").id
+        self._believed: viser.FrameHandle | None = None
+        if has_believed:
+            self._believed = scene.add_frame(f"{name}/believed", show_axes=False)
+        for geom in range(self._model.ngeom):
+            self._add_geom(geom)
+        self._low, self._high = (np.array(wall) for wall in cell.walls)
+        self._add_marks()
+
+    def _add_geom(self, geom: int) -> None:
+        model = self._model
+        body = int(model.geom_bodyid[geom])
+        parent = f"{self._name}/body{body}" if body else self._name
+        vertices, faces, is_smooth = triangles(self._mujoco, model, geom)
+        rgba = model.geom_rgba[geom]
+        about: dict[str, Any] = {
+            "vertices": vertices,
+            "faces": faces,
+            "flat_shading": not is_smooth,
+            # A browser without a GPU draws it in two thirds of the standard's time.
+            "material": "toon5",
+            "position": model.geom_pos[geom],
+            "wxyz": model.geom_quat[geom],
+            "cast_shadow": False,
+            "receive_shadow": False,
+        }
+        colour = np.round(255.0 * rgba[:3]).astype(np.uint8)
+        opacity = float(rgba[3]) if rgba[3] < 1.0 else None
+        self._scene.add_mesh_simple(
+            f"{parent}/geom{geom}", color=colour, opacity=opacity, **about
+        )
+        if body == self._fixture and self._believed is not None:
+            self._scene.add_mesh_simple(
+                f"{self._name}/believed/geom{geom}",
+                color=BELIEVED,
+                opacity=0.25,
+                **about,
+            )
+
+    def _add_marks(self) -> None:
+        scene, name = self._scene, self._name
+        nowhere = np.zeros((1, 2, 3))
+        arrow: dict[str, Any] = {
+            "shaft_radius": 0.004,
+            "head_radius": 0.011,
+            "head_length": 0.025,
+            "visible": False,
+        }
+        self.force = scene.add_arrows(f"{name}/force", nowhere, FORCE_COLOUR, **arrow)
+        self.pull = scene.add_arrows(f"{name}/pull", nowhere, PULL_COLOUR, **arrow)
+        line: dict[str, Any] = {"thickness_units": "screen"}
+        self.path = scene.add_line_segments(
+            f"{name}/path", nowhere, PATH_COLOUR, thickness=3.0, **line
+        )
+        edges = _box_edges(self._low, self._high)
+        self.walls = scene.add_line_segments(
+            f"{name}/walls", edges, WALL_COLOUR, thickness=1.5, **line
+        )
+        middle, half = (self._low + self._high) / 2.0, (self._high - self._low) / 2.0
+        corners = np.array(
+            [
+                [-half[0], -half[1], 0.0],
+                [half[0], -half[1], 0.0],
+                [half[0], half[1], 0.0],
+                [-half[0], half[1], 0.0],
+            ]
+        )
+        self.near = scene.add_mesh_simple(
+            f"{name}/near",
+            corners,
+            np.array([[0, 1, 2], [0, 2, 3]]),
+            color=NEAR_COLOUR,
+            opacity=0.18,
+            side="double",
+            position=middle,
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
+
+    def place(self, q: Vec7, fixture: Pose, seen: Pose | None = None) -> None:
+        """Put the arm at joint angles [rad], the fixture and the believed one."""
+        data = self._data
+        data.qpos[:] = q
+        data.mocap_pos[0], data.mocap_quat[0] = fixture
+        self._mujoco.mj_kinematics(self._model, data)
+        for i, frame in self._bodies.items():
+            frame.position, frame.wxyz = data.xpos[i], data.xquat[i]
+        if self._believed is not None and seen is not None:
+            self._believed.position, self._believed.wxyz = seen
+            gap = np.linalg.norm(seen.position - fixture.position)
+            turn = abs(float(seen.quat_wxyz @ fixture.quat_wxyz))
+            self._believed.visible = bool(gap > 2e-4 or turn < 1.0 - 1e-6)
+
+    def point(self, force: Vec3, pull: Vec3) -> None:
+        """Draw the contact force and the hand's pull [N], world axes, at the tool."""
+        tip = np.array(self._data.site("tcp").xpos)
+        for arrow, vector, begin in (
+            (self.force, force, tip + _BESIDE),
+            (self.pull, pull, tip),
+        ):
+            is_shown = bool(np.linalg.norm(vector) > _FORCE_MIN)  # false for nan
+            if is_shown:
+                ends = np.array([[begin, begin + FORCE_SCALE * vector]])
+                arrow.points = ends.astype(np.float32)
+            arrow.visible = is_shown
+
+    def trace(self, places: Array) -> None:
+        """Draw the path of the tool's end [m], shape (points, 3)."""
+        if len(places) < 2:
+            self.path.visible = False
+            return
+        segments = np.stack([places[:-1], places[1:]], axis=1)
+        self.path.points = segments.astype(np.float32)
+        self.path.visible = True
+
+    def lay_near(self, normal: Vec3, height: float) -> None:
+        """Put the plane near contact: its normal, and how far along it that is [m]."""
+        middle = (self._low + self._high) / 2.0
+        self.near.position = middle + (height - float(normal @ middle)) * normal
+        x = np.array([normal[2], 0.0, -normal[0]]) + 1e-12
+        x = x / np.linalg.norm(x)
+        axes = np.column_stack([x, np.cross(normal, x), normal])
+        self.near.wxyz = quat_from_matrix(axes)
+
+    def remove(self) -> None:
+        """Take everything out of the browser's scene."""
+        self._root.remove()
+
+
+def triangles(mujoco: Any, model: Any, geom: int) -> tuple[Array, Array, bool]:
+    """Return a geom's vertices [m], faces, and whether its surface is round."""
+    from trimesh import creation
+
+    kinds = mujoco.mjtGeom
+    kind, size = kinds(int(model.geom_type[geom])), model.geom_size[geom]
+    if kind == kinds.mjGEOM_MESH:
+        mesh = int(model.geom_dataid[geom])
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        begin, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+        vertices = np.array(model.mesh_vert[first : first + count], dtype=float)
+        triangles = np.array(model.mesh_face[begin : begin + faces])
+        return vertices, triangles, bool(count > 100)
+    if kind == kinds.mjGEOM_BOX:
+        shape = creation.box(extents=2.0 * size)
+    elif kind == kinds.mjGEOM_SPHERE:
+        shape = creation.icosphere(subdivisions=2, radius=size[0])
+    elif kind == kinds.mjGEOM_CYLINDER:
+        shape = creation.cylinder(radius=size[0], height=2.0 * size[1])
+    elif kind == kinds.mjGEOM_CAPSULE:
+        shape = creation.capsule(radius=size[0], height=2.0 * size[1])
+    else:
+        raise ValueError(f"geom {geom} of the cell is a {kind.name}: it is not drawn")
+    return shape.vertices, shape.faces, kind != kinds.mjGEOM_BOX
+
+
+def _box_edges(low: Vec3, high: Vec3) -> Array:
+    """Return the twelve edges of a box, shape (12, 2, 3)."""
+    ends = []
+    for axis in range(3):
+        others = [i for i in range(3) if i != axis]
+        for corner in range(4):
+            begin = np.array(low, dtype=float)
+            for bit, other in enumerate(others):
+                if corner >> bit & 1:
+                    begin[other] = high[other]
+            end = begin.copy()
+            end[axis] = high[axis]
+            ends.append((begin, end))
+    return np.array(ends)

@@ -1,0 +1,45 @@
+"""A tracker whose camera a person covers and uncovers while the arm moves."""
+
+from dovetail.arms.arm import ArmState
+from dovetail.poses import Pose
+from dovetail.trackers.covered import Covered
+from dovetail.trackers.tracker import Estimate, Tracker
+
+
+class Shutter:
+    """Passes on what a tracker sees; covered, what it saw last."""
+
+    def __init__(self, tracker: Tracker) -> None:
+        """Take the tracker that sees while the camera is free."""
+        self._tracker = tracker
+        self._covered: Covered | None = None
+        self.is_covered = False
+        """What the person wants; it holds from the next look on."""
+
+    def reset(self, fixture: Pose, seed: int) -> None:
+        """Start an episode; a covered camera has seen where the fixture stands now."""
+        self._tracker.reset(fixture, seed)
+        self._covered = None
+        if self.is_covered:
+            self._cover()
+
+    def update(self, fixture: Pose, state: ArmState) -> None:
+        """Look, or let time pass."""
+        if self.is_covered and self._covered is None:
+            self._cover()
+        elif not self.is_covered:
+            self._covered = None
+        if self._covered is None:
+            self._tracker.update(fixture, state)
+        else:
+            self._covered.update(fixture, state)
+
+    def _cover(self) -> None:
+        self._covered = Covered()
+        self._covered.reset(self._tracker.estimate().pose, 0)
+
+    def estimate(self) -> Estimate:
+        """Return the newest estimate."""
+        if self._covered is None:
+            return self._tracker.estimate()
+        return self._covered.estimate()

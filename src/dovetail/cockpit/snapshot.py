@@ -1,0 +1,79 @@
+"""What the page shows of one moment: made by the control loop, read by everyone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.plants.plant import COLUMN
+from dovetail.poses import Pose
+from dovetail.types import Array, Vec3, Vec7
+
+_TAU = [COLUMN[f"tau{i}"] for i in range(1, 8)]
+USED = ("joint range", "joint speed", "torque", "walls")
+"""Limits of which is shown how much is used."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """One slice of the control loop."""
+
+    stamp: float
+    """Time of the episode [s]."""
+    q: Vec7
+    """Joint angles [rad]."""
+    position: Vec3
+    """TCP [m], world axes."""
+    fixture: Pose
+    """Where the fixture truly is."""
+    seen: Pose
+    """Where it is believed."""
+    force: Vec3
+    """Contact force on the tool [N], world axes; not-a-number where unknown."""
+    pull: Vec3
+    """Force of the hand's spring [N], world axes."""
+    used: tuple[float, ...]
+    """How much of each of `USED` is used [%]."""
+    reward: float = 0.0
+    """Of the last policy step."""
+    depth: float = 0.0
+    """How far in the tool is [m], by the fixture's true pose."""
+    work: float = 0.0
+    """What the slice took to compute [s]: of a simulation, 10 ms are there for it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Status:
+    """What the loop is doing."""
+
+    mode: str
+    """held, running, paused, stopped (by the arm) or building."""
+    note: str = ""
+    """What a person should know of it."""
+    rate: float = 1.0
+    """Simulated over wall time, over the speed asked for [1]."""
+    success: bool = False
+    """Whether the task was done in this episode."""
+
+
+def used_limits(state: ArmState, facts: ArmFacts) -> tuple[float, ...]:
+    """Return how much of each of `USED` a slice used [%]; 100 is the limit.
+
+    Args:
+        state: What the arm said; of its log the largest torques.
+        facts: The arm's limits.
+    """
+    limits = facts.limits
+    tau: Array = np.abs(state.log[:, _TAU]).max(axis=0, initial=0.0)
+    shares = (
+        _centred(state.q, limits.q_min, limits.q_max),
+        np.abs(state.dq) / limits.dq_max,
+        tau / limits.tau_max,
+        _centred(state.position, limits.x_min, limits.x_max),
+    )
+    return tuple(100.0 * float(share.max()) for share in shares)
+
+
+def _centred(value: Array, low: Array, high: Array) -> Array:
+    """Return 0 in the middle of a range and 1 at either end."""
+    return np.abs(2.0 * value - low - high) / (high - low)

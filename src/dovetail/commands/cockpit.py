@@ -1,0 +1,146 @@
+"""`dovetail cockpit`: see the arm in the browser, start and stop it, touch it."""
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+
+from dovetail.arms.address import parse_address
+from dovetail.cockpit.choice import Choice
+from dovetail.cockpit.server import PORT, open_server
+from dovetail.commands.demo import Demo
+from dovetail.commands.help_page import Groups
+from dovetail.commands.unproven import warn_of_twin
+from dovetail.control.period_option import Period
+from dovetail.errors import ConfigError
+from dovetail.files import dated_folder
+from dovetail.tasks.options import TaskOptions
+from dovetail.tasks.shipped import DEFAULT_POLICY
+
+if TYPE_CHECKING:
+    import viser
+
+GROUPS: Groups = {
+    "what runs": ("policy", "env", "task_options", "tare", "accept_contact"),
+    "where, one of two": ("twin", "arm"),
+    "how it runs there": ("robot", "tracker", "period", "fixture"),
+    "the page": ("port", "keep_running", "logs"),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cockpit:
+    """Show an arm in the browser: start, stop, pull it, move its fixture, replay it."""
+
+    policy: str = DEFAULT_POLICY
+    """Policy: the name of a shipped one, a file, or none."""
+    env: str | None = None
+    """Environment of the policy; needed for one of your own, MODULE:ID."""
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are the policy's."""
+    tare: bool = True
+    """Measure at each reset the weight that nobody compensates."""
+    accept_contact: bool = False
+    """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
+    twin: str | None = None
+    """Twin to run on: a shipped one's name or a .toml file; default medium."""
+    arm: str | None = None
+    """Arm to run on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    robot: str | None = None
+    """Robot in the cell; default the policy's."""
+    tracker: str | None = None
+    """What tells where the fixture is: truth, delayed or noisy; MODULE:CLASS is one of
+    your own."""
+    period: Period | None = None
+    """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
+    fixture: tuple[float, float, float, float] | None = None
+    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes; default
+    the task's first trial pose. Needed for an arm that cannot move it."""
+    port: int = PORT
+    """Port of the page, on this machine alone; 0 is any free one."""
+    keep_running: bool = False
+    """Let the arm go on when the driver closes the page; otherwise it is held."""
+    logs: Path | None = None
+    """Folder for the Episode logs; default a new one, by the time, in cockpit-logs."""
+
+    def run(self, console: Console) -> int:
+        """Show the page until Ctrl-C or SIGTERM, then hold the arm and close."""
+        from dovetail.cockpit.page import Page
+        from dovetail.cockpit.session import Session
+
+        choice = self.choice()
+        warn_of_twin(console, None, choice.place)
+        logs = self.logs or dated_folder("cockpit-logs")
+        session = Session(choice, logs=logs, fixture=self.fixture)
+        try:
+            server = open_server(self.port)
+            try:
+                page = Page(server, session, keep_running=self.keep_running)
+                serve_page(server, console)
+                page.close()
+            finally:
+                session.close()
+                server.stop()
+        finally:
+            session.close()
+        for file in session.diary.files:
+            console.print(f"  {file}", highlight=False, soft_wrap=True)
+        if session.diary.problem:
+            console.print(session.diary.problem, soft_wrap=True)
+        return 0
+
+    def choice(self) -> Choice:
+        """Return what runs at first.
+
+        Raises:
+            ConfigError: Both a twin and an arm.
+        """
+        if self.twin is not None and self.arm is not None:
+            raise ConfigError("--twin and --arm exclude each other; give one")
+        twin = self.twin or Demo.twin
+        if Path(twin).suffix == ".toml":
+            twin = str(Path(twin).expanduser().absolute())
+        names = ("robot", "tracker", "period")
+        given = {name: vars(self)[name] for name in names}
+        settings: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
+        settings |= self.task_options
+        if not self.tare:
+            settings["tare"] = False
+        place = self.arm or f"twin:{twin}"
+        parse_address(place)
+        return Choice(
+            policy=self.policy,
+            place=place,
+            env=self.env,
+            settings=settings,
+            accept_contact=self.accept_contact,
+        )
+
+
+@contextmanager
+def ended_by_signal() -> Iterator[threading.Event]:
+    """Give an event that Ctrl-C and SIGTERM set, in place of what they usually do."""
+    end = threading.Event()
+    before = {
+        number: signal.signal(number, lambda *_: end.set())
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield end
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def serve_page(server: "viser.ViserServer", console: Console) -> None:
+    """Say where the page is, and wait until it is ended."""
+    with ended_by_signal() as end:
+        where = f"http://{server.get_host()}:{server.get_port()}"
+        console.print(f"the page is {where}; Ctrl-C ends it", highlight=False)
+        while not end.wait(0.5):
+            pass

@@ -1,0 +1,45 @@
+"""`dovetail replay`: recorded episodes in the browser, with a time line."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.console import Console
+
+from dovetail.cockpit.recorded import Recorded
+from dovetail.cockpit.server import PORT, open_server
+from dovetail.commands.cockpit import serve_page
+
+
+@dataclass(frozen=True, kw_only=True)
+class Replay:
+    """Show an Episode log in the browser; two of them side by side."""
+
+    episode: Annotated[Path, tyro.conf.Positional]
+    """Episode log, .npz or .parquet."""
+    other: Annotated[Path | None, tyro.conf.Positional] = None
+    """Another one, shown beside it at the same time since its begin."""
+    env: str | None = None
+    """Environment of the logs, where they do not say it; MODULE:ID of your own."""
+    robot: str | None = None
+    """Robot of the logs, where they do not say it; MODULE:FUNCTION of your own."""
+    port: int = PORT
+    """Port of the page, on this machine alone; 0 is any free one."""
+
+    def run(self, console: Console) -> int:
+        """Show the page until Ctrl-C or SIGTERM."""
+        from dovetail.cockpit.replay_page import ReplayPage
+
+        files = [path for path in (self.episode, self.other) if path is not None]
+        logs = tuple(
+            Recorded.load(path, env=self.env, robot=self.robot) for path in files
+        )
+        server = open_server(self.port)
+        try:
+            page = ReplayPage(server, logs)
+            serve_page(server, console)
+            page.close()
+        finally:
+            server.stop()
+        return 0

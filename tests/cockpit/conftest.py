@@ -1,0 +1,53 @@
+"""A session on the ideal plant, four times as fast as real time."""
+
+import importlib
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from dovetail.cockpit.choice import Choice
+from dovetail.cockpit.pace import SPEED_MAX
+from dovetail.cockpit.session import Session
+
+BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
+PLAIN = {"tare": False}
+
+
+def from_benchmarks(name):
+    """Return a module that a benchmark uses, too."""
+    sys.path.insert(0, BENCHMARKS)
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.path.remove(BENCHMARKS)
+
+
+def wait_until(is_so, timeout=10.0):
+    """Wait for what another thread brings about."""
+    end = time.monotonic() + timeout
+    while not is_so():
+        assert time.monotonic() < end, "it did not come about in time"
+        time.sleep(0.002)
+
+
+@pytest.fixture
+def make_session(tmp_path: Path):
+    made = []
+
+    def make(policy="peg_square", place="mujoco", **more):
+        choice = Choice(policy=policy, place=place, settings=PLAIN)
+        session = Session(choice, **{"logs": tmp_path / "logs", **more})
+        session.pace.speed = SPEED_MAX
+        made.append(session)
+        return session
+
+    yield make
+    for session in made:
+        session.close()
+
+
+@pytest.fixture
+def session(make_session):
+    return make_session()

@@ -1,0 +1,152 @@
+"""The pages in a real browser: what a person presses, drags and sees."""
+
+import numpy as np
+import pytest
+
+from dovetail.cockpit.choice import Choice
+from dovetail.cockpit.page import Page
+from dovetail.cockpit.recorded import Recorded
+from dovetail.cockpit.replay_page import ReplayPage
+from dovetail.cockpit.server import open_server
+from dovetail.cockpit.session import Session
+from dovetail.poses import matrix_from_quat
+from extras import need
+
+from .conftest import from_benchmarks
+
+driven = from_benchmarks("cockpit_browser")
+button, on_screen, picture = driven.button, driven.on_screen, driven.picture
+press, wait_for = driven.press, driven.wait_for
+ESCAPE = "\ue00c"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    need("viser")
+    need("selenium")
+    if why := driven.missing():
+        pytest.skip(why)
+    browser = driven.open_browser()
+    yield browser
+    browser.quit()
+
+
+@pytest.fixture(scope="module")
+def cockpit(browser, tmp_path_factory):
+    """A session, its page and its server, open in the browser."""
+    logs = tmp_path_factory.mktemp("logs")
+    choice = Choice(policy="peg_square", settings={"tare": False})
+    server = open_server(0)
+    session = Session(choice, logs=logs)
+    page = Page(server, session)
+    browser.get(f"http://{server.get_host()}:{server.get_port()}")
+    wait_for(lambda: button(browser, "STOP") and server.get_clients())
+    yield session, server
+    browser.get("about:blank")
+    page.close()
+    session.close()
+    server.stop()
+
+
+def is_drawn(seen):
+    """Whether a picture is more than its background."""
+    return seen.std(axis=(0, 1)).max() > 20.0
+
+
+def differ(one, other):
+    """Share of the pixels that changed."""
+    return float((np.abs(one - other).max(axis=2) > 12).mean())
+
+
+def test_stop_comes_first_and_the_scene_is_not_empty(browser, cockpit):
+    texts = browser.execute_script(
+        "return [...document.querySelectorAll('button')]"
+        ".filter(b => b.offsetParent).map(b => b.innerText.trim()).filter(t => t)"
+    )
+    assert texts[0].startswith("STOP")
+    wait_for(lambda: is_drawn(picture(browser)))
+    orange = picture(browser)
+    is_arm = (orange[:, :, 0] > 150) & (orange[:, :, 2] < 110)
+    assert is_arm.mean() > 0.05
+
+
+def test_keys_start_pause_step_and_stop(browser, cockpit):
+    session, _ = cockpit
+    before = picture(browser)
+    press(browser, "g")
+    wait_for(lambda: session.status.mode == "running" or session.status.success)
+    wait_for(lambda: differ(before, picture(browser)) > 0.01)
+    press(browser, "p")
+    wait_for(lambda: session.status.mode == "paused")
+    stamp = session.moment.stamp
+    press(browser, "n")
+    wait_for(lambda: session.moment.stamp > stamp + 0.04)
+    press(browser, ESCAPE)
+    wait_for(lambda: session.core.arm.is_held)
+    button(browser, "Pause").click()
+    wait_for(lambda: session.status.mode == "held")
+
+
+def test_the_arm_is_pulled_by_its_gizmo_until_that_is_let_go(browser, cockpit):
+    session, server = cockpit
+    button(browser, "Reset").click()
+    wait_for(lambda: session.moment.stamp < 1.0)
+    tip = session.moment.position
+    mouse = driven.Mouse(browser)
+    up = np.array([0.0, 0.0, 1.0])
+    begin = on_screen(browser, server, tip + 0.07 * up)
+    end = on_screen(browser, server, tip + 0.13 * up)
+    mouse.grab(begin)
+    for share in np.linspace(0.2, 1.0, 5):
+        mouse.drag(np.array(begin) + share * (np.array(end) - begin))
+    wait_for(lambda: session.moment.pull[2] > 5.0)
+    wait_for(lambda: session.moment.position[2] > tip[2] + 0.0005)
+    mouse.let_go(end)
+    wait_for(lambda: session.hand.pull_to is None)
+
+
+def test_the_fixture_is_dragged_while_the_camera_is_covered(browser, cockpit):
+    session, server = cockpit
+    begin = session.moment.fixture.position
+    button(browser, "Cover the camera").click()
+    wait_for(lambda: session.is_covered)
+    mouse = driven.Mouse(browser)
+    turn = matrix_from_quat(session.moment.fixture.quat_wxyz)
+    here = on_screen(browser, server, begin + 0.11 * turn[:, 0])
+    there = on_screen(browser, server, begin + 0.13 * turn[:, 0])
+    mouse.grab(here)
+    for share in np.linspace(0.2, 1.0, 5):
+        mouse.drag(np.array(here) + share * (np.array(there) - here))
+    mouse.let_go(there)
+    wait_for(lambda: session.moment.fixture.position[0] > begin[0] + 0.005)
+    np.testing.assert_array_equal(session.moment.seen.position, begin)
+
+
+def test_who_leaves_the_page_leaves_the_arm_held_and_what_was_done_is_played_back(
+    browser, cockpit
+):
+    session, _ = cockpit
+    button(browser, "Cover the camera").click()
+    press(browser, "g")
+    wait_for(lambda: session.status.mode == "running")
+    browser.get("about:blank")
+    wait_for(lambda: session.status.mode == "held")
+    assert session.core.arm.is_held
+    session.reset()
+    wait_for(lambda: session.moment.stamp < 1.0)
+    session.diary.flush()
+    recorded = Recorded.load(session.diary.files[-1])
+    server = open_server(0)
+    page = ReplayPage(server, (recorded,))
+    try:
+        browser.get(f"http://{server.get_host()}:{server.get_port()}")
+        wait_for(lambda: button(browser, "Play") and server.get_clients())
+        wait_for(lambda: is_drawn(picture(browser)))
+        before = picture(browser)
+        button(browser, "Play").click()
+        wait_for(lambda: page.now > 0.3)
+        wait_for(lambda: differ(before, picture(browser)) > 0.003)
+        assert recorded.name in browser.execute_script("return document.body.innerText")
+    finally:
+        page.close()
+        server.stop()

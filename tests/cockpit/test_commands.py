@@ -1,0 +1,56 @@
+"""`dovetail cockpit` and `dovetail replay`: what goes wrong is said in a line."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from dovetail.cli import run
+from dovetail.commands.cockpit import Cockpit
+from extras import need
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["cockpit", "--policy", "nobody"], "no policy 'nobody'"),
+        (["cockpit", "--twin", "easy", "--arm", "mujoco"], "exclude each other"),
+        (["cockpit", "--twin", "nowhere"], "nowhere"),
+        (["cockpit", "--env", "dovetail/RailClip-v0"], "was trained in"),
+        (["cockpit", "--arm", "mujoco", "--fixture", *"9010"], "can be reached"),
+        (["cockpit", "--arm", "mujoco", "--port", "70000"], "allowed: 0 to 65535"),
+        (["replay", "missing.npz"], "missing.npz cannot be read"),
+    ],
+)
+def test_what_cannot_be_shown_is_one_message(
+    words, said, tmp_path, monkeypatch, capsys
+):
+    need("viser")
+    monkeypatch.chdir(tmp_path)
+    assert run(words) == 2
+    told = capsys.readouterr().err
+    assert told.startswith("dovetail: ")
+    assert said in told
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_shipped_policy_on_a_twin_is_what_is_shown_first():
+    choice = Cockpit().choice()
+    assert choice.place == "twin:medium"
+    assert choice.policy == "peg_square"
+
+
+def test_a_cockpit_that_is_ended_holds_the_arm_and_says_goodbye(tmp_path):
+    need("viser")
+    words = ["-m", "dovetail", "cockpit", "--port", "0", "--twin", "easy"]
+    process = subprocess.Popen(
+        [sys.executable, *words], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        if "the page is http://127.0.0.1:" in line:
+            break
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=60)
+    assert process.returncode == 0

@@ -1,0 +1,116 @@
+"""Logs of other people, and of other robots, in the replay."""
+
+import json
+
+import numpy as np
+import pytest
+
+from dovetail.cockpit.recorded import COLUMNS, Recorded
+from dovetail.envs.log_facts import CELL, describe_cell
+from dovetail.envs.registered import DEFAULT_ENV, make_env, task_class
+from dovetail.episode import Episode
+from dovetail.errors import ConfigError, LogError, MissingDependencyError
+
+
+@pytest.fixture(scope="module")
+def env():
+    env = make_env(task_class(DEFAULT_ENV))
+    yield env
+    env.close()
+
+
+@pytest.fixture
+def write(env, tmp_path):
+    def write(metadata, steps=4, action=0.0, name="log.npz"):
+        env.reset(seed=4)
+        episode = Episode(metadata=metadata)
+        for step in range(steps):
+            _, reward, *_ = env.step(np.full(4, action, dtype=np.float32))
+            episode.append(env.state.log, step, np.zeros(4), reward)
+        return episode.save(tmp_path / name)
+
+    return write
+
+
+def test_a_log_is_drawn_at_any_time(write, env):
+    recorded = Recorded.load(write(describe_cell(env)))
+    assert recorded.end == pytest.approx(0.2, abs=0.006)
+    for time, row in ((-1.0, 0), (0.0, 0), (recorded.end, -1), (99.0, -1)):
+        np.testing.assert_array_equal(recorded.at(time)[0], recorded.q[row])
+    assert recorded.curves.shape[1] == len(COLUMNS)
+    assert len(recorded.path(recorded.end)) <= 601
+
+
+def test_a_log_that_says_nothing_of_its_cell_gets_the_usual_one(write, env):
+    recorded = Recorded.load(write({}))
+    assert recorded.cell.name == env.cell.name
+
+
+def test_a_fixture_of_an_evaluation_stands_where_the_try_had_it(write, env):
+    pose = env.task.trial_poses[1]
+    recorded = Recorded.load(write({"fixture_pose": pose._asdict()}))
+    np.testing.assert_allclose(
+        recorded.at(0.1)[2].position, pose.pose().position, atol=1e-12
+    )
+
+
+def test_two_logs_are_as_far_apart_as_they_were(write):
+    one = Recorded.load(write({}, name="one.npz"))
+    two = Recorded.load(write({}, action=0.5, name="two.npz"))
+    apart = one.compared(two)[:, -1]
+    assert apart[0] < 1.0
+    expected = 1e3 * np.linalg.norm(one.position[-1] - two.position[-1])
+    assert apart[-1] == pytest.approx(expected)
+    assert expected > 0.5
+    np.testing.assert_array_equal(one.compared(one)[:, -1], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("cell", "why"),
+    [
+        ({"env_id": "evil:Env-v0"}, "if you trust it"),
+        ({"robot": "evil:make"}, "if you trust it"),
+        ({"env_id": "dovetail/Nothing-v9"}, "unknown"),
+        ({"task": {"clearance": 99.0}}, "clearance"),
+        ({"task": {"nonsense": 1}}, "nonsense"),
+        ("text", "no table"),
+    ],
+)
+def test_a_log_may_name_no_module_and_nothing_unknown(write, cell, why):
+    with pytest.raises((ConfigError, LogError), match=why):
+        Recorded.load(write({CELL: cell}))
+
+
+def test_a_log_of_another_robot_than_the_one_given_is_refused(write, env):
+    file = write(describe_cell(env))
+    with pytest.raises(ConfigError, match="the log says 'iiwa14'"):
+        Recorded.load(file, robot="my_robot:make")
+
+
+@pytest.mark.parametrize(
+    "place", ["x", [[1, 2]], [[0.0, 0.6, 0.0, float("nan"), 1, 0, 0, 0]]]
+)
+def test_a_fixture_that_is_nowhere_is_refused(write, place):
+    metadata = {"fixture_path [s, m, wxyz]": place}
+    with pytest.raises(LogError, match="fixture"):
+        Recorded.load(write(json.loads(json.dumps(metadata))))
+
+
+def test_an_empty_log_and_one_cut_short_are_refused(write, tmp_path):
+    with pytest.raises(LogError, match="empty"):
+        Recorded.load(write({}, steps=0))
+    file = write({}, name="whole.npz")
+    cut = tmp_path / "cut.npz"
+    cut.write_bytes(file.read_bytes()[:-200])
+    with pytest.raises(LogError, match="cut short"):
+        Recorded.load(cut)
+
+
+def test_a_page_without_viser_says_what_to_install(monkeypatch):
+    import sys
+
+    from dovetail.cockpit.server import open_server
+
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(MissingDependencyError, match=r"\[view\]"):
+        open_server(0)

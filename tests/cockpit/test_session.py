@@ -1,0 +1,233 @@
+"""What a person does in the cockpit, without a page."""
+
+import time
+
+import numpy as np
+import pytest
+
+from dovetail.cockpit.choice import NOBODY, Choice
+from dovetail.cockpit.hand import DRAG_SPEED, PULL_MAX
+from dovetail.cockpit.recorded import Recorded
+from dovetail.episode import Episode
+from dovetail.errors import ConfigError
+from dovetail.learn.policy import PolicyError
+
+from .conftest import wait_until
+
+
+def simulate(session, duration):
+    """Wait until so much simulated time [s] has passed."""
+    end = session.moment.stamp + duration
+    wait_until(lambda: session.moment.stamp >= end - 1e-9)
+
+
+def test_at_first_the_arm_is_held(session):
+    begin = session.moment.position
+    simulate(session, 0.5)
+    assert session.status.mode == "held"
+    assert np.linalg.norm(session.moment.position - begin) < 1e-4
+
+
+def test_the_policy_finishes_and_what_it_did_can_be_replayed(session):
+    session.start()
+    wait_until(lambda: session.status.success)
+    assert session.status.mode == "held"
+    session.close()
+    (file,) = session.diary.files
+    episode = Episode.load(file)
+    assert episode["reward"].max() > 10.0
+    recorded = Recorded.load(file)
+    q, _, fixture = recorded.at(recorded.end)
+    np.testing.assert_array_equal(q, recorded.q[-1])
+    np.testing.assert_allclose(fixture.position, session.moment.fixture.position)
+    assert recorded.cell.name == session.cell.name
+
+
+def test_a_stop_holds_the_arm_at_once_and_a_start_goes_on(session):
+    session.start()
+    wait_until(lambda: session.moment.stamp > 0.4)
+    session.stop()
+    begin = session.moment.position
+    wait_until(lambda: session.status.mode == "held")
+    simulate(session, 0.5)
+    rest = session.moment.position
+    assert np.linalg.norm(rest - begin) < 0.01
+    simulate(session, 0.3)
+    assert np.linalg.norm(session.moment.position - rest) < 1e-4
+    stamp = session.moment.stamp
+    session.start()
+    wait_until(lambda: session.status.success)
+    assert session.moment.stamp > stamp  # no reset
+
+
+@pytest.mark.parametrize("far", [0.02, 0.5])
+def test_the_tool_follows_a_pull_of_at_most_so_much(session, far):
+    begin = session.moment.position
+    way = np.array([0.0, far, 0.0])
+    session.pull(begin + way)
+    simulate(session, 0.5)
+    moved = (session.moment.position - begin)[1]
+    assert moved > 1e-4
+    assert 0.0 < np.linalg.norm(session.moment.pull) <= PULL_MAX + 1e-9
+    assert max(session.moment.used) < 100.0
+    session.pull(None)
+    simulate(session, 0.5)
+    assert not session.moment.pull.any()
+    assert (session.moment.position - begin)[1] < 0.5 * moved
+
+
+def test_a_pull_to_the_end_of_the_world_is_as_hard_as_any(session):
+    session.pull(np.array([-1e308, 1e308, 0.0]))
+    simulate(session, 0.5)
+    assert np.linalg.norm(session.moment.pull) == pytest.approx(PULL_MAX)
+    assert session.violations == 0
+    with pytest.raises(ConfigError, match="nan"):
+        session.pull(np.array([0.0, np.nan, 0.0]))
+    session.stop()
+    simulate(session, 0.1)
+    assert session.status.mode == "held"
+
+
+def test_a_dragged_fixture_follows_no_faster_than_a_hand(session):
+    begin = session.moment.fixture
+    session.drag(begin.position + np.array([0.03, 0.02, 0.0]), 0.1)
+    simulate(session, 0.1)
+    moved = np.linalg.norm(session.moment.fixture.position - begin.position)
+    assert 0.0 < moved <= DRAG_SPEED * 0.12
+    simulate(session, 0.5)
+    np.testing.assert_allclose(
+        session.moment.fixture.position,
+        begin.position + np.array([0.03, 0.02, 0.0]),
+        atol=1e-9,
+    )
+    assert session.core.fixture is session.moment.fixture
+
+
+def test_a_fixture_out_of_reach_is_refused_and_stays(session):
+    begin = session.moment.fixture
+    with pytest.raises(ConfigError, match=r"outside the workspace|can be reached"):
+        session.drag(begin.position + np.array([0.5, 0.0, 0.0]), 0.0)
+    simulate(session, 0.1)
+    np.testing.assert_array_equal(session.moment.fixture.position, begin.position)
+
+
+def test_a_covered_camera_believes_what_it_saw_last(session):
+    seen = session.moment.seen
+    session.cover(True)
+    simulate(session, 0.1)
+    session.drag(seen.position + np.array([0.01, 0.0, 0.0]), 0.0)
+    simulate(session, 0.3)
+    np.testing.assert_array_equal(session.moment.seen.position, seen.position)
+    session.cover(False)
+    simulate(session, 0.1)
+    believed, true = session.moment.seen.position, session.moment.fixture.position
+    np.testing.assert_array_equal(believed, true)
+
+
+def test_a_search_moves_the_believed_fixture_while_the_camera_is_covered(session):
+    session.search(True)
+    session.cover(True)
+    session.start()
+    begin = session.moment.fixture.position
+    simulate(session, 1.0)
+    assert np.linalg.norm(session.moment.seen.position - begin) > 1e-5
+
+
+def test_paused_time_stands_still_but_for_single_steps(session):
+    session.pause()
+    wait_until(lambda: session.status.mode == "paused")
+    time.sleep(0.05)
+    begin = session.moment.stamp
+    time.sleep(0.1)
+    assert session.moment.stamp == begin
+    for count in (1, 2):
+        session.step()
+        end = begin + 0.05 * count
+        wait_until(lambda end=end: session.moment.stamp > end - 1e-9)
+        time.sleep(0.05)
+        assert session.moment.stamp == pytest.approx(end)
+    session.pause(False)
+    simulate(session, 0.1)
+
+
+def test_another_choice_is_built_and_the_fixture_stays_where_it_was_dragged(session):
+    place = session.moment.fixture.position + np.array([0.01, 0.0, 0.0])
+    session.drag(place, 0.0)
+    simulate(session, 0.4)
+    version = session.version
+    session.choose(Choice(policy=NOBODY, place="twin:easy"))
+    wait_until(lambda: session.version > version)
+    wait_until(lambda: session.status.mode == "held")
+    np.testing.assert_allclose(session.moment.fixture.position, place, atol=1e-9)
+    session.start()
+    wait_until(lambda: "no policy" in session.status.note)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        Choice(policy="nobody_made_it", place="mujoco"),
+        Choice(place="twin:nowhere"),
+        Choice(policy="peg_square", env="dovetail/RailClip-v0"),
+        Choice(policy="peg_square", settings={"peg": "star"}),
+    ],
+)
+def test_a_wrong_choice_is_told_and_changes_nothing(session, wrong):
+    before = session.choice
+    session.choose(wrong)
+    wait_until(lambda: session.status.note)
+    assert session.choice is before
+    simulate(session, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "why"),
+    [
+        (Choice(policy="nobody_made_it"), "no policy"),
+        (Choice(policy="peg_square", env="dovetail/RailClip-v0"), "trained in"),
+    ],
+)
+def test_a_session_that_cannot_be_built_says_why(make_session, wrong, why):
+    with pytest.raises((ConfigError, PolicyError), match=why):
+        make_session(policy=wrong.policy) if wrong.env is None else make_wrong(wrong)
+
+
+def make_wrong(choice):
+    from dovetail.cockpit.session import Session
+
+    Session(choice)
+
+
+def test_while_the_arm_is_only_held_nothing_is_written(session):
+    simulate(session, 0.3)
+    session.reset()
+    simulate(session, 0.1)
+    session.close()
+    assert session.diary.files == []
+
+
+def test_each_reset_begins_a_log_and_says_where_the_fixture_went(session):
+    for count in (1, 2):
+        session.drag(session.moment.fixture.position + np.array([0.005, 0.0, 0.0]), 0.0)
+        simulate(session, 0.2)
+        session.reset()
+        wait_until(lambda: session.moment.stamp < 0.1)
+        session.diary.flush()
+        assert len(session.diary.files) == count
+    first, second = (Recorded.load(file) for file in session.diary.files)
+    before, after = first.fixtures[0][1].position, first.fixtures[-1][1].position
+    np.testing.assert_allclose(after - before, [0.005, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(second.fixtures[0][1].position, after)
+
+
+def test_a_log_that_cannot_be_written_is_told_and_the_arm_goes_on(
+    make_session, tmp_path
+):
+    (tmp_path / "file").write_text("in the way")
+    session = make_session(logs=tmp_path / "file" / "logs")
+    session.pull(session.moment.position)
+    simulate(session, 0.1)
+    session.reset()
+    wait_until(lambda: session.diary.problem)
+    assert "is lost" in session.diary.problem
+    simulate(session, 0.1)
