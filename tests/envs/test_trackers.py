@@ -26,7 +26,7 @@ def state(stamp):
 
 
 def test_every_file_with_a_class_of_its_name_is_a_tracker():
-    assert list_trackers() == ("covered", "delayed", "noisy", "truth")
+    assert list_trackers() == ("covered", "delayed", "late", "noisy", "truth")
     assert find_tracker("delayed?delay=0.2").delay == 0.2
     assert isinstance(find_tracker("dovetail.trackers.truth:Truth"), Truth)
 
@@ -34,7 +34,10 @@ def test_every_file_with_a_class_of_its_name_is_a_tracker():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("camera", "'camera' is unknown; known: covered, delayed, noisy, truth, or"),
+        (
+            "camera",
+            "'camera' is unknown; known: covered, delayed, late, noisy, truth, ",
+        ),
         ("delayed?delay=20", "tracker delay is 20 s; allowed: 0 to 10 s"),
         ("delayed?lag=0.1", "does not take these arguments"),
         ("noisy?offset=x", "NAME.ARGUMENT=NUMBER"),
@@ -52,7 +55,7 @@ def test_a_delayed_tracker_tells_what_was_true():
     seen = []
     for step in range(1, 6):
         tracker.update(at(0.60 + 0.01 * step), state(0.05 * step))
-        pose, age = tracker.estimate()
+        pose, age, _ = tracker.estimate()
         seen.append((round(pose.position[0], 3), round(age, 3)))
     assert seen == [(0.60, 0.05), (0.60, 0.1), (0.61, 0.1), (0.62, 0.1), (0.63, 0.1)]
 

@@ -20,11 +20,12 @@ from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
 from dovetail.envs.workspace import require_axes, require_inside
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, TrackerError
+from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose, theta_about_vertical
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Goal, Task
-from dovetail.trackers.find import find_tracker
+from dovetail.trackers.find import Site, find_tracker
 from dovetail.trackers.tracker import Tracker
 from dovetail.types import Array, Vec3
 
@@ -147,7 +148,7 @@ class ContactEnv(
             self.axes,
             self.config,
         )
-        self.tracker = tracker or find_tracker(self.config.observation.tracker)
+        self.tracker = tracker or self._find_tracker()
         self.commands = CommandMap(
             self.axes,
             f_scale=action.f_scale,
@@ -159,6 +160,16 @@ class ContactEnv(
         if self.config.episode.tare:
             self._tare = ToolTare(self.arm, self.commands, action.force_damping)
         self._prepare()
+
+    def _find_tracker(self) -> Tracker:
+        """Build the tracker that the settings name."""
+        twin = self.config.place.twin
+        site = Site(
+            cell=self.cell,
+            twin=None if twin is None else load_twin(twin).camera,
+            is_simulated=self.arm.facts.is_simulated,
+        )
+        return find_tracker(self.config.observation.tracker, site)
 
     def _prepare(self) -> None:
         """Take from the arm and the task what each step needs."""
@@ -337,8 +348,12 @@ class ContactEnv(
 
     def _locate(self) -> Array:
         """Ask the tracker for the fixture; return the unscaled observation."""
-        self.tracker.update(self.fixture, self.state)
-        seen = self.tracker.estimate().pose
+        try:
+            self.tracker.update(self.fixture, self.state)
+            seen = self.tracker.estimate().pose
+        except TrackerError:
+            self.arm.stop()  # nobody knows where to go
+            raise
         # By value: a tracker may change its pose in place.
         if (value := _value(seen)) != self._seen:
             self._seen = value
