@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.control.ranges import Range, check_ranges
-from dovetail.errors import ConfigError
 from dovetail.perceive.opencv import opencv
 from dovetail.types import Array
 
@@ -35,7 +34,7 @@ class Board:
     first_id: Annotated[int, Range(0, _IDS - MARKERS, "1")] = 0
     """Number of its first marker; the others follow. Two boards in one cell differ."""
     side: Annotated[float, Range(0.04, 0.19, "m")] = 0.100
-    """Outer side of the print [m]; markers are a quarter of it."""
+    """Outer side of the print [m]; markers have 0.23 of it."""
     thickness: Annotated[float, Range(0.0, 0.02, "m")] = 0.0002
     """Height of the printed face above the fixture's frame [m]: paper and glue."""
 
@@ -46,17 +45,17 @@ class Board:
     @property
     def marker(self) -> float:
         """Side of a marker, its black border included [m]."""
-        return 0.25 * self.side
+        return 0.23 * self.side
 
     @property
     def pitch(self) -> float:
         """Distance between the middles of neighbours [m]."""
-        return 0.34 * self.side
+        return 0.345 * self.side
 
     @property
     def cut_out(self) -> float:
         """Side of the square that is cut out of the middle [m]."""
-        return 0.40 * self.side
+        return 0.39 * self.side
 
     @property
     def ids(self) -> tuple[int, ...]:
@@ -164,17 +163,4 @@ class Board:
         return (
             f"dovetail board {self.first_id} to {last}: print at 100 %; the outer "
             f"square has sides of {1e3 * self.side:.1f} mm"
-        )
-
-
-def require_other(found: set[int], board: Board) -> None:
-    """Refuse a picture whose markers are another board's.
-
-    Raises:
-        ConfigError: Names both.
-    """
-    if found and not found & set(board.ids):
-        raise ConfigError(
-            f"the board in the picture has the markers {sorted(found)}, and "
-            f"{board.first_id} to {board.ids[-1]} are looked for; give its --first-id"
         )

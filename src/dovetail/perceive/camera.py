@@ -99,7 +99,8 @@ class Camera:
     delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.05
     """Age of a picture when it can be used [s]."""
     source: str = "simulated"
-    """Where pictures come from: simulated, device:NUMBER or folder:PATH."""
+    """Where pictures come from: simulated, device:NUMBER or folder:PATH. Of a simulated
+    camera that was calibrated, simulated:PATH: the file of the camera as it is."""
     board: Board = field(default_factory=Board)
     """What is looked for."""
     made_by: str = ""
@@ -125,6 +126,28 @@ class Camera:
         """The camera in its mount's frame."""
         return Pose(np.array(self.position), np.array(self.rotation))
 
+    @property
+    def is_simulated(self) -> bool:
+        """Whether its pictures are drawn."""
+        return self.source.partition(":")[0] == "simulated"
+
+    def as_it_is(self) -> "Camera":
+        """Return the simulated camera that this file is a calibration of, or itself.
+
+        Raises:
+            ConfigError: Its file is not there, or is of no simulated camera.
+        """
+        _, _, path = self.source.partition(":")
+        if not path:
+            return self
+        camera = load_camera(path)
+        if camera.source != "simulated":
+            raise ConfigError(
+                f"camera file {path} is to be of a simulated camera and has the source "
+                f"{camera.source!r}"
+            )
+        return camera
+
     def covariance(self) -> Array:
         """Return that of position [m] and rotation vector [rad], shape (6, 6)."""
         scale = np.array(self.deviation)
@@ -137,7 +160,7 @@ class Camera:
         Raises:
             ConfigError: The deviations are all 0, which no calibration gives.
         """
-        if not any(self.deviation) and self.source != "simulated":
+        if not any(self.deviation) and not self.is_simulated:
             raise ConfigError(
                 "this camera is not calibrated: its deviations are 0; run `dovetail "
                 "camera hand-eye` and use the file that it writes"

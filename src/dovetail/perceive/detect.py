@@ -6,7 +6,7 @@ board has two poses that look alike (Collins and Bartoli 2014, IPPE): both are f
 and none is told where the picture cannot tell them apart.
 """
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,8 @@ from dovetail.perceive.projection import Projection
 from dovetail.poses import Pose, rotation_error
 from dovetail.types import Array
 
+_Names: TypeAlias = NDArray[np.intp]
+
 MARKERS_MIN = 3
 """Fewer markers than these give no pose: their corners are too near each other."""
 _TELL_APART = 16.0
@@ -31,7 +33,7 @@ _SPREAD = 0.15
 """How far light spreads over an edge, standard deviation [pixels]."""
 _MISFIT, _MISFIT_MIN = 6.0, 0.6
 """Largest error of a marker's edges that is left in, over the expected and [pixels]."""
-_FREEDOM = 40.0
+_FREEDOM = 20.0
 """Weight of the camera file's noise: as so many residuals of a picture's 64."""
 
 
@@ -63,6 +65,15 @@ class Sight(NamedTuple):
     """Where their corners are [pixels], shape (markers, 4, 2)."""
     points: Array
     """The same corners in the fixture's frame [m], shape (markers, 4, 3)."""
+
+
+class Corners(NamedTuple):
+    """Corners of markers in a picture and on the board."""
+
+    seen: Array
+    """[pixels], shape (markers, 4, 2)."""
+    points: Array
+    """In the fixture's frame [m], shape (markers, 4, 3)."""
 
 
 class _Fit(NamedTuple):
@@ -103,6 +114,38 @@ class Detector:
             ConfigError: The picture has another size than the lens.
         """
         self._require_size(picture)
+        found = self._markers(picture)
+        if isinstance(found, Blind):
+            return found
+        names, seen = found
+        points = self.board.corners[names - self.board.first_id]
+        rough, _ = self.projection.flat_poses(points, seen, self.board.thickness)
+        edges = find_edges(picture, self.projection.place(rough, points))
+        keep = np.flatnonzero(edges.is_clean)
+        return self._fit(points[keep], edges.of(keep), names[keep])
+
+    def find_corners(self, picture: NDArray[np.uint8]) -> Corners | Blind:
+        """Return where the markers' corners are; the lens does not matter.
+
+        Args:
+            picture: Grey values, shape (height, width).
+        """
+        found = self._markers(picture)
+        if isinstance(found, Blind):
+            return found
+        names, seen = found
+        points = self.board.corners[names - self.board.first_id]
+        flat = points[..., :2].reshape(-1, 1, 2)
+        plane, _ = opencv().findHomography(flat, seen.reshape(-1, 1, 2))
+        expected = opencv().perspectiveTransform(flat, plane).reshape(seen.shape)
+        edges = find_edges(picture, expected)
+        keep = np.flatnonzero(edges.is_clean)
+        if len(keep) < MARKERS_MIN:
+            return Blind("misfit", "the markers have no straight edges: is it blurred?")
+        return Corners(edges.corners[keep], points[keep])
+
+    def _markers(self, picture: NDArray[np.uint8]) -> tuple[_Names, Array] | Blind:
+        """Return numbers and rough corners of the board's markers."""
         corners, ids, _ = self._finder.detectMarkers(picture)
         found = [] if ids is None else np.ravel(ids).tolist()
         own = [i for i, name in enumerate(found) if name in self.board.ids]
@@ -113,11 +156,7 @@ class Detector:
         if len(names) < MARKERS_MIN:
             return self._blind(found, names)
         seen = np.array([np.reshape(corners[i], (4, 2)) for i in own], dtype=float)
-        points = self.board.corners[np.array(names) - self.board.first_id]
-        rough, _ = self.projection.flat_poses(points, seen, self.board.thickness)
-        edges = find_edges(picture, self.projection.place(rough, points))
-        keep = np.flatnonzero(edges.is_clean)
-        return self._fit(points[keep], edges.of(keep), np.array(names)[keep])
+        return np.array(names), seen
 
     def _require_size(self, picture: NDArray[np.uint8]) -> None:
         wanted = self.lens.height, self.lens.width
@@ -144,7 +183,9 @@ class Detector:
             f"{MARKERS_MIN}",
         )
 
-    def _fit(self, points: Array, edges: Edges, names: Array) -> Sight | Blind:
+    def _fit(
+        self, points: Array, edges: Edges, names: NDArray[np.intp]
+    ) -> Sight | Blind:
         """Fit both poses to the markers that agree with each other."""
         limit = max(_MISFIT * self.noise, _MISFIT_MIN)
         while len(points) >= MARKERS_MIN:
@@ -199,7 +240,12 @@ class Detector:
         return _Fit(pose, spread + float(step[6]), left, covariance, variance)
 
     def _judged(
-        self, best: _Fit, other: _Fit, points: Array, edges: Edges, names: Array
+        self,
+        best: _Fit,
+        other: _Fit,
+        points: Array,
+        edges: Edges,
+        names: NDArray[np.intp],
     ) -> Sight | Blind:
         excess = other.residuals @ other.residuals - best.residuals @ best.residuals
         turn = rotation_error(best.pose.quat_wxyz, other.pose.quat_wxyz)
@@ -219,7 +265,9 @@ class Detector:
         )  # fmt: skip
 
 
-def is_mirrored(detector: Detector, picture: NDArray[np.uint8]) -> bool:
-    """Say whether the board is found in the picture's mirror image."""
+def explain(detector: Detector, picture: NDArray[np.uint8], blind: Blind) -> str:
+    """Return why there is no pose, for a person, after another look at the picture."""
     flipped = np.ascontiguousarray(picture[:, ::-1])
-    return isinstance(detector.find(flipped), Sight)
+    if blind.reason != "two" and isinstance(detector.find(flipped), Sight):
+        return "the picture is mirrored: switch the camera's mirroring off"
+    return blind.words

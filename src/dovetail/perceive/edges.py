@@ -19,6 +19,9 @@ _INSET = 0.14
 _TAPS = np.arange(-8, 9) / 8.0
 """Where the grey value is taken along a normal, in half windows."""
 _CELLS = 8
+_WINDOW = 0.75
+"""Half of what is looked at along a normal, in cells of the marker."""
+_NARROW = 1.5
 _CONTRAST = 12.0
 """Smallest step from paper to border [grey values]."""
 _SHARE = 0.6
@@ -81,7 +84,9 @@ def _find_once(picture: NDArray[np.uint8], corners: Array) -> Edges:
     length = np.linalg.norm(along, axis=2, keepdims=True)
     along = along / np.maximum(length, 1e-9)
     out = np.stack([along[..., 1], -along[..., 0]], axis=2)  # clockwise: to the left
-    window = np.clip(0.75 * length / _CELLS, 1.5, 4.0)
+    middles = (begin + end) / 2.0
+    across = ((middles - np.roll(middles, 2, axis=1)) * out).sum(axis=2, keepdims=True)
+    window = np.clip(_WINDOW * across / _CELLS, _NARROW, 4.0)
     share = np.linspace(_INSET, 1.0 - _INSET, _POINTS)[:, None]
     middle = begin[:, :, None] + share * (end - begin)[:, :, None]
     reach = (window * out)[:, :, None, None] * _TAPS[:, None]

@@ -27,8 +27,8 @@ def open_source(
         ConfigError: No such source.
     """
     kind, _, rest = camera.source.partition(":")
-    if camera.source == "simulated":
-        return Simulated(camera, cell, twin)
+    if camera.is_simulated:
+        return Simulated(camera.as_it_is(), cell, twin)
     if kind == "folder" and rest:
         return Folder(Path(rest).expanduser(), camera.delay)
     if kind == "device" and rest.isdecimal():

@@ -150,9 +150,7 @@ class Simulated:
         self, begin: _Moment, end: _Moment, rng: np.random.Generator
     ) -> NDArray[np.uint8]:
         """Return the picture of a moment, smeared by what moved meanwhile."""
-        if self._studio is None:
-            self._studio = _Studio(self.camera, self._cell)
-        studio = self._studio
+        studio = self._open()
         views = [inverse(self.place(moment.q)) for moment in (begin, end)]
         boards = [
             compose(view, moment.fixture)
@@ -161,13 +159,34 @@ class Simulated:
         middle = _Moment(
             0.0, 0.5 * (begin.q + end.q), _between(begin.fixture, end.fixture, 0.5)
         )
-        grey = studio.draw(middle.q, middle.fixture, self.place(middle.q))
+        grey = studio.draw(
+            middle.q, middle.fixture, self.place(middle.q), middle.fixture
+        )
         smear = studio.smear(boards)
         if np.linalg.norm(smear) > 0.3:
             grey = _smeared(grey, smear)
         if self.errors.glare:
             grey = studio.shine(grey, boards[0], self._spot, self.errors.glare)
         return spoil(grey, self.errors, rng)
+
+    def still(
+        self, q: Vec7, fixture: Pose, board: Pose, seed: int
+    ) -> NDArray[np.uint8]:
+        """Return a picture of an arm that stands.
+
+        Args:
+            q: Its configuration [rad].
+            fixture: Where the fixture is.
+            board: Where the board is: on the fixture, or in the tool.
+            seed: Of the noise.
+        """
+        grey = self._open().draw(q, fixture, self.place(q), board)
+        return spoil(grey, self.errors, np.random.default_rng([_STREAM, seed]))
+
+    def _open(self) -> "_Studio":
+        if self._studio is None:
+            self._studio = _Studio(self.camera, self._cell)
+        return self._studio
 
     def close(self) -> None:
         """Give OpenGL back."""
@@ -227,11 +246,11 @@ class _Studio:
             samples=_SAMPLES,
         )
 
-    def draw(self, q: Vec7, fixture: Pose, camera: Pose) -> Array:
+    def draw(self, q: Vec7, fixture: Pose, camera: Pose, board: Pose) -> Array:
         """Return grey values, not rounded, shape (height, width)."""
         up = Pose(np.array([0.0, 0.0, self._board.thickness]), np.eye(4)[0])
         picture = self._renderer.draw(
-            q, fixture, plate=compose(fixture, up), view=View(camera, self._edges)
+            q, fixture, plate=compose(board, up), view=View(camera, self._edges)
         )
         grey = self._cv.cvtColor(picture, self._cv.COLOR_RGB2GRAY).astype(np.float32)
         if self._maps is not None:

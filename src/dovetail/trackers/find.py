@@ -121,7 +121,7 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
     from dovetail.perceive.open_source import open_source
     from dovetail.trackers.marker import MarkerTracker
 
-    if camera.source == "simulated" and not site.is_simulated:
+    if camera.is_simulated and not site.is_simulated:
         raise ConfigError(
             f"the pictures of camera {name} are simulated, and this arm is not: give "
             "the file another source, device:NUMBER or folder:PATH"
