@@ -58,12 +58,11 @@ def test_both_poses_of_the_flat_board_come_with_their_errors(picture):
     assert isinstance(seen, Sight)
     assert seen.error < 0.1
     assert seen.other_error > 3.0 * seen.error
-    assert (
-        np.linalg.norm(rotation_error(seen.pose.quat_wxyz, seen.other.quat_wxyz)) > 0.2
-    )
+    turn = rotation_error(seen.pose.quat_wxyz, seen.other.quat_wxyz)
+    assert np.linalg.norm(turn) > 0.2
 
 
-@pytest.mark.parametrize(("distance", "is_told"), [(0.5, True), (30.0, False)])
+@pytest.mark.parametrize(("distance", "is_told"), [(0.5, True), (80.0, False)])
 def test_two_poses_that_cannot_be_told_apart_are_refused(distance, is_told):
     lens = Lens.ideal(640, 480, 1200.0 * distance)  # from afar perspective is lost
     far = PLACE.position + distance * np.array([0.35, 0.0, 0.94])

@@ -26,7 +26,7 @@ def corners(count=20, noise=0.1, tilt=0.7, spread=0.1):
         flat = np.sin(lean)
         out = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.cos(lean)])
         target = PLACE.position + np.array([*rng.uniform(-spread, spread, 2), 0.0])
-        look = looking(PLACE.position + rng.uniform(0.25, 0.4) * out, target)
+        look = looking(target + rng.uniform(0.25, 0.4) * out, target)
         look = compose(look, Pose(np.zeros(3), quat_about_z(rng.uniform(-2.0, 2.0))))
         seen = projection.place(compose(inverse(look), PLACE), BOARD.corners)
         if (seen > 0).all() and (seen < [1280, 960]).all():
@@ -60,7 +60,7 @@ def test_a_bent_board_is_no_go():
     [
         ({"count": 5}, "5 pictures show the board; a lens needs 6"),
         ({"tilt": 0.1}, "tilted by 0.* rad at most"),
-        ({"spread": 0.0, "tilt": 0.03, "count": 6}, "% of the pictures' width"),
+        ({"spread": 0.0, "count": 6}, "% of the pictures' width"),
     ],
 )
 def test_pictures_that_do_not_tell_are_refused(settings, words):

@@ -106,13 +106,12 @@ class Board:
         """Return the print as grey values, +y up, shape (pixels, pixels)."""
         shown = np.full((pixels, pixels), 255, dtype=np.uint8)
         scale, half = pixels / self.side, self.side / 2.0
-        for x, y in self.dark:
-            left, right = (
-                round(scale * (x + half + s * self.cell / 2)) for s in (-1, 1)
-            )
-            top, bottom = (
-                round(scale * (half - y + s * self.cell / 2)) for s in (-1, 1)
-            )
+        # The same edge of two neighbours is the same pixel, whatever the last digit.
+        low = np.floor(scale * (self.dark * [1, -1] + half - self.cell / 2) + 0.500001)
+        high = np.floor(scale * (self.dark * [1, -1] + half + self.cell / 2) + 0.500001)
+        for (left, top), (right, bottom) in zip(
+            low.astype(int), high.astype(int), strict=True
+        ):
             shown[top:bottom, left:right] = 0
         return shown
 

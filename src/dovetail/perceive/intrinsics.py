@@ -16,7 +16,7 @@ PICTURES_MIN = 6
 _TILT_MIN = 0.35
 """Smallest largest angle between the board's faces [rad]: of flat views alone, focal
 length and distance cannot be told apart."""
-_COVER_MIN = 0.35
+_COVER_MIN = 0.5
 """Smallest share of the picture's width and height in which corners were."""
 _GO_PIXELS, _GO_FOCAL = 0.5, 0.003
 

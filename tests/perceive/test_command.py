@@ -6,9 +6,7 @@ import pytest
 from dovetail.cli import run
 from dovetail.perceive.camera import Camera, Lens, load_camera
 from dovetail.poses import quat_from_vector
-from extras import need
 
-need("cv2")
 LENS = Lens.ideal(640, 480, 600.0)
 
 
