@@ -36,8 +36,9 @@ class EnvSettings:
     robot: str = USUAL.place.robot
     """Robot in the cell, or MODULE:FUNCTION of your own."""
     tracker: str = USUAL.observation.tracker
-    """What tells where the fixture is: truth, delayed or noisy. With numbers:
-    delayed?delay=0.1, noisy?offset=0.001; MODULE:CLASS is one of your own."""
+    """What tells where the fixture is: truth, late or a camera's file.
+    With numbers: delayed?delay=0.1, late?bias=0.002. Of a camera.toml its delay, rate
+    and error are taken, not its pictures; MODULE:CLASS is one of your own."""
     task: str | None = None
     """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default
     the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
