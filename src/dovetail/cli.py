@@ -27,6 +27,7 @@ COMMANDS = {
     "serve": ("Serve", "offer an arm to learners over gRPC"),
     "twin": ("Twin", "list the twins, or show one"),
     "cabinet": ("Cabinet", "simulate a robot behind KUKA's FRI"),
+    "camera": ("Camera", "print a board, calibrate a camera, watch what it sees"),
     "gripper": ("Gripper", "drive a WSG 50, or simulate one"),
     "doctor": ("Doctor", "check this installation, or an arm"),
 }

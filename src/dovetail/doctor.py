@@ -28,6 +28,7 @@ EXTRAS = {
     "log": ("pyarrow", "Episode logs as Parquet"),
     "rpc": ("grpc", "arms in other processes"),
     "identify": ("cmaes", "identification"),
+    "camera": ("cv2", "cameras"),
     "cluster": ("ray", "fits and experiments on several machines"),
 }
 """Optional packages by the extra that brings them, and what for."""

@@ -61,6 +61,10 @@ class MissingDependencyError(DovetailError, ImportError):
     """An optional package is needed and not installed."""
 
 
+class TrackerError(DovetailError, RuntimeError):
+    """Nobody knows where the fixture is, or will any more."""
+
+
 class ArmError(DovetailError, RuntimeError):
     """An arm cannot be reached, or does not follow any more.
 

@@ -88,3 +88,17 @@ def write_atomic(path: Path, data: bytes | str) -> Path:
             "free some space or choose another --out"
         ) from error
     return path
+
+
+def require_new(path: str | Path) -> Path:
+    """Return the path of a file that is to be written and is not there yet.
+
+    Raises:
+        ConfigError: It is there, or its folder is not.
+    """
+    file = Path(path).expanduser()
+    if file.exists():
+        raise ConfigError(f"{file} is there and stays; choose another --out")
+    if not file.absolute().parent.is_dir():
+        raise ConfigError(f"the folder of {file} does not exist; make it first")
+    return file

@@ -97,6 +97,19 @@ def quat_about_z(theta: float) -> Vec4:
     return quat if quat[0] >= 0.0 else -quat
 
 
+def compose(outer: Pose, inner: Pose) -> Pose:
+    """Return ``T_a_c`` of ``T_a_b`` and ``T_b_c``."""
+    R = matrix_from_quat(outer.quat_wxyz)
+    quat = quat_multiply(outer.quat_wxyz, inner.quat_wxyz)
+    return Pose(outer.position + R @ inner.position, quat)
+
+
+def inverse(pose: Pose) -> Pose:
+    """Return ``T_b_a`` of ``T_a_b``."""
+    back = quat_conjugate(pose.quat_wxyz)
+    return Pose(-matrix_from_quat(back) @ pose.position, back)
+
+
 TOOL_DOWN: Vec4 = np.array([0.0, 1.0, 0.0, 0.0])
 """Tool rotation (wxyz) with its z axis down and zero yaw: half a turn about x."""
 

@@ -194,4 +194,4 @@ def test_the_true_hole_is_never_late():
         tracker.estimate()
     hole = sample_hole(np.random.default_rng(0), RandomisationConfig())
     tracker.reset(hole, 0)
-    assert tracker.estimate() == (hole, 0.0)
+    assert tracker.estimate() == (hole, 0.0, None)

@@ -7,10 +7,12 @@ import pytest
 
 from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
-from dovetail.poses import Pose, quat_about_z
+from dovetail.plants.twin import load_twin
+from dovetail.poses import Pose, quat_about_z, theta_about_vertical
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.trackers.delayed import Delayed
 from dovetail.trackers.find import find_tracker, list_trackers
+from dovetail.trackers.late import Late
 from dovetail.trackers.noisy import Noisy
 from dovetail.trackers.truth import Truth
 
@@ -26,7 +28,7 @@ def state(stamp):
 
 
 def test_every_file_with_a_class_of_its_name_is_a_tracker():
-    assert list_trackers() == ("covered", "delayed", "noisy", "truth")
+    assert list_trackers() == ("covered", "delayed", "late", "noisy", "truth")
     assert find_tracker("delayed?delay=0.2").delay == 0.2
     assert isinstance(find_tracker("dovetail.trackers.truth:Truth"), Truth)
 
@@ -34,7 +36,10 @@ def test_every_file_with_a_class_of_its_name_is_a_tracker():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("camera", "'camera' is unknown; known: covered, delayed, noisy, truth, or"),
+        (
+            "camera",
+            "'camera' is unknown; known: covered, delayed, late, noisy, truth, ",
+        ),
         ("delayed?delay=20", "tracker delay is 20 s; allowed: 0 to 10 s"),
         ("delayed?lag=0.1", "does not take these arguments"),
         ("noisy?offset=x", "NAME.ARGUMENT=NUMBER"),
@@ -52,7 +57,7 @@ def test_a_delayed_tracker_tells_what_was_true():
     seen = []
     for step in range(1, 6):
         tracker.update(at(0.60 + 0.01 * step), state(0.05 * step))
-        pose, age = tracker.estimate()
+        pose, age, _ = tracker.estimate()
         seen.append((round(pose.position[0], 3), round(age, 3)))
     assert seen == [(0.60, 0.05), (0.60, 0.1), (0.61, 0.1), (0.62, 0.1), (0.63, 0.1)]
 
@@ -97,3 +102,67 @@ def test_a_pose_that_changes_in_place_is_seen():
     after = info["position_error"][0] - env.state.position[0]
     assert before - after == pytest.approx(0.01)
     env.close()
+
+
+def late_errors(**settings):
+    """Errors of the first look over 300 episodes: x y z [m], turn [rad]."""
+    tracker, errors = Late(**settings), []
+    for seed in range(300):
+        tracker.reset(PLACE, seed)
+        pose = tracker.estimate().pose
+        turn = theta_about_vertical(pose.quat_wxyz, PLACE.quat_wxyz)
+        errors.append([*(pose.position - PLACE.position), turn])
+    return np.array(errors)
+
+
+def test_a_late_tracker_is_beside_by_its_bias_in_every_direction():
+    errors = late_errors(bias=0.002, turn=0.02)
+    np.testing.assert_allclose(np.hypot(*errors[:, :2].T), 0.002)
+    np.testing.assert_allclose(errors[:, 2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(np.abs(errors[:, 3]), 0.02, atol=1e-9)
+    assert np.abs(errors[:, :2].mean(axis=0)).max() < 4e-4
+    assert 0.4 < (errors[:, 3] > 0.0).mean() < 0.6
+
+
+def test_a_late_trackers_jitter_has_its_deviation():
+    assert late_errors(jitter=0.001)[:, :3].std() == pytest.approx(0.001, rel=0.1)
+
+
+@pytest.mark.parametrize(("delay", "rate"), [(0.0, 1000.0), (0.05, 30.0), (0.3, 5.0)])
+def test_a_late_tracker_tells_what_was_true_at_its_look(delay, rate):
+    tracker = Late(delay=delay, rate=rate)
+    tracker.reset(at(0.60), 0)
+    for step in range(1, 31):
+        tracker.update(at(0.60 + 0.001 * step), state(0.05 * step))
+        pose, age, _ = tracker.estimate()
+        assert delay - 1e-9 <= age
+        if step > 12:
+            assert age <= delay + 1.0 / rate + 1e-9
+            then = 0.60 + 0.02 * (0.05 * step - age)
+            assert pose.position[0] == pytest.approx(then, abs=1e-9)
+
+
+def test_lost_looks_let_the_estimate_grow_old():
+    tracker, ages = Late(delay=0.0, rate=20.0, dropout=0.6), []
+    tracker.reset(PLACE, 0)
+    for step in range(1, 201):
+        tracker.update(PLACE, state(0.05 * step))
+        ages.append(tracker.estimate().age)
+    assert np.mean(np.array(ages) > 0.05) == pytest.approx(0.6, abs=0.12)
+
+
+@pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
+def test_the_tracker_twin_is_what_the_twins_file_says(twin):
+    env = make_env(PegInHole, tracker="twin", twin=twin)
+    camera = load_twin(twin).camera
+    assert env.tracker.bias == camera.bias > 0.0
+    assert (env.tracker.turn, env.tracker.rate) == (camera.turn, camera.rate)
+    env.reset(seed=1)
+    told = env.tracker.estimate().pose.position - env.fixture.position
+    assert np.linalg.norm(told) == pytest.approx(camera.bias)
+    env.close()
+
+
+def test_the_tracker_twin_needs_a_twin():
+    with pytest.raises(ConfigError, match="give a --twin whose file has a table"):
+        make_env(PegInHole, tracker="twin")

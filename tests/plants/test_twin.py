@@ -11,6 +11,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import TwinConfig, TwinPlant, list_twins, load_twin
+from dovetail.plants.twin_camera import TwinCamera
 from extras import need
 from plants.conftest import HOLE, Q_BENT, start_above
 
@@ -56,6 +57,7 @@ CHANGES = {
     "contact_friction": (0.1, False, True),
     "contact_time": (0.02, False, True),
     "clearance_offset": (0.0002, False, True),
+    "camera": (TwinCamera(bias=0.002, focal_error=0.01), False, False),
 }
 """Field: another value, and whether it shows in free air and in the hole."""
 

@@ -21,11 +21,12 @@ from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
 from dovetail.envs.workspace import require_axes, require_inside
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, TrackerError
+from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose, theta_about_vertical
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Goal, Task
-from dovetail.trackers.find import find_tracker
+from dovetail.trackers.find import Site, find_tracker
 from dovetail.trackers.tracker import Tracker
 from dovetail.types import Array, Vec3
 
@@ -148,7 +149,7 @@ class ContactEnv(
             self.axes,
             self.config,
         )
-        self.tracker = tracker or find_tracker(self.config.observation.tracker)
+        self.tracker = tracker or self._find_tracker()
         self.commands = CommandMap(
             self.axes,
             f_scale=action.f_scale,
@@ -160,6 +161,16 @@ class ContactEnv(
         if self.config.episode.tare:
             self._tare = ToolTare(self.arm, self.commands, action.force_damping)
         self._prepare()
+
+    def _find_tracker(self) -> Tracker:
+        """Build the tracker that the settings name."""
+        twin = self.config.place.twin
+        site = Site(
+            cell=self.cell,
+            twin=None if twin is None else load_twin(twin).camera,
+            is_simulated=self.arm.facts.is_simulated,
+        )
+        return find_tracker(self.config.observation.tracker, site)
 
     def _prepare(self) -> None:
         """Take from the arm and the task what each step needs."""
@@ -341,8 +352,12 @@ class ContactEnv(
 
     def _locate(self) -> Array:
         """Ask the tracker for the fixture; return the unscaled observation."""
-        self.tracker.update(self.fixture, self.state)
-        estimate = self.tracker.estimate()
+        try:
+            self.tracker.update(self.fixture, self.state)
+            estimate = self.tracker.estimate()
+        except TrackerError:
+            self.arm.stop()  # nobody knows where to go
+            raise
         velocity = self._velocity.update(estimate, self.state.stamp)
         seen = estimate.pose
         if velocity.any():  # it has moved on since

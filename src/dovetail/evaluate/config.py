@@ -31,9 +31,9 @@ class EvaluationConfig:
     robot: str | None = None
     """Robot in the cell; default the policy's."""
     tracker: str | None = None
-    """What tells where the fixture is: truth, delayed or noisy. With numbers:
-    delayed?delay=0.1, noisy?offset=0.001; MODULE:CLASS is one of your own. Default the
-    policy's."""
+    """What tells where the fixture is: truth, delayed, noisy, late, twin, or a camera's
+    file. With numbers: delayed?delay=0.1, late?bias=0.002; twin is what the twin's file
+    says of its camera; MODULE:CLASS is one of your own. Default the truth."""
     plant: str | None = None
     """Engine of an ideal plant, mujoco or bullet; or give a twin, or an arm."""
     twin: str | None = None

@@ -18,7 +18,7 @@ from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.model_file import ModelFile
 from dovetail.robots.find import find_robot
-from dovetail.trackers.find import find_tracker
+from dovetail.trackers.find import require_tracker
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
@@ -139,7 +139,7 @@ class TrainConfig(EnvSettings):
         self.entropy_coefficient()
         split_settings(self.task_class, self.given())
         find_robot(self.robot)
-        find_tracker(self.tracker)
+        require_tracker(self.tracker)
         object.__setattr__(self, "fixture", tuple(map(float, self.fixture)))
         if self.fixture != _CENTRE and not self.fixed_goal:
             raise ConfigError("fixture is given, which needs --fixed-goal")

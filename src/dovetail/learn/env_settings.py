@@ -11,6 +11,7 @@ from dovetail.envs.registered import task_class
 from dovetail.tasks.options import TaskOptions, own_options
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
+from dovetail.trackers.find import without_images
 
 ENV_FIELDS = (
     *("plant", "task", "stack", "period"),
@@ -35,8 +36,9 @@ class EnvSettings:
     robot: str = USUAL.place.robot
     """Robot in the cell, or MODULE:FUNCTION of your own."""
     tracker: str = USUAL.observation.tracker
-    """What tells where the fixture is: truth, delayed or noisy. With numbers:
-    delayed?delay=0.1, noisy?offset=0.001; MODULE:CLASS is one of your own."""
+    """What tells where the fixture is: truth, late or a camera's file.
+    With numbers: delayed?delay=0.1, late?bias=0.002. Of a camera.toml its delay, rate
+    and error are taken, not its pictures; MODULE:CLASS is one of your own."""
     task: str | None = None
     """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default
     the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
@@ -90,6 +92,7 @@ class EnvSettings:
     def given(self) -> dict[str, Any]:
         """Return the settings of the environment that are given."""
         given = {name: vars(self)[name] for name in ENV_FIELDS} | self.task_options
+        given["tracker"] = without_images(self.tracker)  # drawing takes 15 ms a step
         return {name: value for name, value in given.items() if value is not None}
 
     def own(self) -> dict[str, Any]:

@@ -1,12 +1,13 @@
 """Twins: plants made to differ from the model on purpose; they play the real robot.
 
-A twin is a TOML file in which every key of `TwinConfig` is present and no other. A
-result on a twin says "twin", never "robot".
+A twin is a TOML file in which every key of `TwinConfig` is present and no other, but
+the table [camera], which may be left out. A result on a twin says "twin", never
+"robot".
 """
 
 import difflib
 import tomllib
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,6 +28,7 @@ from dovetail.plants.plant import (
     Engine,
     require_inertia_set,
 )
+from dovetail.plants.twin_camera import TwinCamera
 from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.types import Array, Vec7
 
@@ -51,7 +53,7 @@ _DYNAMICS = (
 
 @dataclass(frozen=True, kw_only=True)
 class TwinConfig:
-    """Everything in which a twin differs from the model. No key has a default."""
+    """Everything in which a twin differs from the model. No number has a default."""
 
     description: str
     """What this twin stands for, one line."""
@@ -86,6 +88,8 @@ class TwinConfig:
     """Time constant of contact [s], see `DynamicsConfig`; MuJoCo only."""
     clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
+    camera: TwinCamera | None = None
+    """In what its camera differs from what is believed; None is not said."""
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
@@ -94,6 +98,8 @@ class TwinConfig:
                 f"twin description is {self.description!r}; give one line of text"
             )
         require_inertia_set(self.inertia, "twin")
+        if self.camera is not None and not isinstance(self.camera, TwinCamera):
+            object.__setattr__(self, "camera", _camera(self.camera))
         check_ranges(self, "twin")
 
     def dynamics(self) -> DynamicsConfig:
@@ -119,17 +125,27 @@ class TwinConfig:
         Args:
             is_ascii: Escape every other character, for a terminal that has none.
         """
-        lines, ranges = [], ranges_of(TwinConfig)
-        for name, value in vars(self).items():
-            if isinstance(value, str):
-                text = f'"{"".join(_escaped(c, is_ascii) for c in value)}"'
-            elif isinstance(value, tuple):
-                text = "[" + ", ".join(repr(v) for v in value) + "]"
-            else:
-                text = repr(value)
-            unit = ranges[name].unit if name in ranges else "1"
-            lines.append(f"{name} = {text}" + (f"  # {unit}" if unit != "1" else ""))
+        lines = _keys(self, is_ascii)
+        if self.camera is not None:
+            lines += ["", "[camera]", *_keys(self.camera, is_ascii)]
         return "\n".join(lines) + "\n"
+
+
+def _keys(config: "TwinConfig | TwinCamera", is_ascii: bool) -> list[str]:
+    """Return a line for each key that is no table."""
+    lines, ranges = [], ranges_of(type(config))
+    for name, value in vars(config).items():
+        if isinstance(value, TwinCamera) or value is None:
+            continue
+        if isinstance(value, str):
+            text = f'"{"".join(_escaped(c, is_ascii) for c in value)}"'
+        elif isinstance(value, tuple):
+            text = "[" + ", ".join(repr(v) for v in value) + "]"
+        else:
+            text = repr(value)
+        unit = ranges[name].unit if name in ranges else "1"
+        lines.append(f"{name} = {text}" + (f"  # {unit}" if unit != "1" else ""))
+    return lines
 
 
 def _escaped(c: str, is_ascii: bool) -> str:
@@ -177,7 +193,8 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         raise ConfigError(f"twin file {path} is not TOML: {error}") from error
     known = [f.name for f in fields(TwinConfig)]
     unknown = [key for key in table if key not in known]
-    missing = [key for key in known if key not in table]
+    needed = [f.name for f in fields(TwinConfig) if f.default is MISSING]
+    missing = [key for key in needed if key not in table]
     if unknown or missing:
         raise ConfigError(
             f"twin file {path}: unknown keys: "
@@ -188,6 +205,20 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         return TwinConfig(**table)
     except ConfigError as error:
         raise ConfigError(f"twin file {path}: {error}") from error
+
+
+def _camera(table: object) -> TwinCamera:
+    """Return what a table of a file says."""
+    known = [f.name for f in fields(TwinCamera)]
+    if not isinstance(table, dict):
+        raise ConfigError("camera is no table; give [camera] and its keys below it")
+    if unknown := [str(key) for key in table if key not in known]:
+        raise ConfigError(
+            f"[camera] has unknown keys: "
+            f"{', '.join(_meant(key, known) for key in unknown)}; known: "
+            f"{', '.join(known)}"
+        )
+    return TwinCamera(**{str(key): value for key, value in table.items()})
 
 
 class TwinPlant(WrappedPlant[DrivenPlant]):

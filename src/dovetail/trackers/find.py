@@ -1,20 +1,47 @@
 """Trackers by name: each file of this folder whose class has its name.
 
 ``delayed?delay=0.1``: the class `Delayed` of `delayed.py`, its arguments after the
-question mark. A tracker that is not in the package is ``module:Class``.
+question mark. A tracker that is not in the package is ``module:Class``. A camera is its
+file, ``camera.toml``; ``camera.toml?images=0`` is its delay, rate and noise without
+pictures. ``twin`` is what the twin's file says of its camera.
 """
 
 import importlib
 import pkgutil
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl
 
 from dovetail.errors import ConfigError
+from dovetail.plants.twin_camera import TwinCamera
 from dovetail.strangers import import_names
+from dovetail.trackers.late import Late
 from dovetail.trackers.tracker import Tracker
 
+if TYPE_CHECKING:
+    from dovetail.workcell.workcell import Workcell
+
 DEFAULT_TRACKER = "truth"
+TWIN = "twin"
+"""Name of the tracker that a twin's file describes."""
+CAMERA = ".toml"
+"""How the name of a camera ends."""
 _PACKAGE = "dovetail.trackers"
+_FEW = 2.0
+"""Standard deviations of a calibrated place that a camera without pictures is off."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Site:
+    """Where a tracker is to look."""
+
+    cell: "Workcell"
+    """What stands there."""
+    twin: TwinCamera | None = None
+    """What the twin's file says of its camera; None is nothing."""
+    is_simulated: bool = True
+    """Whether the arm is a simulation, or a simulated cabinet."""
 
 
 def list_trackers() -> tuple[str, ...]:
@@ -28,23 +55,107 @@ def list_trackers() -> tuple[str, ...]:
     )
 
 
-def find_tracker(text: str = DEFAULT_TRACKER) -> Tracker:
+def find_tracker(text: str = DEFAULT_TRACKER, site: Site | None = None) -> Tracker:
     """Build a tracker.
 
     Args:
-        text: Its name, or MODULE:CLASS, then ?NAME=NUMBER&NAME=NUMBER for arguments.
+        text: Its name, or MODULE:CLASS, then ?NAME=NUMBER&NAME=NUMBER for arguments;
+            or a camera's file, or "twin".
+        site: Where it is to look; only a camera and a twin need one.
 
     Raises:
         ConfigError: No such tracker (lists the known ones), or an argument that it
-            does not take.
+            does not take; or nothing that could be looked at.
+        MissingDependencyError: A camera needs what is not installed.
     """
+    name, _, query = text.partition("?")
+    if name != TWIN and not name.endswith(CAMERA):
+        return _by_name(text)
+    if site is None:
+        raise ConfigError(f"tracker {text!r} needs a workcell to look at; give a Site")
+    return _of_twin(site) if name == TWIN else _camera(name, query, site)
+
+
+def require_tracker(text: str) -> None:
+    """Refuse a tracker that there is not, as far as can be said without a site.
+
+    Raises:
+        ConfigError: See `find_tracker`.
+    """
+    name, _, query = text.partition("?")
+    if name.endswith(CAMERA):
+        from dovetail.perceive.camera import load_camera
+
+        load_camera(name)
+        _wants_images(text, query)
+    elif name != TWIN:
+        _by_name(text)
+
+
+def without_images(text: str) -> str:
+    """Return the tracker that has a camera's delay, rate and noise but no pictures."""
+    return f"{text}?images=0" if text.endswith(CAMERA) else text
+
+
+def _wants_images(text: str, query: str) -> bool:
+    if query not in ("", "images=0", "images=1"):
+        raise ConfigError(
+            f"tracker {text!r}: a camera takes images=0 or images=1, not {query!r}"
+        )
+    return query != "images=0"
+
+
+def _camera(name: str, query: str, site: Site) -> Tracker:
+    """Build a camera from its file, or what is like it without pictures."""
+    from dovetail.perceive.camera import load_camera
+
+    camera = load_camera(name)
+    if not _wants_images(f"{name}?{query}", query):
+        shift, turn = camera.deviation[:3], camera.deviation[3:]
+        return Late(
+            delay=camera.delay,
+            rate=camera.rate,
+            bias=_FEW * max(shift),
+            turn=_FEW * max(turn),
+        )
+    from dovetail.perceive.open_source import open_source
+    from dovetail.trackers.marker import MarkerTracker
+
+    if camera.is_simulated and not site.is_simulated:
+        raise ConfigError(
+            f"the pictures of camera {name} are simulated, and this arm is not: give "
+            "the file another source, device:NUMBER or folder:PATH"
+        )
+    source = open_source(camera, site.cell, site.twin)
+    return MarkerTracker(camera, source, site.cell.robot)
+
+
+def _of_twin(site: Site) -> Tracker:
+    if site.twin is None:
+        raise ConfigError(
+            "the tracker twin is the camera of a twin's file: give a --twin whose file "
+            "has a table [camera], as `dovetail twin show medium` has"
+        )
+    camera = site.twin
+    return Late(
+        delay=camera.delay,
+        rate=camera.rate,
+        bias=camera.bias,
+        turn=camera.turn,
+        jitter=camera.jitter,
+        dropout=camera.dropout,
+    )
+
+
+def _by_name(text: str) -> Tracker:
+    """Build a tracker of this folder, or of a module."""
     name, _, query = text.partition("?")
     module, _, kind = name.partition(":")
     if not kind:
         if name not in list_trackers():
             raise ConfigError(
-                f"tracker {name!r} is unknown; known: {', '.join(list_trackers())}, or "
-                "MODULE:CLASS of your own"
+                f"tracker {name!r} is unknown; known: {', '.join(list_trackers())}, "
+                "twin, a camera's file (.toml), or MODULE:CLASS of your own"
             )
         module, kind = f"{_PACKAGE}.{name}", name.title()
     try:

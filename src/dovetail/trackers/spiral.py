@@ -96,7 +96,7 @@ class SpiralSearch:
     def update(self, fixture: Pose, state: ArmState) -> None:
         """Move the believed fixture on, by what the arm has measured."""
         self.tracker.update(fixture, state)
-        seen, age = self.tracker.estimate()
+        seen, age, _ = self.tracker.estimate()
         dt, self._stamp = state.stamp - self._stamp, state.stamp
         if age <= 0.0:
             self._begin()
@@ -120,7 +120,7 @@ class SpiralSearch:
 
     def estimate(self) -> Estimate:
         """Return where the fixture is believed, and how old the last sight of it is."""
-        seen, age = self.tracker.estimate()
+        seen, age, _ = self.tracker.estimate()
         quat = quat_multiply(seen.quat_wxyz, quat_about_z(self._turn))
         return Estimate(Pose(seen.position + self._offset, quat), age)
 

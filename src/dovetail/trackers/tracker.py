@@ -4,6 +4,7 @@ from typing import NamedTuple, Protocol
 
 from dovetail.arms.arm import ArmState
 from dovetail.poses import Pose
+from dovetail.types import Array
 
 
 class Estimate(NamedTuple):
@@ -13,6 +14,9 @@ class Estimate(NamedTuple):
     """Its frame [m] and rotation (wxyz, z out of the fixture), world axes."""
     age: float
     """Time since it was measured [s]."""
+    covariance: Array | None = None
+    """Of position [m] and rotation vector [rad], world axes, shape (6, 6); None is not
+    known."""
 
 
 class Tracker(Protocol):

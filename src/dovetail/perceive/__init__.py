@@ -1,0 +1,1 @@
+"""Seeing the fixture: camera, printed board, detection, calibration."""

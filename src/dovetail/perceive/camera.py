@@ -1,0 +1,257 @@
+"""A camera: its lens, where it sits, how late and how noisy it is; one file for all.
+
+Camera frames are OpenCV's: x to the right of the picture, y down, z ahead. A pixel's
+middle has whole coordinates. ``T_mount_camera`` maps camera coordinates into those of
+what it is mounted on, the world or the arm's flange.
+"""
+
+import tomllib
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+
+from dovetail.control.ranges import Range, check_ranges
+from dovetail.errors import ConfigError
+from dovetail.perceive.board import Board
+from dovetail.poses import Pose, quat_normalized
+from dovetail.types import Array, Mat33
+
+PIXELS = Range(16, 20_000, "pixels")
+_AXES = tuple("xyz")
+_SIX = tuple(f"{what} {axis}" for what in ("shift", "turn") for axis in _AXES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """A pinhole with the distortion k1 k2 p1 p2 k3 of Brown's model, as OpenCV has."""
+
+    width: Annotated[int, PIXELS]
+    """Width of a picture [pixels]."""
+    height: Annotated[int, PIXELS]
+    """Height of a picture [pixels]."""
+    focal: Annotated[tuple[float, float], Range(1.0, 1e5, "pixels", ("x", "y"))]
+    """Focal lengths [pixels]."""
+    centre: Annotated[tuple[float, float], Range(-1e4, 3e4, "pixels", ("x", "y"))]
+    """Where the axis meets the picture [pixels]."""
+    distortion: Annotated[
+        tuple[float, ...], Range(-5.0, 5.0, "1", ("k1", "k2", "p1", "p2", "k3"))
+    ] = (0.0,) * 5
+    """Radial and tangential distortion [1]."""
+    deviation: Annotated[
+        tuple[float, ...], Range(0.0, 1e4, "pixels", ("fx", "fy", "cx", "cy"))
+    ] = (0.0,) * 4
+    """Standard deviations of focal lengths and centre [pixels]; 0 is unknown."""
+
+    def __post_init__(self) -> None:
+        """Refuse a lens that there is not."""
+        check_ranges(self, "lens")
+        for middle, size, name in zip(
+            self.centre, (self.width, self.height), _AXES, strict=False
+        ):
+            if not 0.0 < middle < size:
+                raise ConfigError(
+                    f"lens centre[{name}] is {middle:g} pixels, outside of a picture "
+                    f"of {size} pixels; give both for the same resolution"
+                )
+
+    def matrix(self) -> Mat33:
+        """Return the matrix K of the pinhole."""
+        (fx, fy), (cx, cy) = self.focal, self.centre
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    def coefficients(self) -> Array:
+        """Return the distortion as OpenCV takes it, shape (5,)."""
+        return np.array(self.distortion)
+
+    @classmethod
+    def ideal(cls, width: int, height: int, focal: float) -> Self:
+        """Return a pinhole whose axis meets the middle of the picture."""
+        middle = ((width - 1) / 2.0, (height - 1) / 2.0)
+        return cls(width=width, height=height, focal=(focal, focal), centre=middle)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """Everything that is known of a camera, and how well."""
+
+    lens: Lens
+    """Its lens."""
+    mount: Literal["world", "flange"]
+    """What it is fixed to."""
+    position: Annotated[tuple[float, float, float], Range(-10.0, 10.0, "m", _AXES)]
+    """T_mount_camera: the camera's origin in its mount's frame [m]."""
+    rotation: Annotated[
+        tuple[float, float, float, float], Range(-1.0, 1.0, "1", tuple("wxyz"))
+    ]
+    """T_mount_camera: its rotation (wxyz) in its mount's frame."""
+    deviation: Annotated[tuple[float, ...], Range(0.0, 1.0, "m, rad", _SIX)] = (
+        0.0,
+    ) * 6
+    """Standard deviations of position [m] and rotation vector [rad], mount's axes."""
+    correlation: tuple[tuple[float, ...], ...] = ()
+    """Correlation of these six, rows; empty is none."""
+    edge_noise: Annotated[float, Range(0.005, 5.0, "pixels")] = 0.05
+    """Standard deviation of the place of a marker's edge in a picture [pixels]."""
+    rate: Annotated[float, Range(0.1, 1000.0, "1/s")] = 30.0
+    """Pictures per second."""
+    delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.05
+    """Age of a picture when it can be used [s]."""
+    source: str = "simulated"
+    """Where pictures come from: simulated, device:NUMBER or folder:PATH. Of a simulated
+    camera that was calibrated, simulated:PATH: the file of the camera as it is."""
+    board: Board = field(default_factory=Board)
+    """What is looked for."""
+    made_by: str = ""
+    """Command that made this."""
+    made_on: str = ""
+    """When."""
+
+    def __post_init__(self) -> None:
+        """Refuse a number out of range, by name."""
+        check_ranges(self, "camera")
+        quat = quat_normalized(np.array(self.rotation))
+        object.__setattr__(self, "rotation", tuple(quat.tolist()))
+        rows = tuple(tuple(map(float, row)) for row in self.correlation)
+        object.__setattr__(self, "correlation", rows)
+        if rows and not _is_correlation(rows):
+            raise ConfigError(
+                "camera correlation is not 6 rows of 6 numbers, 1 on the diagonal, "
+                "symmetric and positive; leave it out or calibrate again"
+            )
+
+    @property
+    def pose(self) -> Pose:
+        """The camera in its mount's frame."""
+        return Pose(np.array(self.position), np.array(self.rotation))
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether its pictures are drawn."""
+        return self.source.partition(":")[0] == "simulated"
+
+    def as_it_is(self) -> "Camera":
+        """Return the simulated camera that this file is a calibration of, or itself.
+
+        Raises:
+            ConfigError: Its file is not there, or is of no simulated camera.
+        """
+        _, _, path = self.source.partition(":")
+        if not path:
+            return self
+        camera = load_camera(path)
+        if camera.source != "simulated":
+            raise ConfigError(
+                f"camera file {path} is to be of a simulated camera and has the source "
+                f"{camera.source!r}"
+            )
+        return camera
+
+    def covariance(self) -> Array:
+        """Return that of position [m] and rotation vector [rad], shape (6, 6)."""
+        scale = np.array(self.deviation)
+        R = np.array(self.correlation) if self.correlation else np.eye(6)
+        return R * np.outer(scale, scale)
+
+    def require_calibrated(self) -> None:
+        """Refuse a camera whose place nobody has measured.
+
+        Raises:
+            ConfigError: The deviations are all 0, which no calibration gives.
+        """
+        if not any(self.deviation) and not self.is_simulated:
+            raise ConfigError(
+                "this camera is not calibrated: its deviations are 0; run `dovetail "
+                "camera hand-eye` and use the file that it writes"
+            )
+
+    def to_toml(self) -> str:
+        """Write the camera as the text of a file that `load_camera` reads."""
+        lines = _lines(self, skip=("lens", "board"))
+        for name, part in (("lens", self.lens), ("board", self.board)):
+            lines += ["", f"[{name}]", *_lines(part)]
+        return "\n".join(lines) + "\n"
+
+
+def _is_correlation(rows: tuple[tuple[float, ...], ...]) -> bool:
+    if [len(row) for row in rows] != [6] * 6:
+        return False
+    R = np.array(rows)
+    is_whole = np.isfinite(R).all() and np.allclose(np.diag(R), 1.0, atol=1e-6)
+    return bool(
+        is_whole
+        and np.allclose(R, R.T, atol=1e-6)
+        and np.linalg.eigvalsh(R).min() > -1e-6
+    )
+
+
+def _lines(config: Any, skip: tuple[str, ...] = ()) -> list[str]:
+    lines = []
+    for f in fields(config):
+        value = vars(config)[f.name]
+        if f.name in skip or value in ("", ()):
+            continue
+        note = f'"{_escaped(value)}"' if isinstance(value, str) else _numbers(value)
+        lines.append(f"{f.name} = {note}")
+    return lines
+
+
+def _numbers(value: Any) -> str:
+    if isinstance(value, tuple):
+        return "[" + ", ".join(map(_numbers, value)) + "]"
+    return repr(value)
+
+
+def _escaped(text: str) -> str:
+    return "".join(
+        f"\\{c}" if c in '"\\' else c if c.isprintable() else f"\\u{ord(c):04x}"
+        for c in text
+    )
+
+
+def load_camera(path: str | Path) -> Camera:
+    """Read a camera file.
+
+    Raises:
+        ConfigError: No such file, no TOML, an unknown or missing key, or a value out of
+            range; names the file.
+    """
+    path = Path(path).expanduser()
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(
+            f"no camera file {str(path)!r} ({error.strerror}); `dovetail camera "
+            "hand-eye` writes one"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ConfigError(f"camera file {path} is not TOML: {error}") from error
+    try:
+        lens = Lens(**_known(Lens, table.pop("lens", None), "lens"))
+        board = Board(**_known(Board, table.pop("board", {}), "board"))
+        known = _known(Camera, table, "camera", given=("lens", "board"))
+        return Camera(lens=lens, board=board, **known)
+    except ConfigError as error:
+        raise ConfigError(f"camera file {path}: {error}") from error
+    except TypeError as error:  # a value that is no number, or a row that is none
+        raise ConfigError(f"camera file {path}: {error}") from error
+
+
+def _known(
+    kind: type, table: Any, name: str, given: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """Return the keys of a table, or say which are unknown or missing."""
+    if not isinstance(table, dict):
+        raise ConfigError(f"the table [{name}] is missing; calibrate the camera first")
+    names = {f.name for f in fields(kind)} - set(given)
+    needed = set(kind.__annotations__) - set(vars(kind)) - set(given)
+    unknown, missing = sorted(set(table) - names), sorted(needed - set(table))
+    if name == "camera":
+        missing = [key for key in missing if key not in given]
+    if unknown or missing:
+        raise ConfigError(
+            f"[{name}] has unknown keys: {', '.join(unknown) or 'none'}; missing keys: "
+            f"{', '.join(missing) or 'none'}; known: {', '.join(sorted(names))}"
+        )
+    return table

@@ -1,0 +1,150 @@
+"""Corners of markers where the lines along their edges meet.
+
+Along the normal of an edge the grey value falls from the white paper to the black
+border. Where it falls is the mean of its slope over the normal; a line is fitted
+through these points, and two lines meet in a corner.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail.perceive.opencv import opencv
+from dovetail.types import Array
+
+_POINTS = 14
+"""Points along an edge; its ends, where the corner rounds off, are left out."""
+_INSET = 0.14
+_TAPS = np.arange(-8, 9) / 8.0
+"""Where the grey value is taken along a normal, in half windows."""
+_CELLS = 8
+_WINDOW = 0.75
+"""Half of what is looked at along a normal, in cells of the marker."""
+_NARROW = 1.5
+_CONTRAST = 12.0
+"""Smallest step from paper to border [grey values]."""
+_SHARE = 0.6
+"""Share of an edge's points that must lie on one line."""
+_OFF = 0.6
+"""How far such a point may be from it [pixels]."""
+_ROUNDS = 2
+
+
+class Edges(NamedTuple):
+    """The edges of markers in a picture, as lines: ``normal . x = distance``."""
+
+    normal: Array
+    """Out of the marker, unit length, shape (markers, 4, 2)."""
+    distance: Array
+    """[pixels], shape (markers, 4)."""
+    corners: Array
+    """Where each edge meets the one before it [pixels], shape (markers, 4, 2)."""
+    is_clean: NDArray[np.bool_]
+    """Which markers have four straight edges, shape (markers,)."""
+
+    def of(self, keep: NDArray[np.intp]) -> "Edges":
+        """Return those of some markers."""
+        return Edges(
+            self.normal[keep],
+            self.distance[keep],
+            self.corners[keep],
+            self.is_clean[keep],
+        )
+
+
+def edge_points(corners: Array) -> Array:
+    """Return two points of each edge, shape (markers, 4, 2, dimensions).
+
+    There the errors of a line through evenly spaced points do not depend on each other.
+    """
+    reach = (1.0 - 2.0 * _INSET) / np.sqrt(12.0)
+    share = np.array([0.5 - reach, 0.5 + reach])[:, None]
+    begin, end = corners[:, :, None], np.roll(corners, -1, axis=1)[:, :, None]
+    return begin + share * (end - begin)
+
+
+def find_edges(picture: NDArray[np.uint8], expected: Array) -> Edges:
+    """Return the edges of markers.
+
+    Args:
+        picture: Grey values, shape (height, width).
+        expected: Where the corners are, to a pixel or two, clockwise from where -x and
+            +y of the board meet, shape (markers, 4, 2).
+    """
+    edges = _find_once(picture, expected)
+    for _ in range(_ROUNDS - 1):
+        edges = _find_once(picture, edges.corners)
+    return edges
+
+
+def _find_once(picture: NDArray[np.uint8], corners: Array) -> Edges:
+    begin, end = corners, np.roll(corners, -1, axis=1)  # edges, (markers, 4, 2)
+    along = end - begin
+    length = np.linalg.norm(along, axis=2, keepdims=True)
+    along = along / np.maximum(length, 1e-9)
+    out = np.stack([along[..., 1], -along[..., 0]], axis=2)  # clockwise: to the left
+    middles = (begin + end) / 2.0
+    across = ((middles - np.roll(middles, 2, axis=1)) * out).sum(axis=2, keepdims=True)
+    window = np.clip(_WINDOW * across / _CELLS, _NARROW, 4.0)
+    share = np.linspace(_INSET, 1.0 - _INSET, _POINTS)[:, None]
+    middle = begin[:, :, None] + share * (end - begin)[:, :, None]
+    reach = (window * out)[:, :, None, None] * _TAPS[:, None]
+    place = (middle[:, :, :, None] + reach).astype(np.float32)
+    grey = _sample(picture, place)  # (markers, 4, points, taps)
+    slope = np.maximum(np.diff(grey, axis=3), 0.0)  # outwards it gets brighter
+    weight = slope**2
+    total = weight.sum(axis=3)
+    taps = (_TAPS[1:] + _TAPS[:-1]) / 2.0
+    shift = (weight @ taps) / np.maximum(total, 1e-9) * window
+    rise = grey.max(axis=3) - grey.min(axis=3)
+    return _meet(middle, out, shift, rise > _CONTRAST, along)
+
+
+def _sample(picture: NDArray[np.uint8], place: NDArray[np.float32]) -> Array:
+    """Return grey values between pixels; outside of the picture all are the same."""
+    cv = opencv()
+    flat = place.reshape(place.shape[0] * place.shape[1], -1, 2)
+    grey = cv.remap(
+        picture.astype(np.float32), flat, None, cv.INTER_LINEAR,
+        borderMode=cv.BORDER_REPLICATE,
+    )  # fmt: skip
+    return grey.reshape(place.shape[:-1]).astype(float)
+
+
+def _meet(
+    middle: Array, out: Array, shift: Array, is_there: Array, along: Array
+) -> Edges:
+    """Fit the lines and return them with where neighbours meet."""
+    # In the frame of the edge: s along it, `shift` across. Two rounds, as points that
+    # lie far from the first line are of something that covers the edge.
+    s = ((middle - middle[:, :, :1]) * along[:, :, None]).sum(axis=3)
+    offset, slant = _fit_line(s, shift, is_there.astype(float))
+    off = shift - (offset + slant * s)
+    use = is_there * (np.abs(off) < _OFF)
+    offset, slant = _fit_line(s, shift, use)
+    is_clean = (use.mean(axis=2) >= _SHARE).all(axis=1)
+    foot = middle[:, :, 0] + offset * out
+    way = along + slant * out
+    normal = np.stack([way[..., 1], -way[..., 0]], axis=2)
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    distance = (normal * foot).sum(axis=2)
+    # A corner is where the edge before it and its own meet.
+    before, d_before = np.roll(normal, 1, axis=1), np.roll(distance, 1, axis=1)
+    cross = before[..., 0] * normal[..., 1] - before[..., 1] * normal[..., 0]
+    is_clean &= (np.abs(cross) > 1e-3).all(axis=1)
+    cross = np.where(np.abs(cross) > 1e-3, cross, 1.0)
+    x = (d_before * normal[..., 1] - distance * before[..., 1]) / cross
+    y = (before[..., 0] * distance - normal[..., 0] * d_before) / cross
+    return Edges(normal, distance, np.stack([x, y], axis=2), is_clean)
+
+
+def _fit_line(s: Array, t: Array, use: Array) -> tuple[Array, Array]:
+    """Return offset and slope of t over s, weighted, each of shape (..., 1)."""
+    total = np.maximum(use.sum(axis=2, keepdims=True), 1e-9)
+    s0 = (use * s).sum(axis=2, keepdims=True) / total
+    t0 = (use * t).sum(axis=2, keepdims=True) / total
+    spread = (use * (s - s0) ** 2).sum(axis=2, keepdims=True)
+    slope = (use * (s - s0) * (t - t0)).sum(axis=2, keepdims=True)
+    slope = slope / np.maximum(spread, 1e-9)
+    return t0 - slope * s0, slope

@@ -1,0 +1,101 @@
+"""`dovetail camera` writes what it is sure of, and nothing over anything."""
+
+import numpy as np
+import pytest
+
+from dovetail.cli import run
+from dovetail.perceive.camera import Camera, Lens, load_camera
+from dovetail.poses import quat_from_vector
+
+LENS = Lens.ideal(640, 480, 600.0)
+
+
+@pytest.fixture
+def file(tmp_path):
+    rotation = quat_from_vector(np.array([0.25, 0.0, 0.0]))
+    camera = Camera(
+        lens=LENS,
+        mount="flange",
+        position=(0.0, 0.09, 0.03),
+        rotation=tuple(rotation.tolist()),
+    )
+    path = tmp_path / "camera.toml"
+    path.write_text(camera.to_toml())
+    return path
+
+
+def camera(*words):
+    return run(["camera", *map(str, words)])
+
+
+@pytest.mark.parametrize("suffix", ["svg", "pdf"])
+def test_a_board_is_written_once(tmp_path, capsys, suffix):
+    out = tmp_path / f"board.{suffix}"
+    assert camera("board", "--out", out) == 0
+    assert "sides of 100.0 mm" in capsys.readouterr().out.replace("\n", " ")
+    written = out.read_bytes()
+    assert camera("board", "--out", out, "--side", "0.05") == 2
+    assert "stays; choose another --out" in capsys.readouterr().err
+    assert out.read_bytes() == written
+
+
+def test_a_board_of_another_kind_is_refused(tmp_path, capsys):
+    assert camera("board", "--out", tmp_path / "board.png") == 2
+    assert "neither .pdf nor .svg" in capsys.readouterr().err
+
+
+def test_hand_eye_moves_the_simulated_arm_and_says_how_sure_it_is(
+    opengl, file, tmp_path, capsys
+):
+    out, kept = tmp_path / "out.toml", tmp_path / "kept"
+    words = ["hand-eye", file, "--out", out, "--count", "8", "--keep", kept]
+    assert camera(*words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "8 pictures" in said
+    assert "(95 %)" in said
+    assert "go: written to" in said
+    found, true = load_camera(out), load_camera(file)
+    gap = np.subtract(found.position, true.position)
+    assert np.abs(gap).max() < 5e-4
+    assert max(found.deviation[:3]) < 5e-4
+    assert found.as_it_is() == true
+    again = tmp_path / "again.toml"
+    assert camera("hand-eye", file, "--folder", kept, "--out", again) == 0
+    np.testing.assert_allclose(load_camera(again).position, found.position, atol=1e-12)
+    assert camera(*words[:4]) == 2
+    assert "stays" in capsys.readouterr().err
+
+
+def test_hand_eye_of_a_device_wants_a_folder(file, tmp_path, capsys):
+    text = file.read_text().replace('"simulated"', '"device:0"')
+    file.write_text(text)
+    assert camera("hand-eye", file, "--out", tmp_path / "out.toml") == 2
+    assert "give their --folder" in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (None, "poses.csv cannot be read"),
+        ("picture,q1\n0.png,1\n", "needs the columns picture, q1, q2"),
+        ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,x,0,0,0\n", "line 2: could not"),
+        ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,nan,0,0,0\n", "line 2: an angle"),
+        ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,0,0,0,0\n", "0.png is no picture"),
+    ],
+)
+def test_a_wrong_folder_says_what_it_needs(file, tmp_path, capsys, table, words):
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    if table:
+        (folder / "poses.csv").write_text(table)
+    words_in = ["hand-eye", file, "--folder", folder, "--out", tmp_path / "out.toml"]
+    assert camera(*words_in) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "out.toml").exists()
+
+
+def test_watch_says_where_the_fixture_is(opengl, file, capsys):
+    assert camera("watch", file, "--count", "4") == 0
+    said = capsys.readouterr().out
+    assert "markers, edges" in said
+    assert "+-" in said
