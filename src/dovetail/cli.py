@@ -14,6 +14,7 @@ from rich.console import Console
 import dovetail
 from dovetail.commands.help_page import help_page
 from dovetail.errors import DovetailError, UnprovenWarning
+from dovetail.strangers import trust_typed
 
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
@@ -105,6 +106,7 @@ def _run_command(name: str, words: list[str]) -> int:
             f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
         )
     warnings.simplefilter("ignore", UnprovenWarning)  # a command says it itself
+    trust_typed(words)
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
     prog = f"dovetail {name}"

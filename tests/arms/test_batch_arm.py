@@ -1,5 +1,6 @@
 """Many arms at once: the numbers of each alone, and nothing left running."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -163,3 +164,34 @@ def test_bullet_is_refused_with_what_to_give():
     with pytest.raises(ConfigError, match="BulletPlant; only MuJoCo"):
         BatchArm([arm])
     arm.close()
+
+
+def test_two_arms_of_a_batch_are_two_simulations():
+    arm = build()
+    with pytest.raises(ConfigError, match="one simulation"):
+        BatchArm([arm, arm])
+    arm.close()
+
+
+def test_a_plant_that_goes_waits_for_the_threads_that_work_in_its_memory():
+    arm = build()
+    plant, controller = arm.plant, arm.controller
+    pool = _core.ThreadPool(1, 2)
+    plant.begin_cycles(
+        pool, 0, controller, _core.Target(quat_wxyz_d=tool_down(0.1)), 2000, 0.005
+    )
+    del plant, arm
+    gc.collect()
+    with pytest.raises(RuntimeError):  # there is nothing left to wait for
+        pool.finish(0)
+
+
+def test_cycles_are_not_begun_twice():
+    arms = [build()]
+    batch = BatchArm(arms)
+    (target,) = targets(np.random.default_rng(0), 1)
+    batch.begin(0, target)
+    with pytest.raises(PlantError, match="were begun and not ended"):
+        batch.begin(0, target)
+    assert arms[0].step(target).stamp > 0.0
+    batch.close()

@@ -27,10 +27,14 @@ class BatchArm:
                 core that this process may use. More than arms are not started.
 
         Raises:
-            ConfigError: An arm that is simulated elsewhere, or no thread.
+            ConfigError: An arm that is simulated elsewhere or twice, or no thread.
         """
         self.arms = [_require_local(i, arm) for i, arm in enumerate(arms)]
         self._plants = [_require_mujoco(i, arm) for i, arm in enumerate(self.arms)]
+        if len({id(plant) for plant in self._plants}) < len(self._plants):
+            raise ConfigError(
+                "two of the arms are one simulation: give each an arm of its own"
+            )
         if threads is not None and threads < 1:
             raise ConfigError(f"threads is {threads}; allowed: 1 and more")
         most = threads or len(os.sched_getaffinity(0))

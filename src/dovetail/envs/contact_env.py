@@ -302,11 +302,12 @@ class ContactEnv(
         Raises:
             ConfigError: The action is not one finite number for each commanded axis.
         """
-        self._begun, self._action = action, self.commands.usable(action)
+        self._action = self.commands.usable(action)
         goal = self._goal
         self.commands.fill(self._target, self._action, goal.position, goal.quat_wxyz)
         if self._is_sliding:
             self._slide()
+        self._begun = action
         return self._target
 
     def slide_fixture(self, velocity: Vec3) -> None:

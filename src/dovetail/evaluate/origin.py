@@ -40,7 +40,9 @@ def shared_engine(config: "EvaluationConfig", policy: Mapping[str, Any]) -> str:
         policy: The policy's description.
     """
     twin = _address(config).twin
-    trained_on = policy.get("provenance", {}).get("config", {}).get("arm")
+    trained_on: Any = policy.get("provenance")
+    for key in ("config", "arm"):  # anybody may have written the file
+        trained_on = trained_on.get(key) if isinstance(trained_on, Mapping) else None
     if not twin or trained_on is not None:
         return ""
     engine = load_twin(twin).engine

@@ -31,6 +31,7 @@ from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.robots.robot import Robot
+from dovetail.strangers import require_trusted
 from dovetail.tasks.options import option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Goal, Task
@@ -216,13 +217,15 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 def _task(metadata: dict[str, Any]) -> Task:
     """Return the task; recordings of version 0.3 and before do not name it."""
-    env_id = metadata.get("env_id", DEFAULT_ENV)
+    given = metadata.get("env_id", DEFAULT_ENV)
+    env_id = require_trusted("recording", "env_id", given)
     names = option_types(task_class(env_id))
     return make_task(env_id, {k: metadata[k] for k in names if k in metadata})
 
 
 def _cell(metadata: dict[str, Any]) -> Workcell:
-    robot = find_robot(metadata.get("arm_model", DEFAULT_ROBOT))
+    given = metadata.get("arm_model", DEFAULT_ROBOT)
+    robot = find_robot(require_trusted("recording", "arm_model", given))
     return _task(metadata).workcell(robot)
 
 

@@ -1,6 +1,7 @@
 """The identified model that a training simulates, as it was when the run began."""
 
 import hashlib
+import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -37,10 +38,8 @@ class ModelFile:
 
     def table(self) -> dict[str, Any]:
         """Return the file's table, as JSON knows it."""
-        return {
-            name: list(value) if isinstance(value, tuple) else value
-            for name, value in asdict(self.twin).items()
-        }
+        table: dict[str, Any] = json.loads(json.dumps(asdict(self.twin)))
+        return table
 
     def describe(self) -> dict[str, Any]:
         """Return name, checksum and table, for a policy's provenance."""

@@ -15,6 +15,7 @@ from dovetail.files import (
     write_atomic,
 )
 from dovetail.learn.config import TrainConfig
+from dovetail.strangers import require_trusted
 from dovetail.tasks.options import gather_options, option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 
@@ -48,8 +49,10 @@ def settings_of(folder: Path) -> dict[str, Any]:
         ConfigError: There is no run, or its config.json is damaged.
     """
     content, kinds = _read_config(folder), get_type_hints(TrainConfig)
-    env_id = content.get("env")
-    task = task_class(env_id if isinstance(env_id, str) else DEFAULT_ENV)
+    for name in ("env", "robot", "tracker"):
+        if name in content:
+            require_trusted(folder / CONFIG, name, content[name])
+    task = task_class(content.get("env", DEFAULT_ENV))
     kinds |= {name: kind | None for name, kind in option_types(task).items()}
     settings = {
         name: tuple(value) if isinstance(value, list) else value

@@ -72,6 +72,7 @@ class MujocoPlant:
 
         from dovetail import _core
 
+        self._begun: _Begun | None = None
         engine: Any = mujoco  # its stubs do not name what the package re-exports
         self._mujoco = engine
         self._core = _core
@@ -84,7 +85,6 @@ class MujocoPlant:
         self._library = _library_path(engine)
         self._channel = _core.Channel()
         self._is_ready = False
-        self._begun: _Begun | None = None
         self._soft = self.model.dof_solref.copy(), self.model.dof_solimp.copy()
         self._is_compensated: bool | None = None  # None: there is no loop yet
         self.configure(dynamics or DynamicsConfig.of(cell.robot))
@@ -244,7 +244,7 @@ class MujocoPlant:
 
         Cycles of this target that `begin_cycles` has begun are waited for instead.
         """
-        begun, self._begun = self._begun, None
+        begun = self._begun
         try:
             if begun is None:
                 steps = self._prepare(period)
@@ -253,7 +253,9 @@ class MujocoPlant:
             else:
                 log = begun.log
                 begun.pool.finish(begun.slot)
+                self._begun = None  # not before: an interrupt may come while it waits
         except RuntimeError as error:
+            self._begun = None
             which = "" if begun is None else f"simulation {begun.slot} of the batch: "
             raise PlantError(f"{which}{error}") from error
         if begun is not None and (begun.target is not target or len(log) != cycles):
@@ -285,6 +287,10 @@ class MujocoPlant:
             cycles: Number of control cycles.
             period: Control period [s].
         """
+        if self._begun is not None:
+            raise PlantError(
+                "control cycles were begun and not ended: end the step, or reset"
+            )
         steps = self._prepare(period)
         log = np.empty((cycles, len(CYCLE_COLUMNS)))
         pool.begin_run(slot, self._loop, controller, target, steps, log)
@@ -292,10 +298,10 @@ class MujocoPlant:
 
     def drop_cycles(self) -> None:
         """Wait for cycles that were begun, and forget what came of them."""
-        begun, self._begun = self._begun, None
-        if begun is not None:
+        if (begun := self._begun) is not None:
             with suppress(RuntimeError):  # diverged: so is what is forgotten
                 begun.pool.finish(begun.slot)
+            self._begun = None
 
     def _prepare(self, period: float) -> int:
         """Set the physics step for this control period and return their number."""
@@ -323,6 +329,10 @@ class MujocoPlant:
         site = self.data.site("tcp")
         rotation = np.array(site.xmat).reshape(3, 3)
         return Pose(np.array(site.xpos), quat_from_matrix(rotation))
+
+    def __del__(self) -> None:
+        """End cycles that were begun: a thread works in the memory of this plant."""
+        self.drop_cycles()
 
     def close(self) -> None:
         """Do nothing: MuJoCo's memory belongs to Python."""
