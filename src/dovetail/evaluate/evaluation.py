@@ -41,6 +41,7 @@ from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_yes
 from dovetail.learn.spaces import require_spaces
+from dovetail.search.script import CornerScript
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.gl_context import find_backend
 
@@ -89,6 +90,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         # One process tries on the environment that is there: it may hold the only arm.
         make = make_env if config.workers > 1 else lambda: env
         load: Any = partial(Policy.load, file)
+        if config.search != "none":
+            load = CornerScript
         trials = run_trials(
             make,
             load,
@@ -166,6 +169,9 @@ def _inspect(
         can_place = require_contact_env(env).places_fixture
         require_place(config, can_place=can_place)
         pose = fixture_poses(config, policy.metadata)[0].pose()
+        if config.search != "none":
+            CornerScript().take(require_contact_env(env))
+            return env
         observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
         policy.require_size(observation, env.action_space.shape or ())
         require_spaces(policy.metadata, env)
