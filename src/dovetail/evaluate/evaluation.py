@@ -34,6 +34,7 @@ from dovetail.evaluate.origin import (
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import make_perturbed
 from dovetail.evaluate.report import Report
+from dovetail.evaluate.search_figure import draw_search
 from dovetail.evaluate.terminal import render_table, run_shown
 from dovetail.evaluate.transfer import Row, summarise
 from dovetail.evaluate.trials import film_name, plan_trials, run_trials
@@ -119,7 +120,16 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     )
     _print(report, options["tare"], console)
     films = [folder / film_name(pose) for pose in poses] if config.video else []
-    files = write_report(report, folder, task.outline(), films)
+    searched = None
+    if perturbation.hole_shift:
+        searched = draw_search(
+            outcomes,
+            poses,
+            period=options["period"],
+            outline=task.outline(),
+            title=report.title,
+        )
+    files = write_report(report, folder, task.outline(), films, searched)
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
     )
@@ -182,7 +192,11 @@ def _inspect(
 
 
 def write_report(
-    report: Report, folder: Path, outline: Outline | None, films: Sequence[Path] = ()
+    report: Report,
+    folder: Path,
+    outline: Outline | None,
+    films: Sequence[Path] = (),
+    searched: bytes | None = None,
 ) -> list[Path]:
     """Write figures, JSON and HTML, the HTML last.
 
@@ -192,6 +206,7 @@ def write_report(
         outline: Of the fixture, from above.
         films: Animated GIFs that are there; one that is not, as its try never began,
             is left out.
+        searched: Figure of where a part went over a fixture that nobody saw.
 
     Raises:
         LogError: The disk is full or the folder is not writable.
@@ -200,6 +215,9 @@ def write_report(
     paths = draw_paths(report.outcomes, labels, outline=outline, title=report.title)
     captions = {"Paths of the tool": paths}
     files = [write_atomic(folder / "paths.png", paths)]
+    if searched is not None:
+        captions["Where it searched, from above"] = searched
+        files.append(write_atomic(folder / "search.png", searched))
     if not math.isnan(report.rows[-1].force_peak):
         forces = captions["Contact force"] = draw_forces(report.outcomes)
         files.append(write_atomic(folder / "forces.png", forces))
