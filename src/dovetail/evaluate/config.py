@@ -97,8 +97,8 @@ class EvaluationConfig:
         """
         if self.cover and self.fixture_shift:
             raise ConfigError(
-                f"cover is {self.cover:g} mm and fixture_shift {self.fixture_shift:g} m, "
-                "which are the same distance; give one of them"
+                f"cover is {self.cover:g} mm and fixture_shift is "
+                f"{self.fixture_shift:g} m, which are the same distance; give one"
             )
         cover = in_range("cover", self.cover, Range(0.0, 50.0, "mm"))
         return Perturbation(

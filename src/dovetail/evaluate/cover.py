@@ -101,7 +101,7 @@ def compare(
 
 def _plain(cells: Sequence[Cell]) -> Iterator[dict[str, Any]]:
     for cell in cells:
-        numbers = {name: finite(value) for name, value in cell.row._asdict().items()}
+        numbers = {name: finite(value) for name, value in vars(cell.row).items()}
         yield {"who": cell.who, "moved_mm": cell.shift, **numbers}
 
 

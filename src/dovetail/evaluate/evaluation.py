@@ -90,9 +90,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
         make = make_env if config.workers > 1 else lambda: env
-        load: Any = partial(Policy.load, file)
-        if config.search != "none":
-            load = CornerScript
+        load: Any = CornerScript
+        if config.search == "none":
+            load = partial(Policy.load, file)
         trials = run_trials(
             make,
             load,
@@ -121,14 +121,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     _print(report, options["tare"], console)
     films = [folder / film_name(pose) for pose in poses] if config.video else []
     searched = None
-    if perturbation.hole_shift:
-        searched = draw_search(
-            outcomes,
-            poses,
-            period=options["period"],
-            outline=task.outline(),
-            title=report.title,
-        )
+    if perturbation.fixture_shift:
+        searched = draw_search(report, poses, task.outline())
     files = write_report(report, folder, task.outline(), films, searched)
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]

@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.report import Report
 from dovetail.poses import matrix_from_quat
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.task import Outline
@@ -25,31 +26,25 @@ _WIDTH = 100
 
 
 def draw_search(
-    outcomes: Sequence[Outcome],
-    poses: Sequence[FixturePose],
-    *,
-    period: float,
-    outline: Outline | None,
-    title: str,
+    report: Report, poses: Sequence[FixturePose], outline: Outline | None
 ) -> bytes:
     """Draw the first tries at each pose in the fixture's frame, seen from above.
 
     A cross is where the middle of the fixture was believed.
 
     Args:
-        outcomes: The tries; each tells how far its fixture was moved.
+        report: Its tries tell how far their fixture was moved.
         poses: Where the fixture was.
-        period: Control period [s]: of one point of a path.
         outline: Of the fixture; None draws the paths alone.
-        title: Line above the figure.
 
     Returns:
         A PNG file.
     """
+    period = report.period
     figure = Figure(figsize=(3.4 * len(poses), 3.9), dpi=130, layout="constrained")
-    figure.suptitle("\n".join(wrap(title, _WIDTH)), fontsize=10, color=_INK)
+    figure.suptitle("\n".join(wrap(report.title, _WIDTH)), fontsize=10, color=_INK)
     row = figure.subplots(1, len(poses), squeeze=False)[0]
-    shown = [o for o in outcomes if o.attempt < _SHOWN and len(o.path)]
+    shown = [o for o in report.outcomes if o.attempt < _SHOWN and len(o.path)]
     longest = max((period * len(o.path) for o in shown), default=1.0)
     side = 1e3 * outline.outer if outline is not None else 50.0
     lines: Any = None

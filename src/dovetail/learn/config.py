@@ -70,17 +70,17 @@ class TrainConfig(EnvSettings):
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
     doubt: float = 0.0
-    """Largest horizontal distance [m] of the fixture from where it is believed. In each
+    """Largest distance of the fixture from where it is believed [m]. In each
     episode it is another; the policy is not told, reward and success are by the truth.
     On the command line it gives other options other defaults: see learn/searching.py.
     A search tilts the part, so that the task must let it."""
     teacher: Literal["none", "corner"] = "none"
-    """Who acts in the first `learning_starts` steps: random actions, or the scripted
-    corner search with noise."""
+    """Who acts in the first `learning_starts` steps: chance, or the script. That is the
+    corner search, with noise."""
     teacher_noise: float = 0.08
     """Standard deviation of the noise on a teacher's actions [1]."""
     teacher_share: float = 0.5
-    """Share of every batch that is the teacher's [1]; the rest is of all steps."""
+    """Share of every batch that is the teacher's [1]. The rest is of all steps."""
     algorithm: Algorithm = "sac"
     """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
     steps: int = 60_000

@@ -47,7 +47,7 @@ class EnvSettings:
     also: tuple[str, ...] = USUAL.observation.also
     """Columns that the policy sees beside the task's: tilt, spin or force."""
     recall: tuple[int, ...] = USUAL.observation.recall
-    """Where the tool was so many steps ago, and the last action, in the observation."""
+    """Steps ago of which the policy sees where the tool was. And the last action."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms. An action acts for 50 ms at any of them;
     an arm's address may give its own."""
