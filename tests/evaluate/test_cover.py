@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from dovetail.episode import Episode
 from dovetail.errors import ConfigError
 from dovetail.evaluate.config import EvaluationConfig
 from dovetail.evaluate.cover import compare
@@ -50,3 +51,21 @@ def test_what_cannot_be_covered_is_refused(settings, words, tmp_path):
     with pytest.raises(ConfigError, match=words):
         evaluate(asked, QUIET)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_policy_that_sees_more_columns_is_tried_and_its_logs_are_as_any_others(
+    tmp_path,
+):
+    asked = EvaluationConfig(
+        policy="search_square",
+        plant="mujoco",
+        fixture=(0.6, 0.0, 0.1, 0.1),
+        cover=15.0,
+        tries=1,
+        out=tmp_path / "out",
+    )
+    found = evaluate(asked, QUIET)
+    assert found.outcomes[0].success
+    columns = Episode.load(found.folder / "logs" / found.outcomes[0].log).columns
+    assert "action6" in columns
+    assert "obs_vz" in columns
