@@ -21,7 +21,7 @@ _START = 8.0
 """About how long a process takes to start to train [s]."""
 _TRY = 0.3
 """About how long a try takes [s]."""
-_SEARCH = 4.0
+_SEARCH = 1.0
 """The same with a search [s]."""
 _REPLAY = 0.06
 """About how long the simulation of a log takes [s]."""
