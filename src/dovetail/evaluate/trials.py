@@ -94,8 +94,6 @@ class Trialist:
         self._core = require_contact_env(self._env)
         if isinstance(self._policy, CornerScript):
             self._policy.take(self._core)
-        # Columns beside the task's follow from what the log has anyway.
-        self._logged = self._core.scaling.places[self._core.task.columns[-1]].stop
         self._poses = poses
         self._logs, self._films = logs, films
 
@@ -134,7 +132,7 @@ class Trialist:
                     break
                 blocks.append(self._core.state.log)
                 film.add(self._core.state, self._core.fixture)
-                raw = info["observation_raw"][: self._logged]
+                raw = info["observation_raw"]
                 episode.append(blocks[-1], steps, action, float(reward), raw)
                 steps += 1
                 violations += int(info["limit_violations"])
