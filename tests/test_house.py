@@ -28,6 +28,7 @@ LAYERS = (
     {"arms", "cabinet", "episode", "gripper", "rpc"},
     {"perceive", "tasks", "trackers", "view"},
     {"envs", "feel", "identify"},
+    {"search"},
     {"learn", "evaluate"},
     {"cockpit", "reproduce"},
     {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"},

@@ -6,9 +6,6 @@ import numpy as np
 import pytest
 
 from dovetail.arms.arm import ArmState
-from dovetail.errors import ConfigError
-from dovetail.evaluate.perturbation import Perturbation, make_perturbed
-from dovetail.learn.policy import Policy, find_policy
 from dovetail.poses import (
     TOOL_DOWN,
     Pose,
@@ -166,29 +163,3 @@ def test_less_clearance_is_searched_more_finely():
     fine, usual = SearchConfig.for_clearance(0.00025), SearchConfig.for_clearance(5e-4)
     assert usual == SearchConfig()
     assert (fine.speed, fine.pitch) == (usual.speed / 2, usual.pitch / 2)
-
-
-def test_the_shipped_policy_finds_a_hole_that_was_moved_by_4_mm():
-    policy = Policy.load(find_policy("peg_square"))
-    depths = {}
-    for search in ("none", "spiral"):
-        asked = Perturbation(fixture_shift=0.004, search=search)
-        options = {**policy.metadata["env"], "plant": "mujoco", "max_steps": 1200}
-        env = make_perturbed(policy.metadata["env_id"], asked, options)
-        observation, info = env.reset(seed=4, options={"fixture": HOLE})
-        done = False
-        while not done:
-            observation, _, ended, cut, info = env.step(policy(observation))
-            done = ended or cut
-        depths[search] = info["depth"]
-        assert info["limit_violations"] == 0
-        env.close()
-    assert depths["none"] < 0.003
-    assert depths["spiral"] >= 0.028
-
-
-def test_a_search_without_a_covered_camera_is_refused():
-    with pytest.raises(ConfigError, match="add --fixture-shift"):
-        Perturbation(search="spiral")
-    with pytest.raises(ConfigError, match="search is 'grid'; known: none, spiral"):
-        Perturbation(search="grid", fixture_shift=0.01)

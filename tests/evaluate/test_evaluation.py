@@ -153,7 +153,7 @@ def test_an_ideal_plant_is_called_a_simulation(config):
     "change",
     [
         {"task_options": TaskOptions(peg="round", clearance=0.001), "seed": 7},
-        {"fixture_shift": 0.01, "search": "spiral", "max_steps": 900},
+        {"fixture_shift": 0.01, "search": "corner", "max_steps": 900},
         {"push": 30.0, "fixture_speed": 0.02, "start": "below"},
         {"tare": False, "fixture": (0.6, 0.0, 0.1, 0.2), "tries": 5},
         {"twin": None, "arm": "grpc://localhost:50051"},

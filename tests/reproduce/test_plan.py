@@ -106,7 +106,7 @@ def test_robustness_has_every_disturbance_of_the_paper():
 
 def test_a_moved_hole_is_also_searched_for_and_the_long_logs_are_not_kept():
     stage = by_name(config())["robustness-stack-0-search-20-seed-0"]
-    assert stage.settings["search"] == "spiral"
+    assert stage.settings["search"] == "corner"
     assert stage.settings["hole_shift"] == 0.02
     assert stage.settings["keep_logs"] is False
 

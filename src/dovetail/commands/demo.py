@@ -1,6 +1,6 @@
 """`dovetail demo`: the main job with the policy that ships in the package."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from rich.console import Console
@@ -8,9 +8,13 @@ from rich.console import Console
 from dovetail.commands.evaluate import print_files
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
+from dovetail.evaluate.cover import compare
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
 from dovetail.tasks.shipped import DEFAULT_POLICY
+
+SEARCHING_POLICY = "search_square"
+"""The shipped policy that learned to search."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +36,9 @@ class Demo:
     """Processes that share the tries."""
     video: bool = False
     """Film the first try at each pose: an animated GIF beside the report, and in it."""
+    cover: bool = False
+    """Cover the camera and move the fixture by 0, 5, 10, 20 and 30 mm. Who finds it:
+    the policy without a search, the scripted one, the shipped one that learned it."""
     out: Path | None = None
     """Folder for the results; default a new one, by the time, in demo-results."""
 
@@ -48,5 +55,20 @@ class Demo:
             video=self.video,
             out=self.out or dated_folder("demo-results"),
         )
+        if self.cover:
+            return self._compare(config, console)
         print_files(evaluate(config, console), console)
+        return 0
+
+    def _compare(self, config: EvaluationConfig, console: Console) -> int:
+        """Say who finds a fixture that was moved unseen."""
+        config = replace(config, keep_logs=False, video=False)
+        actors = [
+            ("no search", config),
+            ("script", replace(config, search="corner")),
+            ("learned search", replace(config, policy=SEARCHING_POLICY)),
+        ]
+        folder = config.out or dated_folder("demo-results")
+        compare(actors, folder, console)
+        console.print(f"written to {folder}: cover.html, cover.json, a report for each")
         return 0

@@ -23,7 +23,7 @@ GROUPS: Groups = {
         *("robot", "tracker", "period", "tare", "approach", "accept_contact"),
     ),
     "what is made harder": (
-        *("fixture_shift", "fixture_speed", "push", "start", "search"),
+        *("fixture_shift", "cover", "fixture_speed", "push", "start", "search"),
     ),
     "the tries and their results": (
         "tries",

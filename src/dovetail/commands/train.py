@@ -10,6 +10,7 @@ from dovetail.commands.help_page import Groups
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
+from dovetail.learn.searching import SEARCHING
 from dovetail.learn.train import TrainResult, train
 
 GROUPS: Groups = {
@@ -19,12 +20,23 @@ GROUPS: Groups = {
     ),
     "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
     "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
+    "a fixture that is not where it is believed": (
+        *("doubt", "teacher", "teacher_noise", "teacher_share"),
+    ),
     "dynamics of the simulation": (
         *("model", "randomise_dynamics", "random_gravity", "random_mass"),
         *("random_damping", "random_friction"),
     ),
     "what the policy sees and does": (
-        *("stack", "f_scale", "f_scale_angular", "theta_range", "position_range"),
+        *(
+            "stack",
+            "also",
+            "recall",
+            "f_scale",
+            "f_scale_angular",
+            "theta_range",
+            "position_range",
+        ),
         *("force_damping", "tare", "scheme"),
     ),
     "near contact": ("near_distance", "near_speed", "near_press", "force_weight"),
@@ -49,16 +61,18 @@ class Train(TrainConfig):
 
 
 def defaults(words: list[str]) -> Train | None:
-    """Return the settings of the run that a command line resumes, or None.
+    """Return the settings that a command line changes, or None for the usual ones.
 
-    What else the command line says is then compared with them, option by option.
+    Those of the run that it resumes: what else it says is then compared with them,
+    option by option. Or those of a search, where it says `--doubt`.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--out", type=Path, nargs="?")
+    parser.add_argument("--doubt", nargs="?")
     found, _ = parser.parse_known_args(words)
     if not found.resume or found.out is None:
-        return None
+        return None if found.doubt is None else Train(**SEARCHING)
     folder = found.out.expanduser().absolute()
     return Train(**settings_of(folder), out=found.out, resume=True)
 

@@ -72,8 +72,13 @@ class ControlConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationConfig:
-    """What the policy sees; its columns are the task's."""
+    """What the policy sees; its columns are the task's, and more."""
 
+    also: tuple[str, ...] = ()
+    """Groups of columns beside the task's, see `envs.observation.GROUPS`: tilt, say."""
+    recall: tuple[int, ...] = ()
+    """Ages [policy steps]: where the tool was that long ago, and how it was tilted if
+    that is shown, is appended; with any age the last action, too."""
     stack: int = 0
     """Number of past (observation, action) pairs to append."""
     tracker: str = DEFAULT_TRACKER

@@ -17,6 +17,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import FixtureVelocity
 from dovetail.envs.observation import Layout
+from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
@@ -62,8 +63,9 @@ class ContactEnv(
 
     ## Observation space
 
-    `Box`, the task's columns, then `stack` past (observation, action) pairs, newest
-    first. Of a part that goes in from above:
+    `Box`, the task's columns, those of `also`, the last action and past places of
+    `recall`, then `stack` past (observation, action) pairs, newest first. Of a part
+    that goes in from above:
 
     | index | meaning | unit unscaled | scaling | range |
     |---|---|---|---|---|
@@ -79,7 +81,7 @@ class ContactEnv(
     ## Reward
 
     The task's: usually `-(0.6 L2(x) + 0.4 L1(x) + 0.1 |theta|)` per step, x the tool
-    minus the goal [m], and 50 on success.
+    minus the goal [m] of the fixture's true pose, and 50 on success.
 
     ## Starting state
 
@@ -96,8 +98,8 @@ class ContactEnv(
     `theta_error` [rad] (tool minus goal, by the tracker), `contact_force_max` [N] of
     the step, `limit_violations` (control cycles of the step outside a joint or wall
     limit, by the measured state), `bad_input` (those in which the controller held the
-    arm because of a number that is none), `observation_raw` (unscaled) and, from
-    `reset`, `tare` [m/s2, rad/s2]: the f* that holds the weight.
+    arm because of a number that is none), `observation_raw` (the task's columns,
+    unscaled) and, from `reset`, `tare` [m/s2, rad/s2]: the f* that holds the weight.
 
     Args:
         task: What is to be done.
@@ -121,6 +123,8 @@ class ContactEnv(
     """What the arm said after the last step."""
     fixture: Pose
     """The fixture's true pose in this episode."""
+    steps: int
+    """Policy steps of the episode so far."""
 
     def __init__(
         self,
@@ -178,7 +182,9 @@ class ContactEnv(
         self.max_steps = self.config.episode.max_steps
         self._near_distance = self.config.approach.near_distance
         facts = self.arm.facts
-        self.scaling = Layout(self.task.columns, facts.robot, self.task.zero_offset())
+        seen = self.config.observation
+        groups = (*self.task.columns, *seen.also)
+        self.scaling = Layout(groups, facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
         if facts.limits.walls:
             self._walls = tuple(facts.limits.x_min), tuple(facts.limits.x_max)
@@ -186,9 +192,12 @@ class ContactEnv(
         self.places_fixture = facts.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
-        stack = self.config.observation.stack
-        self._history = History(stack, len(self.scaling), size)
-        high = self._history.highest(self.scaling.high)
+        self._own = self.scaling.places[self.task.columns[-1]].stop
+        self._recall = Recall(seen.recall, self.scaling, size)
+        self.columns = (*self.scaling.columns, *self._recall.columns)
+        self._history = History(seen.stack, len(self.columns), size)
+        one = np.concatenate([self.scaling.high, self._recall.high])
+        high = self._history.highest(one)
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
@@ -243,14 +252,15 @@ class ContactEnv(
         self.tracker.reset(fixture, int(self._seeds.integers(1 << 31)))
         self._velocity.reset()
         self.state = self.arm.reset(q, fixture)
-        self._steps = 0
+        self.steps = 0
         raw = self._locate()
         if self._tare is not None:
             plane = self._target.near_plane
             self.state = self._tare.take(self.state, fixture, plane, self._walls)
             raw = self._locate()
         info = {**self._info(raw), "tare": self.commands.tare.copy()}
-        return self._history.reset(self.scaling.scale(raw)), info
+        first = self._recall.reset(self.scaling.scale(raw))
+        return self._history.reset(first), info
 
     def step(
         self, action: NDArray[np.float32]
@@ -272,22 +282,24 @@ class ContactEnv(
             )
         self._begun = None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
-        self._steps += 1
+        self.steps += 1
         raw = self._locate()
         info = self._info(raw)
-        reward = self.task.weigh(
-            info["position_error"],
-            info["theta_error"],
-            info["success"],
-            info["contact_force_max"],
-        )
+        seen = self._recall.push(self._action, self.scaling.scale(raw))
         return (
-            self._history.push(self._action, self.scaling.scale(raw)),
-            reward,
+            self._history.push(self._action, seen),
+            self._weigh(info),
             info["success"],
-            self._steps >= self.max_steps and not info["success"],
+            self.steps >= self.max_steps and not info["success"],
             info,
         )
+
+    def _weigh(self, info: dict[str, Any]) -> float:
+        """Return the step's reward, by where the fixture truly is."""
+        true = self._true_goal
+        theta = theta_about_vertical(self.state.quat_wxyz, true.quat_wxyz)
+        error = self.state.position - true.position
+        return self.task.weigh(error, theta, info["success"], info["contact_force_max"])
 
     def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
         """Do what a step does before its control cycles.
@@ -388,7 +400,7 @@ class ContactEnv(
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
             "limit_violations": self.violations.count(state.log),
             "bad_input": count_bad_input(state),
-            "observation_raw": raw,
+            "observation_raw": raw[: self._own],
         }
 
 

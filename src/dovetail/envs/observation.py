@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dovetail.arms.arm import ArmState
 from dovetail.errors import ConfigError
-from dovetail.poses import theta_about_vertical
+from dovetail.poses import rotation_error, theta_about_vertical
 from dovetail.robots.robot import Robot
 from dovetail.tasks.task import Goal
 from dovetail.types import Array, Vec3
@@ -72,6 +72,12 @@ GROUPS: Mapping[str, Group] = {
         5.1,  # 3.2 rad
         lambda state, goal: theta_about_vertical(state.quat_wxyz, goal.quat_wxyz),
     ),
+    "tilt": Group(
+        _columns("tilt_x tilt_y", "rad", "about the world's x and y, from the goal's"),
+        THETA_SCALE,
+        5.1,  # 3.2 rad
+        lambda state, goal: rotation_error(state.quat_wxyz, goal.quat_wxyz)[:2],
+    ),
     "velocity": Group(
         _columns("vx vy vz", "m/s", "tool, world axes"),
         VELOCITY_SCALE,
@@ -129,11 +135,13 @@ class Layout:
         self._zero, self._unit = np.zeros(size), np.ones(size)
         self._is_log, high = np.ones(size, dtype=bool), np.zeros(size)
         self._read: list[tuple[slice, Callable[[ArmState, Goal], Any]]] = []
+        self.places: dict[str, slice] = {}
         start = 0
         for name in groups:
             group = GROUPS[name]
             place = slice(start, start + len(group.columns))
             start = place.stop
+            self.places[name] = place
             self._unit[place], high[place] = group.scale, group.high
             if name == "joints":
                 self._zero[place] = (robot.q_max + robot.q_min) / 2.0

@@ -9,12 +9,14 @@ from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
+from dovetail.control.ranges import Range, in_range
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
-from dovetail.evaluate.perturbation import SEARCH_STEPS, Perturbation
+from dovetail.evaluate.perturbation import Perturbation, Search
 from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
+from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import TaskOptions
 
@@ -63,13 +65,16 @@ class EvaluationConfig:
     back, and the camera follows."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: random, or below the block's surface, beside it."""
-    search: Literal["none", "spiral"] = "none"
-    """With `fixture_shift`: lead the policy over the surface until the part goes in."""
+    cover: float = 0.0
+    """The same in millimetres, 0 to 50 [mm]."""
+    search: Search = "none"
+    """corner: the scripted corner search acts in place of the policy. It feels for the
+    opening with a corner of the tilted part."""
     tare: bool = True
     """Measure before each try the weight that gravity compensation misses. It is taken
     off what the policy commands; not where the policy was trained with --no-tare."""
     max_steps: int | None = None
-    """Policy steps of 50 ms in a try; default the policy's. With a search 20000."""
+    """Policy steps of 50 ms in a try; default the policy's. With a search 400."""
     tries: int = 20
     """Tries at each fixture pose."""
     seed: int = 0
@@ -77,7 +82,7 @@ class EvaluationConfig:
     workers: int = 1
     """Processes that share the tries; the outcome does not depend on it."""
     keep_logs: bool = True
-    """Keep an Episode log of each try. A search of six minutes is one of 40 MB."""
+    """Keep an Episode log of each try."""
     video: bool = False
     """Film the first try at each pose: an animated GIF beside the report, and in it."""
     out: Path | None = None
@@ -88,10 +93,16 @@ class EvaluationConfig:
         """Return what is done to arm and fixture.
 
         Raises:
-            ConfigError: A number out of range.
+            ConfigError: A number out of range, or the shift given twice.
         """
+        if self.cover and self.fixture_shift:
+            raise ConfigError(
+                f"cover is {self.cover:g} mm and fixture_shift is "
+                f"{self.fixture_shift:g} m, which are the same distance; give one"
+            )
+        cover = in_range("cover", self.cover, Range(0.0, 50.0, "mm"))
         return Perturbation(
-            fixture_shift=self.fixture_shift,
+            fixture_shift=self.fixture_shift or 1e-3 * cover,
             push=self.push,
             fixture_speed=self.fixture_speed,
             start=self.start,
@@ -137,11 +148,10 @@ def environment_options(
         options["period"] = arm.control_period(config.period, trained)
         options["arm"] = _usable(config, arm)
     options["tare"] = config.tare and options.get("tare", True)
-    is_searching = config.perturbation().search != "none"
+    if config.search != "none":
+        options |= SCRIPT_SETTINGS
     if config.max_steps is not None:
         options["max_steps"] = config.max_steps
-    elif is_searching:
-        options["max_steps"] = SEARCH_STEPS
     return options
 
 

@@ -34,6 +34,7 @@ from dovetail.evaluate.origin import (
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.perturbation import make_perturbed
 from dovetail.evaluate.report import Report
+from dovetail.evaluate.search_figure import draw_search
 from dovetail.evaluate.terminal import render_table, run_shown
 from dovetail.evaluate.transfer import Row, summarise
 from dovetail.evaluate.trials import film_name, plan_trials, run_trials
@@ -41,6 +42,7 @@ from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_yes
 from dovetail.learn.spaces import require_spaces
+from dovetail.search.script import CornerScript
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.gl_context import find_backend
 
@@ -88,7 +90,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
         make = make_env if config.workers > 1 else lambda: env
-        load: Any = partial(Policy.load, file)
+        load: Any = CornerScript
+        if config.search == "none":
+            load = partial(Policy.load, file)
         trials = run_trials(
             make,
             load,
@@ -116,7 +120,10 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     )
     _print(report, options["tare"], console)
     films = [folder / film_name(pose) for pose in poses] if config.video else []
-    files = write_report(report, folder, task.outline(), films)
+    searched = None
+    if perturbation.fixture_shift:
+        searched = draw_search(report, poses, task.outline())
+    files = write_report(report, folder, task.outline(), films, searched)
     return Evaluation(
         rows, outcomes, report, folder, [*files, *([logs] if logs else [])]
     )
@@ -166,6 +173,9 @@ def _inspect(
         can_place = require_contact_env(env).places_fixture
         require_place(config, can_place=can_place)
         pose = fixture_poses(config, policy.metadata)[0].pose()
+        if config.search != "none":
+            CornerScript().take(require_contact_env(env))
+            return env
         observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
         policy.require_size(observation, env.action_space.shape or ())
         require_spaces(policy.metadata, env)
@@ -176,7 +186,11 @@ def _inspect(
 
 
 def write_report(
-    report: Report, folder: Path, outline: Outline | None, films: Sequence[Path] = ()
+    report: Report,
+    folder: Path,
+    outline: Outline | None,
+    films: Sequence[Path] = (),
+    searched: bytes | None = None,
 ) -> list[Path]:
     """Write figures, JSON and HTML, the HTML last.
 
@@ -186,6 +200,7 @@ def write_report(
         outline: Of the fixture, from above.
         films: Animated GIFs that are there; one that is not, as its try never began,
             is left out.
+        searched: Figure of where a part went over a fixture that nobody saw.
 
     Raises:
         LogError: The disk is full or the folder is not writable.
@@ -194,6 +209,9 @@ def write_report(
     paths = draw_paths(report.outcomes, labels, outline=outline, title=report.title)
     captions = {"Paths of the tool": paths}
     files = [write_atomic(folder / "paths.png", paths)]
+    if searched is not None:
+        captions["Where it searched, from above"] = searched
+        files.append(write_atomic(folder / "search.png", searched))
     if not math.isnan(report.rows[-1].force_peak):
         forces = captions["Contact force"] = draw_forces(report.outcomes)
         files.append(write_atomic(folder / "forces.png", forces))

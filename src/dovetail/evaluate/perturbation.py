@@ -19,7 +19,6 @@ from dovetail.errors import ConfigError
 from dovetail.poses import Pose
 from dovetail.tasks.fixture_pose import UPRIGHT
 from dovetail.trackers.covered import Covered
-from dovetail.trackers.spiral import SearchConfig, SpiralSearch
 from dovetail.types import Vec3
 
 TRAVEL = 0.05
@@ -28,9 +27,8 @@ PUSH_TIME = (0.2, 0.5)
 """Range of a push's duration [s], uniform."""
 PUSH_GAP = (0.3, 1.0)
 """Range of the time between two pushes, and before the first [s], uniform."""
-SEARCH_STEPS = 20_000
-"""Policy steps of a try with a search, where nothing else is asked for: 1000 s, in
-which the spiral gets 31 mm away from the middle at 0.5 mm clearance."""
+Search = Literal["none", "corner"]
+"""Whether a scripted search acts in place of the policy."""
 
 _STREAM = 0x5E7BAC
 """Keeps these draws apart from those of start and noise, which have the same seed."""
@@ -49,17 +47,12 @@ class Perturbation:
     """Speed at which the fixture moves horizontally, out and back [m/s]."""
     start: Literal["random", "below"] = "random"
     """Where the tool starts: anywhere, or below the block's surface, beside it."""
-    search: Literal["none", "spiral"] = "none"
-    """What is done about a covered camera: nothing, or the believed fixture wanders."""
+    search: Search = "none"
+    """Who acts: the policy, or the scripted corner search in its place."""
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
         check_ranges(self)
-        if self.search != "none" and not self.fixture_shift:
-            raise ConfigError(
-                "search is for a covered camera: add --fixture-shift with a distance "
-                "[m]"
-            )
 
     def __bool__(self) -> bool:
         """Whether anything is perturbed."""
@@ -72,7 +65,7 @@ class Perturbation:
             shift = f"{1e3 * self.fixture_shift:g} mm"
             words.append(f"camera covered and fixture moved by {shift}")
         if self.search != "none":
-            words.append("searched for on a spiral")
+            words.append(f"scripted {self.search} search in place of the policy")
         if self.push:
             words.append(f"pushes of up to {self.push:g} N")
         if self.fixture_speed:
@@ -145,10 +138,6 @@ class Perturbed(gym.Wrapper):
         self.perturbation = perturbation
         self.core = require_contact_env(env)
         self._covered = self.core.tracker
-        if perturbation.search != "none":
-            gap = self.core.task.gap()
-            search = SearchConfig.for_clearance(gap) if gap else SearchConfig()
-            self.core.tracker = SpiralSearch(self._covered, search)
         self._rng = np.random.default_rng()
         self._pushes: list[Push] = []
         self._direction: Vec3 = np.zeros(3)

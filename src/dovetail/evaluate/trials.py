@@ -23,6 +23,7 @@ from dovetail.evaluate.outcome import Outcome
 from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, matrix_from_quat
+from dovetail.search.script import CornerScript
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Array
 from dovetail.view.film import Film
@@ -91,6 +92,8 @@ class Trialist:
         self._policy = load_policy()
         self._env = make_env()
         self._core = require_contact_env(self._env)
+        if isinstance(self._policy, CornerScript):
+            self._policy.take(self._core)
         self._poses = poses
         self._logs, self._films = logs, films
 

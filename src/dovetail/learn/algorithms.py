@@ -9,6 +9,7 @@ import numpy as np
 from dovetail.arms.address import parse_address
 from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.teacher import Teacher, taught
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.reward import RewardConfig
 
@@ -78,6 +79,8 @@ def make_vec_env(config: TrainConfig) -> Any:
             options["arm"] = parse_address(config.arm).with_approach()
     if not (config.model or config.randomise_dynamics or config.arm):
         options["tare"] = False  # the nominal model compensates all of its weight
+    if config.doubt > 0.0:
+        options["tracker"] = f"covered?doubt={config.doubt}"
     if config.model_file is not None:
         options |= {"twin": config.model_file.twin, "engine": config.plant}
 
@@ -134,6 +137,8 @@ def make_model(config: TrainConfig, env: Any) -> Any:
         "seed": derive_seed(config.seed),
         "policy_kwargs": {"net_arch": list(config.net)},
     }
+    if config.has_teacher:
+        kind = taught(kind)
     if config.algorithm == "ppo":
         settings["n_steps"] = config.rollout_steps
     else:
@@ -144,7 +149,11 @@ def make_model(config: TrainConfig, env: Any) -> Any:
                 falling_rate, ACTOR_SHARE * config.learning_rate, config.final_rate
             )
             settings["qf_learning_rate"] = config.learning_rate
-    return kind("MlpPolicy", env, **settings)
+    model = kind("MlpPolicy", env, **settings)
+    if config.has_teacher:
+        seed = derive_seed(config.seed, 3)
+        model.teacher = Teacher(env.envs, config.teacher_noise, seed)
+    return model
 
 
 def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any]:
@@ -153,8 +162,19 @@ def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any
         "learning_starts": config.learning_starts,
         "n_steps": config.n_steps,
         "train_freq": 1,
-        "gradient_steps": config.num_envs * config.updates_per_step,
+        "gradient_steps": max(1, round(config.num_envs * config.updates_per_step)),
     }
+    if config.has_teacher:
+        from dovetail.learn.taught_replay import TaughtReplay
+
+        settings["replay_buffer_class"] = TaughtReplay
+        settings["replay_buffer_kwargs"] = {
+            "n_steps": config.n_steps,
+            "gamma": config.gamma,
+            "taught": config.learning_starts // config.num_envs,
+            "share": config.teacher_share,
+        }
+        settings["n_steps"] = 1  # the buffer sums rewards up
     if config.algorithm in _WITH_ENTROPY:
         settings["ent_coef"] = config.entropy_coefficient()
     else:

@@ -17,6 +17,7 @@ from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.model_file import ModelFile
+from dovetail.learn.searching import SEARCHING
 from dovetail.robots.find import find_robot
 from dovetail.trackers.find import require_tracker
 
@@ -68,6 +69,18 @@ class TrainConfig(EnvSettings):
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
+    doubt: float = 0.0
+    """Largest distance of the fixture from where it is believed [m]. In each
+    episode it is another; the policy is not told, reward and success are by the truth.
+    On the command line it gives other options other defaults: see learn/searching.py.
+    A search tilts the part, so that the task must let it."""
+    teacher: Literal["none", "corner"] = "none"
+    """Who acts in the first `learning_starts` steps: chance, or the script. That is the
+    corner search, with noise."""
+    teacher_noise: float = 0.08
+    """Standard deviation of the noise on a teacher's actions [1]."""
+    teacher_share: float = 0.5
+    """Share of every batch that is the teacher's [1]. The rest is of all steps."""
     algorithm: Algorithm = "sac"
     """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
     steps: int = 60_000
@@ -83,7 +96,7 @@ class TrainConfig(EnvSettings):
     """Threads that simulate them, with MuJoCo only; 0 is one for each core. These are
     the cores that this process may use, shared by `seeds`. What is learnt is the same
     with any number."""
-    updates_per_step: int = 2
+    updates_per_step: float = 2
     """Gradient steps per environment step (not ppo)."""
     n_steps: int = 3
     """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
@@ -153,6 +166,7 @@ class TrainConfig(EnvSettings):
             self._require_arm(self.arm)
         self._require_batch()
         self._require_dynamics()
+        self._require_teacher()
         if self.tare:  # a policy must not ask for what cannot be done with it
             task = TaskSpec.parse(self.env_options()["task"])
             tared_axes(task, self.force_damping)
@@ -164,6 +178,20 @@ class TrainConfig(EnvSettings):
                 f"threads is {self.threads}, but only MuJoCo in this process simulates "
                 f"several environments at once, not {self.arm or self.plant}: leave "
                 "threads out, or give --plant mujoco"
+            )
+
+    def _require_teacher(self) -> None:
+        """Refuse a doubt beside a tracker, and a teacher that would not act."""
+        if self.doubt > 0.0 and self.tracker != TrainConfig.tracker:
+            raise ConfigError(
+                f"doubt and the tracker {self.tracker} exclude each other: with a "
+                "doubt the camera is covered; leave one of them out"
+            )
+        if self.has_teacher and (self.algorithm == "ppo" or self.from_policy):
+            raise ConfigError(
+                f"teacher {self.teacher} fills a replay buffer before anything is "
+                "learned: that is for sac, tqc, crossq, td3 and ddpg from the start; "
+                "give --teacher none"
             )
 
     def _require_dynamics(self) -> None:
@@ -211,6 +239,11 @@ class TrainConfig(EnvSettings):
     def model_file(self) -> ModelFile | None:
         """The model's content when these settings were made."""
         return None if self.model is None else ModelFile.load(self.model.expanduser())
+
+    @property
+    def has_teacher(self) -> bool:
+        """Whether the first steps are a teacher's."""
+        return self.teacher != "none"
 
     @property
     def dynamics_randomisation(self) -> DynamicsRandomisation:
@@ -299,7 +332,9 @@ class TrainConfig(EnvSettings):
 
     def command(self) -> str:
         """Return the command line that trains with these settings."""
-        default = TrainConfig(env=self.env).to_json() | {"env": TrainConfig.env}
+        usual = SEARCHING if self.doubt > 0.0 else {}
+        default = TrainConfig(env=self.env, **usual).to_json()
+        default["env"] = TrainConfig.env
         words = ["dovetail", "train"]
         for name, value in self.to_json().items():
             if value == default[name]:
@@ -334,7 +369,10 @@ _RANGES: dict[str, tuple[float, float]] = {
     "seeds": (1, 1000),
     "num_envs": (1, 256),
     "threads": (0, 256),
-    "updates_per_step": (1, 64),
+    "doubt": (0.0, 0.05),
+    "teacher_noise": (0.0, 1.0),
+    "teacher_share": (0.0, 1.0),
+    "updates_per_step": (0.01, 64),
     "n_steps": (1, 100),
     "gamma": (0.0, 0.99999),
     "learning_rate": (1e-7, 1.0),

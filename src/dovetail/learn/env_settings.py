@@ -14,7 +14,7 @@ from dovetail.tasks.task import Task
 from dovetail.trackers.find import without_images
 
 ENV_FIELDS = (
-    *("plant", "task", "stack", "period"),
+    *("plant", "task", "stack", "also", "recall", "period"),
     *("robot", "tracker"),
     *("f_scale", "f_scale_angular", "force_damping", "tare"),
     *("near_speed", "near_press", "near_distance"),
@@ -44,6 +44,10 @@ class EnvSettings:
     the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
     stack: int = USUAL.observation.stack
     """Past (observation, action) pairs in the observation."""
+    also: tuple[str, ...] = USUAL.observation.also
+    """Columns that the policy sees beside the task's: tilt, spin or force."""
+    recall: tuple[int, ...] = USUAL.observation.recall
+    """Steps ago of which the policy sees where the tool was. And the last action."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms. An action acts for 50 ms at any of them;
     an arm's address may give its own."""

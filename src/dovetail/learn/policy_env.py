@@ -36,10 +36,16 @@ def _is_one_or_three(value: Any) -> bool:
     return len(values) in (1, 3) and all(map(_is_number, values))
 
 
+def _is_list(value: Any, kind: type) -> bool:
+    return isinstance(value, (list, tuple)) and all(type(x) is kind for x in value)
+
+
 _WORD = ("a word", lambda value: isinstance(value, str))
 _NUMBER = ("a number", _is_number)
 _COUNT = ("a whole number", _is_count)
 _ONE_OR_THREE = ("one number or three", _is_one_or_three)
+_WORDS = ("words", lambda value: _is_list(value, str))
+_COUNTS = ("whole numbers", lambda value: _is_list(value, int))
 _SWITCH = ("true or false", lambda value: isinstance(value, bool))
 
 TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
@@ -50,6 +56,8 @@ TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
     **dict.fromkeys(("near_speed", "near_press", "near_distance"), _NUMBER),
     **dict.fromkeys(("theta_range", "position_range"), _NUMBER),
     "tare": _SWITCH,
+    "also": _WORDS,
+    "recall": _COUNTS,
 }
 """Settings of the environment that a policy's file chooses, and what each must be; the
 environment checks their ranges. The task's options are such settings, too."""

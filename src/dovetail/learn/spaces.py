@@ -18,7 +18,7 @@ def describe_spaces(env: Any) -> dict[str, Any]:
     return {
         "observation": {
             "size": int(env.observation_space.shape[0]),
-            "columns": [list(column) for column in core.scaling.columns],
+            "columns": [list(column) for column in core.columns],
             "scaling": core.scaling.describe(),
         },
         "action": {

@@ -28,9 +28,9 @@ class Budget:
     shifts: tuple[float, ...] = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03)
     """How far the hole is moved while the camera is covered [m]."""
     searches: tuple[float, ...] = (0.01, 0.02, 0.03)
-    """The same, with a search led by the hole tracker [m]."""
+    """The same, with the scripted search in the policy's place [m]."""
     search_tries: int = 10
-    """Tries of it at each hole pose: they are thousands of steps long."""
+    """Tries of it at each hole pose."""
     search_steps: int | None = None
     """Policy steps of such a try; None is the default of the search."""
     pushes: tuple[float, ...] = (0.0, 10.0, 20.0, 30.0)

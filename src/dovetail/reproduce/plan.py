@@ -21,7 +21,7 @@ _START = 8.0
 """About how long a process takes to start to train [s]."""
 _TRY = 0.3
 """About how long a try takes [s]."""
-_SEARCH = 4.0
+_SEARCH = 1.0
 """The same with a search [s]."""
 _REPLAY = 0.06
 """About how long the simulation of a log takes [s]."""
@@ -259,7 +259,7 @@ def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any
     for shift in budget.shifts:
         yield "shift", shift, {"hole_shift": shift}
     for shift in budget.searches:
-        settings = {"hole_shift": shift, "search": "spiral", "keep_logs": False}
+        settings = {"hole_shift": shift, "search": "corner", "keep_logs": False}
         if budget.search_steps is not None:
             settings["max_steps"] = budget.search_steps
         yield "search", shift, {**settings, "tries": budget.search_tries}

@@ -1,17 +1,34 @@
 """A camera that was covered before the episode, and the fixture then moved."""
 
+import math
+
 import numpy as np
 
 from dovetail.arms.arm import ArmState
+from dovetail.control.ranges import Range, in_range
 from dovetail.poses import Pose
 from dovetail.trackers.tracker import Estimate
 from dovetail.types import Vec3
+
+_DOUBT = Range(0.0, 0.05, "m")
+_STREAM = 0xC07E3D
+"""Keeps these draws apart from those of start and fixture, which have the same seed."""
 
 
 class Covered:
     """The estimate is the last one seen: off by `shift`, and of growing age."""
 
-    def __init__(self) -> None:
+    def __init__(self, doubt: float = 0.0) -> None:
+        """Take how far the fixture may have been moved.
+
+        Args:
+            doubt: Largest horizontal shift [m], drawn for each episode, its place
+                anywhere in the circle alike. 0 leaves `shift` as it was set.
+
+        Raises:
+            ConfigError: Out of range.
+        """
+        self.doubt = in_range("tracker doubt", doubt, _DOUBT)
         self.shift: Vec3 = np.zeros(3)
         """How far the fixture was moved after it was seen last [m], world axes."""
         self._seen: Pose | None = None
@@ -19,6 +36,11 @@ class Covered:
 
     def reset(self, fixture: Pose, seed: int) -> None:
         """Remember where a fixture that now is at `fixture` was seen last."""
+        if self.doubt > 0.0:
+            rng = np.random.default_rng([_STREAM, seed])
+            angle = rng.uniform(-math.pi, math.pi)
+            away = np.array([math.cos(angle), math.sin(angle), 0.0])
+            self.shift = self.doubt * math.sqrt(rng.uniform()) * away
         self._seen = fixture._replace(position=fixture.position - self.shift)
         self._age = 0.0
 

@@ -1,0 +1,89 @@
+"""Where a part went over a fixture that nobody saw: from above, coloured by time."""
+
+import math
+from collections.abc import Sequence
+from io import BytesIO
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.report import Report
+from dovetail.poses import matrix_from_quat
+from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.task import Outline
+
+SHIFT = "fixture_shift [m]"
+"""What `Outcome.perturbation` calls the distance that the fixture was moved."""
+_SHOWN = 6
+"""Tries at each pose of the fixture: more would hide one another."""
+_BLOCK, _INK = "#e9e4da", "#4a4640"
+_POINTS = 400
+_WIDTH = 100
+
+
+def draw_search(
+    report: Report, poses: Sequence[FixturePose], outline: Outline | None
+) -> bytes:
+    """Draw the first tries at each pose in the fixture's frame, seen from above.
+
+    A cross is where the middle of the fixture was believed.
+
+    Args:
+        report: Its tries tell how far their fixture was moved.
+        poses: Where the fixture was.
+        outline: Of the fixture; None draws the paths alone.
+
+    Returns:
+        A PNG file.
+    """
+    period = report.period
+    figure = Figure(figsize=(3.4 * len(poses), 3.9), dpi=130, layout="constrained")
+    figure.suptitle("\n".join(wrap(report.title, _WIDTH)), fontsize=10, color=_INK)
+    row = figure.subplots(1, len(poses), squeeze=False)[0]
+    shown = [o for o in report.outcomes if o.attempt < _SHOWN and len(o.path)]
+    longest = max((period * len(o.path) for o in shown), default=1.0)
+    side = 1e3 * outline.outer if outline is not None else 50.0
+    lines: Any = None
+    for column, (axes, pose) in enumerate(zip(row, poses, strict=True)):
+        if outline is not None:
+            _draw_outline(axes, outline)
+        turn = matrix_from_quat(pose.pose().quat_wxyz).T
+        for outcome in (o for o in shown if o.pose == column):
+            believed = -1e3 * (turn @ np.array(outcome.perturbation[SHIFT]))
+            axes.plot(*believed[:2], "x", color=_INK, markersize=5)
+            lines = _draw_path(axes, outcome, period, longest)
+        axes.set_xlim(-1.1 * side, 1.1 * side)
+        axes.set_ylim(-1.1 * side, 1.1 * side)
+        axes.set_aspect("equal")
+        axes.set_title(f"pose {pose.name}", fontsize=9)
+        axes.set_xlabel("x in the fixture's frame [mm]", fontsize=8)
+        axes.tick_params(labelsize=7)
+    row[0].set_ylabel("y [mm]", fontsize=8)
+    if lines is not None:
+        figure.colorbar(lines, ax=list(row), label="time [s]", shrink=0.8)
+    buffer = BytesIO()
+    figure.savefig(buffer, format="png")
+    return buffer.getvalue()
+
+
+def _draw_outline(axes: Any, outline: Outline) -> None:
+    half = 1e3 * outline.outer
+    corners = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    style = {"edgecolor": _INK, "linewidth": 0.8}
+    axes.fill(*corners.T, facecolor=_BLOCK, **style)
+    axes.fill(*(1e3 * outline.opening).T, facecolor="white", **style)
+
+
+def _draw_path(axes: Any, outcome: Outcome, period: float, longest: float) -> Any:
+    every = max(1, math.ceil(len(outcome.path) / _POINTS))
+    points = 1e3 * outcome.path[::every, :2]
+    pairs = np.stack([points[:-1], points[1:]], axis=1)
+    lines = LineCollection(list(pairs), cmap="viridis", linewidths=0.9)
+    lines.set_array(period * every * np.arange(len(pairs)))
+    lines.set_clim(0.0, longest)
+    axes.add_collection(lines)
+    return lines

@@ -1,0 +1,1 @@
+"""Searches for a fixture that nobody sees: programs that act as a policy does."""

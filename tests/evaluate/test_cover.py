@@ -1,0 +1,71 @@
+"""A covered camera: the table of who finds the fixture, and where they searched."""
+
+import json
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from dovetail.episode import Episode
+from dovetail.errors import ConfigError
+from dovetail.evaluate.config import EvaluationConfig
+from dovetail.evaluate.cover import compare
+from dovetail.evaluate.evaluation import evaluate
+
+QUIET = Console(quiet=True)
+SCRIPT = EvaluationConfig(
+    policy="peg_square",
+    plant="mujoco",
+    search="corner",
+    fixture=(0.6, 0.0, 0.1, 0.1),
+    tries=1,
+    tare=False,
+    keep_logs=False,
+)
+
+
+def test_the_table_says_who_found_it_and_how_fast(tmp_path):
+    cells = compare([("script", SCRIPT)], tmp_path / "out", QUIET, shifts=(0.0, 12.0))
+    assert [(cell.shift, cell.row.successes) for cell in cells] == [(0.0, 1), (12.0, 1)]
+    assert cells[0].row.steps_median < cells[1].row.steps_median
+    written = json.loads((tmp_path / "out" / "cover.json").read_text())
+    assert [entry["moved_mm"] for entry in written] == [0.0, 12.0]
+    assert "1/1" in (tmp_path / "out" / "cover.html").read_text()
+    figures = {path.parent.name for path in Path(tmp_path).rglob("search.png")}
+    assert figures == {"script-12-mm"}  # nothing is searched for where it is seen
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"cover": 51.0}, "cover is 51 mm; allowed: 0 to 50 mm"),
+        ({"cover": -1.0}, "cover"),
+        ({"cover": 20.0, "fixture_shift": 0.02}, "the same distance; give one"),
+        ({"cover": 5.0, "search": "spiral"}, "search is 'spiral'; known: none, corner"),
+    ],
+)
+def test_what_cannot_be_covered_is_refused(settings, words, tmp_path):
+    asked = EvaluationConfig(
+        policy="peg_square", twin="easy", out=tmp_path / "out", **settings
+    )
+    with pytest.raises(ConfigError, match=words):
+        evaluate(asked, QUIET)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_policy_that_sees_more_columns_is_tried_and_its_logs_are_as_any_others(
+    tmp_path,
+):
+    asked = EvaluationConfig(
+        policy="search_square",
+        plant="mujoco",
+        fixture=(0.6, 0.0, 0.1, 0.1),
+        cover=15.0,
+        tries=1,
+        out=tmp_path / "out",
+    )
+    found = evaluate(asked, QUIET)
+    assert found.outcomes[0].success
+    columns = Episode.load(found.folder / "logs" / found.outcomes[0].log).columns
+    assert "action6" in columns
+    assert "obs_vz" in columns

@@ -1,0 +1,115 @@
+"""A teacher fills the start of the buffer, and stays in every batch."""
+
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+from tests.extras import need
+
+from dovetail.commands.train import defaults
+from dovetail.envs.registered import make_env
+from dovetail.errors import ConfigError
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.policy import Policy
+from dovetail.learn.searching import SEARCHING
+from dovetail.learn.teacher import Teacher
+from dovetail.search.corner import SEARCH_AXES, CornerSearch
+from dovetail.tasks.peg_in_hole.task import PegInHole
+
+TINY = {
+    **SEARCHING,
+    "doubt": 0.02,
+    "steps": 32,  # the teacher alone: an update would be compiled for seconds
+    "learning_starts": 32,
+    "batch_size": 8,
+    "net": (8,),
+    "num_envs": 4,
+    "threads": 1,
+    "eval_episodes": 0,
+}
+
+
+def env(seed):
+    made = make_env(PegInHole, task=SEARCH_AXES, theta_range=0.3)
+    made.reset(seed=seed)
+    return made
+
+
+def test_a_teacher_without_noise_is_the_script():
+    made = env(0)
+    teacher = Teacher([made], 0.0, 0)
+    alone = CornerSearch(made)
+    for _ in range(3):
+        action = alone(np.zeros(0, dtype=np.float32))
+        np.testing.assert_array_equal(teacher.act()[0], action)
+        made.step(action)
+
+
+def test_noise_has_the_size_that_is_asked_for_and_leaves_the_range_alone():
+    made = env(1)
+    quiet = Teacher([made], 0.0, 0).act()[0]
+    noisy = Teacher([made], 0.1, 0)
+    actions = np.array([noisy.act()[0] for _ in range(500)])
+    assert np.abs(actions).max() <= 1.0
+    free = np.abs(quiet) < 0.5
+    spread = (actions - quiet)[:, free].std()
+    assert spread == pytest.approx(0.1, rel=0.1)  # 500 x 3 draws
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
+def test_a_batch_has_the_share_of_the_teacher(share):
+    need("sbx")
+    import gymnasium as gym
+
+    from dovetail.learn.taught_replay import TaughtReplay
+
+    box = gym.spaces.Box(-1.0, 1.0, (1,), dtype=np.float32)
+    replay = TaughtReplay(200, box, box, taught=20, share=share, n_steps=1, gamma=0.9)
+    for step in range(200):
+        one = np.full((1, 1), step / 200.0, dtype=np.float32)
+        replay.add(one, one, one, np.zeros(1), np.zeros(1), [{}])
+    np.random.seed(0)  # noqa: NPY002  (the base class draws from it)
+    seen = 200.0 * replay.sample(4000).observations.numpy()
+    expected = share + (1.0 - share) * 0.1
+    assert np.mean(seen < 19.5) == pytest.approx(expected, abs=0.03)
+
+
+def test_a_run_with_doubt_learns_from_its_teacher_and_its_policy_knows_no_doubt(
+    tmp_path,
+):
+    need("sbx")
+    from dovetail.learn.train import train
+
+    config = TrainConfig(**TINY, out=tmp_path / "run")
+    (result,) = train(config, Console(quiet=True))
+    policy = Policy.load(result.policy)
+    assert policy.metadata["env"]["tracker"] == "truth"
+    assert policy.metadata["env"]["recall"] == [4, 8, 12, 16]
+    assert policy.observation_size == 14 + 2 + 6 + 4 * 5
+    command = policy.metadata["provenance"]["command"]
+    assert "--doubt 0.02" in command
+    assert "--recall" not in command  # what --doubt begins with is not repeated
+    content = json.loads((tmp_path / "run" / "config.json").read_text())
+    assert content["teacher"] == "corner"
+
+
+def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
+    found = defaults(["--doubt", "0.02"])
+    assert found is not None
+    assert {name: vars(found)[name] for name in SEARCHING} == dict(SEARCHING)
+    assert defaults(["--steps", "5"]) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"doubt": 0.06}, "doubt is 0.06; allowed: 0 to 0.05"),
+        ({"tracker": "noisy"}, "doubt and the tracker noisy exclude each other"),
+        ({"algorithm": "ppo"}, "give --teacher none"),
+        ({"teacher_share": 1.1}, "teacher_share"),
+    ],
+)
+def test_what_cannot_be_taught_is_refused_with_what_to_give(change, words):
+    with pytest.raises(ConfigError, match=words):
+        TrainConfig(**{**TINY, **change})
