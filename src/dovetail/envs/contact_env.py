@@ -52,7 +52,7 @@ class ContactEnv(
 
     | index | meaning | unit | value at action 1 |
     |---|---|---|---|
-    | 0, 1, 2 | f* x, y, z: acceleration of the unit-mass operational point | m/s2 | `f_scale` |
+    | 0-2 | f* x, y, z: acceleration of the unit-mass operational point | m/s2 | `f_scale` |
     | 3 | theta_des: desired rotation about the vertical, relative to the goal's | rad | `theta_range` |
 
     B and C are held: the tool points down. On force axes the controller adds
@@ -63,9 +63,8 @@ class ContactEnv(
 
     ## Observation space
 
-    `Box`, the task's columns, those of `also`, the last action and past places of
-    `recall`, then `stack` past (observation, action) pairs, newest first. Of a part
-    that goes in from above:
+    `Box`, the task's columns, those of `also` and `recall`, then `stack` past
+    (observation, action) pairs, newest first. Of a part that goes in from above:
 
     | index | meaning | unit unscaled | scaling | range |
     |---|---|---|---|---|
@@ -103,10 +102,9 @@ class ContactEnv(
 
     Args:
         task: What is to be done.
-        arm: The arm to use, or its address (see `arms.address`); None is the place that
-            the settings name.
+        arm: The arm, or its address (see `arms.address`); None is the settings'.
         config: Every other setting; None is the usual ones.
-        tracker: Where the fixture is; None is the one that the settings name.
+        tracker: Where the fixture is; None is the settings'.
         render_mode: None, or "rgb_array": `render` returns a picture. `gym.make` shows
             it in a window for "human", which needs pygame.
 
@@ -120,11 +118,10 @@ class ContactEnv(
     }
 
     state: ArmState
-    """What the arm said after the last step."""
+    """What the arm said last."""
     fixture: Pose
     """The fixture's true pose in this episode."""
-    steps: int
-    """Policy steps of the episode so far."""
+    steps: int  # of the episode so far
 
     def __init__(
         self,
@@ -181,10 +178,8 @@ class ContactEnv(
         require_axes(self.arm, self.axes)
         self.max_steps = self.config.episode.max_steps
         self._near_distance = self.config.approach.near_distance
-        facts = self.arm.facts
-        seen = self.config.observation
-        groups = (*self.task.columns, *seen.also)
-        self.scaling = Layout(groups, facts.robot, self.task.zero_offset())
+        facts, seen, own = self.arm.facts, self.config.observation, self.task.columns
+        self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
         if facts.limits.walls:
             self._walls = tuple(facts.limits.x_min), tuple(facts.limits.x_max)
@@ -192,12 +187,11 @@ class ContactEnv(
         self.places_fixture = facts.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
-        self._own = self.scaling.places[self.task.columns[-1]].stop
+        self._own = self.scaling.places[own[-1]].stop
         self._recall = Recall(seen.recall, self.scaling, size)
         self.columns = (*self.scaling.columns, *self._recall.columns)
         self._history = History(seen.stack, len(self.columns), size)
-        one = np.concatenate([self.scaling.high, self._recall.high])
-        high = self._history.highest(one)
+        high = self._history.highest(np.append(self.scaling.high, self._recall.high))
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
@@ -259,8 +253,7 @@ class ContactEnv(
             self.state = self._tare.take(self.state, fixture, plane, self._walls)
             raw = self._locate()
         info = {**self._info(raw), "tare": self.commands.tare.copy()}
-        first = self._recall.reset(self.scaling.scale(raw))
-        return self._history.reset(first), info
+        return self._history.reset(self._recall.reset(self.scaling.scale(raw))), info
 
     def step(
         self, action: NDArray[np.float32]
