@@ -1,16 +1,18 @@
 """What a person does in the cockpit, without a page."""
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from dovetail.cockpit.choice import NOBODY, Choice
+from dovetail.cockpit.choice import NOBODY, Choice, build
 from dovetail.cockpit.hand import DRAG_SPEED, PULL_MAX
 from dovetail.cockpit.recorded import Recorded
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import PolicyError
+from dovetail.poses import matrix_from_quat
 
 from .conftest import wait_until
 
@@ -124,13 +126,21 @@ def test_a_covered_camera_believes_what_it_saw_last(session):
     np.testing.assert_array_equal(believed, true)
 
 
-def test_a_search_moves_the_believed_fixture_while_the_camera_is_covered(session):
-    session.search(True)
-    session.cover(True)
+def test_the_scripted_search_acts_in_the_place_of_a_policy(session):
+    session.choose(replace(session.choice, policy="corner"))
+    wait_until(
+        lambda: session.choice.policy == "corner" and session.status.mode == "held"
+    )
     session.start()
-    begin = session.moment.fixture.position
-    simulate(session, 1.0)
-    assert np.linalg.norm(session.moment.seen.position - begin) > 1e-5
+    simulate(session, 1.5)
+    down = matrix_from_quat(session.core.state.quat_wxyz)[2, 2]
+    assert np.arccos(-down) > 0.1  # rad: it tilts the part
+
+
+@pytest.mark.parametrize("place", ["fri://0.0.0.0", "grpc://127.0.0.1:1"])
+def test_a_robot_that_may_touch_harder_needs_a_yes(place):
+    with pytest.raises(ConfigError, match="--accept-contact"):
+        build(Choice(policy="corner", place=place))
 
 
 def test_paused_time_stands_still_but_for_single_steps(session):

@@ -15,14 +15,17 @@ from dovetail.envs.registered import task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.learn.policy_env import known_env_id, make_env
+from dovetail.learn.policy_env import known_env_id, make_env, require_yes
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.search.script import SCRIPT_SETTINGS, CornerScript
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 NOBODY = "none"
 """The policy that there is not: only a person moves the arm."""
+SCRIPT = "corner"
+"""The scripted corner search, in the place of a policy."""
 _STEPS = 1_000_000
 """Policy steps of an episode: a person ends it."""
 
@@ -32,7 +35,7 @@ class Choice:
     """What a person has chosen; another choice builds everything anew."""
 
     policy: str = NOBODY
-    """A policy's file, the name of a shipped one, or `NOBODY`."""
+    """A policy's file, the name of a shipped one, `SCRIPT` or `NOBODY`."""
     place: str = "mujoco"
     """Address of the arm: a plant, twin:NAME, fri://..., grpc://..."""
     env: str | None = None
@@ -43,19 +46,22 @@ class Choice:
     """Yes to laxer contact settings than the defaults, on a robot."""
 
 
-def build(choice: Choice) -> tuple[gymnasium.Env, Policy | None]:
+def build(choice: Choice) -> tuple[gymnasium.Env, Policy | CornerScript | None]:
     """Return the environment, and who acts in it.
 
     Raises:
         DovetailError: No such policy, place or setting, or they do not fit one another.
     """
-    policy = None
+    policy: Policy | CornerScript | None = None
     where: dict[str, Any] = {"arm": choice.place, "max_steps": _STEPS}
     where |= choice.settings
-    if choice.policy == NOBODY:
+    if choice.policy in (NOBODY, SCRIPT):
         env_id = choice.env or DEFAULT_ENV
         task_class(env_id)
         where["period"] = _period(choice, {})
+        if choice.policy == SCRIPT:
+            policy, where = CornerScript(), {**SCRIPT_SETTINGS, "tare": True, **where}
+            require_yes(where, choice.place, is_given=choice.accept_contact)
         env = gymnasium.make(env_id, disable_env_checker=True, **where)
     else:
         policy = Policy.load(find_policy(choice.policy))
@@ -69,8 +75,10 @@ def build(choice: Choice) -> tuple[gymnasium.Env, Policy | None]:
             **where,
         )
     try:
-        require_contact_env(env)
-        if policy is not None:
+        core = require_contact_env(env)
+        if isinstance(policy, CornerScript):
+            policy.take(core)
+        elif policy is not None:
             nothing = np.zeros(env.observation_space.shape or ())
             policy.require_size(nothing, env.action_space.shape or ())
     except BaseException:
@@ -124,7 +132,7 @@ def known_words(choice: Choice) -> dict[str, tuple[str, ...]]:
 
 
 def _env_id(choice: Choice) -> str:
-    if choice.policy == NOBODY:
+    if choice.policy in (NOBODY, SCRIPT):
         return choice.env or DEFAULT_ENV
     return known_env_id(Policy.load(find_policy(choice.policy)).metadata, choice.env)
 

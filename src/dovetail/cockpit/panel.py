@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from dovetail.cockpit.choice import NOBODY, known_places, known_words
+from dovetail.cockpit.choice import NOBODY, SCRIPT, known_places, known_words
 from dovetail.cockpit.seat import Seat
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import Moment, Status
@@ -70,15 +70,14 @@ class ControlPanel:
             self.drags = Toggle(gui, "Drag the fixture", True, may=may)
             covered = session.is_covered
             Toggle(gui, "Cover the camera", covered, may=may, act=session.cover)
-            searching = session.is_searching
-            Toggle(gui, "Search while covered", searching, may=may, act=session.search)
 
     def _add_choice(self) -> None:
         gui, session = self._server.gui, self._session
         choice = session.choice
         words = known_words(choice)
         settings = session.core.config.flat() | vars(session.core.task)
-        policies = dict.fromkeys((choice.policy, *list_policies(), NOBODY))
+        known = (choice.policy, *list_policies(), SCRIPT, NOBODY)
+        policies = dict.fromkeys(known)
         with gui.add_folder("What runs", expand_by_default=False):
             policy = gui.add_dropdown(
                 "Policy", tuple(policies), initial_value=choice.policy

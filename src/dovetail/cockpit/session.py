@@ -29,7 +29,6 @@ from dovetail.envs.workspace import require_inside
 from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.trackers.spiral import SearchConfig, SpiralSearch
 from dovetail.types import Vec3, Vec4
 from dovetail.workcell.workcell import Workcell
 
@@ -71,8 +70,6 @@ class Session:
         """The newest slice; None before the first reset."""
         self.violations = 0
         """Control cycles that were outside a joint or wall limit, since the begin."""
-        self.is_searching = False
-        """Whether a search is wanted while the camera is covered."""
         self.version = 0
         """Counts the cells that were built: another number, another scene."""
         self._install(choice)
@@ -105,10 +102,6 @@ class Session:
     def cover(self, covered: bool) -> None:
         """Cover the camera, or uncover it."""
         self._shutter.is_covered = covered
-
-    def search(self, searching: bool) -> None:
-        """Search along a spiral while the camera is covered, or do not."""
-        self._wishes.put(lambda: self._search(searching))
 
     def pull(self, point: Vec3 | None) -> None:
         """Pull the tool towards a point [m], world axes; None lets go.
@@ -315,16 +308,6 @@ class Session:
         self._is_paused = self.can_touch
         self._steps_left = 1 if self.can_touch else 0
 
-    def _search(self, searching: bool) -> None:
-        self.is_searching = searching
-        gap = self._core.task.gap()
-        config = SearchConfig.for_clearance(gap) if gap else SearchConfig()
-        self._core.tracker = (
-            SpiralSearch(self._shutter, config) if searching else self._shutter
-        )
-        if self._is_ready and self.moment is not None:
-            self._core.tracker.reset(self.moment.seen, 0)
-
     def _begin(self) -> None:
         """Start an episode: a new start, the fixture where it is."""
         core = self._core
@@ -392,7 +375,6 @@ class Session:
                 self._left = None
         self._seed: int | None = 0
         self._is_ready = False
-        self._search(self.is_searching)
         self.version += 1
         if self.can_touch:
             self._begin()
