@@ -58,7 +58,7 @@ def require_trusted(source: object, name: str, value: object) -> str:
         ConfigError: It is no text, or code that nobody has said is to be run.
     """
     if not isinstance(value, str):
-        raise ConfigError(f"{source}: {name} is {value!r}, which is no name")
+        raise ConfigError(f"{source} is damaged: {name} is {value!r}, which is no name")
     module, colon, _ = value.partition(":")
     if colon and module not in os.environ.get(TRUSTED, "").split(","):
         raise ConfigError(

@@ -78,3 +78,15 @@ def test_a_target_knows_how_its_fixture_moves(is_moving):
     env.reset(seed=2)
     assert not core.begin_step(np.zeros(4, dtype=np.float32)).velocity_d.any()
     env.close()
+
+
+def test_what_is_seen_late_is_moved_on():
+    velocity, quat = FixtureVelocity(), np.array([1.0, 0.0, 0.0, 0.0])
+    for k in range(2 * WINDOW):
+        now = STEP * k
+        late = Pose(np.array([0.02 * (now - 0.08), 0.0, 0.0]), quat)
+        pose, _ = velocity.follow(Estimate(late, 0.08), now)
+    np.testing.assert_allclose(pose.position, [0.02 * now, 0.0, 0.0])
+    pose, found = velocity.follow(Estimate(late, 0.08 + 1.0), now + 1.0)  # covered
+    np.testing.assert_array_equal(pose.position, late.position)
+    assert not found.any()

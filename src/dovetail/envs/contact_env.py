@@ -364,11 +364,7 @@ class ContactEnv(
         except TrackerError:
             self.arm.stop()  # nobody knows where to go
             raise
-        velocity = self._velocity.update(estimate, self.state.stamp)
-        seen = estimate.pose
-        if velocity.any():  # it has moved on since
-            way = estimate.age * velocity
-            seen = seen._replace(position=seen.position + way)
+        seen, velocity = self._velocity.follow(estimate, self.state.stamp)
         self._target.velocity_d = np.append(velocity * self._is_force, np.zeros(3))
         # By value: a tracker may change its pose in place.
         if (value := _value(seen)) != self._seen:

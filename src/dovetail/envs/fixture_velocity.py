@@ -4,6 +4,7 @@ from collections import deque
 
 import numpy as np
 
+from dovetail.poses import Pose
 from dovetail.trackers.tracker import Estimate
 from dovetail.types import Vec3
 
@@ -29,6 +30,14 @@ class FixtureVelocity:
         """Forget what was seen."""
         self._times.clear()
         self._positions.clear()
+
+    def follow(self, estimate: Estimate, now: float) -> tuple[Pose, Vec3]:
+        """Return where the fixture is by now, and its velocity [m/s]; see `update`."""
+        velocity = self.update(estimate, now)
+        if not velocity.any():
+            return estimate.pose, velocity
+        position = estimate.pose.position + estimate.age * velocity
+        return estimate.pose._replace(position=position), velocity
 
     def update(self, estimate: Estimate, now: float) -> Vec3:
         """Take in a sight and return the velocity [m/s], world axes, shape (3,).
