@@ -268,7 +268,9 @@ class ArmService:
     def _control(
         self, requests: Iterator[pb.StepRequest], context: grpc.ServicerContext
     ) -> Iterator[pb.Report]:
-        holder = self.leases.bind(first_message(requests, pb.StepRequest()).lease)
+        lease = first_message(requests, pb.StepRequest()).lease
+        # A learner that hangs would hold the stream's thread and room for ever.
+        holder = self.leases.bind(lease, context.cancel)
         if not context.add_callback(
             lambda: self.leases.end(holder, "its connection has ended")
         ):
