@@ -1,5 +1,7 @@
 """Pictures are of what was measured: neither empty nor frozen."""
 
+from types import SimpleNamespace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from PIL import Image
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.evaluate import evaluation
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.view import gl_context
 from dovetail.view.gl_context import find_backend
@@ -110,6 +113,28 @@ def test_without_opengl_the_packages_are_named(monkeypatch, tmp_path, capsys):
     out = tmp_path / "none"
     assert run(["demo", "--tries", "1", "--video", "--out", str(out)]) != 0
     assert "apt install libegl1" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_driver_that_fails_ends_a_command_before_its_first_try(
+    monkeypatch, tmp_path, capsys
+):
+    def fail(width, height):
+        raise ArithmeticError("EGL_NOT_INITIALIZED")  # PyOpenGL has errors of its own
+
+    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    broken = SimpleNamespace(GLContext=fail)
+    modules = SimpleNamespace(import_module=lambda name: broken)
+    monkeypatch.setattr(gl_context, "importlib", modules)
+    with pytest.raises(MissingDependencyError, match="EGL_NOT_INITIALIZED; install"):
+        gl_context.open_context(8, 8)
+    monkeypatch.setattr(
+        evaluation, "Renderer", lambda cell: gl_context.open_context(8, 8)
+    )
+    monkeypatch.setattr(evaluation, "run_trials", None)
+    out = tmp_path / "none"
+    assert run(["demo", "--tries", "1", "--video", "--out", str(out)]) == 2
+    assert "EGL_NOT_INITIALIZED" in capsys.readouterr().err
     assert not out.exists()
 
 
