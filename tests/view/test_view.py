@@ -75,6 +75,14 @@ def test_a_force_is_an_arrow_of_its_size_and_a_path_a_line(renderer):
     np.testing.assert_array_equal(unknown, renderer.draw(q, HOLE))
 
 
+def test_of_a_long_path_the_end_is_drawn_and_the_arrow_too(renderer):
+    q, force = above(0.1), np.array([0.0, 0.0, 40.0])
+    begin = HOLE.position + np.array([-0.04, 0.15, 0.1])
+    path = [*[begin] * 3000, begin + np.array([0.0, 0.0, 0.1])]
+    assert pixels_like(renderer.draw(q, HOLE, path=path), BLUE).sum() > 100
+    assert pixels_like(renderer.draw(q, HOLE, path=path, force=force), RED).sum() > 100
+
+
 def test_an_environment_draws_what_it_measured(renderer):
     env = gym.make(ID, render_mode="rgb_array")
     assert env.metadata["render_fps"] == 20
