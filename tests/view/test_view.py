@@ -1,5 +1,6 @@
 """Pictures are of what was measured: neither empty nor frozen."""
 
+import gc
 from types import SimpleNamespace
 
 import gymnasium as gym
@@ -7,12 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dovetail.arms.arm import ArmState
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError
 from dovetail.evaluate import evaluation
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.view import gl_context
+from dovetail.view.film import Film
 from dovetail.view.gl_context import find_backend
 from dovetail.view.renderer import BLUE, FORCE_SCALE, RED, Renderer
 
@@ -112,6 +115,24 @@ def test_a_film_of_each_poses_first_try_lies_beside_the_report(renderer, tmp_pat
             assert film.size == (640, 480)
             assert 20 < film.n_frames < 200
             assert film.info["duration"] == 50
+
+
+def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
+    class Still:
+        most = 0
+
+        def draw(self, q, fixture, force, path):
+            alive = sum(isinstance(thing, Image.Image) for thing in gc.get_objects())
+            self.most = max(self.most, alive)
+            return np.full((48, 64, 3), 200, dtype=np.uint8)
+
+    film, still, count = Film(), Still(), 100
+    state = ArmState(*[np.zeros(3)] * 8, log=np.zeros(0))
+    for _ in range(count):
+        film.add(state, HOLE)
+    with Image.open(film.write(tmp_path / "still.gif", still)) as written:
+        assert written.info["duration"] == 50 * (count + 20)
+    assert 0 < still.most < 20
 
 
 def test_without_opengl_the_packages_are_named(monkeypatch, tmp_path, capsys):
