@@ -11,7 +11,7 @@ from PIL import Image
 from dovetail.arms.arm import ArmState
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ArmError, ConfigError, MissingDependencyError
 from dovetail.evaluate import evaluation
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.view import gl_context
@@ -98,6 +98,8 @@ def test_an_environment_draws_what_it_measured(renderer):
     assert (first != later).any()
     env.close()
     env.close()
+    with pytest.raises(ArmError, match="environment is closed"):
+        env.render()
 
 
 def test_an_unknown_render_mode_is_refused():
