@@ -2,6 +2,7 @@
 
 import ast
 import re
+from importlib.util import resolve_name
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1] / "src"
@@ -19,28 +20,34 @@ def modules():
     return found
 
 
-def imported(tree, known):
+def names_in(node, package, known):
+    """Names of the modules that one import statement of a package's file imports."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        module = resolve_name("." * node.level + (node.module or ""), package)
+        for alias in node.names:
+            whole = f"{module}.{alias.name}"
+            yield whole if whole in known else module
+
+
+def imported(tree, package, known):
     """Names of the modules that a file imports, in its functions too."""
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             continue
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            for alias in node.names:
-                whole = f"{node.module}.{alias.name}"
-                yield whole if whole in known else node.module
-        else:
-            yield from imported(node, known)
+        yield from names_in(node, package, known)
+        yield from imported(node, package, known)
 
 
 def circles():
     """Sets of modules of which each imports the next."""
     known = modules()
-    graph = {
-        name: set(imported(ast.parse(path.read_text()), known)) & known.keys() - {name}
-        for name, path in known.items()
-    }
+    graph = {}
+    for name, path in known.items():
+        package = name if path.stem == "__init__" else name.rpartition(".")[0]
+        found = imported(ast.parse(path.read_text()), package, known)
+        graph[name] = set(found) & known.keys() - {name}
 
     def reached(start):
         seen, left = set(), [start]

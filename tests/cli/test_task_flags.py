@@ -1,7 +1,7 @@
 """A command takes the options of the task that is chosen, by that task's own words."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import pytest
@@ -10,6 +10,8 @@ from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.serve import Serve
 from dovetail.commands.task_flags import describe_options, find_task, parse
 from dovetail.control.ranges import Range
+from dovetail.envs.registered import split_settings
+from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
 from dovetail.tasks.options import TaskOptions, gather_options, own_options
@@ -51,6 +53,39 @@ def test_each_plain_field_is_an_option_with_its_type():
     told = describe_options(Screw)
     assert told["--size NAME"] == "Size of the screw (M4)"
     assert set(own_options(Screw)) == {*given, "clearance"}
+
+
+def changed(name, kind, **rest):
+    """A task with one field more, or another word for its fixture."""
+    about = {"__annotations__": {name: kind} if name else {}, **rest}
+    return dataclass(frozen=True, kw_only=True)(type("Odd", (RailClip,), about))
+
+
+@pytest.mark.parametrize(
+    ("task", "message"),
+    [
+        (changed("policy", str, policy="x"), "policy of Odd are also options"),
+        (changed("mode", Literal["a", 1], mode="a"), "mode is one of 'a', 1; allowed"),
+        (changed("thing", "OnlyForTypes", thing=None), "Odd's.*'OnlyForTypes'.*TYPE_"),
+        (changed("", None, fixture_word="seed"), "'seed', which is also the option"),
+        (changed("", None, fixture_word="f"), None),
+        (changed("slot_width", float, slot_width=1.0, fixture_word="slot"), "slot_wid"),
+        (changed("hole_depth", float, hole_depth=1.0), None),  # an old word elsewhere
+    ],
+)
+def test_a_name_that_means_two_things_is_one_message(task, message):
+    if message is None:
+        assert parse(Evaluate, ["p"], task).task_options == {}
+        return
+    with pytest.raises(ConfigError, match=message):
+        parse(Evaluate, ["p"], task)
+
+
+def test_what_a_task_works_out_itself_is_no_setting():
+    task = changed("derived", float, derived=field(init=False, default=0.0))
+    assert "derived" not in own_options(task)
+    with pytest.raises(ConfigError, match="Odd has no settings derived"):
+        split_settings(task, {"derived": 1.0})
 
 
 def test_what_is_resumed_keeps_its_options():

@@ -12,6 +12,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
+from dovetail.evaluate import trials
 from dovetail.evaluate.trials import Job, plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -193,6 +194,17 @@ def test_a_tool_that_cannot_be_tared_fails_its_try_and_the_next_one_begins(tmp_p
     assert (first.stopped, first.success, first.steps) == ("tare", False, 0)
     assert first.violations == 7  # no limit is exceeded unseen
     assert second.success
+
+
+def test_a_film_that_fails_is_noted_and_the_tries_go_on(tmp_path, monkeypatch):
+    def fail(cell):
+        raise ArithmeticError("out of memory")
+
+    monkeypatch.setattr(trials, "Renderer", fail)
+    monkeypatch.setattr(FallingEnv, "cell", None, raising=False)
+    outcomes = run(plan_trials(1, 2, 0), films=tmp_path)
+    assert [o.film_error for o in outcomes] == ["no A.gif: out of memory", ""]
+    assert all(o.success for o in outcomes)
 
 
 def test_an_arm_that_is_lost_at_the_reset_ends_the_tries():

@@ -1,8 +1,10 @@
 """A checkpoint is whole or absent, and a run continues from it."""
 
 import hashlib
+import io
 import json
 import os
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -160,9 +162,21 @@ def test_counters_of_a_stranger_leave_the_algorithm_as_it_is(trained, build, tmp
     assert model.num_timesteps == 0
 
 
+def vouch_for(place, name):
+    """Write the checksum of a file that was changed, as whoever changed it would."""
+    path = place / "checkpoint.json"
+    facts = json.loads(path.read_text())
+    facts["sha256"][name] = hashlib.sha256((place / name).read_bytes()).hexdigest()
+    path.write_text(json.dumps(facts))
+
+
 @pytest.mark.parametrize(
     ("position", "message"),
-    [(-5, "position is -5; allowed: 0 to"), (7, "at position 7, has")],
+    [
+        (-5, "position is -5; allowed: 0 to"),
+        (7, r"observations has shape \(100, .*; this run's has \(7, "),
+        (7.0, r"position has shape \(\), float64; this run's has \(\), int64"),
+    ],
 )
 def test_a_replay_buffer_whose_position_is_none_is_refused(
     trained, build, tmp_path, position, message
@@ -171,11 +185,85 @@ def test_a_replay_buffer_whose_position_is_none_is_refused(
     with np.load(place / "replay.npz") as arrays:
         content = {**arrays, "position": position}
     np.savez(place / "replay.npz", **content)
-    path, digest = place / "checkpoint.json", hashlib.sha256()
-    digest.update((place / "replay.npz").read_bytes())
-    facts = json.loads(path.read_text())
-    facts["sha256"]["replay.npz"] = digest.hexdigest()
-    path.write_text(json.dumps(facts))
+    vouch_for(place, "replay.npz")
+    with pytest.raises(ConfigError, match=message):
+        load_checkpoint(place, build(), 0)
+
+
+def flagged(content):
+    """The same archive, of which each entry says that it is encrypted."""
+    parts = content.split(b"PK\x01\x02")
+    return b"PK\x01\x02".join(
+        [parts[0], *(p[:4] + bytes([p[4] | 1]) + p[5:] for p in parts[1:])]
+    )
+
+
+def giant(content):
+    """An archive whose first array says of itself that it has 8 PB."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(content)) as old, zipfile.ZipFile(made, "w") as new:
+        for name in old.namelist():
+            entry = old.read(name)
+            if name == "observations.npy":
+                entry = io.BytesIO()
+                head = {"descr": "<f4", "fortran_order": False, "shape": (10**15, 2)}
+                np.lib.format.write_array_header_1_0(entry, head)
+                entry = entry.getvalue()
+            new.writestr(name, entry)
+    return made.getvalue()
+
+
+def one_array(content):
+    """An NPY in place of an NPZ."""
+    made = io.BytesIO()
+    np.save(made, np.zeros(3))
+    return made.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (flagged, "encrypted"),
+        (giant, r"shape \(1000000000000000, 2\)"),
+        (one_array, "not a zip file"),
+    ],
+)
+def test_a_replay_buffer_made_to_do_harm_is_one_message(
+    trained, build, tmp_path, spoil, message
+):
+    place = save_checkpoint(tmp_path, trained, 0.0)
+    path = place / "replay.npz"
+    path.write_bytes(spoil(path.read_bytes()))
+    vouch_for(place, path.name)
+    with pytest.raises(ConfigError, match=rf"{place} cannot be used: .*{message}"):
+        load_checkpoint(place, build(), 0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda leaf: leaf[..., :-1],
+            r"bias'\] has shape \(15,\), float32; .* \(16,\)",
+        ),
+        (lambda leaf: leaf.astype("f2"), r"has shape \(16,\), float16; this run's"),
+        (lambda leaf: leaf.astype("f8"), "float64; this run's has .*float32"),
+        (lambda leaf: {"more": leaf}, "other networks or optimisers"),
+        (lambda leaf: "x", "'x'"),
+    ],
+)
+def test_networks_of_another_shape_are_refused(
+    trained, build, tmp_path, change, message
+):
+    from flax import serialization
+
+    place = save_checkpoint(tmp_path, trained, 0.0)
+    path = place / "networks.msgpack"
+    states = serialization.msgpack_restore(path.read_bytes())
+    layer = states["actor_state"]["params"]["params"]["Dense_0"]
+    layer["bias"] = change(layer["bias"])
+    path.write_bytes(serialization.msgpack_serialize(states))
+    vouch_for(place, path.name)
     with pytest.raises(ConfigError, match=message):
         load_checkpoint(place, build(), 0)
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -23,6 +24,25 @@ def host(builder, settings):
     )
     yield host
     host.close()
+
+
+def test_a_stop_while_another_thread_rebuilds_the_arm_is_no_error(builder):
+    class Rebuilt(ArmHost):
+        """The arm is there when it is looked for, and gone at the next look."""
+
+        @property
+        def _arm(self):
+            return self.__dict__.pop("arm", None)
+
+        @_arm.setter
+        def _arm(self, arm):
+            self.arm = arm
+
+    for use in (lambda host: host.stop("now", is_ordered=False), ArmHost.notes):
+        host = Rebuilt(builder)
+        host.arm = SimpleNamespace(stop=int, statistics=lambda: {"notes": ["slow"]})
+        assert use(host) in (None, ["slow"])
+        assert "arm" not in vars(host)
 
 
 @pytest.mark.parametrize("is_ordered", [False, True])

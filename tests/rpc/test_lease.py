@@ -93,6 +93,14 @@ def test_nobody_gets_the_lease_before_the_arm_is_held(ended):
 
 def test_one_stream_per_lease(book):
     holder = book.acquire("one", "here", 10.0)
-    book.bind(holder.lease)
+    book.bind(holder.lease, int)
     with pytest.raises(ArmError, match="stream of one at here is open already"):
-        book.bind(holder.lease)
+        book.bind(holder.lease, int)
+
+
+def test_the_stream_of_a_lease_ends_with_it_after_the_arm_is_held(book, ended):
+    holder = book.acquire("one", "here", 0.2)
+    gone = threading.Event()
+    book.bind(holder.lease, lambda: ended.append("stream") or gone.set())
+    assert gone.wait(20.0)
+    assert ended == [("one", "nothing was heard of it for 0.2 s"), "stream"]

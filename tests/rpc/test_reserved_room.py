@@ -5,8 +5,10 @@ import threading
 import time
 
 import grpc
+import numpy as np
 import pytest
 
+from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.arm_service import LOGS_MAX, MOTIONS_MAX, STREAMS_MAX
 from dovetail.rpc.version import own_version
@@ -130,6 +132,23 @@ def test_logs_that_are_read_slowly_leave_room_for_a_stop(server, stub, monkeypat
     assert f"{LOGS_MAX} logs are being read" in problem.text
     go_on.set()
     wait_until(lambda: server.service.logs.taken == 0)
+
+
+def test_a_log_that_nobody_goes_on_reading_gives_its_room_back(
+    server, stub, monkeypatch
+):
+    monkeypatch.setattr("dovetail.rpc.arm_service.LOG_TIME_MAX", 0.3)
+    block = np.zeros((2000, len(CYCLE_COLUMNS)))  # 90 are more than the road holds
+    monkeypatch.setattr(server._host, "cycles", lambda: [(i, block) for i in range(90)])
+    request = pb.LogRequest(version=own_version())
+    calls = [stub.get_log(request, timeout=60) for _ in range(LOGS_MAX)]
+    for call in calls:
+        next(call)
+    assert server.service.logs.taken == LOGS_MAX
+    wait_until(lambda: server.service.logs.taken == 0)
+    for call in calls:
+        with pytest.raises(grpc.RpcError, match="CANCELLED"):
+            list(call)
 
 
 def test_steps_that_wait_leave_room_for_a_stop(server, stub, start, connect):

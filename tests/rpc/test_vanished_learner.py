@@ -1,5 +1,6 @@
 """A learner that dies, or falls silent: the arm is held and the next one takes over."""
 
+import queue
 import signal
 import time
 from functools import partial
@@ -84,6 +85,19 @@ def test_a_lease_without_a_stream_expires(server, news, stub, connect):
     assert "quiet" in news[-1]
     assert "nothing was heard of it for 0.3 s" in news[-1]
     connect(server)
+
+
+def test_the_stream_of_a_learner_that_hangs_ends_with_its_lease(server, stub):
+    for _ in range(2):
+        request = pb.LeaseRequest(version=own_version(), client="hung", timeout=0.2)
+        lease = stub.acquire_lease(request).lease
+        says_no_more = queue.SimpleQueue()
+        says_no_more.put(pb.StepRequest(lease=lease))
+        stream = stub.control(iter(says_no_more.get, None), timeout=30)
+        next(stream)
+        wait_until(lambda: server.service.streams.taken == 0, 10.0)
+        wait_until(stream.done, 10.0)
+        says_no_more.put(None)
 
 
 def test_a_learner_that_thinks_keeps_the_arm(server, start, connect):

@@ -1,15 +1,21 @@
 """Pictures are of what was measured: neither empty nor frozen."""
 
+import gc
+from types import SimpleNamespace
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from PIL import Image
 
+from dovetail.arms.arm import ArmState
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ArmError, ConfigError, MissingDependencyError
+from dovetail.evaluate import evaluation
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.view import gl_context
+from dovetail.view.film import Film
 from dovetail.view.gl_context import find_backend
 from dovetail.view.renderer import BLUE, FORCE_SCALE, RED, Renderer
 
@@ -72,6 +78,14 @@ def test_a_force_is_an_arrow_of_its_size_and_a_path_a_line(renderer):
     np.testing.assert_array_equal(unknown, renderer.draw(q, HOLE))
 
 
+def test_of_a_long_path_the_end_is_drawn_and_the_arrow_too(renderer):
+    q, force = above(0.1), np.array([0.0, 0.0, 40.0])
+    begin = HOLE.position + np.array([-0.04, 0.15, 0.1])
+    path = [*[begin] * 3000, begin + np.array([0.0, 0.0, 0.1])]
+    assert pixels_like(renderer.draw(q, HOLE, path=path), BLUE).sum() > 100
+    assert pixels_like(renderer.draw(q, HOLE, path=path, force=force), RED).sum() > 100
+
+
 def test_an_environment_draws_what_it_measured(renderer):
     env = gym.make(ID, render_mode="rgb_array")
     assert env.metadata["render_fps"] == 20
@@ -84,6 +98,8 @@ def test_an_environment_draws_what_it_measured(renderer):
     assert (first != later).any()
     env.close()
     env.close()
+    with pytest.raises(ArmError, match="environment is closed"):
+        env.render()
 
 
 def test_an_unknown_render_mode_is_refused():
@@ -103,6 +119,24 @@ def test_a_film_of_each_poses_first_try_lies_beside_the_report(renderer, tmp_pat
             assert film.info["duration"] == 50
 
 
+def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
+    class Still:
+        most = 0
+
+        def draw(self, q, fixture, force, path):
+            alive = sum(isinstance(thing, Image.Image) for thing in gc.get_objects())
+            self.most = max(self.most, alive)
+            return np.full((48, 64, 3), 200, dtype=np.uint8)
+
+    film, still, count = Film(), Still(), 100
+    state = ArmState(*[np.zeros(3)] * 8, log=np.zeros(0))
+    for _ in range(count):
+        film.add(state, HOLE)
+    with Image.open(film.write(tmp_path / "still.gif", still)) as written:
+        assert written.info["duration"] == 50 * (count + 20)
+    assert 0 < still.most < 20
+
+
 def test_without_opengl_the_packages_are_named(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: None)
     with pytest.raises(MissingDependencyError, match="libegl1 libgl1-mesa-dri"):
@@ -110,6 +144,28 @@ def test_without_opengl_the_packages_are_named(monkeypatch, tmp_path, capsys):
     out = tmp_path / "none"
     assert run(["demo", "--tries", "1", "--video", "--out", str(out)]) != 0
     assert "apt install libegl1" in capsys.readouterr().err
+    assert not out.exists()
+
+
+def test_a_driver_that_fails_ends_a_command_before_its_first_try(
+    monkeypatch, tmp_path, capsys
+):
+    def fail(width, height):
+        raise ArithmeticError("EGL_NOT_INITIALIZED")  # PyOpenGL has errors of its own
+
+    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    broken = SimpleNamespace(GLContext=fail)
+    modules = SimpleNamespace(import_module=lambda name: broken)
+    monkeypatch.setattr(gl_context, "importlib", modules)
+    with pytest.raises(MissingDependencyError, match="EGL_NOT_INITIALIZED; install"):
+        gl_context.open_context(8, 8)
+    monkeypatch.setattr(
+        evaluation, "Renderer", lambda cell: gl_context.open_context(8, 8)
+    )
+    monkeypatch.setattr(evaluation, "run_trials", None)
+    out = tmp_path / "none"
+    assert run(["demo", "--tries", "1", "--video", "--out", str(out)]) == 2
+    assert "EGL_NOT_INITIALIZED" in capsys.readouterr().err
     assert not out.exists()
 
 

@@ -2,7 +2,8 @@
 
 import argparse
 import re
-from typing import Any
+from dataclasses import fields, is_dataclass
+from typing import Any, get_args
 
 import tyro
 from tyro.constructors import (
@@ -14,6 +15,7 @@ from tyro.constructors import (
 
 from dovetail.commands.field_words import field_words
 from dovetail.envs.registered import old_fixture_word, task_class
+from dovetail.errors import ConfigError
 from dovetail.tasks.options import TaskOptions, option_types, own_options
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
@@ -53,8 +55,13 @@ def parse(
         task: Whose options it may give; None is that of its `--env`.
         prog: The command's name.
         default: Settings that the command line changes.
+
+    Raises:
+        ConfigError: The task has an option, or a word for the fixture, that means
+            something else to the command.
     """
     task, registry = task or find_task(words), ConstructorRegistry()
+    fixture = _fixture_option(task, _names(settings))
 
     @registry.struct_rule
     def _(info: StructTypeInfo) -> StructConstructorSpec | None:
@@ -64,7 +71,7 @@ def parse(
 
     return tyro.cli(
         settings,
-        args=[_of_fixture(word, task) for word in words],
+        args=[fixture.sub("--fixture", word) for word in words],
         prog=prog,
         config=(tyro.conf.OmitArgPrefixes,),
         registry=registry,
@@ -102,7 +109,34 @@ def _given(**values: Any) -> TaskOptions:
     return TaskOptions({k: v for k, v in values.items() if v is not None})
 
 
-def _of_fixture(word: str, task: type[Task]) -> str:
-    """Return an option that says the task's word for the fixture as one of fixtures."""
-    called = "|".join({task.fixture_word, old_fixture_word()})
-    return re.sub(rf"^--(?:{called})(?=$|[-_=])", "--fixture", word)
+def _names(settings: Any) -> set[str]:
+    """Return the names of a command's own options."""
+    if isinstance(settings, type) and is_dataclass(settings):
+        return {f.name for f in fields(settings)}
+    return {name for part in get_args(settings) for name in _names(part)}
+
+
+def _fixture_option(task: type[Task], names: set[str]) -> re.Pattern[str]:
+    """Return what finds the task's word for the fixture in an option.
+
+    Args:
+        task: Whose options and word are held against the command's options.
+        names: The command's.
+    """
+    own, kind = option_types(task).keys(), task.__name__
+    if taken := sorted(own & names):
+        raise ConfigError(
+            f"the fields {', '.join(taken)} of {kind} are also options of the command: "
+            "give them other names"
+        )
+    called = {task.fixture_word, old_fixture_word()} - {"fixture"}
+    for word in sorted(called):
+        means = [n for n in sorted(own | names) if re.match(rf"{word}(?:$|_)", n)]
+        if means and word == task.fixture_word:
+            raise ConfigError(
+                f"{kind} calls its fixture {word!r}, which is also the option "
+                f"{means[0]}: give one of them another name"
+            )
+        called -= {word} if means else set()
+    words = "|".join(map(re.escape, sorted(called | {"fixture"})))
+    return re.compile(rf"^--(?:{words})(?=$|[-_=])")

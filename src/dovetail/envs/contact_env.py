@@ -1,7 +1,7 @@
 """The one Gymnasium environment: a task, on an arm."""
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -22,7 +22,7 @@ from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
 from dovetail.envs.workspace import require_axes, require_inside
-from dovetail.errors import ConfigError, TrackerError
+from dovetail.errors import ArmError, ConfigError, TrackerError
 from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose, theta_about_vertical
 from dovetail.robots.find import find_robot
@@ -30,9 +30,6 @@ from dovetail.tasks.task import Goal, Task
 from dovetail.trackers.find import Site, find_tracker
 from dovetail.trackers.tracker import Tracker
 from dovetail.types import Array, Vec3
-
-if TYPE_CHECKING:
-    from dovetail.view.renderer import Renderer
 
 _STREAM = 0x72AC6
 """Keeps the trackers' seeds apart from the draws of start and fixture."""
@@ -139,7 +136,7 @@ class ContactEnv(
                 "by way of gymnasium.make"
             )
         self.render_mode = render_mode
-        self._renderer: Renderer | None = None
+        self._renderer, self._is_closed = None, False
         self.task, self.config = task, config or EnvConfig()
         action = self.config.action
         self.cell = task.workcell(find_robot(self.config.place.robot))
@@ -339,9 +336,12 @@ class ContactEnv(
 
         Raises:
             MissingDependencyError: There is no OpenGL that draws without a screen.
+            ArmError: The environment is closed.
         """
         if self.render_mode is None:
             return None
+        if self._is_closed:
+            raise ArmError("this environment is closed: render before close")
         if self._renderer is None:
             from dovetail.view.renderer import Renderer
 
@@ -351,9 +351,9 @@ class ContactEnv(
 
     def close(self) -> None:
         """Close the arm."""
+        self._is_closed = True
         if self._renderer is not None:
             self._renderer.close()
-            self._renderer = None
         self.arm.close()
 
     def _locate(self) -> Array:

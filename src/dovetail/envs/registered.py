@@ -122,7 +122,7 @@ def split_settings(
         UnknownSettingError: Something that neither takes; lists what both do.
     """
     given = {("axes" if k == "task" else k): v for k, v in settings.items()}
-    known = {f.name for f in fields(task)}
+    known = {f.name for f in fields(task) if f.init}
     if unknown := sorted(set(given) - known - set(SECTION_OF)):
         raise UnknownSettingError(
             f"{task.__name__} has no settings {', '.join(unknown)}; known: "

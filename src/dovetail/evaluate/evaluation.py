@@ -44,7 +44,7 @@ from dovetail.learn.policy_env import known_env_id, require_yes
 from dovetail.learn.spaces import require_spaces
 from dovetail.search.script import CornerScript
 from dovetail.tasks.task import Outline, Task
-from dovetail.view.gl_context import find_backend
+from dovetail.view.renderer import Renderer
 
 _WORKERS_MAX = 256
 
@@ -110,7 +110,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         title=title,
         ground=name_ground(config),
         period=options["period"],
-        note=_notes(lax, config, options["period"], policy.metadata),
+        note=_notes(lax, config, options["period"], policy.metadata, outcomes),
         rows=rows,
         outcomes=outcomes,
         config=describe_settings(replace(config, out=folder), options, poses),
@@ -141,11 +141,16 @@ def _title(policy: str, task: Task, config: EvaluationConfig, period: float) -> 
 
 
 def _notes(
-    lax: str, config: EvaluationConfig, period: float, policy: Mapping[str, Any]
+    lax: str,
+    config: EvaluationConfig,
+    period: float,
+    policy: Mapping[str, Any],
+    outcomes: Sequence[Outcome],
 ) -> str:
     """Return what a reader of the numbers must know; empty for nothing."""
     notes = (lax, other_period(period, policy), shared_engine(config, policy))
-    return "; ".join(filter(None, notes))
+    films = (o.film_error for o in outcomes)
+    return "; ".join(filter(None, (*notes, *films)))
 
 
 def _print(report: Report, is_tared: bool, console: Console) -> None:
@@ -166,10 +171,10 @@ def _inspect(
     config: EvaluationConfig, make_env: Callable[[], gym.Env], policy: Policy
 ) -> gym.Env:
     """Return an environment; says what is wrong before anything is written."""
-    if config.video:
-        find_backend()
     env = make_env()
     try:
+        if config.video:
+            Renderer(require_contact_env(env).cell).close()
         can_place = require_contact_env(env).places_fixture
         require_place(config, can_place=can_place)
         pose = fixture_poses(config, policy.metadata)[0].pose()

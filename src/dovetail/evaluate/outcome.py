@@ -45,6 +45,9 @@ class Outcome:
     perturbation: Mapping[str, Any] = field(default_factory=dict)
     """What was drawn for this try, by name and unit; empty where nothing was."""
 
+    film_error: str = ""
+    """Why the try's film is missing; empty when it is there or none was wanted."""
+
     def numbers(self) -> dict[str, Any]:
         """Return everything but the path, for JSON."""
         return {name: value for name, value in vars(self).items() if name != "path"}

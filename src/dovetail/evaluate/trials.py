@@ -137,18 +137,32 @@ class Trialist:
                 steps += 1
                 violations += int(info["limit_violations"])
                 done = ended or cut
-        self._show(film, job)
+        film_error = self._show(film, job)
         log = "" if file is None else file.name
         outcome = _outcome(job, blocks, fixture, steps, violations, info, log)
-        outcome = replace(outcome, perturbation=perturbation, tare=tuple(tare))
+        outcome = replace(
+            outcome,
+            perturbation=perturbation,
+            tare=tuple(tare),
+            film_error=film_error,
+        )
         return replace(outcome, success=False, stopped=stopped) if stopped else outcome
 
-    def _show(self, film: Film, job: Job) -> None:
-        """Write the film of the first try at a pose, if films are wanted."""
+    def _show(self, film: Film, job: Job) -> str:
+        """Write the film of the first try at a pose, if films are wanted.
+
+        Returns:
+            Why there is none, if it failed: the tries are worth more than a picture.
+        """
         if self._films is None or job.attempt > 0:
-            return
-        with closing(Renderer(self._core.cell)) as renderer:
-            film.write(self._films / film_name(self._poses[job.pose]), renderer)
+            return ""
+        name = film_name(self._poses[job.pose])
+        try:
+            with closing(Renderer(self._core.cell)) as renderer:
+                film.write(self._films / name, renderer)
+        except Exception as error:  # a driver's may be of any kind
+            return f"no {name}: {error}"
+        return ""
 
     def close(self) -> None:
         """Release the environment."""

@@ -11,9 +11,10 @@ import hashlib
 import json
 import os
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile
+from zipfile import ZipFile
 
 import numpy as np
 
@@ -113,10 +114,11 @@ def load_checkpoint(place: Path, model: SbxModel, seed: int) -> Counters:
         _set_states(model, (place / NETWORKS).read_bytes())
         if buffer is not None:
             _set_replay(buffer, place / REPLAY)
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
+    except Exception as error:
+        # Whatever damaged or hostile bytes raise here, they are no checkpoint.
         raise ConfigError(
-            f"checkpoint {place} cannot be used: {error}; remove it to continue "
-            "from the one before, or start a new run folder"
+            f"checkpoint {place} cannot be used: {error or type(error).__name__}; "
+            "remove it to continue from the one before, or start a new run folder"
         ) from error
     put_counters(model, facts.counters)
     seed_run(model, seed, model.num_timesteps)
@@ -169,27 +171,66 @@ def _write(folder: Path, model: SbxModel, wall_time: float) -> None:
 def _set_states(model: SbxModel, content: bytes) -> None:
     from flax import serialization
 
-    put_states(model, serialization.from_bytes(trained_states(model), content))
+    wanted = trained_states(model)
+    found = serialization.from_bytes(wanted, content)
+    _require_alike(wanted, found)
+    put_states(model, found)
+
+
+def _require_alike(wanted: Mapping[str, Any], found: Mapping[str, Any]) -> None:
+    """Refuse states of which a number would have another shape or type."""
+    import jax
+
+    if jax.tree.structure(found) != jax.tree.structure(wanted):
+        raise ConfigError(f"{NETWORKS} is of other networks or optimisers")
+    ours_by_path = jax.tree_util.tree_leaves_with_path(wanted)
+    leaves = jax.tree.leaves(found)
+    for (path, ours), theirs in zip(ours_by_path, leaves, strict=True):
+        # A counter is Python's own number before the first step, JAX's after it.
+        kinds = [
+            leaf.dtype
+            if isinstance(leaf, np.ndarray | jax.Array)
+            else jax.numpy.result_type(leaf)
+            for leaf in (ours, theirs)
+        ]
+        shapes = [np.shape(leaf) for leaf in (ours, theirs)]
+        if kinds[0] != kinds[1] or shapes[0] != shapes[1]:
+            raise ConfigError(
+                f"{NETWORKS}: {jax.tree_util.keystr(path)} has shape {shapes[1]}, "
+                f"{kinds[1]}; this run's has {shapes[0]}, {kinds[0]}"
+            )
 
 
 def _set_replay(buffer: ReplayBuffer, path: Path) -> None:
     size = buffer.buffer_size
-    with np.load(path, allow_pickle=False) as arrays:
-        is_full, position = (arrays[name].item() for name in ("full", "position"))
+    with ZipFile(path) as archive:
+        is_full = bool(_read(archive, "full", (), np.dtype(bool)))
+        position = int(_read(archive, "position", (), np.dtype(int)))
         last = size - 1 if is_full else size
-        buffer.pos = in_count(
-            "replay buffer position", position, 0, last, "transitions"
-        )
-        buffer.full = bool(is_full)
+        in_count("replay buffer position", position, 0, last, "transitions")
         count = size if is_full else position
         for name, room in buffer_arrays(buffer).items():
-            content, wanted = arrays[name], (count, *room.shape[1:])
-            if content.shape != wanted:
-                raise ValueError(
-                    f"replay buffer {name} has shape {content.shape}; this run's, at "
-                    f"position {position}, has {wanted}"
-                )
-            room[:count] = content
+            shape = (count, *room.shape[1:])
+            room[:count] = _read(archive, name, shape, room.dtype)
+    buffer.pos, buffer.full = position, is_full
+
+
+def _read(
+    archive: ZipFile, name: str, shape: tuple[int, ...], kind: np.dtype[Any]
+) -> np.ndarray[Any, Any]:
+    """Read an array of which the header says that it is as large as it must be."""
+    place = f"{name}.npy"
+    with archive.open(place) as file:
+        if (version := np.lib.format.read_magic(file)) != (1, 0):
+            raise ConfigError(f"replay buffer {name} has NPY version {version}")
+        found = np.lib.format.read_array_header_1_0(file)
+        if (found[0], found[2]) != (shape, kind):
+            raise ConfigError(
+                f"replay buffer {name} has shape {found[0]}, {found[2]}; this run's "
+                f"has {shape}, {kind}"
+            )
+    with archive.open(place) as file:
+        return np.lib.format.read_array(file, allow_pickle=False)
 
 
 def _write_file(path: Path, content: bytes) -> None:

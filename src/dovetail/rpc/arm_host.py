@@ -176,8 +176,9 @@ class ArmHost:
                     self._watched.serial + 1, self._watched.state, stop
                 )
                 self._news.notify_all()
-        if self._arm is not None:
-            self._arm.stop()
+        arm = self._arm  # read once: another thread may put another arm, or none
+        if arm is not None:
+            arm.stop()
 
     def clear(self) -> None:
         """Let the arm move again."""
@@ -200,7 +201,8 @@ class ArmHost:
 
     def notes(self) -> list[str]:
         """Return what the arm wants a person to know, such as refused priorities."""
-        return [] if self._arm is None else list(self._arm.statistics()["notes"])
+        arm = self._arm  # read once, as in `stop`
+        return [] if arm is None else list(arm.statistics()["notes"])
 
     def cycles(self) -> list[tuple[int, Array]]:
         """Return step numbers and cycle logs of the motion since its reset."""

@@ -38,6 +38,8 @@ STREAMS_MAX = 8
 """Most control streams at a time: one is the learner's, the others are mistakes."""
 LOGS_MAX = 4
 """Most logs that are read at a time: a reader may be slow."""
+LOG_TIME_MAX = 60.0
+"""Longest time for reading a log, 40 MB at most [s]; then the call is ended."""
 MOTIONS_MAX = 8
 """Most resets and steps at a time outside the stream: all but one of them wait."""
 LASTING_MAX = WATCHERS_MAX + STREAMS_MAX + LOGS_MAX + MOTIONS_MAX
@@ -261,14 +263,23 @@ class ArmService:
         try:
             require_version(request.version, "client")
             with self.logs:
-                yield from self._log()
+                # A reader that reads no more would keep thread and room for ever.
+                limit = threading.Timer(LOG_TIME_MAX, context.cancel)
+                limit.daemon = True
+                limit.start()
+                try:
+                    yield from self._log()
+                finally:
+                    limit.cancel()
         except DovetailError as error:
             abort(context, error)
 
     def _control(
         self, requests: Iterator[pb.StepRequest], context: grpc.ServicerContext
     ) -> Iterator[pb.Report]:
-        holder = self.leases.bind(first_message(requests, pb.StepRequest()).lease)
+        lease = first_message(requests, pb.StepRequest()).lease
+        # A learner that hangs would hold the stream's thread and room for ever.
+        holder = self.leases.bind(lease, context.cancel)
         if not context.add_callback(
             lambda: self.leases.end(holder, "its connection has ended")
         ):

@@ -30,8 +30,8 @@ class Holder:
     """When it was last heard of, by the clock [s]."""
     busy: int = 0
     """Calls of it that are being served: it cannot time out meanwhile."""
-    is_bound: bool = False
-    """Whether a control stream is tied to the lease."""
+    end_stream: Callable[[], object] | None = None
+    """Ends the control stream that is tied to the lease; None if there is none."""
 
     def __str__(self) -> str:
         """Name and address, for messages."""
@@ -116,23 +116,27 @@ class LeaseBook:
         """
         return _Use(self, lease)
 
-    def bind(self, lease: str) -> Holder:
-        """Tie the lease to a control stream.
+    def bind(self, lease: str, end_stream: Callable[[], object]) -> Holder:
+        """Tie the lease to a control stream: neither outlives the other.
+
+        Args:
+            lease: The holder's.
+            end_stream: Ends the stream, from any thread; called when the lease ends.
 
         Raises:
             ArmError: Not the holder, or a stream is tied to it already.
         """
-        held = self.require(lease)
         with self._changed:
-            if held.is_bound:
+            held = self.require(lease)
+            if held.end_stream is not None:
                 raise ArmError(
                     f"a control stream of {held} is open already: use that one"
                 )
-            held.is_bound = True
+            held.end_stream = end_stream
         return held
 
     def end(self, holder: Holder, reason: str) -> None:
-        """End a lease; nothing happens if it has ended already."""
+        """End a lease and its stream; nothing happens if it has ended already."""
         with self._changed:
             if self._holder is not holder:
                 return
@@ -141,6 +145,8 @@ class LeaseBook:
         try:
             self._on_end(holder, reason)
         finally:
+            if holder.end_stream is not None:
+                holder.end_stream()
             with self._changed:
                 self._ending = False
                 self._changed.notify_all()

@@ -14,7 +14,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import grpc
 
@@ -144,4 +144,17 @@ class StepStream:
         except StopIteration:
             raise ArmError(f"{doing}: the service has closed the stream") from None
         except grpc.RpcError as call:
+            self._ask_why(call, doing)
             raise self._connection.error(call, doing) from call
+
+    def _ask_why(self, call: Any, doing: str) -> None:
+        """Raise what the service says of the lease, if the service ended the stream."""
+        if call.code() != grpc.StatusCode.CANCELLED or time.monotonic() > self._due:
+            return
+        holder = pb.Holder(lease=self._lease)
+        try:
+            self._connection.stub.keep_alive(holder, timeout=self._timeout)
+        except grpc.RpcError as refusal:
+            raise self._connection.error(refusal, doing) from refusal
+        except ValueError:  # the channel is closed: it was this end
+            return

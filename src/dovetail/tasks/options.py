@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import MISSING, fields
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+from dovetail.errors import ConfigError
 from dovetail.tasks.task import Task
 
 _PLAIN = (str, float, int, bool)
@@ -19,15 +20,22 @@ class TaskOptions(dict[str, Any]):
 
 
 def option_types(task: type[Task]) -> dict[str, type]:
-    """Return the type of each option of a task: str, float, int or bool."""
-    kinds = get_type_hints(task)
+    """Return the type of each option of a task: str, float, int or bool.
+
+    Raises:
+        ConfigError: The type of a field cannot be told; says of which.
+    """
+    try:
+        kinds = get_type_hints(task)
+    except (NameError, AttributeError, TypeError, SyntaxError) as error:
+        raise ConfigError(
+            f"the types of {task.__name__}'s fields cannot be told: {error}; import "
+            "what they name outside of `if TYPE_CHECKING`"
+        ) from error
     shared = {f.name for f in fields(Task)}
-    found = {f.name: _plain(kinds[f.name]) for f in fields(task)}
-    return {
-        name: kind
-        for name, kind in found.items()
-        if kind is not None and name not in shared
-    }
+    own = [f.name for f in fields(task) if f.init and f.name not in shared]
+    found = {name: _plain(f"{task.__name__}.{name}", kinds[name]) for name in own}
+    return {name: kind for name, kind in found.items() if kind is not None}
 
 
 def own_options(task: type[Task]) -> dict[str, Any]:
@@ -50,8 +58,14 @@ def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, A
     return rest | {"task_options": TaskOptions(own)}
 
 
-def _plain(kind: Any) -> type | None:
+def _plain(name: str, kind: Any) -> type | None:
     """Return the plain type that a field's value has, or None."""
     if get_origin(kind) is Literal:
-        (kind,) = {type(value) for value in get_args(kind)}
+        values = get_args(kind)
+        kind, *others = {type(value) for value in values}
+        if others:
+            raise ConfigError(
+                f"{name} is one of {', '.join(map(repr, values))}; allowed: values of "
+                "one type, such as words only"
+            )
     return kind if kind in _PLAIN else None

@@ -45,44 +45,47 @@ class Film:
         Raises:
             LogError: The disk is full or the folder is not writable.
         """
-        pictures = [
-            Image.fromarray(
-                renderer.draw(q, fixture, force=force, path=self._path[: i + 1])
-            )
-            for i, (q, fixture, force) in enumerate(self._frames)
-        ]
-        palette = _palette(pictures)
-        pictures = [
-            picture.quantize(palette=palette, dither=Image.Dither.NONE)
-            for picture in pictures
-        ]
-        pictures += [pictures[-1]] * _END
+        count = len(self._frames)
+        chosen = (0, count // 2, count - 1)
+        palette = _palette([self._draw(i, renderer) for i in chosen])
+        pictures = (  # one at a time: all of a long try are more than the memory
+            self._draw(i, renderer).quantize(palette=palette, dither=Image.Dither.NONE)
+            for i in range(count)
+        )
+        shown = [1] * (count - 1) + [1 + _END]
         content = io.BytesIO()
-        pictures[0].save(
+        next(pictures).save(
             content,
             "GIF",
             save_all=True,
-            append_images=pictures[1:],
-            duration=round(1e3 * POLICY_PERIOD),
+            append_images=pictures,
+            duration=[round(1e3 * POLICY_PERIOD * frames) for frames in shown],
             loop=0,
         )
         return write_atomic(file, content.getvalue())
+
+    def _draw(self, index: int, renderer: Renderer) -> Image.Image:
+        """Return the picture of a policy step, with the path until then."""
+        q, fixture, force = self._frames[index]
+        path = self._path[: index + 1]
+        return Image.fromarray(renderer.draw(q, fixture, force=force, path=path))
 
 
 def _palette(pictures: list[Image.Image]) -> Image.Image:
     """Return one palette for all: less to store, and nothing flickers.
 
-    It is made of three pictures and a patch of each colour that may cover few pixels.
+    Args:
+        pictures: Three of them; a patch is added of each colour that may cover few
+            pixels.
     """
     width, height = pictures[0].size
     patches = [
         Image.new("RGB", (_PATCH, height), tuple(round(255 * c) for c in colour[:3]))
         for colour in (RED, BLUE)
     ]
-    shown = [pictures[0], pictures[len(pictures) // 2], pictures[-1], *patches]
     board = Image.new("RGB", (3 * width + 2 * _PATCH, height))
     left = 0
-    for picture in shown:
+    for picture in (*pictures, *patches):
         board.paste(picture, (left, 0))
         left += picture.width
     return board.quantize(colors=_COLOURS)

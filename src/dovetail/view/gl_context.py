@@ -54,7 +54,7 @@ def open_context(width: int, height: int) -> GlContext:
             width, height
         )
         context.make_current()
-    except (ImportError, RuntimeError, AttributeError) as error:
+    except Exception as error:  # PyOpenGL's own are known only where it loads
         raise MissingDependencyError(
             f"{backend} is installed and does not draw: {error}; install Mesa's "
             "software device (Debian: apt install libegl1 libgl1-mesa-dri), or try "

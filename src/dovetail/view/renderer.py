@@ -114,7 +114,8 @@ class Renderer:
             q: Joint angles [rad].
             fixture: Where the fixture is, world axes.
             force: On the tool, world axes [N]: an arrow of `FORCE_SCALE` beside it.
-            path: Where the tool's end was [m], the oldest first: a line.
+            path: Where the tool's end was [m], the oldest first: a line. Of a long
+                one its last points, nearly 2000.
             plate: Where the print is, z out of its face; None leaves it where it was.
             view: What is shown; None is the arm from the side.
         """
@@ -133,13 +134,14 @@ class Renderer:
         )  # fmt: skip
         if view is not None:
             self._look(view)
-        shown = np.asarray(path, dtype=float).reshape(-1, 3)
-        for begin, end in itertools.pairwise(shown):
-            self._connect("mjGEOM_LINE", _LINE, begin, end, BLUE)
         if force is not None and np.linalg.norm(force) > _FORCE_MIN:  # false for nan
             tip = data.site("tcp").xpos + _BESIDE
             end = tip + 2.0 * FORCE_SCALE * force  # MuJoCo draws half of an arrow
             self._connect("mjGEOM_ARROW", _ARROW, tip, end, RED)
+        shown = np.asarray(path, dtype=float).reshape(-1, 3)
+        room = scene.maxgeom - scene.ngeom
+        for begin, end in itertools.pairwise(shown[-(room + 1) :]):
+            self._connect("mjGEOM_LINE", _LINE, begin, end, BLUE)
         picture = np.empty((*self._size, 3), dtype=np.uint8)
         whole = mujoco.MjrRect(0, 0, self._size[1], self._size[0])
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
