@@ -15,7 +15,7 @@ from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.copying import RebuiltOnCopy
-from dovetail.envs.fixture_velocity import FixtureVelocity
+from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
 from dovetail.envs.observation import Layout
 from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
@@ -193,7 +193,7 @@ class ContactEnv(
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
         self._seen = self._true = b""
-        self._velocity = FixtureVelocity()
+        self._velocity, self._followed = FixtureVelocity(), STANDS
         self._is_force = np.array([m == FORCE for m in self.axes.modes[:3]])
         self._begun: NDArray[np.float32] | None = None
         self._action = np.zeros(size, dtype=np.float32)
@@ -365,7 +365,9 @@ class ContactEnv(
             self.arm.stop()  # nobody knows where to go
             raise
         seen, velocity = self._velocity.follow(estimate, self.state.stamp)
-        self._target.velocity_d = np.append(velocity * self._is_force, np.zeros(3))
+        if velocity is not self._followed:
+            self._followed = velocity
+            self._target.velocity_d = np.append(velocity * self._is_force, np.zeros(3))
         # By value: a tracker may change its pose in place.
         if (value := _value(seen)) != self._seen:
             self._seen = value

@@ -1,5 +1,6 @@
 """How fast the fixture moves, from where a tracker saw it."""
 
+import math
 from collections import deque
 
 import numpy as np
@@ -14,6 +15,9 @@ FASTEST = 0.1
 """Largest speed that is followed [m/s]; what is seen to jump further is a new place."""
 LONGEST = 0.25
 """Age of the last sight from which on nothing is known of the motion [s]."""
+STANDS: Vec3 = np.zeros(3)
+"""What a fixture that stands has for a velocity [m/s]."""
+STANDS.setflags(write=False)
 _JUMP = 3e-3  # [m] that noise may add to a way
 _CERTAIN = 6.0  # standard deviations between a velocity and noise
 _RESOLUTION = 1e-5  # [m], below any sensor's
@@ -24,17 +28,19 @@ class FixtureVelocity:
 
     def __init__(self) -> None:
         self._times: deque[float] = deque(maxlen=WINDOW)
-        self._positions: deque[Vec3] = deque(maxlen=WINDOW)
+        self._positions: deque[list[float]] = deque(maxlen=WINDOW)
+        self._same = 0  # sights in a row that are like the one before
 
     def reset(self) -> None:
         """Forget what was seen."""
         self._times.clear()
         self._positions.clear()
+        self._same = 0
 
     def follow(self, estimate: Estimate, now: float) -> tuple[Pose, Vec3]:
         """Return where the fixture is by now, and its velocity [m/s]; see `update`."""
         velocity = self.update(estimate, now)
-        if not velocity.any():
+        if velocity is STANDS:
             return estimate.pose, velocity
         position = estimate.pose.position + estimate.age * velocity
         return estimate.pose._replace(position=position), velocity
@@ -46,23 +52,29 @@ class FixtureVelocity:
             estimate: What the tracker says.
             now: Time of the episode [s].
         """
-        seen, position = now - estimate.age, np.array(estimate.pose.position)
+        seen, position = now - estimate.age, estimate.pose.position.tolist()
         if not self._times or seen > self._times[-1] + 1e-6:
-            if self._times:
-                way = float(np.linalg.norm(position - self._positions[-1]))
-                if way > FASTEST * (seen - self._times[-1]) + _JUMP:
-                    self.reset()
-            self._times.append(seen)
-            self._positions.append(position)
-        return self._fit() if now - self._times[-1] < LONGEST else np.zeros(3)
+            self._take(seen, position)
+        if self._same >= WINDOW or now - self._times[-1] >= LONGEST:
+            return STANDS
+        return self._fit()
+
+    def _take(self, seen: float, position: list[float]) -> None:
+        if self._times:
+            way = math.dist(position, self._positions[-1])
+            self._same = self._same + 1 if way == 0.0 else 0
+            if way > FASTEST * (seen - self._times[-1]) + _JUMP:
+                self.reset()
+        self._times.append(seen)
+        self._positions.append(position)
 
     def _fit(self) -> Vec3:
         count = len(self._times)
         if count < WINDOW:
-            return np.zeros(3)
+            return STANDS
         p = np.array(self._positions)
         if np.ptp(p, axis=0).max() < _RESOLUTION:
-            return np.zeros(3)
+            return STANDS
         t = np.array(self._times)
         t -= t.mean()
         spread = t @ t
@@ -71,5 +83,5 @@ class FixtureVelocity:
         sigma = np.sqrt((rest**2).sum() / (3 * (count - 2)) + _RESOLUTION**2)
         speed = float(np.linalg.norm(velocity))
         if speed < _CERTAIN * sigma / np.sqrt(spread):
-            return np.zeros(3)
+            return STANDS
         return velocity * min(1.0, FASTEST / speed)
