@@ -129,11 +129,13 @@ def test_who_leaves_the_page_leaves_the_arm_held_and_what_was_done_is_played_bac
     button(browser, "Cover the camera").click()
     press(browser, "g")
     wait_for(lambda: session.status.mode == "running")
+    begin = session.moment.stamp
+    wait_for(lambda: session.moment.stamp > begin + 0.5)
     browser.get("about:blank")
     wait_for(lambda: session.status.mode == "held")
     assert session.core.arm.is_held
     session.reset()
-    wait_for(lambda: session.moment.stamp < 1.0)
+    wait_for(lambda: session.moment.stamp < 0.5)
     session.diary.flush()
     recorded = Recorded.load(session.diary.files[-1])
     server = open_server(0)
