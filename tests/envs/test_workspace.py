@@ -5,6 +5,7 @@ import pytest
 
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import make_env
+from dovetail.envs.workspace import require_columns
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_about_z
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -25,3 +26,14 @@ def test_a_floor_inside_the_margin_that_hardware_needs_is_refused_with_the_remed
     local.arm.facts = replace(facts, limits=limits)
     local.reset(seed=0, options={"fixture": hole})
     local.close()
+
+
+def test_a_column_that_the_arm_does_not_measure_is_refused():
+    arm = make_env(PegInHole).arm
+    columns = PegInHole().columns
+    require_columns(arm, [*columns, "force"])
+    arm.facts = replace(arm.facts, measures_contact=False)
+    require_columns(arm, columns)
+    with pytest.raises(ConfigError, match="'force'"):
+        require_columns(arm, [*columns, "force"])
+    arm.close()

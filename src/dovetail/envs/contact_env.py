@@ -21,7 +21,7 @@ from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
-from dovetail.envs.workspace import require_axes, require_inside
+from dovetail.envs.workspace import require_axes, require_columns, require_inside
 from dovetail.errors import ArmError, ConfigError, TrackerError
 from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose, theta_about_vertical
@@ -173,6 +173,7 @@ class ContactEnv(
     def _prepare(self) -> None:
         """Take from the arm and the task what each step needs."""
         require_axes(self.arm, self.axes)
+        require_columns(self.arm, self.task.columns)
         self.max_steps = self.config.episode.max_steps
         self._near_distance = self.config.approach.near_distance
         facts, seen, own = self.arm.facts, self.config.observation, self.task.columns

@@ -1,5 +1,7 @@
 """Whether an arm is built for the task, and the fixture stands where it may work."""
 
+from collections.abc import Sequence
+
 from dovetail.arms.arm import Arm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError
@@ -46,6 +48,19 @@ def require_axes(arm: Arm, axes: TaskSpec) -> None:
         raise ConfigError(
             f"the arm's task is '{own}', the environment's is '{axes}'; give both the "
             "same"
+        )
+
+
+def require_columns(arm: Arm, columns: Sequence[str]) -> None:
+    """Refuse columns of the observation that the arm does not measure.
+
+    Raises:
+        ConfigError: The force of contact, on an arm that has none.
+    """
+    if "force" in columns and not arm.facts.measures_contact:
+        raise ConfigError(
+            "the task's column 'force' is the force of contact, which this arm does "
+            "not measure: train and run without it"
         )
 
 

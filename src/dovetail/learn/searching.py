@@ -3,14 +3,12 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dovetail.search.corner import SEARCH_AXES
+from dovetail.search.script import SCRIPT_SETTINGS
 
 SEARCHING: Mapping[str, Any] = {
-    "task": SEARCH_AXES,
+    **{name: SCRIPT_SETTINGS[name] for name in ("task", "theta_range", "near_speed")},
     "also": ("tilt",),
     "recall": (4, 8, 12, 16),
-    "theta_range": 0.3,
-    "near_speed": 0.03,
     "max_steps": 300,
     "teacher": "corner",
     "learning_starts": 24_000,

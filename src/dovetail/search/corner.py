@@ -104,7 +104,8 @@ class CornerSearchConfig:
     """f* towards the opening's corner until the end is in [m/s2]."""
     stir: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.0
     """f* round and round meanwhile [m/s2]."""
-    stir_rate: float = 1.5
+    stir_rate: Annotated[float, Range(0.0, 5.0, "Hz")] = 1.5
+    """How often [Hz]."""
     press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.4
     """f* into the opening, at the end [m/s2]."""
 
