@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail.errors import ConfigError
-from dovetail.poses import Pose
+from dovetail.poses import Pose, quat_about_z
 from dovetail.trackers.find import find_tracker
 
 FIXTURE = Pose(np.array([0.6, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -38,3 +38,24 @@ def test_a_seed_gives_the_same_shift_again():
 def test_a_doubt_out_of_range_is_refused(doubt):
     with pytest.raises(ConfigError, match="doubt"):
         find_tracker(f"covered?doubt={doubt}")
+
+
+def test_the_turn_is_about_the_vertical_and_in_every_episode_another():
+    tracker = find_tracker("covered?turn=0.06")
+    true = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.3))
+    turns = []
+    for seed in range(1000):
+        tracker.reset(true, seed)
+        seen = tracker.estimate().pose
+        np.testing.assert_array_equal(seen.position, true.position)
+        w, x, y, z = seen.quat_wxyz
+        assert x == y == 0.0
+        turns.append(2.0 * np.arctan2(z, w) - 0.3)
+    assert np.abs(turns).max() <= 0.06
+    assert np.std(turns) == pytest.approx(0.06 / np.sqrt(3.0), rel=0.05)
+
+
+@pytest.mark.parametrize("turn", [-0.001, 0.51, float("inf")])
+def test_a_turn_out_of_range_is_refused(turn):
+    with pytest.raises(ConfigError, match="tracker turn"):
+        find_tracker(f"covered?turn={turn}")

@@ -6,7 +6,8 @@ import pytest
 
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
-from dovetail.search.corner import SEARCH_AXES, CornerSearch, CornerSearchConfig
+from dovetail.search.corner import SEARCH_AXES, CornerSearch
+from dovetail.search.corner_config import CornerSearchConfig
 from dovetail.trackers.covered import Covered
 
 
@@ -45,6 +46,15 @@ def test_it_finds_a_fixture_that_was_moved_unseen(peg, shift):
     assert phases[0] == "go over"
     assert phases[-1] == "push"
     assert ("slide" in phases) == any(shift)
+
+
+@pytest.mark.parametrize("peg", ["square", "triangle"])
+@pytest.mark.parametrize("seed", [1, 5])  # the one turned left, the other right
+def test_it_finds_a_fixture_that_is_turned_too(peg, seed):
+    where = "late?delay=0.05&bias=0.005&turn=0.05"
+    made = make((0.0, 0.0), peg=peg, tracker=where, twin="medium", tare=True)
+    info, _ = search(*made, seed)
+    assert info["success"]
 
 
 @pytest.mark.parametrize("clearance", [0.00006, 0.004])

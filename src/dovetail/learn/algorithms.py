@@ -80,7 +80,8 @@ def make_vec_env(config: TrainConfig) -> Any:
     if not (config.model or config.randomise_dynamics or config.arm):
         options["tare"] = False  # the nominal model compensates all of its weight
     if config.doubt > 0.0:
-        options["tracker"] = f"covered?doubt={config.doubt}"
+        doubt = f"doubt={config.doubt}&turn={config.doubt_turn}"
+        options["tracker"] = f"covered?{doubt}"
     if config.model_file is not None:
         options |= {"twin": config.model_file.twin, "engine": config.plant}
 

@@ -74,6 +74,9 @@ class TrainConfig(EnvSettings):
     episode it is another; the policy is not told, reward and success are by the truth.
     On the command line it gives other options other defaults: see learn/searching.py.
     A search tilts the part, so that the task must let it."""
+    doubt_turn: float = 0.0
+    """Beside a doubt: largest turn of the fixture about the vertical from what is
+    believed [rad]."""
     teacher: Literal["none", "corner"] = "none"
     """Who acts in the first `learning_starts` steps: chance, or the script. That is the
     corner search, with noise."""
@@ -186,6 +189,11 @@ class TrainConfig(EnvSettings):
             raise ConfigError(
                 f"doubt and the tracker {self.tracker} exclude each other: with a "
                 "doubt the camera is covered; leave one of them out"
+            )
+        if self.doubt_turn > 0.0 and self.doubt == 0.0:
+            raise ConfigError(
+                f"doubt_turn is {self.doubt_turn:g} rad and doubt 0 m: give the "
+                "largest distance, too, --doubt 0.005 for example"
             )
         if self.has_teacher and (self.algorithm == "ppo" or self.from_policy):
             raise ConfigError(
@@ -370,6 +378,7 @@ _RANGES: dict[str, tuple[float, float]] = {
     "num_envs": (1, 256),
     "threads": (0, 256),
     "doubt": (0.0, 0.05),
+    "doubt_turn": (0.0, 0.5),
     "teacher_noise": (0.0, 1.0),
     "teacher_share": (0.0, 1.0),
     "updates_per_step": (0.01, 64),

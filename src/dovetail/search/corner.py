@@ -11,14 +11,11 @@ Only what an arm measures of itself is used, and where the fixture was seen last
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.control.ranges import Range, check_ranges
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
 from dovetail.envs.contact_env import ContactEnv
@@ -29,6 +26,7 @@ from dovetail.poses import (
     quat_from_vector,
     quat_multiply,
 )
+from dovetail.search.corner_config import CornerSearchConfig
 from dovetail.types import Array, Mat33, Vec3
 
 SEARCH_AXES = "XYZ:force ABC:pose"
@@ -46,6 +44,8 @@ _STILL = 0.003
 """Speed below which the part stands [m/s]."""
 _DEEP = 0.0005
 """Depth of the end's middle from which the whole end is in [m]."""
+_LOST = 0.00024
+"""Depth above which a corner that leaned in the opening has come out [m]."""
 _BESIDE = 0.010
 """Depth that a tilted part has only beside the fixture [m]."""
 _SHAKES = 2.5
@@ -57,65 +57,6 @@ _TOUCH_STEPS, _STILL_STEPS, _STUCK_STEPS = 3, 6, 12
 over the surface."""
 _SEAT_STEPS, _PUSH_STEPS = 60, 40
 """Policy steps at most to the opening's corner, and at least on the way in."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CornerSearchConfig:
-    """How the corner is led; found by trying on twins medium and hard."""
-
-    tilt: Annotated[float, Range(0.05, 0.5, "rad")] = 0.2
-    """Turn of the part that puts one corner lowest [rad]: it falls in by about 0.14
-    of the opening's width."""
-    speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.1
-    """Speed through free air [m/s]."""
-    over: Annotated[float, Range(0.001, 0.1, "m")] = 0.006
-    """Height of the corner above the surface on the way there [m]."""
-    touch_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.025
-    """Speed down to the surface [m/s]: contact at this speed gives the peak force."""
-    slide_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.03
-    """Speed over the surface, and in the opening to its corner [m/s]."""
-    slide_gain: Annotated[float, Range(0.0, 200.0, "1/s")] = 65.0
-    """What it lacks of that speed, times this, is added to f* [1/s]: friction."""
-    slide_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 200.0
-    """The same for the way that it lacks [1/s2]: what sticks is pushed harder."""
-    slide_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.65
-    """f* towards the surface on the way over it [m/s2]."""
-    friction: Annotated[float, Range(0.0, 10.0, "m/s2")] = 2.7
-    """Most that is added to f* for what sticks [m/s2]."""
-    rings: tuple[float, ...] = (0.012, 0.022, 0.032)
-    """Radii of the circles on which the corner slides [m], one after the other."""
-    drop: Annotated[float, Range(0.0002, 0.01, "m")] = 0.0006
-    """Depth below the surface from which the corner is in the opening [m]."""
-    seat_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
-    """f* towards the opening's corner, until the end lies in the mouth [m/s2]."""
-    seat_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 120.0
-    """How it grows with the way that the corner lacks [1/s2]."""
-    seat_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.7
-    """f* into the opening meanwhile, and `lift` of the push more [m/s2]."""
-    lift: Annotated[float, Range(0.0, 1.0, "1")] = 0.18
-    """Share of a push that lifts the part [1]: the tilted part leans on the wall."""
-    shake: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.7
-    """f* from side to side, against sticking [m/s2]."""
-    hold_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.3
-    """f* towards the opening's corner while the part is turned upright [m/s2]."""
-    straighten_time: Annotated[float, Range(0.05, 10.0, "s")] = 0.5
-    """Time of that turn [s]."""
-    lean: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.0
-    """f* towards the opening's corner until the end is in [m/s2]."""
-    stir: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.0
-    """f* round and round meanwhile [m/s2]."""
-    stir_rate: Annotated[float, Range(0.0, 5.0, "Hz")] = 1.5
-    """How often [Hz]."""
-    press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.4
-    """f* into the opening, at the end [m/s2]."""
-
-    def __post_init__(self) -> None:
-        """Refuse a number out of range, by name."""
-        check_ranges(self)
-        if not self.rings or not all(0.0 < radius <= 0.1 for radius in self.rings):
-            raise ConfigError(
-                f"rings are {self.rings}; allowed: radii above 0 and up to 0.1 m"
-            )
 
 
 class CornerSearch:
@@ -155,9 +96,20 @@ class CornerSearch:
         self._part_corner = share * radius * self._along
         self._tilt_axis = np.cross(_UP, self._along)
         self._depth, self._wide = outline.depth, 2.0 * radius
+        self._leaning = self._without_wedging(2.0 * (env.task.gap() or 0.0))
         self._damping = np.array(per_axis("", env.config.action.force_damping))
         self._scale = np.array(env.commands.scale)
         self.reset()
+
+    def _without_wedging(self, play: float) -> float:
+        """Return the tilt with which the part is led in [rad], 0 in a tight fit."""
+        c = self.config
+        until_deep = _DEEP + 0.5 * c.leaning * self._wide
+        leaning = c.leaning if play > c.leaning * until_deep else 0.0
+        rate = c.turn_rate if leaning > 0.0 else c.stir_rate
+        self._around = 1.0 / (rate * POLICY_PERIOD)
+        """Policy steps of one round of what is tried in the opening's corner."""
+        return leaning
 
     def reset(self) -> None:
         """Begin anew."""
@@ -172,7 +124,7 @@ class CornerSearch:
         self._steps += 1
         self._track.append(self._end)
         force, tilt = self._phase()
-        return self._action(force, tilt)
+        return self._action(force, tilt, self._turn)
 
     @property
     def phase(self) -> str:
@@ -186,6 +138,7 @@ class CornerSearch:
         self._track: deque[Vec3] = deque(maxlen=_STUCK_STEPS + 1)
         self._friction: Vec3 = np.zeros(3)
         self._growth = 0.0
+        self._turn = 0.0
 
     def _search(self) -> None:
         """Begin at the start of a path, after the first on one beside the earlier."""
@@ -219,11 +172,13 @@ class CornerSearch:
         self._end: Vec3 = R @ (state.position - seen.position)
         self._corner: Vec3 = self._end + turned @ self._part_corner
         self._velocity: Vec3 = R @ state.velocity[:3]
+        self._yaw = math.atan2(turned[1, 0], turned[0, 0])
 
-    def _action(self, force: Vec3, tilt: float) -> NDArray[np.float32]:
-        """Return the action that commands f* [m/s2] and a tilt [rad]."""
+    def _action(self, force: Vec3, tilt: float, turn: float) -> NDArray[np.float32]:
+        """Return the action that commands f* [m/s2], a tilt and a turn [rad]."""
         axis = self._rotation @ self._tilt_axis
-        R = matrix_from_quat(quat_from_vector(tilt * axis))
+        tilted = matrix_from_quat(quat_from_vector(tilt * axis))
+        R = matrix_from_quat(quat_from_vector(turn * _UP)) @ tilted
         # The turns about the world's z, y, x, one after the other, that make R.
         about_z = math.atan2(-R[0, 1], R[0, 0])
         about_y = math.asin(R[0, 2])
@@ -321,28 +276,48 @@ class CornerSearch:
         return self._pushed(c.seat_push + self._growth), c.tilt
 
     def _straighten(self) -> tuple[Vec3, float]:
-        """Turn the part upright while it is pushed into the opening's corner."""
+        """Turn the part upright, or nearly so, its corner pushed into the opening's."""
         c = self.config
         share = self._steps * POLICY_PERIOD / c.straighten_time
         if share >= 1.0:
             self._begin(self._push)
-        return self._pushed(c.hold_push), c.tilt * max(0.0, 1.0 - share)
+        tilt = c.tilt + min(1.0, share) * (self._leaning - c.tilt)
+        return self._pushed(c.hold_push), tilt
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
-        c = self.config
-        is_out = self._end[2] > self._surface - _DEEP or self._steps > _PUSH_STEPS
+        deep = self._surface - _DEEP - 0.5 * self._leaning * self._wide
+        is_out = self._end[2] > deep
+        is_lost = self._leaning > 0.0 and self._corner[2] > self._surface - _LOST
+        wait = self._around if is_out else _PUSH_STEPS
         if self._end[2] < -self._depth - _BESIDE:
             self._search()
-        elif self._is_still(_STILL_STEPS) and is_out:
+        elif is_lost or (self._is_still(_STILL_STEPS) and self._steps > wait):
             self._search()
             self._path.insert(0, self._fell_at)
-        if self._end[2] < self._surface - _DEEP:
-            return self._shaken() - c.press * _UP, 0.0
-        phase = 2.0 * math.pi * c.stir_rate * self._steps * POLICY_PERIOD
-        around = c.lean + c.stir * math.cos(phase)
-        stir = around * self._along + c.stir * math.sin(phase) * self._tilt_axis
-        return stir - c.press * _UP, 0.0
+        elif is_out:
+            return self._stirred(), self._leaning
+        else:
+            self._turn = self._yaw  # as the opening's walls turn it
+        return self._shaken() - self.config.press * _UP, 0.0
+
+    def _stirred(self) -> Vec3:
+        """Return a push into the opening's corner that tries all places and turns.
+
+        What leans in that corner is turned about it, from side to side; what stands
+        upright on the rim goes round and round.
+        """
+        c = self.config
+        phase = 2.0 * math.pi * self._steps / self._around
+        if self._leaning > 0.0:
+            self._turn = c.turn * math.sin(phase)
+            return c.lean * self._along - c.press * _UP
+        around = c.stir * (1.0 + math.cos(phase))
+        return (
+            around * self._along
+            + c.stir * math.sin(phase) * self._tilt_axis
+            - c.press * _UP
+        )
 
     def _pushed(self, push: float) -> Vec3:
         """Return a push towards the opening's corner, and down what it would lift."""

@@ -6,11 +6,12 @@ import numpy as np
 
 from dovetail.arms.arm import ArmState
 from dovetail.control.ranges import Range, in_range
-from dovetail.poses import Pose
+from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.trackers.tracker import Estimate
 from dovetail.types import Vec3
 
 _DOUBT = Range(0.0, 0.05, "m")
+_TURN = Range(0.0, 0.5, "rad")
 _STREAM = 0xC07E3D
 """Keeps these draws apart from those of start and fixture, which have the same seed."""
 
@@ -18,12 +19,13 @@ _STREAM = 0xC07E3D
 class Covered:
     """The estimate is the last one seen: off by `shift`, and of growing age."""
 
-    def __init__(self, doubt: float = 0.0) -> None:
-        """Take how far the fixture may have been moved.
+    def __init__(self, doubt: float = 0.0, turn: float = 0.0) -> None:
+        """Take how far the fixture may have been moved and turned.
 
         Args:
             doubt: Largest horizontal shift [m], drawn for each episode, its place
                 anywhere in the circle alike. 0 leaves `shift` as it was set.
+            turn: Largest turn about the vertical [rad], drawn for each episode.
 
         Raises:
             ConfigError: Out of range.
@@ -31,17 +33,21 @@ class Covered:
         self.doubt = in_range("tracker doubt", doubt, _DOUBT)
         self.shift: Vec3 = np.zeros(3)
         """How far the fixture was moved after it was seen last [m], world axes."""
+        self.turn = in_range("tracker turn", turn, _TURN)
         self._seen: Pose | None = None
         self._age = 0.0
 
     def reset(self, fixture: Pose, seed: int) -> None:
         """Remember where a fixture that now is at `fixture` was seen last."""
+        rng = np.random.default_rng([_STREAM, seed])
         if self.doubt > 0.0:
-            rng = np.random.default_rng([_STREAM, seed])
             angle = rng.uniform(-math.pi, math.pi)
             away = np.array([math.cos(angle), math.sin(angle), 0.0])
             self.shift = self.doubt * math.sqrt(rng.uniform()) * away
-        self._seen = fixture._replace(position=fixture.position - self.shift)
+        turned = quat_about_z(self.turn * rng.uniform(-1.0, 1.0))
+        self._seen = Pose(
+            fixture.position - self.shift, quat_multiply(turned, fixture.quat_wxyz)
+        )
         self._age = 0.0
 
     def update(self, fixture: Pose, state: ArmState) -> None:

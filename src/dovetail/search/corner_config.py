@@ -1,0 +1,73 @@
+"""The numbers of the corner search."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from dovetail.control.ranges import Range, check_ranges
+from dovetail.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class CornerSearchConfig:
+    """How the corner is led; found by trying on twins medium and hard."""
+
+    tilt: Annotated[float, Range(0.05, 0.5, "rad")] = 0.2
+    """Turn of the part that puts one corner lowest [rad]: it falls in by about 0.14
+    of the opening's width."""
+    speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.1
+    """Speed through free air [m/s]."""
+    over: Annotated[float, Range(0.001, 0.1, "m")] = 0.006
+    """Height of the corner above the surface on the way there [m]."""
+    touch_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.025
+    """Speed down to the surface [m/s]: contact at this speed gives the peak force."""
+    slide_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.03
+    """Speed over the surface, and in the opening to its corner [m/s]."""
+    slide_gain: Annotated[float, Range(0.0, 200.0, "1/s")] = 65.0
+    """What it lacks of that speed, times this, is added to f* [1/s]: friction."""
+    slide_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 200.0
+    """The same for the way that it lacks [1/s2]: what sticks is pushed harder."""
+    slide_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.65
+    """f* towards the surface on the way over it [m/s2]."""
+    friction: Annotated[float, Range(0.0, 10.0, "m/s2")] = 2.7
+    """Most that is added to f* for what sticks [m/s2]."""
+    rings: tuple[float, ...] = (0.012, 0.022, 0.032)
+    """Radii of the circles on which the corner slides [m], one after the other."""
+    drop: Annotated[float, Range(0.0002, 0.01, "m")] = 0.0006
+    """Depth below the surface from which the corner is in the opening [m]."""
+    seat_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
+    """f* towards the opening's corner, until the end lies in the mouth [m/s2]."""
+    seat_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 120.0
+    """How it grows with the way that the corner lacks [1/s2]."""
+    seat_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.7
+    """f* into the opening meanwhile, and `lift` of the push more [m/s2]."""
+    lift: Annotated[float, Range(0.0, 1.0, "1")] = 0.18
+    """Share of a push that lifts the part [1]: the tilted part leans on the wall."""
+    shake: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.7
+    """f* from side to side, against sticking [m/s2]."""
+    hold_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.3
+    """f* towards the opening's corner while the part is turned upright [m/s2]."""
+    straighten_time: Annotated[float, Range(0.05, 10.0, "s")] = 0.5
+    """Time of that turn [s]."""
+    leaning: Annotated[float, Range(0.0, 0.2, "rad")] = 0.08
+    """Tilt that is left until the end is in [rad]: the corner stays in the opening's.
+    A fit that is so tight that the part would wedge is tried upright."""
+    lean: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.0
+    """f* towards the opening's corner meanwhile [m/s2]."""
+    turn: Annotated[float, Range(0.0, 0.2, "rad")] = 0.09
+    """Turn to both sides meanwhile [rad]: the fixture may be turned, too."""
+    turn_rate: Annotated[float, Range(0.1, 5.0, "Hz")] = 1.0
+    """How often [Hz]."""
+    stir: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.0
+    """f* round and round, and towards the corner, of what stands upright [m/s2]."""
+    stir_rate: Annotated[float, Range(0.1, 5.0, "Hz")] = 1.5
+    """How often [Hz]."""
+    press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.4
+    """f* into the opening, at the end [m/s2]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a number out of range, by name."""
+        check_ranges(self)
+        if not self.rings or not all(0.0 < radius <= 0.1 for radius in self.rings):
+            raise ConfigError(
+                f"rings are {self.rings}; allowed: radii above 0 and up to 0.1 m"
+            )
