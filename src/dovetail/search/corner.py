@@ -44,6 +44,8 @@ _STILL = 0.003
 """Speed below which the part stands [m/s]."""
 _DEEP = 0.0005
 """Depth of the end's middle from which the whole end is in [m]."""
+_SLID = 0.0002
+"""Way in 0.6 s from which the corner slides [m]."""
 _LOST = 0.00024
 """Depth above which a corner that leaned in the opening has come out [m]."""
 _BESIDE = 0.010
@@ -263,6 +265,13 @@ class CornerSearch:
     def _seat(self) -> tuple[Vec3, float]:
         """Push the corner into the opening's corner: then the end lies in the mouth."""
         c = self.config
+        towards = self._along
+        way = (self._end - self._track[0]) * _LEVEL
+        size = float(np.linalg.norm(way))
+        if size > _SLID and way @ self._along > 0.0:
+            # Along the wall that it slides on already: what presses on it is friction.
+            towards = self._along + way / size
+            towards /= np.linalg.norm(towards)
         if self._end[2] < -_BESIDE:
             self._search()
         elif math.dist(self._corner[:2], self._fell_at[:2]) > self._wide:
@@ -273,7 +282,7 @@ class CornerSearch:
         lacking = c.slide_speed - float(self._velocity @ self._along)
         growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
         self._growth = min(growth, c.friction)
-        return self._pushed(c.seat_push + self._growth), c.tilt
+        return self._pushed(c.seat_push + self._growth, towards), c.tilt
 
     def _straighten(self) -> tuple[Vec3, float]:
         """Turn the part upright, or nearly so, its corner pushed into the opening's."""
@@ -282,7 +291,7 @@ class CornerSearch:
         if share >= 1.0:
             self._begin(self._push)
         tilt = c.tilt + min(1.0, share) * (self._leaning - c.tilt)
-        return self._pushed(c.hold_push), tilt
+        return self._pushed(c.hold_push, self._along), tilt
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
@@ -319,11 +328,11 @@ class CornerSearch:
             - c.press * _UP
         )
 
-    def _pushed(self, push: float) -> Vec3:
-        """Return a push towards the opening's corner, and down what it would lift."""
+    def _pushed(self, push: float, towards: Vec3) -> Vec3:
+        """Return a push in a level direction, and down what it would lift."""
         c = self.config
         press = c.seat_press + c.lift * push
-        return push * self._along + self._shaken() - press * _UP
+        return push * towards + self._shaken() - press * _UP
 
     def _shaken(self) -> Vec3:
         phase = 2.0 * math.pi * _SHAKES * self._steps * POLICY_PERIOD
