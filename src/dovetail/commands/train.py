@@ -20,8 +20,8 @@ GROUPS: Groups = {
     ),
     "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
     "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
-    "a fixture that is not where it is believed": (
-        *("doubt", "doubt_turn", "teacher", "teacher_noise", "teacher_share"),
+    "what differs between episodes": (
+        *("vary", "doubt", "doubt_turn", "teacher", "teacher_noise", "teacher_share"),
     ),
     "dynamics of the simulation": (
         *("model", "randomise_dynamics", "random_gravity", "random_mass"),

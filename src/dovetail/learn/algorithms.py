@@ -71,7 +71,7 @@ def make_vec_env(config: TrainConfig) -> Any:
     from dovetail.envs.dynamics_randomisation import RandomDynamics
     from dovetail.envs.fixed_fixture import FixedFixture
 
-    options = config.env_options()
+    options: dict[str, Any] = {}
     options["reward"] = RewardConfig(force_weight=config.force_weight)
     if config.arm is not None:
         options["arm"] = config.arm
@@ -79,14 +79,12 @@ def make_vec_env(config: TrainConfig) -> Any:
             options["arm"] = parse_address(config.arm).with_approach()
     if not (config.model or config.randomise_dynamics or config.arm):
         options["tare"] = False  # the nominal model compensates all of its weight
-    if config.doubt > 0.0:
-        doubt = f"doubt={config.doubt}&turn={config.doubt_turn}"
-        options["tracker"] = f"covered?{doubt}"
     if config.model_file is not None:
         options |= {"twin": config.model_file.twin, "engine": config.plant}
 
-    def make() -> Any:
-        env = gym.make(config.env, disable_env_checker=True, **options)
+    def make(index: int) -> Any:
+        given = config.varied_options(index) | options
+        env = gym.make(config.env, disable_env_checker=True, **given)
         if config.randomise_dynamics:
             env = RandomDynamics(env, config.dynamics_randomisation)
         if config.fixed_goal:
@@ -94,11 +92,12 @@ def make_vec_env(config: TrainConfig) -> Any:
             env = FixedFixture(env, FixturePose.given(config.fixture, facing).pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
+    makers = [partial(make, index) for index in range(config.num_envs)]
     if config.is_batch:
         from dovetail.learn.batch_vec_env import BatchVecEnv
 
-        return BatchVecEnv([make] * config.num_envs, config.threads or None)
-    return DummyVecEnv([make] * config.num_envs)
+        return BatchVecEnv(makers, config.threads or None)
+    return DummyVecEnv(makers)
 
 
 def falling_rate(rate: float, final: float, remaining: float) -> float:

@@ -15,9 +15,9 @@ from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
 from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
-from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.model_file import ModelFile
 from dovetail.learn.searching import SEARCHING
+from dovetail.learn.variation import Variation
 from dovetail.robots.find import find_robot
 from dovetail.trackers.find import require_tracker
 
@@ -31,7 +31,7 @@ _USUAL = DynamicsRandomisation()
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig(EnvSettings):
+class TrainConfig(Variation):
     """Settings of one training run, or of several seeds of it."""
 
     out: Path | None = None
@@ -69,14 +69,6 @@ class TrainConfig(EnvSettings):
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
-    doubt: float = 0.0
-    """Largest distance of the fixture from where it is believed [m]. In each
-    episode it is another; the policy is not told, reward and success are by the truth.
-    On the command line it gives other options other defaults: see learn/searching.py.
-    A search tilts the part, so that the task must let it."""
-    doubt_turn: float = 0.0
-    """Beside a doubt: largest turn of the fixture about the vertical from what is
-    believed [rad]."""
     teacher: Literal["none", "corner"] = "none"
     """Who acts in the first `learning_starts` steps: chance, or the script. That is the
     corner search, with noise."""
@@ -170,6 +162,7 @@ class TrainConfig(EnvSettings):
         self._require_batch()
         self._require_dynamics()
         self._require_teacher()
+        self.require_variation(self.num_envs)
         if self.tare:  # a policy must not ask for what cannot be done with it
             task = TaskSpec.parse(self.env_options()["task"])
             tared_axes(task, self.force_damping)
@@ -184,17 +177,7 @@ class TrainConfig(EnvSettings):
             )
 
     def _require_teacher(self) -> None:
-        """Refuse a doubt beside a tracker, and a teacher that would not act."""
-        if self.doubt > 0.0 and self.tracker != TrainConfig.tracker:
-            raise ConfigError(
-                f"doubt and the tracker {self.tracker} exclude each other: with a "
-                "doubt the camera is covered; leave one of them out"
-            )
-        if self.doubt_turn > 0.0 and self.doubt == 0.0:
-            raise ConfigError(
-                f"doubt_turn is {self.doubt_turn:g} rad and doubt 0 m: give the "
-                "largest distance, too, --doubt 0.005 for example"
-            )
+        """Refuse a teacher that would not act."""
         if self.has_teacher and (self.algorithm == "ppo" or self.from_policy):
             raise ConfigError(
                 f"teacher {self.teacher} fills a replay buffer before anything is "

@@ -58,6 +58,27 @@ def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, A
     return rest | {"task_options": TaskOptions(own)}
 
 
+def parse_values(text: str, task: type[Task]) -> tuple[str, tuple[Any, ...]]:
+    """Return an option of a task and several values of it, from NAME=A,B.
+
+    Raises:
+        ConfigError: No such option, or a value that is not of its type.
+    """
+    name, _, values = text.partition("=")
+    kinds = option_types(task)
+    kind = kinds.get(name)
+    if kind not in (str, float, int) or not values:
+        known = ", ".join(n for n, k in kinds.items() if k is not bool)
+        raise ConfigError(
+            f"{text!r} does not vary an option of {task.__name__}; needed: NAME=A,B "
+            f"with one of {known}"
+        )
+    try:
+        return name, tuple(kind(value) for value in values.split(","))
+    except ValueError as error:
+        raise ConfigError(f"{text!r}: {error}; needed: NAME=A,B") from error
+
+
 def _plain(name: str, kind: Any) -> type | None:
     """Return the plain type that a field's value has, or None."""
     if get_origin(kind) is Literal:
