@@ -27,7 +27,7 @@ INERTIAS = ("drake", "drake", "lbr", "pybullet")
 """The published sets; the others than drake are themselves mass errors, so that the
 proven range has drake alone."""
 NUM_KINDS = 8
-SIZE = 66
+SIZE = 70
 """Length of the vector."""
 
 
@@ -107,6 +107,10 @@ class Choices:
     """Share of cycles in which a burst of lost, repeated or late ones begins [1]."""
     change_rate: float
     """Reconfigurations [1/s]."""
+    drift: float
+    """Speed that the Target says the surface has, which stands [m/s]."""
+    drift_way: tuple[float, ...]
+    """Its direction, world axes, of any length above 0."""
 
     def plain(self) -> dict[str, object]:
         """Return the choices as JSON, four digits."""
@@ -202,6 +206,8 @@ def choose(vector: Array, within: Ranges) -> Choices:
         push_time=at.log(0.05, 1.0),
         fault_rate=0.02 * max(0.0, at.between(-1.0, 1.0)),
         change_rate=2.0 * max(0.0, at.between(-1.0, 1.0)),
+        drift=0.1 * max(0.0, at.between(-1.0, 1.0)),
+        drift_way=at.vector(-1.0, 1.0, 3),
     )
 
 

@@ -46,6 +46,9 @@ class Commander:
         self.tare = np.zeros(6)
         self.near_plane = start.near_plane
         self._signs, self._theta = np.zeros(3), 0.0
+        way = np.array(choices.drift_way)
+        linear = choices.drift * way / np.linalg.norm(way)
+        self._drift = np.append(linear, np.zeros(3))
         self._phase = rng.uniform(0.0, 2.0 * math.pi)
         if choices.policy == "shipped":
             self._prepare_policy()
@@ -71,6 +74,7 @@ class Commander:
         """Write action `number` for a measured state."""
         target.near_plane = self.near_plane
         target.f_tare = self.tare
+        target.velocity_d = self._drift
         if self.choices.policy == "shipped":
             self._fill_shipped(target, q, dq)
             return
