@@ -95,8 +95,30 @@ def test_every_parameter_has_value_interval_and_sentence(made):
         assert row["sensitivity"] > 0.0
 
 
+def without_scripts(html):
+    return re.sub(r"<script[^>]*>.*?</script>", "", html, flags=re.DOTALL)
+
+
+def test_the_curves_are_those_of_the_logs_and_bring_their_library_once(made):
+    html = (made[0] / "report" / "report.html").read_text()
+    scripts = re.findall(r"<script[^>]*>(.*?)</script>", html, flags=re.DOTALL)
+    assert sum(len(script) > 1_000_000 for script in scripts) == 1
+    drawn = [s for s in scripts if "Plotly.newPlot(" in s and len(s) < 1_000_000]
+    assert len(drawn) == len(made[1].comparisons) == 2
+    for script, comparison in zip(drawn, made[1].comparisons, strict=True):
+        traces, _ = json.JSONDecoder().raw_decode(script[script.index("[{") :])
+        assert [t["name"] for t in traces[::3]] == ["measured", "before", "after"]
+        measured = np.concatenate(comparison.measured)
+        every = 0.02 / 0.005
+        np.testing.assert_allclose(
+            traces[0]["y"], 1e3 * measured[:: int(every), 0], atol=1e-3
+        )
+
+
 def test_the_page_needs_nothing_else(made):
     text = (made[0] / "report" / "report.html").read_text()
+    assert "<script src" not in text
+    text = without_scripts(text)
     assert not re.search(r'(src|href)="(?!data:)', text)
     images = re.findall(r'src="data:image/png;base64,([^"]+)"', text)
     assert len(images) == 6
@@ -124,7 +146,7 @@ def test_the_console_says_the_verdict_and_every_error(made):
 def test_the_answer_is_said_once(made):
     _, report, text = made
     html = (made[0] / "report" / "report.html").read_text()
-    page = " ".join(re.sub("<[^>]*>", " ", html).split())
+    page = " ".join(re.sub("<[^>]*>", " ", without_scripts(html)).split())
     answer, sentence = report.verdict.answer, report.verdict.sentence
     for shown in (page, " ".join(text.split())):
         assert not re.search(rf"\b{answer}\b:? *{answer}\b", shown)

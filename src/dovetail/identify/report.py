@@ -18,6 +18,7 @@ from rich.table import Table
 
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, write_atomic
+from dovetail.identify.curves import curves
 from dovetail.identify.figures import (
     draw_after,
     draw_convergence,
@@ -126,8 +127,9 @@ def write_identification_report(
     figures = _draw(fit, comparisons, result)
     files = [write_atomic(folder / name, png) for name, (_, png) in figures.items()]
     content = _content(fit, held_out, comparisons, result, verdict)
+    drawn = _curves(comparisons, fit.recording.period)
     files += [
-        write_atomic(folder / "report.html", _to_html(content, result, figures)),
+        write_atomic(folder / "report.html", _to_html(content, result, figures, drawn)),
         write_atomic(
             folder / "report.json",
             json.dumps(finite(content), indent=2, allow_nan=False) + "\n",
@@ -202,6 +204,21 @@ def _draw(
     return figures
 
 
+def _curves(comparisons: Sequence[Comparison], period: float) -> list[str]:
+    """Return the part of the page in which one can zoom."""
+    parts = []
+    for comparison in comparisons:
+        names = ("measured", "before", "after")
+        runs = {name: vars(comparison)[name] for name in names}
+        parts.append(f"<h2>Look closer: {text(comparison.log)}</h2>")
+        parts.append(curves(runs, period=period, with_library=not parts[1:]))
+    return [
+        *parts,
+        '<p class="note">Drag to zoom, double-click to see all, click a name to hide '
+        "it.</p>",
+    ]
+
+
 def _content(
     fit: Fitted,
     held_out: Recording | None,
@@ -251,6 +268,7 @@ def _to_html(
     content: Mapping[str, Any],
     result: Identifiability,
     figures: Mapping[str, tuple[str, bytes]],
+    drawn: Sequence[str],
 ) -> str:
     answer, sentence = content["verdict"]["answer"], content["verdict"]["sentence"]
     logs = [
@@ -277,6 +295,7 @@ def _to_html(
         "the other parameters are not known either.</p>",
         f"<ul>\n{sentences}\n</ul>",
         *(figure(caption, png) for caption, png in figures.values()),
+        *drawn,
         *facts("Fit", fit["settings"]),
         *facts("Fitting log", content["fitting_log"]),
         *facts("Held-out log", content["held_out_log"] or {}),
