@@ -52,7 +52,17 @@ class TimedArm:
         self.robot, self.period = robot, period
         log = np.random.default_rng(0).normal(size=(10, len(CYCLE_COLUMNS)))
         seven, three = np.full(7, 0.1), np.full(3, 0.1)
-        self.rest = (seven, seven, three, QUAT, np.full(6, 0.1), three, 0, log)
+        self.rest = (
+            seven,
+            seven,
+            three,
+            QUAT,
+            np.full(6, 0.1),
+            three,
+            np.zeros(6),
+            0,
+            log,
+        )
 
     def reset(self, q: Vec7, hole: Pose) -> ArmState:
         """Answer at once."""

@@ -196,6 +196,32 @@ def test_contact_forces_that_cannot_be_measured_are_not_a_number(tmp_path):
     assert np.isnan(loaded["fx"]).all()
 
 
+@pytest.mark.parametrize("suffix", ["npz", "parquet"])
+def test_a_log_from_before_the_wrench_is_one_without_it(tmp_path, suffix):
+    if suffix == "parquet":
+        pytest.importorskip("pyarrow", reason="needs pyarrow: pip install '.[log]'")
+    episode = make_episode()
+    path = episode.save(tmp_path / f"log.{suffix}")
+    is_old = [not name.startswith("wrench_") for name in episode.columns]
+    kept = [name for name in episode.columns if not name.startswith("wrench_")]
+    if suffix == "npz":
+        with np.load(path) as arrays:
+            rows = dict(arrays)
+        rows["data"] = rows["data"][:, is_old]
+        rows |= {name: rows[name][is_old] for name in ("columns", "units")}
+        np.savez(path, **rows)
+    else:
+        from pyarrow import parquet
+
+        parquet.write_table(parquet.read_table(path).select(kept), path)
+    loaded = Episode.load(path)
+    assert loaded.columns == episode.columns
+    assert loaded.units == episode.units
+    for name in episode.columns:
+        expected = episode[name] if name in kept else np.full(len(episode), np.nan)
+        np.testing.assert_array_equal(loaded[name], expected)
+
+
 def test_steps_of_different_shape_are_refused():
     episode = make_episode(num_steps=1)
     with pytest.raises(LogError, match="step 1: a log of shape"):

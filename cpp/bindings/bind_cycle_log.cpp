@@ -58,7 +58,8 @@ void bind_layout(nb::module_& m) {
       "cycle_row",
       [](double time, const Vec7& q, const Vec7& dq, const Vec7& tau,
          const Vec3& position, const Vec4& quat_wxyz, const Vec6& twist,
-         const Vec3& contact_force, const Vec3& f_star, const Flags& flags) {
+         const Vec3& contact_force, const Vec3& f_star, const Flags& flags,
+         const Vec6& wrench) {
         const CycleRow row{time,
                            q,
                            dq,
@@ -69,13 +70,15 @@ void bind_layout(nb::module_& m) {
                            twist.tail<3>(),
                            contact_force,
                            f_star,
-                           static_cast<double>(pack_flags(flags))};
+                           static_cast<double>(pack_flags(flags)),
+                           wrench.head<3>(),
+                           wrench.tail<3>()};
         Eigen::Matrix<double, kCycleColumns, 1> numbers;
         write_row(row, numbers.data());
         return numbers;
       },
       nb::kw_only(), "time"_a, "q"_a, "dq"_a, "tau"_a, "position"_a, "quat_wxyz"_a,
-      "twist"_a, "contact_force"_a, "f_star"_a, "flags"_a,
+      "twist"_a, "contact_force"_a, "f_star"_a, "flags"_a, "wrench"_a,
       "One row of a cycle log, for a loop that is not in C++.");
 }
 
@@ -94,14 +97,14 @@ void bind_cycle_log(nb::module_& m) {
         const StepSummary step =
             summarize(chain, q, dq, log.data(), static_cast<int>(log.shape(0)));
         // One array in pieces: to make an array costs as much as all of the sums.
-        Eigen::Matrix<double, 16, 1> numbers;
-        numbers << step.p, step.quat_wxyz, step.twist, step.force;
+        Eigen::Matrix<double, 22, 1> numbers;
+        numbers << step.p, step.quat_wxyz, step.twist, step.force, step.wrench;
         const nb::object array = nb::cast(numbers);
         const auto piece = [&array](int from, int to) {
           return nb::object(array[nb::slice(from, to)]);
         };
         return nb::make_tuple(piece(0, 3), piece(3, 7), piece(7, 13), piece(13, 16),
-                              step.flags);
+                              piece(16, 22), step.flags);
       },
       "chain"_a, "q"_a, "dq"_a, "log"_a,
       nb::sig("def summarize(chain: Chain, q: numpy.typing.NDArray[numpy.float64], "
@@ -110,9 +113,11 @@ void bind_cycle_log(nb::module_& m) {
               "tuple[numpy.typing.NDArray[numpy.float64], "
               "numpy.typing.NDArray[numpy.float64], "
               "numpy.typing.NDArray[numpy.float64], "
+              "numpy.typing.NDArray[numpy.float64], "
               "numpy.typing.NDArray[numpy.float64], int]"),
       "TCP position [m], rotation (wxyz) and twist [m/s, rad/s] at the measured state; "
-      "of all rows of a cycle log, the largest contact force [N] and the or-ed flags.");
+      "of all rows of a cycle log, the largest contact force [N], the last "
+      "wrench [N, Nm] and the or-ed flags.");
   m.def(
       "count_outside",
       [](Rows log, Row low, Row high) {

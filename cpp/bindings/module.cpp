@@ -266,7 +266,12 @@ void bind_controller(nb::module_& m) {
           "The state that the last cycle took for true: (q [rad], dq [rad/s]).")
       .def_prop_ro("period", &Controller::period, "Control period [s].")
       .def_prop_ro("disturbance", &Controller::disturbance, nb::rv_policy::copy,
-                   "Estimated external torque [Nm], shape (7,).");
+                   "Estimated external torque [Nm], shape (7,).")
+      .def_prop_ro(
+          "wrench", [](const Controller& self) { return self.wrench(); },
+          "The same as a wrench on the tool at the TCP, world axes [N, Nm], shape "
+          "(6,); "
+          "not-a-number where the estimate is off.");
 }
 
 void bind_rigid_plant(nb::module_& m) {

@@ -8,6 +8,7 @@ namespace {
 
 constexpr int kForceColumn = column_at(offsetof(CycleRow, contact_force));
 constexpr int kFlagsColumn = column_at(offsetof(CycleRow, flags));
+constexpr int kWrenchColumn = column_at(offsetof(CycleRow, wrench_force));
 
 }  // namespace
 
@@ -21,7 +22,12 @@ StepSummary summarize(const Chain& chain, const Vec7& q, const Vec7& dq,
                       const double* rows, int count) noexcept {
   ToolMotion tool;
   chain.tool_motion(q, dq, tool);
-  StepSummary step{tool.p, quat_wxyz(tool.R), tool.twist, Vec3::Zero(), 0};
+  StepSummary step{tool.p,       quat_wxyz(tool.R), tool.twist,
+                   Vec3::Zero(), Vec6::Zero(),      0};
+  if (count > 0) {
+    const double* last = rows + static_cast<std::ptrdiff_t>(count - 1) * kCycleColumns;
+    step.wrench = Eigen::Map<const Vec6>(last + kWrenchColumn);
+  }
   double largest = -1.0;
   for (int i = 0; i < count; ++i, rows += kCycleColumns) {
     const Eigen::Map<const Vec3> force(rows + kForceColumn);

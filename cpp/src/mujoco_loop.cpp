@@ -158,6 +158,9 @@ CycleRow MujocoLoop::begin_row(const Controller& controller, const Vec7& tau,
   row.velocity = motion.twist.head<3>();
   row.angular_velocity = motion.twist.tail<3>();
   row.f_star = target.f_star.head<3>();
+  const Vec6 wrench = controller.wrench();
+  row.wrench_force = wrench.head<3>();
+  row.wrench_moment = wrench.tail<3>();
   return row;
 }
 

@@ -209,6 +209,19 @@ bool OperationalSpace::task_inertia(const Mat67& J, const Cholesky<7>& M_factor,
   return exact;
 }
 
+Vec6 OperationalSpace::wrench(const Mat67& J, const Cholesky<7>& M_factor,
+                              const Vec7& tau) const noexcept {
+  Mat67 scaled = J;
+  scaled.bottomRows<3>() *= params_.length_scale;
+  Mat6 Lambda;
+  task_inertia(scaled, M_factor, kNoFreeAxis, Lambda);
+  Vec7 ddq = tau;
+  M_factor.solve(ddq);
+  Vec6 wrench = Lambda * (scaled * ddq);
+  wrench.tail<3>() *= params_.length_scale;
+  return wrench.allFinite() ? wrench : Vec6(Vec6::Constant(kUnset));
+}
+
 void OperationalSpace::evaluate(const ChainTerms& terms, const Mat7& M,
                                 const Cholesky<7>& M_factor, const Vec7& dq,
                                 const Vec6& f_star, const Vec7& posture,

@@ -312,6 +312,11 @@ void ServoCycle::log_row(const StepResult& result, const Target& target) noexcep
   row.cycle.contact_force.setConstant(kUnset);  // no sensor for it
   row.cycle.f_star = target.f_star.head<3>();
   row.cycle.flags = static_cast<double>(pack_flags(result.flags));
+  const bool is_sensed = state_.tau_external.allFinite();
+  const Vec6 wrench =
+      is_sensed ? controller_.wrench(state_.tau_external) : controller_.wrench();
+  row.cycle.wrench_force = wrench.head<3>();
+  row.cycle.wrench_moment = wrench.tail<3>();
   row.tau_measured = state_.tau_measured;
   row.tau_external = state_.tau_external;
   row.sequence = session_.message().header.sequence;

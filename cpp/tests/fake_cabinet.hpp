@@ -15,6 +15,7 @@ class FakeCabinet {
 
   Vec7 q = tool_down_posture();
   Vec7 tau_external = Vec7::Zero();
+  bool sends_external = true;
   fri::SessionState state = fri::SessionState::kMonitoringWait;
   std::uint32_t send_period = 5;
   std::uint32_t multiplier = 1;
@@ -28,7 +29,7 @@ class FakeCabinet {
     m.q_measured = joints(q);
     m.q_commanded = joints(q);
     m.tau_measured = fri::Joints{};
-    m.tau_external = joints(tau_external);
+    if (sends_external) m.tau_external = joints(tau_external);
     m.connection =
         fri::ConnectionInfo{state, fri::Quality::kGood, send_period, multiplier};
     if (state >= fri::SessionState::kCommandingWait) {

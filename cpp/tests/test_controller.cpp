@@ -1,4 +1,5 @@
 #define BOOST_TEST_MODULE controller
+#include <Eigen/Eigenvalues>
 #include <boost/test/included/unit_test.hpp>
 #include <cstdlib>
 #include <functional>
@@ -198,6 +199,9 @@ BOOST_AUTO_TEST_CASE(disturbance_estimate_finds_an_outside_force) {
   Chain(chain).evaluate(plant.q(), plant.dq(), terms);
   const Vec7 expected = terms.J.topRows<3>().transpose() * push;
   BOOST_TEST((controller.disturbance() - expected).norm() < 0.02 * expected.norm());
+  Vec6 wrench = Vec6::Zero();
+  wrench.head<3>() = push;
+  BOOST_TEST((controller.wrench() - wrench).norm() < 0.05 * wrench.norm());
 }
 
 BOOST_AUTO_TEST_CASE(

@@ -3,65 +3,12 @@
 #include <cmath>
 
 #include "dovetail/rigid_plant.hpp"
-#include "dovetail/servo_cycle.hpp"
-#include "fake_cabinet.hpp"
+#include "servo_bench.hpp"
 
 using namespace dovetail;
 using namespace dovetail::testing;
 using fri::SessionState;
 using Action = ServoCycle::Action;
-
-namespace {
-
-constexpr double kPeriod = 0.005;
-
-struct Loop {
-  FakeCabinet cabinet;
-  ChainParams chain = iiwa14_with_tool();
-  ServoParams params;
-  LimitParams limits = limits_for(kPeriod);
-  ServoCycle cycle{params, chain, OscParams{}, limits, kUsualTask};
-  Order order;
-  std::array<std::uint8_t, fri::kMaxDatagram> out{};
-  std::optional<fri::CommandMessage> command;
-
-  Loop() { order.target.quat_wxyz_d = Vec4(0, 1, 0, 0); }
-
-  /// One message and its answer.
-  Action exchange() {
-    const std::uint8_t* bytes = cabinet.message();
-    const Action action = cycle.receive(bytes, cabinet.size());
-    std::size_t size = 0;
-    if (action == Action::kSend) size = cycle.reply(out.data());
-    if (action == Action::kAnswer) size = cycle.answer(order, out.data());
-    command.reset();
-    if (size > 0) command = cabinet.read(out.data(), size);
-    return action;
-  }
-
-  void go_to(SessionState state) {
-    cabinet.state = state;
-    exchange();
-  }
-
-  void activate() {
-    go_to(SessionState::kMonitoringWait);
-    go_to(SessionState::kMonitoringReady);
-    go_to(SessionState::kCommandingWait);
-    go_to(SessionState::kCommandingActive);
-    new_target();
-  }
-
-  void new_target() {
-    ++order.serial;
-    order.motion = cycle.state().motion;
-  }
-
-  void lose(std::uint32_t messages) { cabinet.sequence += messages; }
-  const ServoState& state() const { return cycle.state(); }
-};
-
-}  // namespace
 
 BOOST_FIXTURE_TEST_SUITE(session, Loop)
 
@@ -327,6 +274,32 @@ BOOST_AUTO_TEST_CASE(settings_that_are_no_number_are_refused_by_name) {
   BOOST_TEST(refuse(&ServoParams::commanded_sign, 0.5).find("commanded_sign") != 0U);
   BOOST_TEST(refuse(&ServoParams::external_sign, nan).find("external_sign is nan") !=
              std::string::npos);
+}
+
+BOOST_AUTO_TEST_CASE(the_wrench_is_the_cabinets_where_it_sends_one) {
+  activate();
+  exchange();
+  ChainTerms terms;
+  Chain(chain).evaluate(cabinet.q, Vec7::Zero(), terms);
+  Vec6 wrench;
+  wrench << 7.0, -5.0, 3.0, 0.4, -0.3, 0.2;
+  cabinet.tau_external = terms.J.transpose() * wrench;
+  const auto logged = [&] {
+    new_target();
+    exchange();
+    std::vector<double> row(servo_columns().size());
+    const std::uint64_t last = state().rows;
+    BOOST_REQUIRE(cycle.log().copy(last - 1, last, row.size(), row.data()));
+    return Vec6(Eigen::Map<const Vec6>(row.data() +
+                                       column_at(offsetof(CycleRow, wrench_force))));
+  };
+  BOOST_TEST((logged() - wrench).norm() < 1e-3);  // half a period ahead
+  order.target.f_star[0] = 5.0;  // and the arm stands: something holds it back
+  cabinet.sends_external = false;
+  for (int k = 0; k < 100; ++k) logged();
+  const Vec6 estimated = logged();
+  BOOST_TEST(estimated.allFinite());
+  BOOST_TEST(estimated[0] < -10.0);
 }
 
 BOOST_AUTO_TEST_CASE(an_external_torque_stops_until_cleared) {

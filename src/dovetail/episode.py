@@ -38,7 +38,8 @@ _Handler: TypeAlias = Callable[[int, FrameType | None], Any] | int | None
 _UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward"), "1")
 _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
 _UNITS |= {"obs_theta": "rad"}
-_MAY_BE_NAN = ("fx", "fy", "fz")  # an arm that cannot measure contact forces
+_WRENCH = tuple(name for name in CYCLE_COLUMNS if name.startswith("wrench_"))
+_MAY_BE_NAN = ("fx", "fy", "fz", *_WRENCH)  # what an arm or an old log does not know
 _UNREADABLE = (OSError, EOFError, zipfile.BadZipFile)  # a file,
 _UNREADABLE += (ValueError, KeyError, RecursionError)  # and what is in it
 
@@ -219,6 +220,7 @@ class Episode:
             raise LogError(
                 f"the log {path} has format {found}; this version reads {FORMAT}"
             )
+        data, columns, units = _with_wrench(data, columns, units)
         _check(path, data, columns, units)
         episode = cls(metadata=metadata)
         episode.columns = columns
@@ -251,6 +253,22 @@ class Episode:
 
 def _exit_on_signal(number: int, _: FrameType | None) -> None:
     raise SystemExit(128 + number)
+
+
+def _with_wrench(
+    data: Array, columns: tuple[str, ...], units: tuple[str, ...]
+) -> tuple[Array, tuple[str, ...], tuple[str, ...]]:
+    """Return an old log with the columns of the wrench, which it did not know."""
+    at = len(CYCLE_COLUMNS) - len(_WRENCH)
+    is_old = columns[:at] == CYCLE_COLUMNS[:at] and not {*columns} & {*_WRENCH}
+    if not is_old or data.ndim != 2 or data.shape[1:] != (len(columns),):
+        return data, columns, units
+    unknown = np.full((len(data), len(_WRENCH)), np.nan)
+    return (
+        np.hstack([data[:, :at], unknown, data[:, at:]]),
+        (*columns[:at], *_WRENCH, *columns[at:]),
+        (*units[:at], *map(unit_of, _WRENCH), *units[at:]),
+    )
 
 
 def _check(

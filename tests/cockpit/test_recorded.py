@@ -54,6 +54,18 @@ def test_a_fixture_of_an_evaluation_stands_where_the_try_had_it(write, env):
     )
 
 
+def test_an_unmeasured_force_is_the_estimated_one(write, env, tmp_path):
+    episode = Episode.load(write({}))
+    measured = Recorded.load(tmp_path / "log.npz")
+    assert not measured.is_estimated
+    columns = [episode.columns.index(name) for name in ("fx", "fy", "fz")]
+    episode.data[:, columns] = np.nan
+    estimated = Recorded.load(episode.save(tmp_path / "estimated.npz"))
+    assert estimated.is_estimated
+    np.testing.assert_array_equal(estimated.force[:, 2], episode["wrench_fz"])
+    assert np.isfinite(estimated.curves[:, COLUMNS.index("force")]).all()
+
+
 def test_two_logs_are_as_far_apart_as_they_were(write):
     one = Recorded.load(write({}, name="one.npz"))
     two = Recorded.load(write({}, action=0.5, name="two.npz"))

@@ -46,6 +46,7 @@ class FakeArm:
             tool_down(yaw),
             np.array([*velocity, 0.0, 0.0, 0.0], dtype=float),
             np.asarray(extra.get("force", (0.0, 0.0, 0.0)), dtype=float),
+            np.asarray(extra.get("wrench", np.zeros(6)), dtype=float),
             0,
             extra.get("log", log),
         )

@@ -22,7 +22,7 @@ CYCLES = 10
 
 def known(log):
     """The state of an arm of which nobody asks but its log."""
-    return ArmState(*[np.zeros(3)] * 8, log=log)
+    return ArmState(*[np.zeros(3)] * 9, log=log)
 
 
 class FallingEnv(ContactEnv):

@@ -14,6 +14,7 @@ from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from plants.conftest import HOLE, start_above
 
 FORCE = slice(COLUMN["fx"], COLUMN["fz"] + 1)
+WRENCH = slice(COLUMN["wrench_fx"], COLUMN["wrench_mz"] + 1)
 
 
 @pytest.fixture(scope="module")
@@ -32,13 +33,14 @@ def test_summary_is_the_tool_the_largest_force_and_all_flags(robot, rng, rows):
     chain = robot.chain()
     q, dq = rng.uniform(-1.0, 1.0, (2, 7))
     log = random_log(rng, rows)
-    position, quat, twist, force, flags = _core.summarize(chain, q, dq, log)
+    position, quat, twist, force, wrench, flags = _core.summarize(chain, q, dq, log)
     pose = robot.tool_pose(q)
     np.testing.assert_array_equal(position, pose.position)
     np.testing.assert_allclose(quat, pose.quat_wxyz, atol=1e-14)
     np.testing.assert_allclose(twist, chain.jacobian(q) @ dq, atol=1e-14)
     expected = max(log[:, FORCE], key=np.linalg.norm, default=np.zeros(3))
     np.testing.assert_array_equal(force, expected)
+    np.testing.assert_array_equal(wrench, log[-1, WRENCH] if rows else np.zeros(6))
     assert flags == np.bitwise_or.reduce(log[:, COLUMN["flags"]].astype(np.int64))
 
 

@@ -12,6 +12,7 @@ OLD_COLUMNS = (
     *("x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz", "wx", "wy", "wz"),
     *("fx", "fy", "fz", "fsx", "fsy", "fsz", "flags"),
 )
+WRENCH = [f"wrench_{part}{axis}" for part in "fm" for axis in "xyz"]
 OLD_BITS = {
     **{"joint_position": 0, "joint_velocity": 7, "joint_acceleration": 14},
     **{"torque": 21, "wall_position": 28, "wall_velocity": 31},
@@ -22,12 +23,13 @@ OLD_BITS = {
 
 
 def test_columns_are_those_of_every_log_so_far():
-    assert CYCLE_COLUMNS == OLD_COLUMNS
+    assert (*OLD_COLUMNS, *WRENCH) == CYCLE_COLUMNS
     more = [f"tau_{kind}{i}" for kind in ("measured", "external") for i in JOINTS]
     more += ["sequence", "motion", "elapsed", "reason"]
-    assert _core.servo_columns() == [*OLD_COLUMNS, *more]
+    assert _core.servo_columns() == [*CYCLE_COLUMNS, *more]
     assert CYCLE_UNITS["dq7"] == "rad/s"
     assert CYCLE_UNITS["fsx"] == "m/s2"
+    assert (CYCLE_UNITS["wrench_fx"], CYCLE_UNITS["wrench_mz"]) == ("N", "Nm")
 
 
 def test_flags_have_the_bits_of_every_log_so_far_and_share_none():
@@ -40,6 +42,8 @@ def test_a_row_has_each_number_in_its_column(rng):
     parts = {"q": 7, "dq": 7, "tau": 7, "position": 3, "quat_wxyz": 4, "twist": 6}
     parts |= {"contact_force": 3, "f_star": 3}
     vectors = {name: rng.normal(size=size) for name, size in parts.items()}
-    row = _core.cycle_row(time=0.25, flags=_core.Flags(), **vectors)
-    np.testing.assert_array_equal(row, [0.25, *np.concatenate([*vectors.values()]), 0])
+    wrench = rng.normal(size=6)
+    row = _core.cycle_row(time=0.25, flags=_core.Flags(), wrench=wrench, **vectors)
+    numbers = [0.25, *np.concatenate([*vectors.values()]), 0, *wrench]
+    np.testing.assert_array_equal(row, numbers)
     assert row[COLUMN["fx"]] == vectors["contact_force"][0]

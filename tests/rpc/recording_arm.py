@@ -59,7 +59,7 @@ class RecordingArm:
         quat = np.array([0.0, 1.0, 0.0, 0.0])
         return ArmState(
             *(self._stamp, np.zeros(7), np.zeros(7), np.zeros(3), quat, np.zeros(6)),
-            *(none, 0, log),
+            *(none, np.zeros(6), 0, log),
         )
 
 

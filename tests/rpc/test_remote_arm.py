@@ -268,7 +268,7 @@ def test_a_service_of_another_version_is_refused(server, connect, monkeypatch):
 
 def test_a_learner_of_another_version_is_refused(server, connect, monkeypatch):
     monkeypatch.setattr("dovetail.rpc.client.require_version", refuse_as_client)
-    with pytest.raises(ConfigError, match=r"service speaks protocol 3 .*speaks 7"):
+    with pytest.raises(ConfigError, match=r"service speaks protocol 4 .*speaks 7"):
         connect(server)
 
 

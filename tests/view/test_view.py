@@ -129,7 +129,7 @@ def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
             return np.full((48, 64, 3), 200, dtype=np.uint8)
 
     film, still, count = Film(), Still(), 100
-    state = ArmState(*[np.zeros(3)] * 8, log=np.zeros(0))
+    state = ArmState(*[np.zeros(3)] * 9, log=np.zeros(0))
     for _ in range(count):
         film.add(state, HOLE)
     with Image.open(film.write(tmp_path / "still.gif", still)) as written:

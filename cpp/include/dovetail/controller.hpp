@@ -72,6 +72,16 @@ class Controller {
   const StateCheck& state() const noexcept { return check_; }
   /// Estimated external torque r [Nm] (docs/control.md, Disturbance estimate).
   const Vec7& disturbance() const noexcept { return disturbance_; }
+  /// What the disturbance estimate amounts to as a wrench on the tool at the TCP, world
+  /// axes [N, Nm] (docs/control.md, Disturbance estimate); kUnset where it is off.
+  Vec6 wrench() const noexcept {
+    const bool is_off = limits_.estimate_rate == 0.0;
+    return is_off ? Vec6(Vec6::Constant(kUnset)) : wrench(disturbance_);
+  }
+  /// The same of torques that act on the joints [Nm], at the last step's state.
+  Vec6 wrench(const Vec7& tau) const noexcept {
+    return osc_.wrench(terms_.J, factor_, tau);
+  }
   const OscTerms& osc_terms() const noexcept { return task_terms_; }
   const CycleBounds& bounds() const noexcept { return bounds_; }
   const Mat7& inertia() const noexcept { return terms_.M; }

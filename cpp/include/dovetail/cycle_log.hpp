@@ -16,6 +16,7 @@ struct StepSummary {
   Vec4 quat_wxyz;      ///< TCP rotation, w >= 0
   Vec6 twist;          ///< TCP velocity, linear then angular [m/s, rad/s]
   Vec3 force;          ///< largest contact force of any row [N]; zero without rows
+  Vec6 wrench;         ///< estimated, of the last row [N, Nm]; zero without rows
   std::int64_t flags;  ///< packed flags of all rows, or-ed
 };
 

@@ -31,6 +31,9 @@ struct CycleRow {
                                 ///< nothing measures it
   Numbers<3> f_star;            ///< of the Target [m/s2]
   double flags;                 ///< pack_flags
+  Numbers<3> wrench_force;      ///< estimated, of the world on the tool at the TCP [N]
+  Numbers<3> wrench_moment;  ///< and its moment about the TCP [Nm]; both kUnset where
+                             ///< nothing estimates them
 };
 
 /// What a servo loop logs of a cycle.
@@ -68,6 +71,9 @@ constexpr std::array kCycleGroups{
     ColumnGroup{offsetof(CycleRow, contact_force), "fx fy fz", "N"},
     ColumnGroup{offsetof(CycleRow, f_star), "fsx fsy fsz", "m/s2"},
     ColumnGroup{offsetof(CycleRow, flags), "flags", "1"},
+    ColumnGroup{offsetof(CycleRow, wrench_force), "wrench_fx wrench_fy wrench_fz", "N"},
+    ColumnGroup{offsetof(CycleRow, wrench_moment), "wrench_mx wrench_my wrench_mz",
+                "Nm"},
 };
 
 /// Beyond those of `cycle`.

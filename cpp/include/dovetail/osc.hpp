@@ -63,6 +63,12 @@ class OperationalSpace {
                 const Vec7& dq, const Vec6& f_star, const Vec7& posture,
                 OscTerms& out) const noexcept;
 
+  /// The wrench on the tool at the TCP [N, Nm], world axes, that gives these joint
+  /// torques [Nm]: Lambda J M^-1 tau, without directions in which the arm can hardly
+  /// move; kUnset where they are no numbers.
+  [[nodiscard]] Vec6 wrench(const Mat67& J, const Cholesky<7>& M_factor,
+                            const Vec7& tau) const noexcept;
+
   /// Stiffness times the way back to q_d, which is shortened [rad/s2].
   [[nodiscard]] Vec7 posture_acceleration(const Vec7& q,
                                           const Vec7& q_d) const noexcept;

@@ -32,6 +32,10 @@ class ArmState(NamedTuple):
     contact_force: Vec3
     """Largest contact force on the tool during the step [N], world axes, shape (3,);
     not-a-number where the arm cannot measure it."""
+    wrench: Vec6
+    """Estimated wrench of the world on the tool at the TCP [N, Nm], world axes, force
+    then moment, as the step's last cycle knew it; zero before the first. What it holds
+    beside contact: docs/control.md, Wrench on the tool."""
     flags: int
     """What limited any cycle of the step: the cycles' packed flags, or-ed."""
     log: Array

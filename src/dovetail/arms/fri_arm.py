@@ -365,7 +365,7 @@ class FriArm:
         q, dq, log = state.q, state.dq, self._rows(state.rows)
         self._left = q
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
-        return ArmState(stamp, q, dq, *seen[:3], np.full(3, np.nan), seen[4], log)
+        return ArmState(stamp, q, dq, *seen[:3], np.full(3, np.nan), *seen[4:], log)
 
     def _rows(self, end: int) -> Array:
         begin = max(self._row, self._servo.oldest_row())

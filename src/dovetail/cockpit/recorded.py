@@ -44,7 +44,10 @@ class Recorded:
     position: Array
     """TCP [m], world axes, shape (cycles, 3)."""
     force: Array
-    """Contact force [N], world axes, shape (cycles, 3); not-a-number where unknown."""
+    """Contact force [N], world axes, shape (cycles, 3): the estimated one where it was
+    not measured, not-a-number where neither was known."""
+    is_estimated: bool
+    """Whether no cycle has a measured force."""
     curves: Array
     """`COLUMNS` of some cycles, shape (points, columns)."""
     fixtures: tuple[tuple[float, Pose], ...]
@@ -87,7 +90,8 @@ class Recorded:
             time=time,
             q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
             position=position,
-            force=_stack(columns, "fx", "fy", "fz"),
+            force=_force(columns),
+            is_estimated=bool(np.isnan(columns["fx"]).all()),
             curves=_curves(columns, time),
             fixtures=_fixtures(path, episode.metadata, float(stamp[0]), first),
         )
@@ -137,10 +141,16 @@ def _stack(columns: Mapping[str, Array], *names: str) -> Array:
     return np.column_stack([columns[name] for name in names])
 
 
+def _force(columns: Mapping[str, Array]) -> Array:
+    measured = _stack(columns, "fx", "fy", "fz")
+    estimated = _stack(columns, "wrench_fx", "wrench_fy", "wrench_fz")
+    return np.where(np.isnan(measured), estimated, measured)
+
+
 def _curves(columns: Mapping[str, Array], time: Array) -> Array:
     chosen = np.unique(np.linspace(0, len(time) - 1, _POINTS).astype(int))
     torque = np.abs(_stack(columns, *(f"tau{i}" for i in range(1, 8)))).max(axis=1)
-    force = np.linalg.norm(_stack(columns, "fx", "fy", "fz"), axis=1)
+    force = np.linalg.norm(_force(columns), axis=1)
     speed = np.linalg.norm(_stack(columns, "vx", "vy", "vz"), axis=1)
     rows = (time, force, torque, speed, columns["reward"], np.zeros(len(time)))
     return np.column_stack(rows)[chosen]

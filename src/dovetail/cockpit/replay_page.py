@@ -149,6 +149,7 @@ class ReplayPage:
             scene.trace(log.path(now))
             size = float(np.linalg.norm(force))
             told = "no force known" if np.isnan(size) else f"{size:.1f} N"
+            told += " (estimated)" if log.is_estimated and not np.isnan(size) else ""
             words.append(f"<div><b>{html.escape(log.name)}</b> {told}</div>")
         self._words.content = f"<div style='padding:0 .8em'>{''.join(words)}</div>"
         if self._is_playing or abs(self._line.value - now) > 0.006:

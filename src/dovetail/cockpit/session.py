@@ -21,7 +21,7 @@ from dovetail.cockpit.hand import Hand
 from dovetail.cockpit.pace import Pace
 from dovetail.cockpit.paced_arm import PacedArm
 from dovetail.cockpit.shutter import Shutter
-from dovetail.cockpit.snapshot import Moment, Status, used_limits
+from dovetail.cockpit.snapshot import Moment, Status, known_force, used_limits
 from dovetail.cockpit.trace import Trace
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.unwrapped import require_contact_env
@@ -272,7 +272,7 @@ class Session:
             position=state.position,
             fixture=fixture,
             seen=core.tracker.estimate().pose,
-            force=state.contact_force,
+            force=known_force(state),
             pull=self.hand.force if self.hand.pull_to is not None else np.zeros(3),
             used=used_limits(state, core.arm.facts),
             reward=self._reward,

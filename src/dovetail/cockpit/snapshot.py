@@ -29,7 +29,8 @@ class Moment:
     seen: Pose
     """Where it is believed."""
     force: Vec3
-    """Contact force on the tool [N], world axes; not-a-number where unknown."""
+    """Contact force on the tool [N], world axes: the estimated one where the arm
+    measures none; not-a-number where neither is known."""
     pull: Vec3
     """Force of the hand's spring [N], world axes."""
     used: tuple[float, ...]
@@ -54,6 +55,12 @@ class Status:
     """Simulated over wall time, over the speed asked for [1]."""
     success: bool = False
     """Whether the task was done in this episode."""
+
+
+def known_force(state: ArmState) -> Vec3:
+    """Return the contact force on the tool [N], measured or else estimated."""
+    is_measured = np.isfinite(state.contact_force).all()
+    return state.contact_force if is_measured else state.wrench[:3]
 
 
 def used_limits(state: ArmState, facts: ArmFacts) -> tuple[float, ...]:

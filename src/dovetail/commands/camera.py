@@ -261,7 +261,7 @@ def _standing(q: np.ndarray, stamp: float) -> ArmState:
     still, zero = np.zeros(6), np.zeros(3)
     quat = np.array([1.0, 0.0, 0.0, 0.0])
     log = np.zeros((0, len(CYCLE_COLUMNS)))
-    return ArmState(stamp, q, np.zeros(7), zero, quat, still, zero, 0, log)
+    return ArmState(stamp, q, np.zeros(7), zero, quat, still, zero, still, 0, log)
 
 
 def _print_hand_eye(console: Console, found: "HandEye", count: int) -> None:

@@ -23,7 +23,9 @@ THETA_SCALE = 0.02
 VELOCITY_SCALE = 0.02
 """The same for the velocity [m/s]."""
 FORCE_SCALE = 1.0
-"""The same for the contact force [N]."""
+"""The same for forces [N]."""
+MOMENT_SCALE = 0.1
+"""The same for moments [Nm]."""
 
 
 class Column(NamedTuple):
@@ -40,8 +42,9 @@ class Group(NamedTuple):
     """Columns that belong together."""
 
     columns: tuple[Column, ...]
-    scale: float
-    """Symmetric log: below this the scaling is nearly linear; 0: by joint limits."""
+    scale: float | tuple[float, ...]
+    """Symmetric log: below this the scaling is nearly linear; 0: by joint limits. One
+    for all columns, or one for each."""
     high: float
     """Bound of the scaled numbers; further values are clipped."""
     read: Callable[[ArmState, Goal], Any]
@@ -53,6 +56,7 @@ def _columns(names: str, unit: str, frame: str) -> tuple[Column, ...]:
 
 
 _GOAL = "tool minus goal, world axes"
+_ON_TOOL = "on the tool at the TCP, world axes; estimated"
 GROUPS: Mapping[str, Group] = {
     "joints": Group(
         _columns("q1 q2 q3 q4 q5 q6 q7", "rad", "joints"),
@@ -95,6 +99,15 @@ GROUPS: Mapping[str, Group] = {
         FORCE_SCALE,
         7.0,  # 1.1 kN
         lambda state, goal: state.contact_force,
+    ),
+    "wrench": Group(
+        (
+            *_columns("wrench_fx wrench_fy wrench_fz", "N", _ON_TOOL),
+            *_columns("wrench_mx wrench_my wrench_mz", "Nm", _ON_TOOL),
+        ),
+        (FORCE_SCALE,) * 3 + (MOMENT_SCALE,) * 3,
+        7.0,  # 1.1 kN, 110 Nm
+        lambda state, goal: state.wrench,
     ),
 }
 """Every group that a task may show."""

@@ -55,8 +55,14 @@ def require_columns(arm: Arm, columns: Sequence[str]) -> None:
     """Refuse columns of the observation that the arm does not measure.
 
     Raises:
-        ConfigError: The force of contact, on an arm that has none.
+        ConfigError: The force of contact, on an arm that has none, or the wrench, where
+            its estimate is off.
     """
+    if "wrench" in columns and arm.facts.limits.estimate_rate == 0.0:
+        raise ConfigError(
+            "the task's column 'wrench' is what the disturbance estimate says, and the "
+            "limits' estimate_rate is 0 1/s, which is off: give it above 0, as 60"
+        )
     if "force" in columns and not arm.facts.measures_contact:
         raise ConfigError(
             "the task's column 'force' is the force of contact, which this arm does "

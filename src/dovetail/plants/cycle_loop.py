@@ -7,7 +7,7 @@ import numpy as np
 from dovetail import _core
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import quat_from_matrix
-from dovetail.types import Array, Vec3, Vec7
+from dovetail.types import Array, Vec3, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
@@ -36,6 +36,11 @@ class Stepper(Protocol):
 
     def step(self, q: Vec7, dq: Vec7, target: _core.Target, /) -> _core.StepResult:
         """Return the torque at a measured state [rad, rad/s] towards a Target."""
+        ...
+
+    @property
+    def wrench(self) -> Vec6:
+        """Estimated wrench on the tool at the TCP [N, Nm], world axes."""
         ...
 
 
@@ -79,6 +84,7 @@ def run_cycles(
             contact_force=plant.contact_force_peak(),
             f_star=target.f_star[:3],
             flags=result.flags,
+            wrench=controller.wrench,
         )
         q, dq = plant.read()
     return log, q, dq

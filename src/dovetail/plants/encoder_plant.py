@@ -9,7 +9,7 @@ from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.plant import Plant
 from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.poses import Pose
-from dovetail.types import Array, Vec7
+from dovetail.types import Array, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -26,6 +26,10 @@ class _Watched:
         result = self._controller.step(q, dq, target)
         self.a = result.a
         return result
+
+    @property
+    def wrench(self) -> Vec6:
+        return self._controller.wrench
 
 
 class EncoderPlant(WrappedPlant[Plant]):

@@ -215,7 +215,7 @@ class StepRequest(_message.Message):
     def __init__(self, lease: _Optional[str] = ..., counter: _Optional[int] = ..., target: _Optional[_Union[Target, _Mapping]] = ..., duration: _Optional[float] = ...) -> None: ...
 
 class ArmState(_message.Message):
-    __slots__ = ("stamp", "q", "dq", "position", "quat_wxyz", "velocity", "contact_force", "flags", "log")
+    __slots__ = ("stamp", "q", "dq", "position", "quat_wxyz", "velocity", "contact_force", "flags", "log", "wrench")
     STAMP_FIELD_NUMBER: _ClassVar[int]
     Q_FIELD_NUMBER: _ClassVar[int]
     DQ_FIELD_NUMBER: _ClassVar[int]
@@ -225,6 +225,7 @@ class ArmState(_message.Message):
     CONTACT_FORCE_FIELD_NUMBER: _ClassVar[int]
     FLAGS_FIELD_NUMBER: _ClassVar[int]
     LOG_FIELD_NUMBER: _ClassVar[int]
+    WRENCH_FIELD_NUMBER: _ClassVar[int]
     stamp: float
     q: _containers.RepeatedScalarFieldContainer[float]
     dq: _containers.RepeatedScalarFieldContainer[float]
@@ -234,7 +235,8 @@ class ArmState(_message.Message):
     contact_force: _containers.RepeatedScalarFieldContainer[float]
     flags: int
     log: bytes
-    def __init__(self, stamp: _Optional[float] = ..., q: _Optional[_Iterable[float]] = ..., dq: _Optional[_Iterable[float]] = ..., position: _Optional[_Iterable[float]] = ..., quat_wxyz: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., contact_force: _Optional[_Iterable[float]] = ..., flags: _Optional[int] = ..., log: _Optional[bytes] = ...) -> None: ...
+    wrench: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, stamp: _Optional[float] = ..., q: _Optional[_Iterable[float]] = ..., dq: _Optional[_Iterable[float]] = ..., position: _Optional[_Iterable[float]] = ..., quat_wxyz: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., contact_force: _Optional[_Iterable[float]] = ..., flags: _Optional[int] = ..., log: _Optional[bytes] = ..., wrench: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Report(_message.Message):
     __slots__ = ("counter", "state", "problem", "holder", "stopped")

@@ -191,6 +191,7 @@ def write_state(state: ArmState, message: pb.ArmState) -> None:
     message.quat_wxyz.extend(state.quat_wxyz.tolist())
     message.velocity.extend(state.velocity.tolist())
     message.contact_force.extend(state.contact_force.tolist())
+    message.wrench.extend(state.wrench.tolist())
     message.flags = state.flags
     message.log = rows_to_bytes(state.log)
 
@@ -206,6 +207,7 @@ def read_state(message: pb.ArmState) -> ArmState:
         np.array(message.quat_wxyz[:]),
         np.array(message.velocity[:]),
         np.array(message.contact_force[:]),
+        np.array(message.wrench[:]),
         message.flags,
         rows_from_bytes(message.log),
     )
