@@ -1,11 +1,12 @@
 """Narrow holes in MuJoCo: walls that hold, and pegs that go in."""
 
+import mujoco
 import numpy as np
 import pytest
 
 from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
-from dovetail.poses import rotation_error
+from dovetail.poses import Pose, quat_about_z, rotation_error
 from dovetail.tasks.peg_in_hole.geometry import PEG_SHAPES
 from plants.conftest import HOLE, TOOL_DOWN, start_above
 
@@ -59,3 +60,26 @@ def test_peg_beside_the_hole_stays_outside(peg):
     plant.reset(start_above(plant.robot, x=0.603, z=0.102), HOLE)
     offset = hold_and_push(plant, np.array([0.0, 0.0, -30.0]), 0.5, 0.005)
     assert offset[2] > -0.003  # it may tilt into the mouth, no further
+
+
+@pytest.mark.parametrize(
+    "q",
+    [
+        "-.013018190238119863 .8148020342181752 .1286822056932067 "
+        "-1.4962223170006386 -.11742544613845785 .8363924871545163 .04792525407900662",
+        "-.012988047226513198 .8148605870926208 .1286515263289391 "
+        "-1.496060960228245 -.11728021301249318 .836487982249839 .04804871189574627",
+        "-.012874116246565545 .8147314011999303 .12854863722190416 "
+        "-1.4961995279451141 -.11711536055003655 .8363009694513951 .04799201094764076",
+    ],
+)
+def test_a_round_peg_that_touches_is_not_told_to_be_deep_in_the_wall(q):
+    """MuJoCo's native collisions say 34.6 mm here: the arm was thrown."""
+    plant = MujocoPlant(find_cell(peg="round"))
+    q = np.array([float(angle) for angle in q.split()])
+    plant.reset(q, Pose(np.array([0.6, 0.045, 0.1]), quat_about_z(0.1)))
+    mujoco.mj_fwdPosition(plant.model, plant.data)
+    assert -1e-3 < min(plant.data.contact.dist) < 0.0
+    plant.model.opt.disableflags ^= int(mujoco.mjtDisableBit.mjDSBL_NATIVECCD)
+    mujoco.mj_fwdPosition(plant.model, plant.data)
+    assert min(plant.data.contact.dist) < -0.03  # else this test has lost its meaning
