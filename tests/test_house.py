@@ -31,7 +31,8 @@ LAYERS = (
     {"search"},
     {"learn", "evaluate"},
     {"cockpit", "reproduce"},
-    {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"},
+    {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"}
+    | {"camera_checks", "camera_doctor"},
     {"cli", "__main__"},
 )
 """Modules and folders of the package; each imports from its own layer or from above."""

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from arms.loopback import lockstep_address
+from arms.loopback import free_port, lockstep_address, make_cabinet
+from dovetail.cabinet.quality import QualityRule
 from dovetail.envs.registered import find_cell
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
+from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z
 from extras import need
 
@@ -59,6 +61,41 @@ def test_pushes_and_a_moving_hole_are_the_same_over_fri(policy_file, tmp_path):
     assert pushed > 1e-3
     between = np.abs(over_fri.path[:count] - here.path[:count]).max()
     assert between < pushed / 3.0
+
+
+@pytest.mark.parametrize(
+    ("policy", "search"), [("peg_square", "corner"), ("search_square", "none")]
+)
+def test_a_hidden_hole_is_found_over_a_link_that_loses(policy, search, tmp_path):
+    plant = TwinPlant(load_twin("medium"), find_cell(clearance=0.0005))
+    plant.reset(Q_START, HOLE)
+    # Twice 5 % of 100 answers are missing now and then in more than 20.
+    rule = QualityRule(good_from=0.5)
+    port = free_port()
+    asked = {"patience": 1.0, "quality": rule}
+    cabinet = make_cabinet(plant, port, 0.005, clock="lockstep", **asked)
+    with cabinet:
+        cabinet.request({"do": "fault", "text": "loss=0.05"})
+        found = evaluate(
+            EvaluationConfig(
+                policy=policy,
+                search=search,
+                arm=f"fri://127.0.0.1:{port}?clock=lockstep"
+                f"&control={cabinet.control_address}",
+                fixture=(0.6, 0.0, 0.1, 0.0),
+                cover=20.0,
+                tries=1,
+                accept_contact=True,
+                out=tmp_path / "out",
+            ),
+            Console(file=StringIO()),
+        )
+        counts = cabinet.status()["counts"]
+    plant.close()
+    assert found.rows[-1].successes == 1
+    assert found.rows[-1].violations == 0
+    assert counts["active_missed"] > 50
+    assert counts.get("stops", 0) <= 1  # the client's leave
 
 
 @pytest.mark.parametrize("reset", ["place", "move"])

@@ -179,7 +179,10 @@ def test_a_try_that_the_arm_ends_is_a_failure_and_the_next_one_begins(tmp_path, 
     assert len(list(tmp_path.glob("*.npz"))) == 2
 
 
-def test_a_tool_that_cannot_be_tared_fails_its_try_and_the_next_one_begins(tmp_path):
+@pytest.mark.parametrize("reason", ["tare", "motion_ended"])
+def test_what_ends_before_it_begins_is_a_missed_try_and_the_next_one_begins(
+    tmp_path, reason
+):
     class Swinging(FallingEnv):
         violations = SimpleNamespace(count=len)  # every cycle
 
@@ -187,11 +190,11 @@ def test_a_tool_that_cannot_be_tared_fails_its_try_and_the_next_one_begins(tmp_p
             self.resets = getattr(self, "resets", 0) + 1
             if self.resets == 1:
                 state = known(np.zeros((7, len(CYCLE_COLUMNS))))
-                raise ArmError("the rounds disagree", "tare", state)
+                raise ArmError("the rounds disagree", reason, state)
             return super().reset(**options)
 
     first, second = run(plan_trials(1, 2, 0), Swinging, logs=tmp_path)
-    assert (first.stopped, first.success, first.steps) == ("tare", False, 0)
+    assert (first.stopped, first.success, first.steps) == (reason, False, 0)
     assert first.violations == 7  # no limit is exceeded unseen
     assert second.success
 

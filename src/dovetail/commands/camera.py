@@ -11,11 +11,10 @@ import tyro
 from rich.console import Console
 from rich.progress import track
 
-from dovetail.arms.arm import ArmState
+from dovetail.camera_checks import standing
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.files import claim_output_folder, require_new, write_atomic
-from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 
@@ -232,7 +231,7 @@ class CameraWatch:
         try:
             while number < self.count or not self.count:
                 number += 1
-                frame = source.look(FIXTURE, _standing(q, number / camera.rate))
+                frame = source.look(FIXTURE, standing(q, number / camera.rate))
                 if frame is None:
                     continue
                 sight = detector.find(frame.picture)
@@ -254,14 +253,6 @@ class CameraWatch:
         finally:
             source.close()
         return int(not seen_once)
-
-
-def _standing(q: np.ndarray, stamp: float) -> ArmState:
-    """Return what an arm measures that stands at q [rad]."""
-    still, zero = np.zeros(6), np.zeros(3)
-    quat = np.array([1.0, 0.0, 0.0, 0.0])
-    log = np.zeros((0, len(CYCLE_COLUMNS)))
-    return ArmState(stamp, q, np.zeros(7), zero, quat, still, zero, still, 0, log)
 
 
 def _print_hand_eye(console: Console, found: "HandEye", count: int) -> None:

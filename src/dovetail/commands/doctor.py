@@ -26,6 +26,9 @@ class Doctor:
     arm: str | None = None
     """Arm to check in place of the installation: fri://HOST:PORT?KEY=VALUE&..., or a
     simulated one, as mujoco or twin:medium."""
+    tracker: str | None = None
+    """Camera file to check: pictures, exposure, rate, and its delay by moving the arm a
+    little; a simulated camera needs no --arm."""
     yes: bool = False
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
     robot: str = DEFAULT_ROBOT
@@ -40,7 +43,10 @@ class Doctor:
 
     def run(self, console: Console) -> int:
         """Print every check; return 1 if something essential is broken."""
-        checks = run_checks() if self.arm is None else self._check_arm(self.arm)
+        if self.tracker is not None:
+            checks = self._check_camera(self.tracker)
+        else:
+            checks = run_checks() if self.arm is None else self._check_arm(self.arm)
         is_broken = False
         for check in checks:
             colour = _COLOURS[check.status]
@@ -73,6 +79,18 @@ class Doctor:
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
         return run_local_checks(plant, period, declared)
+
+    def _check_camera(self, file: str) -> Iterator[Check]:
+        from dovetail.camera_doctor import run_camera_checks
+        from dovetail.perceive.camera import load_camera
+
+        return run_camera_checks(
+            load_camera(file),
+            None if self.arm is None else parse_address(self.arm),
+            find_cell(robot=self.robot),
+            None if self.yes else _ask,
+            require_period(self.period, "--period"),
+        )
 
     def _declared(self) -> dict[str, float]:
         declared = DECLARED | {

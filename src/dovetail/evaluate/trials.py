@@ -33,6 +33,9 @@ TRIES_MAX = 100_000
 """Most tries at one pose: a day's work; all are planned before the first one."""
 SEED_MAX = 2**63 - 1
 """Largest seed that the simulations' noise takes."""
+_BEFORE = ("tare", "motion_ended")
+"""Why a try may end before it begins, and the next one be tried: the tool did not
+follow the tare's lead, or the cabinet ended the motion meanwhile."""
 CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
 
@@ -106,12 +109,13 @@ class Trialist:
                 seed=job.seed, options={"fixture": fixture}
             )
         except ArmError as error:
-            if error.reason != "tare" or not isinstance(error.state, ArmState):
+            if error.reason not in _BEFORE:
                 raise
-            violations = self._core.violations.count(error.state.log)
+            violations = 0
+            if isinstance(error.state, ArmState):
+                violations = self._core.violations.count(error.state.log)
             nothing = {"success": False, "depth": math.nan}
             outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
-            # It ended before it began: the tool did not follow its lead.
             return replace(outcome, stopped=error.reason)
         self._policy.reset()
         perturbation = info.get("perturbation", {})

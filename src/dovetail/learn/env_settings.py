@@ -45,7 +45,7 @@ class EnvSettings:
     stack: int = USUAL.observation.stack
     """Past (observation, action) pairs in the observation."""
     also: tuple[str, ...] = USUAL.observation.also
-    """Columns that the policy sees beside the task's: tilt, spin, wrench or force."""
+    """Columns the policy sees beside the task's: tilt, spin, wrench or force."""
     recall: tuple[int, ...] = USUAL.observation.recall
     """Steps ago of which the policy sees where the tool was. And the last action."""
     period: Period = DEFAULT_PERIOD

@@ -29,6 +29,8 @@ _SHARE = 0.6
 _OFF = 0.6
 """How far such a point may be from it [pixels]."""
 _ROUNDS = 2
+_WIDEST = 4.0
+"""Half of what is looked at to tell an edge's width [pixels]."""
 
 
 class Edges(NamedTuple):
@@ -148,3 +150,29 @@ def _fit_line(s: Array, t: Array, use: Array) -> tuple[Array, Array]:
     slope = (use * (s - s0) * (t - t0)).sum(axis=2, keepdims=True)
     slope = slope / np.maximum(spread, 1e-9)
     return t0 - slope * s0, slope
+
+
+def edge_width(picture: NDArray[np.uint8], corners: Array) -> float:
+    """Return over how many pixels the edges of markers fall: standard deviation.
+
+    A pixel alone gives about half a pixel.
+
+    Args:
+        picture: Grey values, shape (height, width).
+        corners: Where they are, as in `find_edges`.
+    """
+    begin, end = corners, np.roll(corners, -1, axis=1)
+    along = end - begin
+    along = along / np.linalg.norm(along, axis=2, keepdims=True)
+    out = np.stack([along[..., 1], -along[..., 0]], axis=2)
+    share = np.linspace(0.3, 0.7, _POINTS)[:, None]
+    middle = begin[:, :, None] + share * (end - begin)[:, :, None]
+    reach = _WIDEST * out[:, :, None, None] * _TAPS[:, None]
+    grey = _sample(picture, (middle[:, :, :, None] + reach).astype(np.float32))
+    slope = np.maximum(np.diff(grey.mean(axis=2), axis=2), 0.0)  # noise averages out
+    weight = slope**2
+    taps = _WIDEST * (_TAPS[1:] + _TAPS[:-1]) / 2.0
+    total = np.maximum(weight.sum(axis=2), 1e-9)
+    mean = (weight @ taps) / total
+    spread = (weight * (taps - mean[..., None]) ** 2).sum(axis=2) / total
+    return float(np.median(np.sqrt(2.0 * spread)))  # a squared bell is narrower

@@ -69,13 +69,26 @@ def shoot(
     try:
         for number in range(count):
             q = _reachable(camera, cell, rng)
-            if camera.mount == "flange":
-                board = FIXTURE
-            else:
-                board = compose(cell.robot.tool_pose(q), _IN_FLANGE)
+            board = board_of(camera, cell, q)
             yield Shot(source.still(q, FIXTURE, board, seed + number), q)
     finally:
         source.close()
+
+
+def viewpoint(camera: Camera, cell: Workcell, seed: int = 0) -> Vec7:
+    """Return a configuration [rad] in which the camera sees the board.
+
+    Raises:
+        ConfigError: The arm reaches none.
+    """
+    return _reachable(camera, cell, np.random.default_rng(seed))
+
+
+def board_of(camera: Camera, cell: Workcell, q: Vec7) -> Pose:
+    """Return where the board is: on the fixture, or in the tool, the arm at q [rad]."""
+    if camera.mount == "flange":
+        return FIXTURE
+    return compose(cell.robot.tool_pose(q), _IN_FLANGE)
 
 
 def _reachable(camera: Camera, cell: Workcell, rng: np.random.Generator) -> Vec7:

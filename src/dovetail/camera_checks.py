@@ -1,0 +1,236 @@
+"""Checks of a camera: does it see, how well, how often, and how late."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dovetail import _core
+from dovetail.arms.arm import Arm, ArmState
+from dovetail.doctor import Check
+from dovetail.errors import TrackerError
+from dovetail.perceive.camera import Camera
+from dovetail.perceive.detect import Blind, Detector, Sight
+from dovetail.perceive.edges import edge_width
+from dovetail.perceive.felt_delay import LONGEST, fit_delay
+from dovetail.perceive.sources import Frame, ImageSource
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.poses import Pose
+from dovetail.types import Array, Vec7
+
+TASK = "XYZABC:pose"
+"""Axes of an arm that is moved for a camera."""
+RATE_OFF = 0.1
+"""How far the rate may be from what the file says [1]."""
+WHITE = 60.0
+"""Darkest that white paper may be [grey values]."""
+SATURATED = 0.2
+"""Share of the board that may be cut off at 255 [1]; half of it is paper."""
+WIDTH = 1.6
+"""Widest edge, standard deviation [pixels]."""
+SEEN = 0.9
+"""Share of the pictures in which the board must be seen [1]."""
+DELAY_OFF = 0.010
+"""How far the delay may be from what the file says [s]."""
+UNSURE = 0.003
+"""Largest standard deviation of a delay that is believed [s]."""
+MOVED = (0.8, 1.2)
+"""Way of what is seen, over the arm's."""
+AMPLITUDE = 0.006
+"""Of the arm's motion [m]: of two sines, so that it does not repeat itself."""
+_FREQUENCIES = (1.1, 1.9)  # [1/s]
+_WAY = np.array([0.0, 1.0, 0.0])  # world axes
+_PAUSE, _MOTION = 0.5, 1.2  # [s]
+_STILL = 20  # pictures of a camera without an arm
+_PATIENCE = 5.0  # [s]
+
+
+@dataclass
+class Watched:
+    """What a camera has shown."""
+
+    frames: list[Frame] = field(default_factory=list)
+    arrival: list[float] = field(default_factory=list)
+    """When each was here [s]."""
+    time: list[float] = field(default_factory=list)
+    """When the arm was measured [s], by the same clock."""
+    way: list[float] = field(default_factory=list)
+    """How far it had gone along its line [m]."""
+
+
+def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
+    """Yield what pictures say: resolution, rate, board, exposure, sharpness, delay."""
+    frames = watched.frames
+    if not frames:
+        words = "gives no picture: is it plugged in, and free?"
+        yield Check("camera", "broken", f"{camera.source} {words}")
+        return
+    yield Check("camera", "ok", f"{camera.source}, {len(frames)} pictures")
+    shape, lens = frames[0].picture.shape, camera.lens
+    is_size = shape == (lens.height, lens.width)
+    size = f"{shape[1]} x {shape[0]} pixels, calibrated at {lens.width} x {lens.height}"
+    advice = "" if is_size else ": set the camera to that, or calibrate it again"
+    yield _check("resolution", is_size, size + advice)
+    if not is_size:
+        return
+    yield check_rate(camera, watched.arrival)
+    detector = Detector(camera.board, lens, camera.edge_noise)
+    sights = [detector.find(frame.picture) for frame in frames]
+    seen = [i for i, sight in enumerate(sights) if isinstance(sight, Sight)]
+    reason = next((s.words for s in sights if isinstance(s, Blind)), "")
+    share = len(seen) / len(frames)
+    words = f"seen in {len(seen)} of {len(frames)} pictures, at least {SEEN:.0%}"
+    is_seen = share >= SEEN
+    yield _check("board", is_seen, words if is_seen else f"{words}: {reason}")
+    if not seen:
+        return
+    last = seen[-1]
+    corners = sights[last]
+    assert isinstance(corners, Sight)
+    yield check_exposure(frames[last].picture, corners.corners)
+    yield check_sharpness(
+        [edge_width(frames[i].picture, _corners(sights[i])) for i in seen]
+    )
+    if watched.way:
+        places = np.array([_place(sights[i]) for i in seen])
+        arrival = np.array(watched.arrival)[seen]
+        yield check_delay(camera, watched, arrival, places)
+
+
+def _corners(sight: Sight | Blind) -> Array:
+    assert isinstance(sight, Sight)
+    return sight.corners
+
+
+def _place(sight: Sight | Blind) -> Array:
+    assert isinstance(sight, Sight)
+    return sight.pose.position
+
+
+def _check(name: str, is_ok: bool, detail: str) -> Check:
+    return Check(name, "ok" if is_ok else "broken", detail)
+
+
+def check_rate(camera: Camera, arrival: list[float]) -> Check:
+    """Say how many pictures come in a second."""
+    span = arrival[-1] - arrival[0]
+    if len(arrival) < 3 or span <= 0.0:
+        return Check("rate", "broken", "fewer than 3 pictures came; see its cable")
+    rate = (len(arrival) - 1) / span
+    is_ok = abs(rate / camera.rate - 1.0) <= RATE_OFF
+    words = f"{rate:.1f} 1/s, the file says {camera.rate:g} +- {RATE_OFF:.0%}"
+    advice = "" if is_ok else ": more light, a shorter exposure, or correct the file"
+    return _check("rate", is_ok, words + advice)
+
+
+def check_exposure(picture: NDArray[np.uint8], corners: Array) -> Check:
+    """Say whether the board is well lit: its paper, and what is cut off at 255."""
+    points = corners.reshape(-1, 2)
+    x0, y0 = np.maximum(points.min(axis=0).astype(int), 0)
+    x1, y1 = points.max(axis=0).astype(int) + 1
+    board = picture[y0:y1, x0:x1]
+    white = float(np.percentile(board, 90.0))
+    cut = float((board >= 255).mean())
+    words = (
+        f"paper {white:.0f} grey values (at least {WHITE:g}), "
+        f"{100 * cut:.0f} % cut off (at most {100 * SATURATED:g} %)"
+    )
+    if white < WHITE:
+        return Check("exposure", "broken", f"{words}: too dark, more light")
+    advice = "" if cut <= SATURATED else ": too bright, a shorter exposure"
+    return _check("exposure", cut <= SATURATED, words + advice)
+
+
+def check_sharpness(widths: list[float]) -> Check:
+    """Say how wide the markers' edges are [pixels], of each picture."""
+    width = float(np.median(widths))
+    words = f"edges {width:.2f} pixels wide (at most {WIDTH:g})"
+    is_ok = width <= WIDTH
+    advice = "" if is_ok else ": focus the lens, or a shorter exposure"
+    return _check("sharpness", is_ok, words + advice)
+
+
+def check_delay(
+    camera: Camera, watched: Watched, arrival: Array, places: Array
+) -> Check:
+    """Say how late pictures are, by the arm's motion."""
+    if len(places) < 8:
+        return Check("delay", "broken", "the board was seen too seldom to tell")
+    felt = fit_delay(np.array(watched.time), np.array(watched.way), arrival, places)
+    if not MOVED[0] <= felt.moved <= MOVED[1]:
+        carries = "the tool is to hold the board" if camera.mount == "world" else ""
+        return Check(
+            "delay",
+            "broken",
+            f"what is seen moved {felt.moved:.2f} times as far as the arm "
+            f"({MOVED[0]:g} to {MOVED[1]:g}): {carries or 'the board is to lie still'}",
+        )
+    words = (
+        f"{1e3 * felt.delay:.1f} +- {1.96e3 * felt.deviation:.1f} ms (95 %), the file "
+        f"says {1e3 * camera.delay:g} +- {1e3 * DELAY_OFF:g}"
+    )
+    if felt.deviation > UNSURE or felt.delay >= LONGEST - 0.002:
+        return Check("delay", "broken", f"{words}: not sure; more light, and again")
+    is_ok = abs(felt.delay - camera.delay) <= DELAY_OFF
+    advice = "" if is_ok else f": write delay = {felt.delay:.3f} into the file"
+    return _check("delay", is_ok, words + advice)
+
+
+def standing(q: Vec7, stamp: float = 0.0) -> ArmState:
+    """Return what an arm measures that stands at q [rad]."""
+    still, zero = np.zeros(6), np.zeros(3)
+    quat = np.array([1.0, 0.0, 0.0, 0.0])
+    log = np.zeros((0, len(CYCLE_COLUMNS)))
+    return ArmState(stamp, q, np.zeros(7), zero, quat, still, zero, still, 0, log)
+
+
+def watch_still(source: ImageSource, fixture: Pose, state: ArmState) -> Watched:
+    """Look without an arm, by the clock of this machine."""
+    watched, begin = Watched(), time.monotonic()
+    while len(watched.frames) < _STILL and time.monotonic() < begin + _PATIENCE:
+        try:
+            frame = source.look(fixture, state)
+        except TrackerError:
+            break
+        if frame is not None:
+            watched.frames.append(frame)
+            watched.arrival.append(time.monotonic())
+    return watched
+
+
+def watch_moving(
+    arm: Arm, source: ImageSource, q: Vec7, board: Callable[[Vec7], Pose]
+) -> Watched:
+    """Move the arm a little and look.
+
+    Args:
+        arm: With axes `TASK`.
+        source: Of the pictures.
+        q: Where it begins [rad]; a real arm is there already.
+        board: Where the board is with the arm at q [rad]; only a simulation asks.
+    """
+    watched, period = Watched(), arm.facts.period
+    state = arm.reset(q, board(q))
+    source.reset(board(state.q), 0)
+    target = _core.Target(
+        position_d=state.position.copy(), quat_wxyz_d=state.quat_wxyz.copy()
+    )
+    start, steps = state.position.copy(), round((_PAUSE + _MOTION) / period)
+    late = 0.0 if arm.facts.is_real_time else 0.5 * period  # it is asked so often
+    for step in range(steps):
+        since = max(step * period - _PAUSE, 0.0)
+        sines = sum(np.sin(2.0 * np.pi * f * since) for f in _FREQUENCIES)
+        target.position_d = start + AMPLITUDE * sines * _WAY
+        state = arm.step(target, period)
+        here = time.monotonic()
+        tips = state.log[:, COLUMN["x"] : COLUMN["z"] + 1]
+        watched.time += state.log[:, COLUMN["time"]].tolist()
+        watched.way += ((tips - start) @ _WAY).tolist()
+        frame = source.look(board(state.q), state)
+        if frame is not None and since > 0.0:
+            waited = time.monotonic() - here if arm.facts.is_real_time else 0.0
+            watched.frames.append(frame)
+            watched.arrival.append(state.stamp + waited - late)
+    return watched
