@@ -8,6 +8,7 @@ is taken off, as a scale is tared.
     python benchmarks/wrench_accuracy.py
 """
 
+import argparse
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -102,15 +103,15 @@ def measure(name: str, period: float) -> Told:
     return Told(mean, float(max(noises)), np.array(errors), rises, presses)
 
 
-def lines() -> Iterator[str]:
+def lines(arms: list[str], periods: list[float]) -> Iterator[str]:
     """Yield the table."""
     yield (
         "| arm, period | told in free air x y z; noise [N] | push of 20 N: error RMS; "
         "worst [N] | told after, p50; max [ms] | pressed, told [N] |"
     )
     yield "|---|---|---|---|---|"
-    for name in ("mujoco", *(f"twin:{twin}" for twin in list_twins())):
-        for period in PERIODS:
+    for name in arms:
+        for period in periods:
             told = measure(name, period)
             rest = " ".join(f"{force:.1f}" for force in told.rest)
             rms = np.sqrt((told.errors**2).mean())
@@ -126,5 +127,10 @@ def lines() -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    for line in lines():
+    parser = argparse.ArgumentParser(description=__doc__)
+    usual = ["mujoco", *(f"twin:{twin}" for twin in list_twins())]
+    parser.add_argument("--arms", nargs="+", default=usual)
+    parser.add_argument("--periods", nargs="+", type=float, default=list(PERIODS))
+    asked = parser.parse_args()
+    for line in lines(asked.arms, asked.periods):
         print(line, flush=True)

@@ -72,6 +72,7 @@ TINY = {
     "tare_accuracy": ("--tries 1 --twins easy", "| easy |"),
     "torque_hashes": ("record FILE random", "4 hashes in FILE"),
     "tracking": ("--twins easy --periods 0.005", "easy"),
+    "wrench_accuracy": ("--arms mujoco --periods 0.005", "| mujoco 5 ms |"),
     "transfer_threshold": ("--out out --grades 1 --tries 1", "every try inserted"),
 }
 """Words of the command line, and what it prints."""
