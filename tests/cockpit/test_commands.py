@@ -8,6 +8,7 @@ import pytest
 
 from dovetail.cli import run
 from dovetail.commands.cockpit import Cockpit
+from dovetail.tasks.shipped import DEFAULT_POLICY
 from extras import need
 
 
@@ -38,7 +39,7 @@ def test_what_cannot_be_shown_is_one_message(
 def test_the_shipped_policy_on_a_twin_is_what_is_shown_first():
     choice = Cockpit().choice()
     assert choice.place == "twin:medium"
-    assert choice.policy == "peg_square"
+    assert choice.policy == DEFAULT_POLICY
 
 
 def test_a_cockpit_that_is_ended_holds_the_arm_and_says_goodbye(tmp_path):

@@ -11,7 +11,7 @@ from dovetail.control.period_option import Period
 from dovetail.evaluate.cover import compare
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
-from dovetail.tasks.shipped import DEFAULT_POLICY
+from dovetail.tasks.shipped import DEFAULT_POLICY, TRUSTING_POLICY
 
 SEARCHING_POLICY = "search_square"
 """The shipped policy that learned to search."""
@@ -25,6 +25,9 @@ class Demo:
     """Policy: the name of a shipped one, or a file."""
     twin: str = "medium"
     """Twin to try on: the name of a shipped one, or a .toml file."""
+    tracker: str = "twin"
+    """What tells where the fixture is: twin, as the twin's file says of its camera,
+    late and beside the truth; or truth, or another (dovetail evaluate --help)."""
     robot: str | None = None
     """Robot that the twin is: one of dovetail's, or MODULE:FUNCTION of your own;
     default the policy's."""
@@ -48,6 +51,7 @@ class Demo:
         config = EvaluationConfig(
             policy=self.policy,
             twin=self.twin,
+            tracker=self.tracker,
             robot=self.robot,
             period=self.period,
             tries=self.tries,
@@ -62,9 +66,10 @@ class Demo:
 
     def _compare(self, config: EvaluationConfig, console: Console) -> int:
         """Say who finds a fixture that was moved unseen."""
-        config = replace(config, keep_logs=False, video=False)
+        # Told the truth, and then covered.
+        config = replace(config, tracker=None, keep_logs=False, video=False)
         actors = [
-            ("no search", config),
+            ("no search", replace(config, policy=TRUSTING_POLICY)),
             ("script", replace(config, search="corner")),
             ("learned search", replace(config, policy=SEARCHING_POLICY)),
         ]

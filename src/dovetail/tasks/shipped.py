@@ -19,16 +19,17 @@ def _find() -> dict[str, str]:
     }
 
 
-def _find_usual() -> tuple[str, str]:
-    """Return the environment and the policy of the folder that names one."""
+def _find_usual() -> tuple[str, str, str]:
+    """Return the environment and the policies of the folder that names them."""
     for env_id, task in TASKS.items():
-        folder = importlib.import_module(task.rpartition(".")[0])
-        if "USUAL_POLICY" in vars(folder):
-            return env_id, vars(folder)["USUAL_POLICY"]
+        folder = vars(importlib.import_module(task.rpartition(".")[0]))
+        if "USUAL_POLICY" in folder:
+            return env_id, folder["USUAL_POLICY"], folder["TRUSTING_POLICY"]
     raise LookupError("no task's folder names the USUAL_POLICY")
 
 
 TASKS: Mapping[str, str] = _find()
 """Gymnasium id of each, and its class as ``module:Class``."""
-DEFAULT_ENV, DEFAULT_POLICY = _find_usual()
-"""Environment and shipped policy where none is asked for."""
+DEFAULT_ENV, DEFAULT_POLICY, TRUSTING_POLICY = _find_usual()
+"""Environment and shipped policy where none is asked for; and the shipped one that
+takes the fixture's pose for true."""

@@ -134,7 +134,8 @@ def _of_twin(site: Site) -> Tracker:
     if site.twin is None:
         raise ConfigError(
             "the tracker twin is the camera of a twin's file: give a --twin whose file "
-            "has a table [camera], as `dovetail twin show medium` has"
+            "has a table [camera], as `dovetail twin show medium` has, or --tracker "
+            "truth"
         )
     camera = site.twin
     return Late(
