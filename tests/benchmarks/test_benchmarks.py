@@ -34,6 +34,7 @@ NEEDS = {
         "robosuite": "pip install robosuite==1.5.2 mujoco==3.3.0 in an environment of "
         "its own, and give its interpreter: benchmarks/tracking.py --robosuite PYTHON",
     },
+    "training_time": {"sbx": "pip install '.[learn]' -c constraints.txt"},
     "learner_kills": {"grpc": "pip install '.[rpc]' -c constraints.txt"},
     "contact_adversary": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
     "evolved_attack": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
@@ -73,6 +74,10 @@ TINY = {
     "torque_hashes": ("record FILE random", "4 hashes in FILE"),
     "tracking": ("--twins easy --periods 0.005", "easy"),
     "wrench_accuracy": ("--arms mujoco --periods 0.005", "| mujoco 5 ms |"),
+    "training_time": (
+        "--seeds 0 --steps 240 --learning-starts 200 --episodes 1 --tries 0 --peers",
+        "| dovetail | 0 |",
+    ),
     "transfer_threshold": ("--out out --grades 1 --tries 1", "every try inserted"),
 }
 """Words of the command line, and what it prints."""

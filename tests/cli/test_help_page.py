@@ -54,7 +54,7 @@ def test_an_option_of_train_is_one_line(capsys, monkeypatch):
 def test_the_page_says_names_values_and_defaults(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     lines = [" ".join(line.split()) for line in shown("train", capsys)]
-    assert "--steps N Environment steps in all (60000)" in lines
+    assert "--steps N Environment steps at most; see `until` (60000)" in lines
     assert "--from NAME Policy to start from: a file, or the name of a shipped one" in (
         lines
     )

@@ -24,6 +24,7 @@ SMALL = {
     "max_steps": 25,
     "checkpoint_interval": 100,
     "eval_episodes": 2,
+    "until": 1.0,
 }
 
 

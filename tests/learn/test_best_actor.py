@@ -95,3 +95,11 @@ def test_who_was_never_judged_ends_as_it_is(model):
     play(model, best, "last", [1.0], step=1)
     best.finish()
     assert model.policy.actor_state == "last"
+
+
+def test_what_is_tested_is_the_actor_that_the_run_would_end_with(model, best):
+    assert best.chosen == "start"
+    play(model, best, "better", [12.0] * GROUP)
+    play(model, best, "learning", [11.0])
+    assert (model.policy.actor_state, best.chosen) == ("learning", "better")
+    assert BestActor(model, FROZEN).chosen == "learning"  # none is judged yet

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from dovetail.learn.algorithms import make_model, make_vec_env
-from dovetail.learn.config import ALGORITHMS, TrainConfig
+from dovetail.learn.config import TrainConfig
 from dovetail.learn.export import export_policy
+from dovetail.learn.learner_settings import ALGORITHMS
 from dovetail.learn.policy import Policy
 
 TOLERANCE = 1e-5

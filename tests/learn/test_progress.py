@@ -108,6 +108,34 @@ def test_the_bar_has_room_whatever_the_words(width):
     assert ("steps/s" in line, "reward" in line) == (width > 80, width > 95)
 
 
+def test_the_bar_of_a_run_that_has_learned_is_full():
+    output = StringIO()
+    console = Console(file=output, force_terminal=True, width=120, color_system=None)
+    status = Status(400, 1.0, 45.0, 10.0, stage="test 299/300")
+    with ProgressBar(1000, ["seed 0"], console) as bar:
+        bar.show(0, status)
+        assert "400/1000 steps" in describe(bar)
+        bar.show(0, status._replace(phase="evaluating"))
+        assert "400/400 steps" in describe(bar)
+
+
+def describe(bar):
+    """Return the bar as it is drawn now."""
+    console = Console(file=StringIO(), width=120, color_system=None)
+    console.print(bar._progress.get_renderable())
+    return console.file.getvalue()
+
+
+def test_the_status_line_says_how_far_the_run_is_from_its_end():
+    status = Status(4000, 0.95, 40.0, 100.0, stage="settling 40 %")
+    line = describe_status(status, 16_000)
+    assert line.endswith("settling 40 %, 100 steps/s, at most 2:00 min left")
+    testing = describe_status(status._replace(phase="testing", rate=0.0), 16_000)
+    assert testing.endswith("settling 40 %, testing")
+    over = describe_status(status._replace(phase="evaluating"), 16_000)
+    assert over == "success 95 %, reward 40.0, evaluating"
+
+
 @pytest.mark.parametrize("is_terminal", [True, False])
 def test_the_bar_shows_every_run_on_a_terminal_and_in_a_file(is_terminal):
     output = StringIO()

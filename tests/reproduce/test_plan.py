@@ -8,7 +8,7 @@ from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.reproduce.budget import BUDGETS, FULL, QUICK, SMOKE, find_budget
 from dovetail.reproduce.paper import TRANSFER
-from dovetail.reproduce.plan import PlanConfig, plan, transfer_name
+from dovetail.reproduce.plan import RECIPE, PlanConfig, plan, transfer_name
 from dovetail.reproduce.schedule import check_plan
 from dovetail.reproduce.settings import as_config
 
@@ -111,9 +111,10 @@ def test_a_moved_hole_is_also_searched_for_and_the_long_logs_are_not_kept():
     assert stage.settings["keep_logs"] is False
 
 
-def test_trainings_use_the_defaults_of_train_and_write_all_of_them_down():
+def test_trainings_use_one_recipe_and_write_all_settings_down():
     settings = by_name(config())["train-unidentified-seed-0"].settings
-    default = TrainConfig(plant="bullet").to_json()
+    default = TrainConfig(plant="bullet", **RECIPE).to_json()
+    assert default["until"] == 1.0
     default["hole"] = default.pop("fixture")
     assert settings == {k: v for k, v in default.items() if v is not None}
     assert as_config(settings)["fixture"] == (0.6, 0.0, 0.1, 0.0)

@@ -15,7 +15,8 @@ from dovetail.learn.train import TrainResult, train
 
 GROUPS: Groups = {
     "what the run does": (
-        *("steps", "out", "resume", "from_policy", "seed", "seeds"),
+        *("steps", "until", "test_episodes", "settle", "out", "resume"),
+        *("from_policy", "seed", "seeds"),
         *("num_envs", "threads", "eval_episodes", "checkpoint_interval"),
     ),
     "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
@@ -42,7 +43,8 @@ GROUPS: Groups = {
     "near contact": ("near_distance", "near_speed", "near_press", "force_weight"),
     "learning algorithm": (
         *("algorithm", "updates_per_step", "n_steps", "gamma", "learning_rate"),
-        *("final_rate", "batch_size", "net", "layer_norm", "ent_coef"),
+        *("final_rate", "batch_size", "policy_delay", "tau", "net"),
+        *("layer_norm", "ent_coef"),
         *("reward_scale", "learning_starts", "exploration_noise", "rollout_steps"),
     ),
 }

@@ -1,6 +1,7 @@
 """The learning algorithms, built by SBX (JAX) on Stable-Baselines3 from one config."""
 
 import os
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -111,12 +112,15 @@ def falling_rate(rate: float, final: float, remaining: float) -> float:
     return rate * (final + (1.0 - final) * min(1.0, 2.0 * remaining))
 
 
-def make_model(config: TrainConfig, env: Any) -> Any:
+def make_model(
+    config: TrainConfig, env: Any, share: Callable[[int], float] = lambda step: 1.0
+) -> Any:
     """Build the SBX algorithm, its networks drawn from the config's seed.
 
     Args:
         config: Settings.
         env: Vectorised environment.
+        share: Of the learning rate at a step of the run, beside what `steps` says.
 
     Raises:
         MissingDependencyError: The extra `learn` is not installed.
@@ -130,8 +134,16 @@ def make_model(config: TrainConfig, env: Any) -> Any:
         "tqc": sbx.TQC,
         "crossq": sbx.CrossQ,
     }[config.algorithm]
+
+    def rate(remaining: float) -> float:
+        falling = falling_rate(actor_rate, config.final_rate, remaining)
+        settling = actor_rate * share(round(config.steps * (1.0 - remaining)))
+        return min(falling, settling)
+
+    is_fresh = config.from_policy is None or config.algorithm == "ppo"
+    actor_rate = (1.0 if is_fresh else ACTOR_SHARE) * config.full_rate
     settings: dict[str, Any] = {
-        "learning_rate": partial(falling_rate, config.learning_rate, config.final_rate),
+        "learning_rate": rate,
         "gamma": config.gamma,
         "batch_size": config.batch_size,
         "seed": derive_seed(config.seed),
@@ -144,11 +156,14 @@ def make_model(config: TrainConfig, env: Any) -> Any:
     else:
         settings |= _off_policy_settings(config, env.action_space.shape[0])
         settings["policy_kwargs"]["layer_norm"] = config.layer_norm
-        if config.from_policy is not None:
-            settings["learning_rate"] = partial(
-                falling_rate, ACTOR_SHARE * config.learning_rate, config.final_rate
-            )
-            settings["qf_learning_rate"] = config.learning_rate
+        if config.algorithm == "sac":
+            from dovetail.learn.networks import Actor, Critics
+
+            kinds = {"actor_class": Actor, "vector_critic_class": Critics}
+            settings["policy_kwargs"] |= kinds
+            settings["policy_delay"] = config.policy_delay
+        if not is_fresh:
+            settings["qf_learning_rate"] = config.full_rate
     model = kind("MlpPolicy", env, **settings)
     if config.has_teacher:
         seed = derive_seed(config.seed, 3)
@@ -162,8 +177,10 @@ def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any
         "learning_starts": config.learning_starts,
         "n_steps": config.n_steps,
         "train_freq": 1,
-        "gradient_steps": max(1, round(config.num_envs * config.updates_per_step)),
+        "gradient_steps": config.gradient_steps,
     }
+    if config.algorithm != "crossq":  # has no target
+        settings["tau"] = config.tau
     if config.has_teacher:
         from dovetail.learn.taught_replay import TaughtReplay
 

@@ -1,21 +1,47 @@
 """The evaluation that ends a training: deterministic, on episodes of its own."""
 
 import math
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.evaluate.transfer import wilson_interval
 from dovetail.learn.algorithms import derive_seed
-from dovetail.learn.policy import Policy
+from dovetail.learn.policy import Actor, Policy
 
 TEST_SEED = 20_200_419
 """First number of the test episodes' seeds: the same episodes for every run."""
 
 
-def assess(policy: Policy, episodes: int, env: gym.Env) -> dict[str, Any]:
-    """Run a policy in the environment of its training.
+class Episode(NamedTuple):
+    """How an episode went."""
+
+    success: bool
+    """The task was done."""
+    steps: int
+    """Policy steps of 50 ms."""
+    force: float
+    """Largest contact force [N]; nan where it is not measured."""
+    violations: int
+    """Limit violations."""
+
+
+class Stage(NamedTuple):
+    """Environments to play episodes in; left open."""
+
+    envs: Sequence[gym.Env]
+    """Each plays one episode at a time."""
+    begin: Callable[[int, NDArray[np.float32]], object] = lambda index, action: None
+    """Begins a step of one of them, so that several are simulated at once."""
+    drop: Callable[[], object] = lambda: None
+    """Forgets the steps that were begun."""
+
+
+def assess(policy: Actor, episodes: int, stage: Stage) -> dict[str, Any]:
+    """Run a policy in the environments of its training.
 
     The test episodes are the same for every training seed; their seeds are hashed from
     a number of their own, so that no run trains on them.
@@ -23,17 +49,19 @@ def assess(policy: Policy, episodes: int, env: gym.Env) -> dict[str, Any]:
     Args:
         policy: Any policy.
         episodes: Number of test episodes, at least 1.
-        env: The environment to use, left open.
+        stage: Where to play them. How many environments there are changes nothing where
+            they are alike.
 
     Returns:
         Success rate with its Wilson 95 % interval, steps to insert, peak contact
         force, limit violations: ready for JSON; null where nothing was inserted, and
         for a force that the arm does not measure.
     """
-    results = [_run(env, policy, derive_seed(TEST_SEED, i)) for i in range(episodes)]
-    success = [r["success"] for r in results]
-    steps = [r["steps"] for r in results if r["success"]]
-    force = [r["force"] for r in results]
+    seeds = [derive_seed(TEST_SEED, i) for i in range(episodes)]
+    results = play(policy, seeds, stage)
+    success = [result.success for result in results]
+    steps = [result.steps for result in results if result.success]
+    force = [result.force for result in results]
     interval = wilson_interval(sum(success), episodes)
     return {
         "episodes": episodes,
@@ -50,29 +78,81 @@ def assess(policy: Policy, episodes: int, env: gym.Env) -> dict[str, Any]:
             "p95": _percentile(force, 95),
             "max": _percentile(force, 100),
         },
-        "limit_violations": sum(r["violations"] for r in results),
+        "limit_violations": sum(result.violations for result in results),
         "failed_episodes": [i for i, ok in enumerate(success) if not ok],
         "test_seed": TEST_SEED,
     }
 
 
-def _run(env: gym.Env, policy: Policy, seed: int) -> dict[str, Any]:
-    observation, info = env.reset(seed=seed)
-    policy.reset()
-    steps, force, violations, done = 0, 0.0, 0, False
-    while not done:
-        observation, _, ended, cut, info = env.step(policy(observation))
-        steps += 1
+def play(policy: Actor, seeds: Sequence[int], stage: Stage) -> list[Episode]:
+    """Play one episode for each seed, without exploration.
+
+    Args:
+        policy: Any; a policy with a memory plays in the first environment only.
+        seeds: Of the environment's reset. Number i is played in the environment i, from
+            the first one again after the last.
+        stage: Where to play them.
+
+    Returns:
+        How each went, in the order of the seeds.
+    """
+    has_memory = isinstance(policy, Policy) and policy.memory is not None
+    envs = stage.envs[:1] if has_memory else stage.envs
+    numbered = list(enumerate(seeds))
+    players = [
+        _Player(policy, env, numbered[i :: len(envs)]) for i, env in enumerate(envs)
+    ]
+    results: dict[int, Episode] = {}
+    try:
+        while going := [p for p in enumerate(players) if p[1].is_playing()]:
+            for index, player in going:
+                stage.begin(index, player.choose())
+            for _, player in going:
+                player.step(results)
+    except BaseException:
+        stage.drop()
+        raise
+    return [results[number] for number in range(len(seeds))]
+
+
+class _Player:
+    """A policy in one environment."""
+
+    def __init__(
+        self, policy: Actor, env: gym.Env, episodes: list[tuple[int, int]]
+    ) -> None:
+        self._policy, self._env = policy, env
+        self._waiting = episodes[::-1]
+        self._number: int | None = None
+
+    def is_playing(self) -> bool:
+        """Say whether an episode goes on; begin the next one where one has ended."""
+        if self._number is None and self._waiting:
+            self._start(*self._waiting.pop())
+        return self._number is not None
+
+    def _start(self, number: int, seed: int) -> None:
+        self._number = number
+        self._observation, _ = self._env.reset(seed=seed)
+        self._policy.reset()
+        self._steps, self._force, self._violations = 0, 0.0, 0
+
+    def choose(self) -> NDArray[np.float32]:
+        self._action = self._policy(self._observation)
+        return self._action
+
+    def step(self, results: dict[int, Episode]) -> None:
+        """Go on by a step; note the episode where it ends."""
+        self._observation, _, ended, cut, info = self._env.step(self._action)
+        self._steps += 1
         felt = float(info.get("contact_force_max", math.nan))
-        force = float(np.maximum(force, felt))  # nan where it is not measured
-        violations += int(info.get("limit_violations", 0))
-        done = ended or cut
-    return {
-        "success": bool(info["success"]),
-        "steps": steps,
-        "force": force,
-        "violations": violations,
-    }
+        self._force = float(np.maximum(self._force, felt))  # nan: not measured
+        self._violations += int(info.get("limit_violations", 0))
+        if (ended or cut) and self._number is not None:
+            results[self._number] = Episode(
+                bool(info["success"]), self._steps, self._force, self._violations
+            )
+            self._number = None
 
 
 def _percentile(values: list[Any], q: float) -> float | None:

@@ -36,11 +36,20 @@ class BatchVecEnv(DummyVecEnv):
         rows: Any = list(actions)  # the same object twice is compared at once
         super().step_async(rows)
         try:
-            for i, core in enumerate(self._cores):
-                self._batch.begin(i, core.begin_step(rows[i]), POLICY_PERIOD)
+            for i, row in enumerate(rows):
+                self.begin(i, row)
         except BaseException:
-            self._batch.drop()
+            self.drop()
             raise
+
+    def begin(self, index: int, action: np.ndarray) -> None:
+        """Begin the step of one environment; its `step` with this action ends it."""
+        target = self._cores[index].begin_step(action)
+        self._batch.begin(index, target, POLICY_PERIOD)
+
+    def drop(self) -> None:
+        """Wait for the steps that were begun, and forget what came of them."""
+        self._batch.drop()
 
     def step_wait(self) -> Any:
         """End the steps; an environment that has ended starts anew.
@@ -51,7 +60,7 @@ class BatchVecEnv(DummyVecEnv):
         try:
             return super().step_wait()
         except BaseException:
-            self._batch.drop()
+            self.drop()
             raise
 
     def close(self) -> None:

@@ -51,6 +51,12 @@ class BestActor:
         """The actor kept."""
         return self._policy.kept_state
 
+    @property
+    def chosen(self) -> Any:
+        """The actor that the run would end with now."""
+        is_judged = not math.isnan(self.kept.reward)
+        return self.kept.actor if is_judged else self._policy.actor_state
+
     def add(self, reward: float) -> None:
         """Note the sum of rewards of a finished episode."""
         self._rewards.append(reward)
@@ -82,8 +88,7 @@ class BestActor:
 
     def finish(self) -> None:
         """Make the actor kept the policy's, if its episodes were ever judged."""
-        if not math.isnan(self.kept.reward):
-            self._policy.actor_state = self.kept.actor
+        self._policy.actor_state = self.chosen
 
     def _is_bad(self, reward: float, tolerance: float) -> bool:
         """Say whether this group cannot be as good as the bound, even if it goes on."""

@@ -4,7 +4,7 @@ import shlex
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -15,14 +15,13 @@ from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
 from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
+from dovetail.evaluate.transfer import wilson_interval
+from dovetail.learn.learner_settings import LEARNER_RANGES, LearnerSettings
 from dovetail.learn.model_file import ModelFile
 from dovetail.learn.searching import SEARCHING
 from dovetail.learn.variation import Variation
 from dovetail.robots.find import find_robot
 from dovetail.trackers.find import require_tracker
-
-Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
-ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 
 _NOT_COMPARED = ("out", "resume", "threads")
 _OPTIONS = {"from_policy": "from"}
@@ -31,7 +30,7 @@ _USUAL = DynamicsRandomisation()
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig(Variation):
+class TrainConfig(LearnerSettings, Variation):
     """Settings of one training run, or of several seeds of it."""
 
     out: Path | None = None
@@ -76,52 +75,25 @@ class TrainConfig(Variation):
     """Standard deviation of the noise on a teacher's actions [1]."""
     teacher_share: float = 0.5
     """Share of every batch that is the teacher's [1]. The rest is of all steps."""
-    algorithm: Algorithm = "sac"
-    """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
     steps: int = 60_000
-    """Environment steps in all."""
+    """Environment steps at most; see `until`."""
+    until: float | None = None
+    """Success that ends the run before `steps` [1]: 0.98, on an arm 1 (never).
+    It is the lower end of the Wilson 95 % interval over `test_episodes`. An arm's time
+    would go into the tests."""
+    test_episodes: int = 300
+    """Episodes of a test, without exploration; see `until`."""
+    settle: int = 8000
+    """Steps in which the rate falls once nine of ten episodes succeed.
+    Then the first test is made, and others after half as many steps each."""
     seed: int = 0
     """Seed of everything random, with `seeds` of the first run."""
     seeds: int = 1
     """Runs with seeds seed, seed + 1, ..., as many at once as cores."""
-    num_envs: int = 4
-    """Environments stepped by one process; on an arm always 1. They are stepped at the
-    same time where `threads` says so, in turn otherwise."""
     threads: int = 0
     """Threads that simulate them, with MuJoCo only; 0 is one for each core. These are
     the cores that this process may use, shared by `seeds`. What is learnt is the same
     with any number."""
-    updates_per_step: float = 2
-    """Gradient steps per environment step (not ppo)."""
-    n_steps: int = 3
-    """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
-    the bonus faster from the fixture to the way there."""
-    gamma: float = 0.97
-    """Discount per 50 ms step [1]. It looks as far ahead as an insertion takes: with
-    0.99 the critic has to tell millimetres apart in sums over a whole episode."""
-    learning_rate: float = 1e-3
-    """Step size of Adam, actor and critic [1]. With 3e-4 the fixture is found late."""
-    final_rate: float = 0.1
-    """Share of it at the end, reached from the middle on [1]. The last policy is the
-    one that is kept, so it must not be a lucky or unlucky one."""
-    batch_size: int = 256
-    """Transitions per gradient step."""
-    net: tuple[int, ...] = (128, 128)
-    """Width of each hidden layer, actor and critic alike."""
-    layer_norm: bool = True
-    """Layer normalisation in the critic (not ppo). It diverges on the bonus without."""
-    ent_coef: str = "auto_0.1"
-    """Entropy coefficient (sac, tqc, crossq), or auto_START. That adapts it."""
-    reward_scale: float = 5.0
-    """Factor on the reward inside training. What is reported is unscaled."""
-    force_weight: float = 0.0
-    """Weight of contact force in the reward [1/N]; 0 is the paper."""
-    learning_starts: int = 1000
-    """Random actions before the first gradient step (not ppo). See `from`."""
-    exploration_noise: float = 0.1
-    """Standard deviation of the actions' noise (ddpg, td3) [1]."""
-    rollout_steps: int = 512
-    """Steps per environment between two updates (ppo)."""
     checkpoint_interval: int = 5000
     """Steps between checkpoints: the most that a kill can lose."""
     eval_episodes: int = 200
@@ -131,20 +103,13 @@ class TrainConfig(Variation):
         """Refuse what cannot be trained, by name and range."""
         if self.out is not None:
             object.__setattr__(self, "out", Path(self.out))
-        object.__setattr__(self, "net", tuple(int(width) for width in self.net))
-        if self.algorithm not in ALGORITHMS:
-            raise ConfigError(
-                f"algorithm {self.algorithm!r} is unknown; known: "
-                f"{', '.join(ALGORITHMS)}"
-            )
+        self._fill_in()
         for name, (low, high) in _RANGES.items():
             value = vars(self)[name]
             if not low <= value <= high:
                 raise ConfigError(f"{name} is {value}; allowed: {low:g} to {high:g}")
-        if not self.net or not all(1 <= width <= 8192 for width in self.net):
-            raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         object.__setattr__(self, "period", require_period(self.period, "period"))
-        self.entropy_coefficient()
+        self.require_learner()
         split_settings(self.task_class, self.given())
         find_robot(self.robot)
         require_tracker(self.tracker)
@@ -157,8 +122,8 @@ class TrainConfig(Variation):
                 "while it trains; known: sac, tqc, td3, ddpg, ppo"
             )
         if self.arm is not None:
-            object.__setattr__(self, "num_envs", 1)
             self._require_arm(self.arm)
+        self._require_test()
         self._require_batch()
         self._require_dynamics()
         self._require_teacher()
@@ -166,6 +131,35 @@ class TrainConfig(Variation):
         if self.tare:  # a policy must not ask for what cannot be done with it
             task = TaskSpec.parse(self.env_options()["task"])
             tared_axes(task, self.force_damping)
+
+    def _fill_in(self) -> None:
+        """Choose what an arm and a simulation of this process have differently."""
+        is_arm = self.arm is not None
+        is_quick = self.algorithm == "sac" and not is_arm and self.from_policy is None
+        if is_arm:
+            object.__setattr__(self, "num_envs", 1)
+        for name, value in (
+            ("until", 1.0 if is_arm else 0.98),
+            ("updates_per_step", 2.0 if is_arm else 0.5),
+            ("learning_rate", 2e-3 if is_quick else 1e-3),
+        ):
+            if vars(self)[name] is None:
+                object.__setattr__(self, name, value)
+
+    def _require_test(self) -> None:
+        """Refuse a test that nothing could pass, or for which there is no arm."""
+        until, count = self.asked_success, self.test_episodes
+        most = wilson_interval(count, count)[0]
+        if most < until < 1.0:
+            raise ConfigError(
+                f"until is {until:g}, but {count} episodes of {count} show only "
+                f"{most:.4f}: raise --test-episodes, or give --until 1 for all steps"
+            )
+        if until < 1.0 and self.arm is not None and not parse_address(self.arm).is_here:
+            raise ConfigError(
+                f"until is {until:g}, but there is one arm at {self.arm}, and a test "
+                "would break into its episodes: leave until out, or give 1"
+            )
 
     def _require_batch(self) -> None:
         """Refuse threads that would do nothing."""
@@ -226,6 +220,11 @@ class TrainConfig(Variation):
         has_threads = self.threads != 1 and self.num_envs > 1
         return has_threads and self._is_here_in_mujoco
 
+    @property
+    def asked_success(self) -> float:
+        """Success that ends the run before `steps` [1]; 1 for never."""
+        return 1.0 if self.until is None else self.until
+
     @cached_property
     def model_file(self) -> ModelFile | None:
         """The model's content when these settings were made."""
@@ -267,20 +266,6 @@ class TrainConfig(Variation):
                 f"force_weight is {self.force_weight:g}, but FRI does not measure "
                 "contact force; needs 0"
             )
-
-    def entropy_coefficient(self) -> str | float:
-        """Return `ent_coef` as SBX takes it: "auto", "auto_START" or a number."""
-        start = self.ent_coef.removeprefix("auto").removeprefix("_")
-        try:
-            value = float(start) if start else 1.0
-        except ValueError:
-            value = -1.0
-        if not 0.0 < value < 1e6:
-            raise ConfigError(
-                f"ent_coef is {self.ent_coef!r}; allowed: auto, auto_START or a "
-                "number, each above 0, e.g. auto_0.1"
-            )
-        return self.ent_coef if self.ent_coef.startswith("auto") else value
 
     def for_seed(self, seed: int) -> "TrainConfig":
         """Return the run of one of several seeds, in its own sub-folder."""
@@ -355,6 +340,7 @@ def _flat(settings: dict[str, Any]) -> dict[str, Any]:
 
 
 _RANGES: dict[str, tuple[float, float]] = {
+    **LEARNER_RANGES,
     "steps": (1, 1e9),
     "seed": (0, 2**31 - 1),
     "seeds": (1, 1000),
@@ -364,17 +350,10 @@ _RANGES: dict[str, tuple[float, float]] = {
     "doubt_turn": (0.0, 0.5),
     "teacher_noise": (0.0, 1.0),
     "teacher_share": (0.0, 1.0),
-    "updates_per_step": (0.01, 64),
-    "n_steps": (1, 100),
-    "gamma": (0.0, 0.99999),
-    "learning_rate": (1e-7, 1.0),
-    "final_rate": (1e-3, 1.0),
-    "batch_size": (2, 65536),
-    "reward_scale": (1e-6, 1e6),
+    "until": (0.0, 1.0),
+    "test_episodes": (1, 1e6),
+    "settle": (1, 1e9),
     "force_weight": (0.0, 1e3),
-    "learning_starts": (0, 1e9),
-    "exploration_noise": (0.0, 2.0),
-    "rollout_steps": (2, 1e6),
     "checkpoint_interval": (1, 1e9),
     "eval_episodes": (0, 1e6),
 }

@@ -33,14 +33,9 @@ def export_policy(
         env: One environment of the run.
         wall_time: Time spent training [s].
     """
-    layers = actor_layers(model)
-    is_ppo = config.algorithm == "ppo"
+    bare = current_policy(model, config)
     metadata = {
-        "network": {
-            "layers": [list(weight.shape) for weight, _ in layers],
-            "activation": "tanh" if is_ppo else "relu",
-            "output": "clip" if is_ppo else "tanh",
-        },
+        **bare.metadata,
         "env_id": config.env,
         "env": config.env_options(),
         **describe_spaces(env),
@@ -57,12 +52,35 @@ def export_policy(
             "model": config.model_file and config.model_file.describe(),
         },
     }
-    return Policy(layers, metadata)
+    return Policy(bare.layers, metadata)
 
 
-def actor_layers(model: Any) -> list[Layer]:
-    """Return the dense layers of an SBX actor up to the mean's head."""
-    state = model.policy.actor_state
+def current_policy(model: Any, config: TrainConfig, actor: Any = None) -> Policy:
+    """Return the model's deterministic policy alone, to be run here and now.
+
+    Args:
+        model: SBX algorithm.
+        config: Settings of the run.
+        actor: Its weights and optimiser, as SBX has them; None is the model's own.
+    """
+    layers = actor_layers(model, actor)
+    is_ppo = config.algorithm == "ppo"
+    network = {
+        "layers": [list(weight.shape) for weight, _ in layers],
+        "activation": "tanh" if is_ppo else "relu",
+        "output": "clip" if is_ppo else "tanh",
+    }
+    return Policy(layers, {"network": network})
+
+
+def actor_layers(model: Any, state: Any = None) -> list[Layer]:
+    """Return the dense layers of an SBX actor up to the mean's head.
+
+    Args:
+        model: SBX algorithm.
+        state: The actor's weights and optimiser, as SBX has them; None is the model's.
+    """
+    state = model.policy.actor_state if state is None else state
     params = state.params.get("params", state.params)
     count = len(model.policy.net_arch_pi) + 1
     return flax_layers(params, vars(state).get("batch_stats", {}), count)

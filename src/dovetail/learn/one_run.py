@@ -3,7 +3,7 @@
 import json
 import shlex
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -41,6 +41,8 @@ from dovetail.learn.run_folder import (
     require_run,
 )
 from dovetail.learn.sbx_model import num_updates
+from dovetail.learn.stop import Stop
+from dovetail.learn.tester import Tester, stage_of
 
 
 class TrainResult(NamedTuple):
@@ -78,61 +80,67 @@ def train_one(
         report: Told now and then where the run stands.
         begin: Told the run folder as soon as it is there.
     """
-    with prepared(config) as (model, best):
+    with prepared(config) as run:
+        model = run.model
         folder = open_run(config)
         with RunLock(folder):
             begin(folder)
-            wall_time = _learn(model, best, config, folder, report)
+            with closing(Tester(model, run.best, config, run.stop)) as tester:
+                wall_time = _learn(run, tester, config, folder, report)
             policy = _export(model, config, folder, wall_time)
             steps = int(model.num_timesteps)
             rows = read_progress(folder / PROGRESS)
             report(summarise(rows, steps, 0.0)._replace(phase="evaluating"))
-            env = model.get_env().envs[0]
-            evaluation = _evaluate(policy, config, folder, env)
+            evaluation = _evaluate(policy, config, folder, model.get_env())
     return TrainResult(folder / POLICY, evaluation, steps, wall_time)
 
 
+class Prepared(NamedTuple):
+    """What a run trains."""
+
+    model: Any
+    """The algorithm with its environments."""
+    best: BestActor | None
+    """The judge of a run that starts from a policy."""
+    stop: Stop
+    """Says when it has learned."""
+
+
 @contextmanager
-def prepared(config: TrainConfig) -> Iterator[tuple[Any, BestActor | None]]:
+def prepared(config: TrainConfig) -> Iterator[Prepared]:
     """Build what a run trains, and close its environments at the end.
 
     Whatever a setting is wrong for shows here, before the run has a folder.
 
     Args:
         config: Settings.
-
-    Returns:
-        The algorithm with its environments, and the judge of a run that starts from a
-        policy.
     """
     require_run(config)  # before an arm on the network is waited for
     start = load_start(config)  # and before the learning stack is, which takes seconds
     env = make_vec_env(config)
     try:
-        model = make_model(config, env)
+        stop = Stop(config)
+        model = make_model(config, env, stop.rate)
         best = None
         if start is not None:
             require_fit(start, config, env.envs[0])
             model.learning_starts = 0  # its own actions are better than random ones
             start_from(model, start)
             best = BestActor(model, config.learning_starts)
-        yield model, best
+        yield Prepared(model, best, stop)
     finally:
         env.close()
 
 
 def _learn(
-    model: Any,
-    best: BestActor | None,
-    config: TrainConfig,
-    folder: Path,
-    report: Report,
+    run: Prepared, tester: Tester, config: TrainConfig, folder: Path, report: Report
 ) -> float:
     """Train from the start or the newest checkpoint; return the training time [s]."""
     from stable_baselines3.common.logger import configure
 
     from dovetail.learn.recorder import Recorder
 
+    model, stop = run.model, run.stop
     checkpoints = folder / CHECKPOINTS
     step, wall_time = 0, 0.0
     if found := list_checkpoints(checkpoints):
@@ -142,6 +150,11 @@ def _learn(
     if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
+    for row in log.before:
+        stop.note(row)
+    if stop.is_due(step) and tester.is_passed():  # the end was cut short
+        log.close()
+        return wall_time
     watch = Stopwatch(wall_time, step, lambda: num_updates(model))
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     recorder = Recorder(
@@ -150,7 +163,9 @@ def _learn(
         report,
         lambda: save_checkpoint(checkpoints, model, watch.elapsed()),
         config.checkpoint_interval,
-        best,
+        stop,
+        tester.is_passed,
+        run.best,
     )
     try:
         model.learn(config.steps - step, callback=recorder, reset_num_timesteps=False)
@@ -178,7 +193,7 @@ def _evaluate(
 ) -> dict[str, Any] | None:
     if config.eval_episodes == 0:
         return None
-    # The run's own environment: what a policy's file says leaves arm and model out.
-    evaluation = assess(policy, config.eval_episodes, env)
+    # The run's own environments: what a policy's file says leaves arm and model out.
+    evaluation = assess(policy, config.eval_episodes, stage_of(env))
     write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
     return evaluation

@@ -50,8 +50,10 @@ class Status(NamedTuple):
     """Mean unscaled reward of the same; nan before the first."""
     rate: float
     """Environment steps per second, lately."""
+    stage: str = ""
+    """How far the run is from its end, in words; empty where only `steps` ends it."""
     phase: str = "training"
-    """What the run does now: training or evaluating."""
+    """What the run does now: training, testing or evaluating."""
     is_steady: bool = True
     """Whether the rate is of steps with updates, so that the time left follows."""
 
@@ -66,6 +68,8 @@ class EpisodeLog:
     def __init__(self, path: Path, step: int) -> None:
         """Open the file, dropping episodes after `step`: they will be lived again."""
         rows = [row for row in read_progress(path) if row.step <= step]
+        self.before = tuple(rows)
+        """Episodes of earlier sittings, oldest first."""
         lines = [",".join(EpisodeRow._fields), *(_format(row) for row in rows)]
         write_atomic(path, "\n".join(lines) + "\n")
         self._file = path.open("a", encoding="utf-8", buffering=1)
@@ -185,7 +189,13 @@ class ProgressBar:
         is_terminal = self._console.is_terminal
         room = self._console.width - self._beside if is_terminal else None
         text = describe_status(status, self._total, room)
-        self._progress.update(self._tasks[index], completed=status.step, text=text)
+        is_over = status.phase == "evaluating"  # perhaps before all steps
+        self._progress.update(
+            self._tasks[index],
+            completed=status.step,
+            total=status.step if is_over else self._total,
+            text=text,
+        )
         if is_terminal:
             return
         step, phase = self._told[index]
@@ -212,13 +222,16 @@ def describe_status(status: Status, total: int, room: int | None = None) -> str:
     if not math.isnan(status.success):
         words.append(f"success {100 * status.success:.0f} %")
         words.append(f"reward {status.reward:.1f}")
+    if status.stage and status.phase != "evaluating":
+        words.append(status.stage)
     if status.phase != "training":
         words.append(status.phase)
     elif status.rate > 0.0:
         words.append(f"{status.rate:.0f} steps/s")
         if status.is_steady:
             left = round((total - status.step) / status.rate)
-            words.append(f"{left // 60}:{left % 60:02d} min left")
+            most = "at most " if status.stage else ""
+            words.append(f"{most}{left // 60}:{left % 60:02d} min left")
     for dropped in _DROPPED:
         if room is not None and len(", ".join(words)) > room:
             words = [w for w in words[:-1] if dropped not in w] + words[-1:]

@@ -8,6 +8,7 @@ from stable_baselines3.common.callbacks import BaseCallback  # noqa: TID253
 
 from dovetail.learn.best_actor import BestActor
 from dovetail.learn.progress import EpisodeLog, EpisodeRow, Report, Stopwatch
+from dovetail.learn.stop import Stop
 
 _REPORT_INTERVAL = 100
 
@@ -22,6 +23,8 @@ class Recorder(BaseCallback):
         report: Report,
         checkpoint: Callable[[], object],
         interval: int,
+        stop: Stop,
+        test: Callable[[], bool],
         best: BestActor | None = None,
     ) -> None:
         """Take what to write to.
@@ -32,6 +35,8 @@ class Recorder(BaseCallback):
             report: Told now and then where the run stands.
             checkpoint: Writes a checkpoint of the model as it is.
             interval: Environment steps between two checkpoints.
+            stop: Says when a test is due.
+            test: Makes one of the model as it is, and says if it is passed.
             best: Judges the actor of a run that started from a policy.
         """
         super().__init__()
@@ -40,6 +45,7 @@ class Recorder(BaseCallback):
         self._report = report
         self._checkpoint = checkpoint
         self._interval = interval
+        self._stop, self._test = stop, test
         self._best = best
         self._force: list[float] = []
         self._saved = self._reported = 0
@@ -56,13 +62,22 @@ class Recorder(BaseCallback):
             if done:
                 self._finish(info, self._force[i])
                 self._force[i] = 0.0
-        if self.num_timesteps - self._reported >= _REPORT_INTERVAL:
-            self._reported = self.num_timesteps
-            step = self.num_timesteps
+        step = self.num_timesteps
+        if step - self._reported >= _REPORT_INTERVAL:
+            self._reported = step
             rate, is_steady = self._watch.speed(step)
-            status = self._log.status(step, rate)
-            self._report(status._replace(is_steady=is_steady))
-        return True
+            self._tell(rate=rate, is_steady=is_steady)
+        if not self._stop.is_due(step):
+            return True
+        self._tell(phase="testing")
+        is_passed = self._test()
+        self._tell()
+        return not is_passed
+
+    def _tell(self, **more: Any) -> None:
+        step = self.num_timesteps
+        status = self._log.status(step, 0.0)
+        self._report(status._replace(stage=self._stop.stage(step), **more))
 
     def _finish(self, info: dict[str, Any], force: float) -> None:
         row = EpisodeRow(
@@ -74,6 +89,7 @@ class Recorder(BaseCallback):
             wall_time=self._watch.elapsed(),
         )
         self._log.add(row)
+        self._stop.note(row)
         if self._best is not None:
             self._best.add(row.reward)
         status = self._log.status(self.num_timesteps, 0.0)

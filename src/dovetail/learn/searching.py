@@ -13,7 +13,11 @@ SEARCHING: Mapping[str, Any] = {
     "teacher": "corner",
     "learning_starts": 24_000,
     "steps": 100_000,
+    "num_envs": 4,
     "updates_per_step": 1.0,
+    "learning_rate": 1e-3,
+    "policy_delay": 1,
+    "tau": 0.005,
     "gamma": 0.98,
 }
 """Settings of `TrainConfig` that `--doubt` begins with; each can be given otherwise.

@@ -163,9 +163,21 @@ def _fit_time(evaluations: int | None, parameters: str) -> float:
     return 2.0 + _REPLAY * evaluations
 
 
+RECIPE = {
+    "until": 1.0,
+    "num_envs": 4,
+    "updates_per_step": 2.0,
+    "learning_rate": 1e-3,
+    "policy_delay": 1,
+    "tau": 0.005,
+}
+"""What the experiments of docs/experiments.md were made with: all steps, at one rate of
+learning from simulations and from the served arm."""
+
+
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as JSON knows them."""
-    chosen = {"plant": config.plant, **config.budget.train, **changes}
+    chosen = {"plant": config.plant, **RECIPE, **config.budget.train, **changes}
     settings = TrainConfig(**as_config(chosen)).to_json()
     settings["hole"] = settings.pop("fixture")
     return {name: value for name, value in settings.items() if value is not None}

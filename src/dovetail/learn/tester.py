@@ -1,0 +1,58 @@
+"""Tests a model while it is trained, in environments beside those that it trains in."""
+
+from typing import Any
+
+from dovetail.learn.algorithms import make_vec_env
+from dovetail.learn.assess import Stage, play
+from dovetail.learn.best_actor import BestActor
+from dovetail.learn.config import TrainConfig
+from dovetail.learn.export import current_policy
+from dovetail.learn.stop import Stop
+
+
+class Tester:
+    """Makes the tests that a run's stop asks for."""
+
+    def __init__(
+        self, model: Any, best: BestActor | None, config: TrainConfig, stop: Stop
+    ) -> None:
+        """Take what is tested; nothing is built before the first test.
+
+        Args:
+            model: SBX algorithm.
+            best: Keeps the actor that a run from a policy ends with.
+            config: Settings of the run.
+            stop: Judges.
+        """
+        self._model, self._best = model, best
+        self._config, self._stop = config, stop
+        self._env: Any = None
+
+    def is_passed(self) -> bool:
+        """Make a test of the actor that the run would end with."""
+        if self._env is None:
+            self._env = make_vec_env(self._config)
+        actor = None if self._best is None else self._best.chosen
+        policy = current_policy(self._model, self._config, actor)
+        stage, step = stage_of(self._env), int(self._model.num_timesteps)
+        return self._stop.is_passed(
+            step,
+            (
+                [episode.success for episode in play(policy, seeds, stage)]
+                for seeds in self._stop.seeds(step)
+            ),
+        )
+
+    def close(self) -> None:
+        """Close the environments."""
+        if self._env is not None:
+            self._env.close()
+
+
+def stage_of(env: Any) -> Stage:
+    """Return a vector environment of `make_vec_env` to play episodes in."""
+    from dovetail.learn.batch_vec_env import BatchVecEnv
+
+    if isinstance(env, BatchVecEnv):
+        return Stage(env.envs, env.begin, env.drop)
+    return Stage(env.envs)
