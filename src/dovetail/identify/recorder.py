@@ -38,7 +38,7 @@ from dovetail.identify.recording import (
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.robots.robot import Robot
-from dovetail.tasks.options import TaskOptions, option_types
+from dovetail.tasks.options import TaskOptions, option_types, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Array, Vec7
 from dovetail.workcell.workcell import WALLS
@@ -208,14 +208,13 @@ def _describe(
     action, approach = env.config.action, env.config.approach
     facts = env.arm.facts
     is_hardware = address.margins == "hardware"
-    return {
+    about = {
         "format": FORMAT,
         "robot": facts.robot.name,
         "env_id": config.env,
         "arm_model": config.robot,
         "task": str(env.axes),
         "period": facts.period,
-        **{name: vars(env.task)[name] for name in option_types(type(env.task))},
         "fixture": list(fixture),
         "arm": config.arm,
         "commands": {
@@ -239,6 +238,9 @@ def _describe(
         },
         "q_start": [np.asarray(q).tolist() for q in starts],
     }
+    task = type(env.task)
+    require_apart(task, about, "words of recording.json")
+    return about | {name: vars(env.task)[name] for name in option_types(task)}
 
 
 def _is_begun(folder: Path, metadata: dict[str, Any]) -> bool:
