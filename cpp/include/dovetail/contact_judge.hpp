@@ -61,7 +61,7 @@ class ContactJudge final : public StepProbe {
 
   const WorstLook& position() const noexcept {
     return position_;
-  }                                                           ///< past limit [rad]
+  }  ///< past limit [rad]
   const WorstLook& speed() const noexcept { return speed_; }  ///< over limit [1]
   const WorstLook& wall() const noexcept { return wall_; }    ///< outside [m]
   const WorstLook& tcp_speed() const noexcept { return tcp_speed_; }  ///< over [m/s]
