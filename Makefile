@@ -9,11 +9,13 @@
 #
 # PYTHON=python3.11 make ...   chooses the interpreter of the set-up
 # ARGS="--tries 5" make demo   passes options on; for make test they go to pytest
+# WORKERS=4 make test          runs the Python tests in so many processes
 
 PYTHON ?= python3
 VENV ?= .venv
 BUILD ?= build
 ARGS ?=
+WORKERS ?= 2
 FUZZ_INPUTS ?= 10000000
 FUZZ_SEED ?= 1
 
@@ -57,7 +59,7 @@ fuzz: $(DEVELOP)
 
 # pytest comes last: its closing line says how many tests passed.
 test-python: $(DEVELOP)
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
 
 lint: $(DEVELOP)
 	$(BIN)/ruff check

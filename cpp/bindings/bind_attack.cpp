@@ -54,7 +54,7 @@ std::vector<WrongNumber> wrong_of(const std::vector<Wrong>& numbers) {
   return wrong;
 }
 
-nb::tuple tuple_of(const Worst& worst) {
+nb::tuple tuple_of(const Largest& worst) {
   return nb::make_tuple(worst.value, worst.cycle, worst.element);
 }
 

@@ -20,11 +20,11 @@ using namespace dovetail;
 namespace {
 
 void bind_judge(nb::module_& m) {
-  nb::class_<Worst>(m, "Worst", "A limit over one try.")
-      .def_ro("value", &Worst::value, "Of the worst look.")
-      .def_ro("time", &Worst::time, "Of the worst look [s].")
-      .def_ro("axis", &Worst::axis, "Joint or TCP axis of the worst look, from 0.")
-      .def_ro("count", &Worst::count, "Looks beyond the limit.");
+  nb::class_<WorstLook>(m, "WorstLook", "A limit over one try.")
+      .def_ro("value", &WorstLook::value, "Of the worst look.")
+      .def_ro("time", &WorstLook::time, "Of the worst look [s].")
+      .def_ro("axis", &WorstLook::axis, "Joint or TCP axis of the worst look, from 0.")
+      .def_ro("count", &WorstLook::count, "Looks beyond the limit.");
   nb::class_<ContactJudge>(m, "ContactJudge",
                            "Spring at the TCP, and judge of every physics step.")
       .def(nb::init<const Chain&, const LimitParams&>(), "chain"_a, "limits"_a)

@@ -128,6 +128,8 @@ void bind_data(nb::module_& m) {
               "Force axes X Y Z (bits 0 to 2) held where they are: nothing is asked.")
       .def_rw("joint_mode", &Target::joint_mode, "Go to q_d; task axes are not used.")
       .def_rw("q_d", &Target::q_d, "Desired configuration [rad], shape (7,).");
+  m.def("check_target", &check_target, "target"_a,
+        "Raises ValueError naming the element of a Target that is out of range.");
   nb::class_<Flags>(m, "Flags",
                     "What limited a cycle. Masks: bit i is joint A(i+1) or axis XYZ.")
       .def(nb::init<>(), "Nothing limited it.")

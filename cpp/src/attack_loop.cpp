@@ -14,7 +14,7 @@ constexpr double kBlownUp = 1e3;  // [rad, rad/s]: nothing after it means anythi
 
 /// Keeps the largest element; a NaN counts as infinitely large.
 template <typename Vector>
-void keep(Worst& worst, const Vector& values, int cycle) noexcept {
+void keep(Largest& worst, const Vector& values, int cycle) noexcept {
   for (int i = 0; i < values.size(); ++i) {
     const double value = std::isnan(values[i]) ? kBlownUp : values[i];
     if (value > worst.value) worst = {value, cycle, i};

@@ -1,5 +1,4 @@
-#define BOOST_TEST_MODULE bad_input
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <functional>
 #include <limits>
 #include <vector>

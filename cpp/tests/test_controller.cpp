@@ -1,6 +1,5 @@
-#define BOOST_TEST_MODULE controller
 #include <Eigen/Eigenvalues>
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <cstdlib>
 #include <functional>
 #include <limits>

@@ -1,5 +1,4 @@
-#define BOOST_TEST_MODULE fri_malformed
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <limits>
 
 #include "fri_fixtures.hpp"

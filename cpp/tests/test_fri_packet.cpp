@@ -1,6 +1,5 @@
-#define BOOST_TEST_MODULE fri_packet
 #include <algorithm>
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 
 #include "fri_fixtures.hpp"
 

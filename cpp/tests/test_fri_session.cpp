@@ -1,5 +1,4 @@
-#define BOOST_TEST_MODULE fri_session
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <limits>
 
 #include "dovetail/fri_session.hpp"

@@ -1,8 +1,7 @@
-#define BOOST_TEST_MODULE osc
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 
 #include "arm.hpp"
 #include "dovetail/osc.hpp"

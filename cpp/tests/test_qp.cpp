@@ -1,6 +1,5 @@
-#define BOOST_TEST_MODULE qp
 #include <Eigen/Dense>
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <cmath>
 #include <limits>
 #include <random>

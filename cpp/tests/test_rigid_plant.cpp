@@ -1,5 +1,4 @@
-#define BOOST_TEST_MODULE rigid_plant
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 
 #include "arm.hpp"
 #include "dovetail/rigid_plant.hpp"

@@ -1,7 +1,6 @@
-#define BOOST_TEST_MODULE saturation
 #include <Eigen/Dense>
 #include <bit>
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <cmath>
 #include <random>
 

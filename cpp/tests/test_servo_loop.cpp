@@ -1,7 +1,6 @@
-#define BOOST_TEST_MODULE servo_loop
 #include <unistd.h>
 
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>

@@ -1,5 +1,4 @@
-#define BOOST_TEST_MODULE state_check
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <cmath>
 #include <limits>
 #include <vector>

@@ -1,6 +1,5 @@
-#define BOOST_TEST_MODULE thread_pool
 #include <atomic>
-#include <boost/test/included/unit_test.hpp>
+#include <boost/test/unit_test.hpp>
 #include <chrono>
 #include <stdexcept>
 #include <string>

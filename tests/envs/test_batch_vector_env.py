@@ -20,7 +20,7 @@ from dovetail.envs.dynamics_randomisation import (
     RandomDynamics,
 )
 from dovetail.envs.registered import make_env, register_task
-from dovetail.errors import ConfigError, PlantError
+from dovetail.errors import ArmError, ConfigError, PlantError
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
 from dovetail.tasks.task import Progress
@@ -210,12 +210,36 @@ def test_an_error_says_where_and_leaves_nothing_running(threads):
     with pytest.raises(ConfigError, match="finite") as caught:
         batch.step(bad)
     assert caught.value.__notes__ == ["in environment 1 of 3, from 0"]
+    with pytest.raises(ArmError, match="environment 0 was not reset since: reset"):
+        batch.step(actions)
+    mask = np.array([True, False, True])
+    batch.reset(options={"reset_mask": mask})
+    with pytest.raises(ArmError, match="environment 1 was not reset since"):
+        batch.step(actions)
+    batch.reset(options={"reset_mask": ~mask})
+    batch.step(actions)
     batch.reset(seed=0)
     batch.envs[2].unwrapped.arm.plant.data.qvel[0] = 1e4
     with pytest.raises(PlantError, match="simulation 2 of the batch") as caught:
         batch.step(actions)
     assert caught.value.__notes__ == ["in environment 2 of 3, from 0"]
     assert_same_run(batch, SyncVectorEnv([make] * NUM))
+
+
+class Talker(ContactEnv):
+    """A stranger's environment whose infos have now these keys and now those."""
+
+    def _info(self, raw):
+        info = super()._info(raw)
+        said = {"word": "odd", "table": {"steps": self.steps}, "number": self.steps}
+        return {k: said[k] for k in said if self.np_random.random() < 0.5} | info
+
+
+def test_infos_that_differ_are_put_together_as_gymnasium_does():
+    def make():
+        return Talker(PegInHole(), config=EnvConfig().having(max_steps=5))
+
+    assert_same_run(BatchVectorEnv([make] * NUM, 2), SyncVectorEnv([make] * NUM))
 
 
 def num_threads():

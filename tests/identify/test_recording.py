@@ -6,6 +6,8 @@ import shutil
 import numpy as np
 import pytest
 
+from dovetail.control.target_columns import TARGET_UNITS
+from dovetail.envs.config import ApproachConfig
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError, LogError
@@ -42,7 +44,7 @@ def test_a_recording_holds_what_was_asked_for(folder):
     recording = Recording.load(folder)
     assert len(recording.sequences) == 3
     for sequence in recording.sequences:
-        assert sequence.actions.shape == (10, 4)
+        assert sequence.targets.shape == (10, len(TARGET_UNITS))
         assert sequence.log.shape == (100, len(CYCLE_COLUMNS))
         assert sequence.cycles == (10,) * 10
     assert recording.period == 0.005
@@ -138,7 +140,8 @@ def test_a_folder_without_a_recording_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("facts", "message"),
     [
-        ({"format": 7}, "has format 7; this version reads 1"),
+        ({"format": 7}, "has format 7; this version reads 1 and 2"),
+        ({"format": 1}, "lacks near_height and has format 1"),
         ({"robot": "panda"}, "of the robot 'panda'; it can be replayed on"),
         ({"period": 0.001}, r"the period is 0.005, the recording's is 0.001"),
         ({"task": "XYZ:force"}, "the task is 'XYZ:force A:pose BC:hold', the"),
@@ -199,8 +202,61 @@ def test_a_nan_is_found_and_said_where(copy):
         Recording.load(copy)
 
 
-def test_a_log_of_another_scale_is_refused(copy):
-    change_description(copy, commands={"f_scale": 4.0})
+def make_old(folder):
+    """Rewrite a recording as format 1 had it: actions, and no Targets."""
+    fixture = json.loads((folder / "recording.json").read_text())["fixture"]
+    near = ApproachConfig.near_distance
+    change_description(folder, format=1, near_height=fixture[2] + near)
+    for path in folder.glob("*.npz"):
+        episode = Episode.load(path)
+        del episode.metadata["targets"]
+        episode.save(path)
+
+
+def test_a_recording_of_format_1_has_the_same_targets(folder, copy):
+    make_old(copy)
+    pairs = zip(
+        Recording.load(folder).sequences, Recording.load(copy).sequences, strict=True
+    )
+    for new, old in pairs:
+        np.testing.assert_array_equal(old.targets, new.targets)
+        assert old.cycles == new.cycles
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("quat_wxyz_d_w", 7.0, r"in step 3 a Target's quat.*record it again"),
+        ("stay", "all", r"its Targets are of shape \(0,\); expected are 10 rows"),
+        ("f_star_x", 1.0, r"Target asks for .* of another task or scale"),
+    ],
+)
+def test_targets_that_none_can_be_or_nobody_followed_are_refused(
+    copy, name, value, message
+):
+    def spoil(episode):
+        table = episode.metadata["targets"]
+        table["rows"][3][table["columns"].index(name)] = value
+
+    change_log(copy / FIRST, spoil)
+    with pytest.raises(LogError, match=message):
+        Recording.load(copy)
+
+
+@pytest.mark.parametrize("told", [None, [], {"columns": 3}, {"rows": {}}])
+def test_a_log_without_its_targets_is_refused(copy, told):
+    def spoil(episode):
+        episode.metadata["targets"] = told
+
+    change_log(copy / FIRST, spoil)
+    with pytest.raises(LogError, match=r"its Targets are of shape.*record it again"):
+        Recording.load(copy)
+
+
+def test_an_old_log_of_another_scale_is_refused(copy):
+    make_old(copy)
+    commands = json.loads((copy / "recording.json").read_text())["commands"]
+    change_description(copy, commands=commands | {"f_scale": 4.0})
     with pytest.raises(LogError, match="the log is of another task or scale"):
         Recording.load(copy)
 

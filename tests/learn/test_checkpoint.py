@@ -4,6 +4,7 @@ import hashlib
 import io
 import json
 import os
+import shutil
 import zipfile
 from pathlib import Path
 
@@ -110,6 +111,29 @@ def test_the_last_two_checkpoints_are_kept(trained, tmp_path):
     assert names == ["step-0000000201", "step-0000000202"]
 
 
+def test_an_old_checkpoint_that_cannot_be_removed_ends_nothing(
+    trained, tmp_path, monkeypatch
+):
+    remove = shutil.rmtree
+
+    def refuse(path, **more):
+        if path.name == "step-0000000200":
+            raise PermissionError(13, "Permission denied")
+        remove(path, **more)
+
+    monkeypatch.setattr(shutil, "rmtree", refuse)
+    for step in (200, 201, 202, 203):
+        trained.num_timesteps = step
+        if step < 202:
+            save_checkpoint(tmp_path, trained, 0.0)
+            continue
+        with pytest.warns(UserWarning, match=r"step-0000000200 cannot .*Permission"):
+            save_checkpoint(tmp_path, trained, 0.0)
+    trained.num_timesteps = 200
+    names = [path.name[-3:] for path in list_checkpoints(tmp_path)]
+    assert names == ["200", "202", "203"]
+
+
 @pytest.mark.parametrize("moment", range(7))
 def test_a_death_at_any_moment_of_writing_leaves_the_one_before(
     trained, build, tmp_path, monkeypatch, moment
@@ -187,6 +211,21 @@ def test_a_replay_buffer_whose_position_is_none_is_refused(
     np.savez(place / "replay.npz", **content)
     vouch_for(place, "replay.npz")
     with pytest.raises(ConfigError, match=message):
+        load_checkpoint(place, build(), 0)
+
+
+@pytest.mark.parametrize("name", ["rewards", "observations", "actions"])
+@pytest.mark.parametrize("value", [np.nan, -np.inf])
+def test_a_replay_buffer_with_numbers_that_are_none_is_refused(
+    trained, build, tmp_path, name, value
+):
+    place = save_checkpoint(tmp_path, trained, 0.0)
+    with np.load(place / "replay.npz") as arrays:
+        content = dict(arrays)
+    content[name][17, ..., -1] = value
+    np.savez(place / "replay.npz", **content)
+    vouch_for(place, "replay.npz")
+    with pytest.raises(ConfigError, match=f"{name} is {value} in transition 17"):
         load_checkpoint(place, build(), 0)
 
 

@@ -1,16 +1,18 @@
 """Settings refuse what cannot be trained, and name the field."""
 
 import shlex
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 
 from dovetail.commands.task_flags import parse
 from dovetail.envs.config import EnvConfig
+from dovetail.envs.registered import register_task
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.env_settings import ENV_FIELDS
 from dovetail.tasks.options import TaskOptions
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
 
 @pytest.mark.parametrize(
@@ -28,6 +30,16 @@ from dovetail.tasks.options import TaskOptions
 def test_a_wrong_setting_is_named_with_what_is_allowed(field, value, words):
     with pytest.raises(ConfigError, match=words):
         TrainConfig(**{field: value})
+
+
+@pytest.mark.parametrize("name", ["seed", "out", "period", "task_options"])
+def test_a_task_with_a_field_called_as_a_setting_is_refused(name):
+    odd = type("Odd", (PegInHole,), {"__annotations__": {name: str}, name: "1"})
+    env_id = f"TestOdd{name}-v0".replace("_", "")
+    register_task(env_id, dataclass(frozen=True, kw_only=True)(odd))
+    words = rf"the fields {name} of Odd are also settings of TrainConfig: give them"
+    with pytest.raises(ConfigError, match=words):
+        TrainConfig(env=env_id)
 
 
 def test_the_entropy_coefficient_is_a_number_or_adapted():

@@ -34,7 +34,7 @@ struct Attack {
 };
 
 /// A largest value and where it was seen.
-struct Worst {
+struct Largest {
   double value;
   int cycle = -1;
   int element = -1;  ///< joint 0 to 6, or axis 0 to 2
@@ -45,22 +45,22 @@ struct Worst {
 struct AttackResult {
   static constexpr double kNever = -1e9;
 
-  Worst position{kNever};  ///< of a joint limit [rad]
-  Worst speed{kNever};     ///< of a joint's speed limit [rad/s]
-  Worst wall{kNever};      ///< of a wall by the TCP [m]
+  Largest position{kNever};  ///< of a joint limit [rad]
+  Largest speed{kNever};     ///< of a joint's speed limit [rad/s]
+  Largest wall{kNever};      ///< of a wall by the TCP [m]
   /// The same where the TCP would come to rest, braked from then on as planned [m]:
   /// what a search climbs before a wall is passed.
-  Worst reach{kNever};
-  Worst tool_speed{kNever};      ///< of the TCP's speed limit per axis [m/s]
-  Worst torque{kNever};          ///< of a motor's torque, gravity included [Nm]
-  Worst step{kNever};            ///< torque from cycle to cycle [Nm]
-  Worst step_after_bad{kNever};  ///< the same within kAfterBad cycles of a bad sample
+  Largest reach{kNever};
+  Largest tool_speed{kNever};      ///< of the TCP's speed limit per axis [m/s]
+  Largest torque{kNever};          ///< of a motor's torque, gravity included [Nm]
+  Largest step{kNever};            ///< torque from cycle to cycle [Nm]
+  Largest step_after_bad{kNever};  ///< the same within kAfterBad cycles of a bad sample
   /// The same, less what a controller does, in this cycle or in one beside it, that got
   /// true states since before the bad sample, where that is smaller [Nm]: a Target's
   /// step is none of a bad sample's, whether it is followed or not. Nor is what comes
   /// once the last line has ended that other controller's motion. Each bad sample has
   /// its own such controller; the largest difference counts.
-  Worst step_by_bad{kNever};
+  Largest step_by_bad{kNever};
   int bad_cycles = 0;
 
   /// Longer than the guard that a bad sample leaves (StateCheck::kDoubt), so that what

@@ -9,7 +9,7 @@
 namespace dovetail {
 
 /// A limit over one try: the worst look, and how many looks were beyond it.
-struct Worst {
+struct WorstLook {
   double value = -std::numeric_limits<double>::infinity();
   double time = 0.0;  ///< of the worst look [s]
   int axis = -1;      ///< joint or TCP axis of the worst look, from 0
@@ -59,18 +59,20 @@ class ContactJudge final : public StepProbe {
   /// the joints [rad/s].
   double take_vibration() noexcept;
 
-  const Worst& position() const noexcept { return position_; }    ///< past limit [rad]
-  const Worst& speed() const noexcept { return speed_; }          ///< over limit [1]
-  const Worst& wall() const noexcept { return wall_; }            ///< outside [m]
-  const Worst& tcp_speed() const noexcept { return tcp_speed_; }  ///< over [m/s]
-  const Worst& torque() const noexcept { return torque_; }        ///< over limit [1]
+  const WorstLook& position() const noexcept {
+    return position_;
+  }  ///< past limit [rad]
+  const WorstLook& speed() const noexcept { return speed_; }  ///< over limit [1]
+  const WorstLook& wall() const noexcept { return wall_; }    ///< outside [m]
+  const WorstLook& tcp_speed() const noexcept { return tcp_speed_; }  ///< over [m/s]
+  const WorstLook& torque() const noexcept { return torque_; }  ///< over limit [1]
   /// Contact force, mean of 20 ms, over the resting push [1]; not within 150 ms of a
   /// first touch.
-  const Worst& contact() const noexcept { return contact_; }
+  const WorstLook& contact() const noexcept { return contact_; }
   /// Torque of the spring in a joint, of the motor's [1].
-  const Worst& load() const noexcept { return load_; }
+  const WorstLook& load() const noexcept { return load_; }
   /// Largest contact force of any step [N].
-  const Worst& peak() const noexcept { return peak_; }
+  const WorstLook& peak() const noexcept { return peak_; }
   /// TCP speed at the hardest first touch [m/s].
   double touch_speed() const noexcept { return touch_speed_; }
   int looks() const noexcept { return looks_; }
@@ -93,7 +95,7 @@ class ContactJudge final : public StepProbe {
   bool is_seen_ = false;  // tool_ is of the present state
   double time_ = 0.0;
   int looks_ = 0;
-  Worst position_, speed_, wall_, tcp_speed_, torque_, contact_, peak_, load_;
+  WorstLook position_, speed_, wall_, tcp_speed_, torque_, contact_, peak_, load_;
   std::array<int, 3> flagged_{};
 
   double mean_force_ = 0.0;     // [N]

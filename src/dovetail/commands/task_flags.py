@@ -16,7 +16,12 @@ from tyro.constructors import (
 from dovetail.commands.field_words import field_words
 from dovetail.envs.registered import old_fixture_word, task_class
 from dovetail.errors import ConfigError
-from dovetail.tasks.options import TaskOptions, option_types, own_options
+from dovetail.tasks.options import (
+    TaskOptions,
+    option_types,
+    own_options,
+    require_apart,
+)
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 
@@ -123,12 +128,8 @@ def _fixture_option(task: type[Task], names: set[str]) -> re.Pattern[str]:
         task: Whose options and word are held against the command's options.
         names: The command's.
     """
+    require_apart(task, names, "options of the command")
     own, kind = option_types(task).keys(), task.__name__
-    if taken := sorted(own & names):
-        raise ConfigError(
-            f"the fields {', '.join(taken)} of {kind} are also options of the command: "
-            "give them other names"
-        )
     called = {task.fixture_word, old_fixture_word()} - {"fixture"}
     for word in sorted(called):
         means = [n for n in sorted(own | names) if re.match(rf"{word}(?:$|_)", n)]

@@ -12,13 +12,16 @@ from numpy.typing import NDArray
 from dovetail.arms.batch_arm import BatchArm
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.errors import ConfigError
+from dovetail.envs.info_columns import InfoColumns
+from dovetail.errors import ArmError, ConfigError
 
 _PLAIN_STEPS = (
     *(gymnasium.Wrapper.step, gymnasium.ObservationWrapper.step),
     *(gymnasium.RewardWrapper.step, OrderEnforcing.step, PassiveEnvChecker.step),
 )
 """These hand an action on as it is, before they do anything else."""
+_NO_STEPS = (gymnasium.Wrapper.step, OrderEnforcing.step, PassiveEnvChecker.step)
+"""These hand on what comes back as well, once a first step was right."""
 
 
 class BatchVectorEnv(SyncVectorEnv):
@@ -26,7 +29,8 @@ class BatchVectorEnv(SyncVectorEnv):
 
     It gives the numbers of `SyncVectorEnv` over the same environments, bit for bit;
     autoreset is NEXT_STEP. The control cycles run on several cores. What a step does in
-    Python and what a reset does are done meanwhile, one environment after the other.
+    Python and what a reset does are done meanwhile, one environment after the other;
+    observations are scaled at once.
     """
 
     def __init__(
@@ -54,8 +58,14 @@ class BatchVectorEnv(SyncVectorEnv):
         except BaseException:
             super().close_extras()
             raise
-        own = {name for env in self.envs if (name := _own_step(env))}
+        own = {name for env in self.envs if (name := _own_step(env, _PLAIN_STEPS))}
         self._is_begun_early = not own
+        scaling = self._cores[0].scaling
+        self._scales_at_once = not any(_own_step(e, _NO_STEPS) for e in self.envs)
+        self._scales_at_once &= all(scaling.is_like(c.scaling) for c in self._cores)
+        self._raw = np.zeros((self.num_envs, len(scaling)))
+        self._is_checked = False
+        self._failed = np.zeros(self.num_envs, dtype=np.bool_)
         for name in sorted(own):
             gymnasium.logger.warn(
                 f"{name} has a step of its own, so that its environments are stepped "
@@ -79,10 +89,18 @@ class BatchVectorEnv(SyncVectorEnv):
             PlantError: A simulation diverged. As after any error, a note says in which
                 environment; nothing runs any more; reset before the next step.
         """
+        if self._failed.any():
+            raise ArmError(
+                f"a step of this batch failed, and environment {self._failed.argmax()} "
+                "was not reset since: reset before the next step",
+                "not_reset",
+            )
         infos: list[dict[str, Any]] = [{}] * self.num_envs
+        columns = InfoColumns(self.num_envs, self._add_info)
         rows = list(actions)  # the same object twice is compared at once
         over = np.flatnonzero(self._autoreset_envs).tolist()
         going = np.flatnonzero(~self._autoreset_envs).tolist()
+        follow = self._follow if self._scales_at_once and self._is_checked else self._do
         index = 0
         try:
             for index in going if self._is_begun_early else ():
@@ -92,18 +110,22 @@ class BatchVectorEnv(SyncVectorEnv):
                 self._env_obs[index], infos[index] = self.envs[index].reset()
                 self._rewards[index] = 0.0
                 self._terminations[index] = self._truncations[index] = False
+                columns.add(index, infos[index])
             for index in going:
-                (
-                    self._env_obs[index],
-                    self._rewards[index],
-                    self._terminations[index],
-                    self._truncations[index],
-                    infos[index],
-                ) = self.envs[index].step(rows[index])
+                infos[index] = follow(index, rows[index])
+                columns.add(index, infos[index])
         except BaseException as error:
             error.add_note(f"in environment {index} of {self.num_envs}, from 0")
             self.batch.drop()
+            self._failed[:] = True
             raise
+        gathered = columns.gathered(infos)
+        if follow == self._follow and going:
+            scaled = self._cores[0].scaling.scale(self._raw[going])
+            observed: list[Any] = self._env_obs
+            for i, row in zip(going, scaled, strict=True):
+                observed[i] = self._cores[i].remember(row)
+        self._is_checked = True
         self._observations = np.array(self._env_obs)
         self._autoreset_envs = self._terminations | self._truncations
         return (
@@ -111,41 +133,47 @@ class BatchVectorEnv(SyncVectorEnv):
             self._rewards.copy(),
             self._terminations.copy(),
             self._truncations.copy(),
-            self._gather(infos),
+            gathered,
         )
+
+    def _do(self, index: int, action: NDArray[np.float32]) -> dict[str, Any]:
+        """End an environment's step, and return its info."""
+        (
+            self._env_obs[index],
+            self._rewards[index],
+            self._terminations[index],
+            self._truncations[index],
+            info,
+        ) = self.envs[index].step(action)
+        return info
+
+    def _follow(self, index: int, action: NDArray[np.float32]) -> dict[str, Any]:
+        """Do the same but for the observation, and past wrappers that do nothing."""
+        (
+            self._raw[index],
+            self._rewards[index],
+            self._terminations[index],
+            self._truncations[index],
+            info,
+        ) = self._cores[index].follow(action)
+        return info
+
+    def reset(
+        self,
+        *,
+        seed: int | list[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Start an episode in each environment, or where options["reset_mask"] says."""
+        mask = (options or {}).get("reset_mask", slice(None))
+        started = super().reset(seed=seed, options=options)
+        self._failed[mask] = False
+        return started
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads, and close the environments."""
         self.batch.close()
         super().close_extras(**kwargs)
-
-    def _gather(self, infos: list[dict[str, Any]]) -> dict[str, Any]:
-        """Put infos together as Gymnasium does, at once where keys are the same."""
-        first = infos[0]
-        gathered: dict[str, Any] = {}
-        if all(info.keys() == first.keys() for info in infos):
-            gathered = self._columns(first, infos)
-        if not gathered:
-            for index, info in enumerate(infos):
-                gathered = self._add_info(gathered, info, index)
-        return gathered
-
-    def _columns(
-        self, first: dict[str, Any], infos: list[dict[str, Any]]
-    ) -> dict[str, Any]:
-        """Return a column per key; empty if a key has no numbers."""
-        columns: dict[str, Any] = {}
-        for key, value in first.items():
-            values = [info[key] for info in infos]
-            if isinstance(value, np.ndarray) and value.ndim and key != "final_obs":
-                shape = self.num_envs, *value.shape
-                columns[key] = np.concatenate(values, dtype=value.dtype).reshape(shape)
-            elif isinstance(value, (bool, int, float, np.number)):
-                columns[key] = np.array(values, dtype=type(value))
-            else:
-                return {}
-            columns[f"_{key}"] = np.ones(self.num_envs, dtype=np.bool_)
-        return columns
 
 
 def _core_of(env: gymnasium.Env) -> ContactEnv:
@@ -158,10 +186,10 @@ def _core_of(env: gymnasium.Env) -> ContactEnv:
     )
 
 
-def _own_step(env: gymnasium.Env) -> str | None:
-    """Name the outermost layer whose step may do something before the arm moves."""
+def _own_step(env: gymnasium.Env, others: Sequence[Any]) -> str | None:
+    """Name the outermost layer whose step is neither the core's nor among others."""
     while isinstance(env, gymnasium.Wrapper):
-        if type(env).step not in _PLAIN_STEPS:
+        if type(env).step not in others:
             return type(env).__name__
         env = env.env
     return None if type(env).step is ContactEnv.step else type(env).__name__

@@ -40,6 +40,20 @@ def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, f
     return x, y, z
 
 
+def require_same(begun: NDArray[np.float32], action: NDArray[np.float32]) -> None:
+    """Refuse to end a step with another action than it was begun with.
+
+    Raises:
+        ConfigError: They differ.
+    """
+    if not np.array_equal(begun, action):
+        raise ConfigError(
+            f"a step was begun with the action {begun.tolist()} and is ended with "
+            f"{np.asarray(action).tolist()}: what changes actions on their way to the "
+            "environment cannot be in a batch"
+        )
+
+
 class CommandMap:
     """Turns an action in [-1, 1] into f*, a desired position and a desired rotation.
 

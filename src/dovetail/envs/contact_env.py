@@ -12,7 +12,7 @@ from dovetail.arms.arm import Arm, ArmState, require_simulated
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.task_spec import FORCE, TaskSpec
 from dovetail.envs.arm_setup import build_arm
-from dovetail.envs.commands import CommandMap
+from dovetail.envs.commands import CommandMap, require_same
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
@@ -21,9 +21,13 @@ from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
 from dovetail.envs.violations import ViolationCounter, count_bad_input
-from dovetail.envs.workspace import require_axes, require_columns, require_inside
+from dovetail.envs.workspace import (
+    require_axes,
+    require_columns,
+    require_inside,
+    require_placed,
+)
 from dovetail.errors import ArmError, ConfigError, TrackerError
-from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose, theta_about_vertical
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Goal, Task
@@ -147,7 +151,8 @@ class ContactEnv(
             self.axes,
             self.config,
         )
-        self.tracker = tracker or self._find_tracker()
+        site = Site.of(self.cell, self.config.place.twin, self.arm)
+        self.tracker = tracker or find_tracker(self.config.observation.tracker, site)
         self.commands = CommandMap(
             self.axes,
             f_scale=action.f_scale,
@@ -159,16 +164,6 @@ class ContactEnv(
         if self.config.episode.tare:
             self._tare = ToolTare(self.arm, self.commands, action.force_damping)
         self._prepare()
-
-    def _find_tracker(self) -> Tracker:
-        """Build the tracker that the settings name."""
-        twin = self.config.place.twin
-        site = Site(
-            cell=self.cell,
-            twin=None if twin is None else load_twin(twin).camera,
-            is_simulated=self.arm.facts.is_simulated,
-        )
-        return find_tracker(self.config.observation.tracker, site)
 
     def _prepare(self) -> None:
         """Take from the arm and the task what each step needs."""
@@ -223,12 +218,8 @@ class ContactEnv(
         if options.get("fixture") is not None:
             given = (np.asarray(part, dtype=float) for part in options["fixture"])
             fixture = Pose(*given)
-        elif not (self.places_fixture or self.task.has_fixed_fixture()):
-            name = self.cell.fixture.name
-            raise ConfigError(
-                f"the arm cannot move the {name}: say where it is, with --fixed-goal "
-                "--fixture X Y Z YAW [m, rad] or reset(options={'fixture': Pose})"
-            )
+        else:
+            require_placed(self.task, self.cell, self.arm)
         require_inside(self.task, self.cell, self.arm, fixture)
         if options.get("start") is not None:
             q = np.asarray(options["start"], dtype=float)
@@ -262,42 +253,49 @@ class ContactEnv(
             ConfigError: The action is not one finite number for each commanded axis, or
                 is not the one that `begin_step` was given.
         """
+        raw, reward, is_done, is_cut, info = self.follow(action)
+        return self.remember(self.scaling.scale(raw)), reward, is_done, is_cut, info
+
+    def follow(
+        self, action: NDArray[np.float32]
+    ) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Do what `step` does, with an unscaled observation in the place of its own.
+
+        Whoever steps many environments scales them at once; `remember` does the rest.
+        """
         begun = self._begun
         if begun is None:
             self.begin_step(action)
-        elif begun is not action and not np.array_equal(begun, action):
-            raise ConfigError(
-                f"a step was begun with the action {begun.tolist()} and is ended with "
-                f"{np.asarray(action).tolist()}: what changes actions on their way to "
-                "the environment cannot be in a batch"
-            )
+        elif begun is not action:
+            require_same(begun, action)
         self._begun = None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self.steps += 1
         raw = self._locate()
         info = self._info(raw)
-        seen = self._recall.push(self._action, self.scaling.scale(raw))
-        return (
-            self._history.push(self._action, seen),
-            self._weigh(info),
-            info["success"],
-            self.steps >= self.max_steps and not info["success"],
-            info,
-        )
+        is_cut = self.steps >= self.max_steps and not info["success"]
+        return raw, self._weigh(info), info["success"], is_cut, info
+
+    def remember(self, scaled: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return a step's observation: what is seen, scaled, and what was.
+
+        Args:
+            scaled: What `follow` gave first, scaled by `scaling`.
+        """
+        return self._history.push(self._action, self._recall.push(self._action, scaled))
 
     def _weigh(self, info: dict[str, Any]) -> float:
         """Return the step's reward, by where the fixture truly is."""
         true = self._true_goal
         theta = theta_about_vertical(self.state.quat_wxyz, true.quat_wxyz)
-        error = self.state.position - true.position
-        return self.task.weigh(error, theta, info["success"], info["contact_force_max"])
+        error, force = self.state.position - true.position, info["contact_force_max"]
+        return self.task.weigh(error, theta, info["success"], force)
 
     def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
         """Do what a step does before its control cycles.
 
-        Whoever steps many environments at once (`BatchVectorEnv`) calls this first and
-        hands the Target to the arm's threads; `step` with the same action goes on from
-        there.
+        `BatchVectorEnv` calls this first and hands the Target to the arm's threads;
+        `step` with the same action goes on from there.
 
         Returns:
             What the arm is to follow; the environment's own.

@@ -1,7 +1,7 @@
 """The numbers that a policy sees, from what the arm measured, in groups of columns."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -182,13 +182,17 @@ class Layout:
         return raw
 
     def scale(self, raw: Array) -> NDArray[np.float32]:
-        """Scale an unscaled observation, shape (len(self),)."""
+        """Scale unscaled observations, shape (len(self),) or (N, len(self))."""
         out = (raw - self._zero) / self._unit
-        part = out[self._log]
-        out[self._log] = np.copysign(np.log1p(np.abs(part)), part)
+        part = out[..., self._log]
+        out[..., self._log] = np.copysign(np.log1p(np.abs(part)), part)
         np.maximum(out, self._low, out=out)
         np.minimum(out, self._high, out=out)
         return out.astype(np.float32)
+
+    def is_like(self, other: Self) -> bool:
+        """Say whether another one scales as this one does."""
+        return self.columns == other.columns and self.describe() == other.describe()
 
     def describe(self) -> dict[str, list[Any]]:
         """Return the scaling as plain data, for a policy's JSON."""

@@ -37,6 +37,20 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
                 )
 
 
+def require_placed(task: Task, cell: Workcell, arm: Arm) -> None:
+    """Refuse to draw a fixture's pose where nothing can put it there.
+
+    Raises:
+        ConfigError: The arm cannot move the fixture.
+    """
+    if not (arm.facts.places_fixture or task.has_fixed_fixture()):
+        raise ConfigError(
+            f"the arm cannot move the {cell.fixture.name}: say where it is, with "
+            "--fixed-goal --fixture X Y Z YAW [m, rad] or "
+            "reset(options={'fixture': Pose})"
+        )
+
+
 def require_axes(arm: Arm, axes: TaskSpec) -> None:
     """Refuse an arm that was built for other axes.
 

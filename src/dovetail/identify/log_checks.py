@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.errors import LogError
+from dovetail.control.target_columns import TARGET_UNITS, target_of
+from dovetail.errors import ConfigError, LogError
 from dovetail.plants.plant import COLUMN
 from dovetail.robots.robot import Robot
 from dovetail.types import Array
@@ -87,6 +88,39 @@ def require_robot(
             )
 
 
+def read_targets(path: Path, told: Any, steps: int) -> Array:
+    """Return the Target of each step, columns `TARGET_UNITS`.
+
+    Args:
+        path: File, for messages.
+        told: What its metadata says: a table of columns and rows.
+        steps: How many steps the log has.
+
+    Raises:
+        LogError: It is no such table, or a row is no Target; says which.
+    """
+    again = "delete the file and record it again"
+    table = told if isinstance(told, Mapping) else {}
+    try:
+        rows = np.array(table.get("rows"), dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        rows = np.empty(0)
+    if table.get("columns") != [*TARGET_UNITS] or rows.shape != (
+        steps,
+        len(TARGET_UNITS),
+    ):
+        raise LogError(
+            f"{path}: its Targets are of shape {rows.shape}; expected are {steps} rows "
+            f"of {len(TARGET_UNITS)} numbers, {', '.join(TARGET_UNITS)}: {again}"
+        )
+    for step in range(steps):
+        try:
+            target_of(rows[step])
+        except ConfigError as error:
+            raise LogError(f"{path}: in step {step} {error}: {again}") from error
+    return rows
+
+
 def assign_steps(
     path: Path, log: Array, steps: NDArray[np.int_], f_star: Array
 ) -> tuple[int, tuple[int, ...]]:
@@ -116,7 +150,7 @@ def assign_steps(
         row = int(np.argmin(is_own))
         raise LogError(
             f"{path}: in row {row} the commanded f* is {logged[row].round(3).tolist()} "
-            f"m/s2, step {steps[row]}'s action asks for "
+            f"m/s2, step {steps[row]}'s Target asks for "
             f"{f_star[steps[row]].round(3).tolist()}: the log is of another task or "
             "scale"
         )

@@ -18,6 +18,7 @@ from dovetail.arms.address import parse_address
 from dovetail.control.config import LimitConfig
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
+from dovetail.control.target_columns import TARGET_UNITS, target_row
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.registered import make_task
@@ -29,6 +30,7 @@ from dovetail.identify.measured_delay import measure_delay
 from dovetail.identify.recording import (
     DESCRIPTION,
     FORMAT,
+    TARGETS,
     Recording,
     read_description,
     sequence_path,
@@ -36,7 +38,7 @@ from dovetail.identify.recording import (
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.robots.robot import Robot
-from dovetail.tasks.options import TaskOptions, option_types
+from dovetail.tasks.options import TaskOptions, option_types, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Array, Vec7
 from dovetail.workcell.workcell import WALLS
@@ -206,16 +208,14 @@ def _describe(
     action, approach = env.config.action, env.config.approach
     facts = env.arm.facts
     is_hardware = address.margins == "hardware"
-    return {
+    about = {
         "format": FORMAT,
         "robot": facts.robot.name,
         "env_id": config.env,
         "arm_model": config.robot,
         "task": str(env.axes),
         "period": facts.period,
-        **{name: vars(env.task)[name] for name in option_types(type(env.task))},
         "fixture": list(fixture),
-        "near_height": fixture[2] + approach.near_distance,
         "arm": config.arm,
         "commands": {
             "f_scale": action.f_scale,
@@ -238,6 +238,9 @@ def _describe(
         },
         "q_start": [np.asarray(q).tolist() for q in starts],
     }
+    task = type(env.task)
+    require_apart(task, about, "words of recording.json")
+    return about | {name: vars(env.task)[name] for name in option_types(task)}
 
 
 def _is_begun(folder: Path, metadata: dict[str, Any]) -> bool:
@@ -302,8 +305,12 @@ def _play(
     env.reset(seed=seed, options={"fixture": fixture, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}
     facts |= {"q_start": env.state.q, "sequence": number}
+    targets: list[list[float]] = []
+    units = list(TARGET_UNITS.values())
+    facts[TARGETS] = {"columns": list(TARGET_UNITS), "units": units, "rows": targets}
     episode = Episode(metadata=facts)
     for step, action in enumerate(actions.astype(np.float32)):
+        targets.append(target_row(env.begin_step(action)).tolist())
         _, reward, _, _, info = env.step(action)
         contact = _contact(env, info["contact_force_max"])
         if contact and not config.allow_contact:

@@ -12,21 +12,23 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
-from dovetail.envs.commands import CommandMap
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import make_task, old_fixture_word, task_class
 from dovetail.episode import Episode
 from dovetail.errors import LogError
 from dovetail.identify.log_checks import (
     assign_steps,
+    read_targets,
     require_gapless,
     require_robot,
     require_same_facts,
 )
+from dovetail.identify.old_targets import targets_of_actions
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
@@ -34,16 +36,22 @@ from dovetail.robots.robot import Robot
 from dovetail.strangers import require_trusted
 from dovetail.tasks.options import option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
-from dovetail.tasks.task import Goal, Task
+from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
 from dovetail.workcell.workcell import Workcell
 
-FORMAT = 1
+FORMAT = 2
+_BEFORE = 1
+"""The format whose logs have actions and no Targets."""
 DESCRIPTION = "recording.json"
+TARGETS = "targets"
+"""Key of a sequence's metadata: columns and rows of the Target of each step."""
 _KEYS = (
-    *("format", "robot", "task", "period", "fixture", "near_height", "arm"),
+    *("format", "robot", "task", "period", "fixture", "arm"),
     *("commands", "controller", "excitation", "q_start"),
 )
+_OLD_KEYS = ("near_height",)
+"""Of `_BEFORE` only."""
 _UNFITTED = ("env_id", "arm_model", "created", "version", "delay")
 """Keys of which a fit is independent; the task's options stand beside them."""
 
@@ -54,14 +62,19 @@ class Sequence:
 
     q_start: Vec7
     """Configuration at the reset, as measured [rad], shape (7,)."""
-    actions: Array
-    """Actions in [-1, 1], shape (steps, 4)."""
+    targets: Array
+    """The Target of each step, columns `TARGET_UNITS`."""
     log: Array
     """One row for each control cycle, columns CYCLE_COLUMNS."""
     cycles: tuple[int, ...]
     """Control cycles of each step; over a network not always the same number."""
     q_commanded: Vec7
     """Configuration that the reset was to reach [rad]; its TCP rotation is held."""
+
+    @property
+    def f_star(self) -> Array:
+        """f* of X Y Z that each step asked for [m/s2], shape (steps, 3)."""
+        return self.targets[:, :3]
 
 
 @dataclass(frozen=True)
@@ -87,19 +100,11 @@ class Recording:
         """What stood around the arm."""
         return _cell(self.metadata)
 
-    def goal(self) -> Goal:
-        """Return the goal to which pose axes were relative."""
-        return _task(self.metadata).goal(self.fixture)
-
     @property
     def fixture(self) -> Pose:
         """Where the fixture was."""
         x, y, z, yaw = self.metadata["fixture"]
         return Pose(np.array([x, y, z]), quat_about_z(yaw))
-
-    def commands(self) -> CommandMap:
-        """Return what turned actions into Targets."""
-        return CommandMap(self.task, **self.metadata["commands"])
 
     def settings(self) -> tuple[OscConfig, LimitConfig]:
         """Return law and limits of the controller that played the motions."""
@@ -132,6 +137,8 @@ class Recording:
         digest = hashlib.sha256(json.dumps(known, sort_keys=True).encode())
         for sequence in self.sequences:
             digest.update(np.ascontiguousarray(sequence.log[:, :-1]).tobytes())
+            if self.metadata["format"] > _BEFORE:
+                digest.update(sequence.targets.tobytes())
         return digest.hexdigest()[:16]
 
     def require_like(self, other: Self) -> None:
@@ -206,11 +213,12 @@ def read_description(folder: Path) -> dict[str, Any]:
         )
     if (once := old_fixture_word()) in metadata:
         metadata["fixture"] = metadata.pop(once)
-    missing = [key for key in _KEYS if key not in metadata]
-    if missing or metadata["format"] != FORMAT:
+    old = _OLD_KEYS if metadata.get("format") == _BEFORE else ()
+    missing = [key for key in (*_KEYS, *old) if key not in metadata]
+    if missing or metadata["format"] not in (_BEFORE, FORMAT):
         raise LogError(
             f"{path} lacks {', '.join(missing) or 'no key'} and has format "
-            f"{metadata.get('format')}; this version reads {FORMAT}"
+            f"{metadata.get('format')}; this version reads {_BEFORE} and {FORMAT}"
         )
     return metadata
 
@@ -247,13 +255,24 @@ def _read_sequence(
             f"have {metadata['excitation']['steps']}: delete the file and record it "
             "again"
         )
-    names = [name for name in episode.columns if name.startswith("action")]
-    actions = np.column_stack([episode[name] for name in names])[firsts]
-    scale = float(metadata["commands"]["f_scale"])
-    first, cycles = assign_steps(path, log, steps, scale * actions[:, :3])
+    if metadata["format"] == _BEFORE:
+        targets = _old_targets(episode, firsts, metadata)
+    else:
+        targets = read_targets(path, episode.metadata.get(TARGETS), len(firsts))
+    first, cycles = assign_steps(path, log, steps, targets[:, :3])
     q_start = np.asarray(episode.metadata["q_start"], dtype=float)
     if first > 0:  # a network's latency: the arm was still held at its start
         q_start = log[first, COLUMN["q1"] : COLUMN["q7"] + 1]
     return Sequence(
-        q_start, actions, log[first:], cycles, np.array(metadata["q_start"][number])
+        q_start, targets, log[first:], cycles, np.array(metadata["q_start"][number])
     )
+
+
+def _old_targets(
+    episode: Episode, firsts: NDArray[np.intp], metadata: dict[str, Any]
+) -> Array:
+    names = [name for name in episode.columns if name.startswith("action")]
+    actions = np.column_stack([episode[name] for name in names])[firsts]
+    x, y, z, yaw = metadata["fixture"]
+    fixture = Pose(np.array([x, y, z]), quat_about_z(yaw))
+    return targets_of_actions(actions, _task(metadata).goal(fixture), metadata)

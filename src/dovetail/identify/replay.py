@@ -1,4 +1,4 @@
-"""Play a recording's actions in a simulation, closed loop, and compare.
+"""Play a recording's Targets in a simulation, closed loop, and compare.
 
 A replay runs the C++ controller against the engine, whose loop is in C++ too. MuJoCo's
 `mujoco.batch` steps many simulations at once but with controls given beforehand; here
@@ -10,6 +10,7 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.control.build import make_controller
+from dovetail.control.target_columns import target_of
 from dovetail.errors import PlantError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording, Sequence
@@ -22,7 +23,7 @@ DIVERGED = 10.0
 
 
 class Replay:
-    """The recording's controller, actions and starts, over any model."""
+    """The recording's controller, Targets and starts, over any model."""
 
     def __init__(self, recording: Recording, engine: str = "mujoco") -> None:
         """Build controller and plant once; each run changes the dynamics alone.
@@ -43,23 +44,10 @@ class Replay:
         self._controller = make_controller(
             self._robot, *recording.settings(), recording.task, recording.period
         )
-        self._targets = [self._make_targets(s) for s in recording.sequences]
+        self._targets = [
+            [target_of(row) for row in s.targets] for s in recording.sequences
+        ]
         self._measured = np.concatenate(recording.positions())
-
-    def _make_targets(self, sequence: Sequence) -> list["_core.Target"]:
-        """Return the Target of each step, as the environment made it."""
-        commands = self.recording.commands()
-        goal = self.recording.goal()
-        plane = np.append(goal.normal, self.recording.metadata["near_height"])
-        targets = []
-        for action in sequence.actions:
-            target = _core.Target()
-            target.near_plane = plane
-            commands.fill(
-                target, action.astype(np.float32), goal.position, goal.quat_wxyz
-            )
-            targets.append(target)
-        return targets
 
     def run(self, model: TwinConfig) -> list[Array]:
         """Play every sequence on a model.

@@ -144,9 +144,9 @@ def _require_comparable(fitted: Recording, held_out: Recording) -> None:
     fitted.require_like(held_out)
     for number, ours in enumerate(fitted.sequences):
         for other, theirs in enumerate(held_out.sequences):
-            if np.array_equal(ours.actions, theirs.actions):
+            if np.array_equal(ours.f_star, theirs.f_star):
                 raise ConfigError(
-                    f"sequence {other} of the held-out log plays the same actions as "
+                    f"sequence {other} of the held-out log plays the same f* as "
                     f"sequence {number} of the fitting log; record it with another "
                     "--seed"
                 )

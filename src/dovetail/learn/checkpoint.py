@@ -11,6 +11,7 @@ import hashlib
 import json
 import os
 import shutil
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -66,13 +67,16 @@ def save_checkpoint(folder: Path, model: SbxModel, wall_time: float) -> Path:
 
     Raises:
         LogError: The disk is full or not writable; older checkpoints are kept.
+
+    Warns:
+        UserWarning: An old checkpoint cannot be removed.
     """
     place = folder / f"step-{model.num_timesteps:010d}"
     beside = folder / f".{place.name}.part"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for leftover in folder.glob(".*.part"):
-            shutil.rmtree(leftover)
+            shutil.rmtree(leftover, ignore_errors=True)
         beside.mkdir()
         _write(beside, model, wall_time)
         if place.exists():
@@ -87,7 +91,14 @@ def save_checkpoint(folder: Path, model: SbxModel, wall_time: float) -> Path:
             "free some space and continue with --resume"
         ) from error
     for old in list_checkpoints(folder)[:-KEPT]:
-        shutil.rmtree(old)
+        try:
+            shutil.rmtree(old)
+        except OSError as error:  # the new one is whole: the training goes on
+            warnings.warn(
+                f"the old checkpoint {old} cannot be removed ({error.strerror}): "
+                "remove it by hand when space is short",
+                stacklevel=2,
+            )
     return place
 
 
@@ -212,6 +223,12 @@ def _set_replay(buffer: ReplayBuffer, path: Path) -> None:
         for name, room in buffer_arrays(buffer).items():
             shape = (count, *room.shape[1:])
             room[:count] = _read(archive, name, shape, room.dtype)
+            if (bad := ~np.isfinite(room[:count])).any():
+                where = int(np.argwhere(bad)[0][0])
+                raise ConfigError(
+                    f"replay buffer {name} is {room[where][bad[where]][0]} in "
+                    f"transition {where}; it must be finite"
+                )
     buffer.pos, buffer.full = position, is_full
 
 

@@ -8,7 +8,7 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.envs.config import F_SCALE, FORCE_DAMPING, USUAL
 from dovetail.envs.registered import task_class
-from dovetail.tasks.options import TaskOptions, own_options
+from dovetail.tasks.options import TaskOptions, own_options, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.trackers.find import without_images
@@ -85,9 +85,12 @@ class EnvSettings:
         """The class of the environment's task.
 
         Raises:
-            ConfigError: No such environment; lists the known ones.
+            ConfigError: No such environment; lists the known ones. Or a field of the
+                task is called as one of these settings is: a file has them in one.
         """
-        return task_class(self.env)
+        task, names = task_class(self.env), [f.name for f in fields(self)]
+        require_apart(task, names, f"settings of {type(self).__name__}")
+        return task
 
     def env_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the environment, as JSON knows them."""

@@ -5,7 +5,7 @@ the field `clearance` of the task that is chosen, with the type and the words it
 there.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, fields
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -36,6 +36,24 @@ def option_types(task: type[Task]) -> dict[str, type]:
     own = [f.name for f in fields(task) if f.init and f.name not in shared]
     found = {name: _plain(f"{task.__name__}.{name}", kinds[name]) for name in own}
     return {name: kind for name, kind in found.items() if kind is not None}
+
+
+def require_apart(task: type[Task], names: Iterable[str], whose: str) -> None:
+    """Refuse a task an option of which is called as something beside it is.
+
+    Args:
+        task: Its options.
+        names: What else there is.
+        whose: In words.
+
+    Raises:
+        ConfigError: Says which options.
+    """
+    if taken := sorted(option_types(task).keys() & set(names)):
+        raise ConfigError(
+            f"the fields {', '.join(taken)} of {task.__name__} are also {whose}: give "
+            "them other names"
+        )
 
 
 def own_options(task: type[Task]) -> dict[str, Any]:

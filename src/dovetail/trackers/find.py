@@ -10,16 +10,18 @@ import importlib
 import pkgutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
 
 from dovetail.errors import ConfigError
+from dovetail.plants.twin import TwinConfig, load_twin
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.strangers import import_names
 from dovetail.trackers.late import Late
 from dovetail.trackers.tracker import Tracker
 
 if TYPE_CHECKING:
+    from dovetail.arms.arm import Arm
     from dovetail.workcell.workcell import Workcell
 
 DEFAULT_TRACKER = "truth"
@@ -42,6 +44,14 @@ class Site:
     """What the twin's file says of its camera; None is nothing."""
     is_simulated: bool = True
     """Whether the arm is a simulation, or a simulated cabinet."""
+
+    @classmethod
+    def of(
+        cls, cell: "Workcell", twin: TwinConfig | str | Path | None, arm: "Arm"
+    ) -> Self:
+        """Return an arm's workcell, with the camera that a twin's file describes."""
+        camera = None if twin is None else load_twin(twin).camera
+        return cls(cell=cell, twin=camera, is_simulated=arm.facts.is_simulated)
 
 
 def list_trackers() -> tuple[str, ...]:
