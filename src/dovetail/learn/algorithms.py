@@ -9,6 +9,7 @@ import numpy as np
 from dovetail.arms.address import parse_address
 from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.demonstrations import fill, load_demonstrations, rows_of
 from dovetail.learn.teacher import Teacher, taught
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.reward import RewardConfig
@@ -120,7 +121,9 @@ def make_model(config: TrainConfig, env: Any) -> Any:
 
     Raises:
         MissingDependencyError: The extra `learn` is not installed.
+        LogError: A demonstration cannot be learned from; says which, and what to do.
     """
+    demos = load_demonstrations(config.logs, env.envs[0]) if config.logs else None
     sbx = import_sbx()
     kind = {
         "sac": sbx.SAC,
@@ -142,7 +145,8 @@ def make_model(config: TrainConfig, env: Any) -> Any:
     if config.algorithm == "ppo":
         settings["n_steps"] = config.rollout_steps
     else:
-        settings |= _off_policy_settings(config, env.action_space.shape[0])
+        count = 0 if demos is None else len(demos)
+        settings |= _off_policy_settings(config, env.action_space.shape[0], count)
         settings["policy_kwargs"]["layer_norm"] = config.layer_norm
         if config.from_policy is not None:
             settings["learning_rate"] = partial(
@@ -153,25 +157,34 @@ def make_model(config: TrainConfig, env: Any) -> Any:
     if config.has_teacher:
         seed = derive_seed(config.seed, 3)
         model.teacher = Teacher(env.envs, config.teacher_noise, seed)
+    if demos is not None:
+        fill(model.replay_buffer, demos, config.reward_scale)
     return model
 
 
-def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any]:
+def _off_policy_settings(
+    config: TrainConfig, num_actions: int, num_demos: int
+) -> dict[str, Any]:
+    shown = rows_of(num_demos, config.num_envs)
+    own = min(config.steps + config.num_envs, _LARGEST_BUFFER)
     settings: dict[str, Any] = {
-        "buffer_size": min(config.steps + config.num_envs, _LARGEST_BUFFER),
+        "buffer_size": own + shown * config.num_envs,
         "learning_starts": config.learning_starts,
         "n_steps": config.n_steps,
         "train_freq": 1,
         "gradient_steps": max(1, round(config.num_envs * config.updates_per_step)),
     }
-    if config.has_teacher:
+    if config.has_teacher or num_demos:
         from dovetail.learn.taught_replay import TaughtReplay
+
+        if config.has_teacher:
+            shown += config.learning_starts // config.num_envs
 
         settings["replay_buffer_class"] = TaughtReplay
         settings["replay_buffer_kwargs"] = {
             "n_steps": config.n_steps,
             "gamma": config.gamma,
-            "taught": config.learning_starts // config.num_envs,
+            "taught": shown,
             "share": config.teacher_share,
         }
         settings["n_steps"] = 1  # the buffer sums rewards up
