@@ -64,13 +64,7 @@ def unit_of(column: str) -> str:
 def log_columns(
     num_actions: int, observed: Sequence[str] = (), *, is_led: bool = False
 ) -> tuple[str, ...]:
-    """Return the columns of a log.
-
-    Args:
-        num_actions: Length of an action.
-        observed: Names of what was observed, each `obs_...`.
-        is_led: Whether the log says which actions were a person's.
-    """
+    """Return a log's columns: `observed` are names `obs_...`, `is_led` adds `LED`."""
     actions = tuple(f"action{i + 1}" for i in range(num_actions))
     led = (LED,) if is_led else ()
     return (*CYCLE_COLUMNS, "step", *actions, "reward", *led, *observed)
