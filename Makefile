@@ -31,7 +31,7 @@ SET_UP := $(if $(wildcard $(DEVELOP)),$(DEVELOP),$(USE))
 SETTINGS := pyproject.toml constraints.txt CMakeLists.txt
 CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
-EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,test,lint
+EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,teach,test,lint
 
 .PHONY: demo test test-cpp test-sanitized test-python fuzz lint proto format clean
 

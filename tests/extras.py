@@ -9,6 +9,7 @@ EXTRA_OF = {
     "grpc_tools": "test",
     "pinocchio": "test",
     "pyarrow": "log",
+    "pyarrow.parquet": "log",
     "pybullet": "bullet",
     "pybullet_data": "bullet",
     "qpsolvers": "test",

@@ -40,7 +40,7 @@ def test_a_saved_log_loads_with_the_same_numbers_columns_units_and_metadata(
     path = episode.save(tmp_path / f"log{suffix}")
     loaded = Episode.load(path)
     np.testing.assert_array_equal(loaded.data, episode.data)
-    assert loaded.columns == log_columns(4, has_observation=True)
+    assert loaded.columns == log_columns(4, OBSERVED)
     assert loaded.units == episode.units
     assert loaded.metadata == episode.metadata
     np.testing.assert_array_equal(loaded["step"], np.repeat([0, 1, 2], 10))
@@ -49,7 +49,7 @@ def test_a_saved_log_loads_with_the_same_numbers_columns_units_and_metadata(
 
 
 def test_every_column_has_a_unit():
-    assert all(unit_of(name) for name in log_columns(6, has_observation=True))
+    assert all(unit_of(name) for name in log_columns(6, OBSERVED, is_led=True))
     assert (unit_of("tau3"), unit_of("fsx"), unit_of("obs_vx")) == ("Nm", "m/s2", "m/s")
     with pytest.raises(LogError, match="unknown log column 'torque'"):
         unit_of("torque")

@@ -22,6 +22,7 @@ COMMANDS = {
     "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
     "cockpit": ("Cockpit", "see an arm in the browser, and touch it"),
+    "record": ("Record", "show the task by hand, for a policy to learn from"),
     "replay": ("Replay", "show recorded episodes in the browser"),
     "identify": ("Identify", "fit the simulation to an arm's scripted motions"),
     "reproduce": ("Reproduce", "run the paper's experiments, resumable"),
@@ -40,7 +41,7 @@ is not needed, nor waited for, by the others.
 
 _WITH_TASK = (
     *("train", "export", "evaluate", "identify", "serve", "cabinet"),
-    "cockpit",
+    *("cockpit", "record"),
 )
 """Of them those that have options of the task, for which it has to be found."""
 

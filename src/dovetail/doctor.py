@@ -29,6 +29,7 @@ EXTRAS = {
     "rpc": ("grpc", "arms in other processes"),
     "identify": ("cmaes", "identification"),
     "camera": ("cv2", "cameras"),
+    "teach": ("pyspacemouse", "a 3D mouse in the cockpit"),
     "cluster": ("ray", "fits and experiments on several machines"),
 }
 """Optional packages by the extra that brings them, and what for."""

@@ -11,7 +11,7 @@ import signal
 import tempfile
 import threading
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -31,13 +31,15 @@ OBSERVED = (
     *(f"obs_q{i}" for i in range(1, 8)),
     *("obs_x", "obs_y", "obs_z", "obs_theta", "obs_vx", "obs_vy", "obs_vz"),
 )
-"""The policy's observation, unscaled; present where it was given."""
+"""What a policy usually observes, unscaled; present where it was given."""
+LED = "is_intervention"
+"""Column that says whether a person's action was taken, 1, or a policy's, 0."""
 
 _Handler: TypeAlias = Callable[[int, FrameType | None], Any] | int | None
 
-_UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward"), "1")
+_UNITS = CYCLE_UNITS | dict.fromkeys(("step", "reward", LED), "1")
 _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
-_UNITS |= {"obs_theta": "rad"}
+_UNITS |= dict.fromkeys(("obs_theta", "obs_tilt_x", "obs_tilt_y"), "rad")
 _WRENCH = tuple(name for name in CYCLE_COLUMNS if name.startswith("wrench_"))
 _MAY_BE_NAN = ("fx", "fy", "fz", *_WRENCH)  # what an arm or an old log does not know
 _UNREADABLE = (OSError, EOFError, zipfile.BadZipFile)  # a file,
@@ -54,16 +56,18 @@ def unit_of(column: str) -> str:
     if not is_action and column not in _UNITS:
         raise LogError(
             f"unknown log column {column!r}; known: {', '.join(CYCLE_COLUMNS)}, step, "
-            f"action1.., reward, {', '.join(OBSERVED)}"
+            f"action1.., reward, {LED}, {', '.join(OBSERVED)}"
         )
     return "1" if is_action else _UNITS[column]
 
 
-def log_columns(num_actions: int, has_observation: bool) -> tuple[str, ...]:
-    """Return the columns of a log with so many actions."""
+def log_columns(
+    num_actions: int, observed: Sequence[str] = (), *, is_led: bool = False
+) -> tuple[str, ...]:
+    """Return a log's columns: `observed` are names `obs_...`, `is_led` adds `LED`."""
     actions = tuple(f"action{i + 1}" for i in range(num_actions))
-    observed = OBSERVED if has_observation else ()
-    return (*CYCLE_COLUMNS, "step", *actions, "reward", *observed)
+    led = (LED,) if is_led else ()
+    return (*CYCLE_COLUMNS, "step", *actions, "reward", *led, *observed)
 
 
 class Episode:
@@ -74,7 +78,11 @@ class Episode:
     """
 
     def __init__(
-        self, *, metadata: Mapping[str, Any], path: str | Path | None = None
+        self,
+        *,
+        metadata: Mapping[str, Any],
+        path: str | Path | None = None,
+        observed: Sequence[str] = OBSERVED,
     ) -> None:
         """Start an empty log.
 
@@ -82,6 +90,7 @@ class Episode:
             metadata: Plain data (robot, task, seed, ...); versions, date and format are
                 added.
             path: File to write when used as a context manager.
+            observed: Names of the observation's columns, where there is one.
         """
         facts = {
             "format": FORMAT,
@@ -91,6 +100,7 @@ class Episode:
         self.metadata: dict[str, Any] = facts | dict(metadata)
         self.columns: tuple[str, ...] = ()
         self._path = Path(path) if path is not None else None
+        self._observed = tuple(observed)
         self._blocks: list[Array] = []
         self._before: _Handler = None
 
@@ -105,6 +115,8 @@ class Episode:
         action: ArrayLike,
         reward: float,
         observation: ArrayLike | None = None,
+        *,
+        is_intervention: bool | None = None,
     ) -> None:
         """Add one policy step.
 
@@ -113,16 +125,20 @@ class Episode:
             step: Number of the step, from 0.
             action: The policy's action in [-1, 1].
             reward: The step's reward.
-            observation: The unscaled observation after the step, shape (14,).
+            observation: The unscaled observation after the step, in the columns that
+                the log was made with.
+            is_intervention: Whether the action was a person's; None does not say.
 
         Raises:
             LogError: A shape differs from `CYCLE_COLUMNS` or from the first step's.
         """
         numbers = np.asarray(action, dtype=float).ravel()
         observed = () if observation is None else np.asarray(observation, dtype=float)
-        columns = log_columns(len(numbers), observation is not None)
+        names = () if observation is None else self._observed
+        led = [] if is_intervention is None else [float(is_intervention)]
+        columns = log_columns(len(numbers), names, is_led=bool(led))
         self.columns = self.columns or columns
-        extra = np.concatenate([[step], numbers, [reward], observed])
+        extra = np.concatenate([[step], numbers, [reward], led, observed])
         width = log.shape[1] + len(extra) if log.ndim == 2 else 0
         if width != len(columns) or columns != self.columns:
             raise LogError(
@@ -276,10 +292,12 @@ def _check(
 ) -> None:
     """Refuse a log whose columns, units or numbers are not what they should be."""
     num_actions = sum(name.startswith("action") for name in columns)
-    if columns and columns != log_columns(num_actions, OBSERVED[0] in columns):
+    observed = [name for name in columns if name.startswith("obs_")]
+    wanted = log_columns(num_actions, observed, is_led=LED in columns)
+    if (columns and columns != wanted) or len(set(columns)) < len(columns):
         raise LogError(
             f"the log {path} has the columns {', '.join(columns)}; expected "
-            f"{', '.join(log_columns(num_actions, OBSERVED[0] in columns))}"
+            f"{', '.join(wanted)}, each once"
         )
     if data.dtype != np.float64 or data.ndim != 2 or data.shape[1] != len(columns):
         raise LogError(

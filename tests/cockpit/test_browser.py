@@ -105,6 +105,30 @@ def test_the_arm_is_pulled_by_its_gizmo_until_that_is_let_go(browser, cockpit):
     wait_for(lambda: session.hand.pull_to is None)
 
 
+def test_a_demonstration_is_led_by_the_gizmo_and_kept(browser, cockpit):
+    session, server = cockpit
+    button(browser, "Lead the tool").click()
+    button(browser, "Begin").click()
+    wait_for(lambda: session.diary.is_demonstration)
+    wait_for(lambda: session.moment.stamp > 0.3)
+    tip = session.moment.position
+    mouse = driven.Mouse(browser)
+    up = np.array([0.0, 0.0, 1.0])
+    begin = on_screen(browser, server, tip + 0.09 * up)
+    end = on_screen(browser, server, tip + 0.13 * up)
+    mouse.grab(begin)
+    for share in np.linspace(0.2, 1.0, 5):
+        mouse.drag(np.array(begin) + share * (np.array(end) - begin))
+    wait_for(lambda: session.status.mode == "led")
+    wait_for(lambda: session.moment.position[2] > tip[2] + 0.01)
+    mouse.let_go(end)
+    wait_for(lambda: not session.guide.is_leading)
+    button(browser, "Keep").click()
+    wait_for(lambda: "kept, unfinished" in session.status.note)
+    wait_for(lambda: "1 demonstration" in browser.page_source)
+    button(browser, "Lead the tool").click()
+
+
 def test_the_fixture_is_dragged_while_the_camera_is_covered(browser, cockpit):
     session, server = cockpit
     begin = session.moment.fixture.position

@@ -42,7 +42,7 @@ def test_the_policy_finishes_and_what_it_did_can_be_replayed(session):
     q, _, fixture = recorded.at(recorded.end)
     np.testing.assert_array_equal(q, recorded.q[-1])
     np.testing.assert_allclose(fixture.position, session.moment.fixture.position)
-    assert recorded.cell.name == session.cell.name
+    assert recorded.cell.name == session.core.cell.name
 
 
 def test_a_stop_holds_the_arm_at_once_and_a_start_goes_on(session):

@@ -2,6 +2,7 @@
 
 import asyncio
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -101,10 +102,38 @@ def test_the_second_viewer_only_watches_until_the_first_has_left(served):
     two.close()
 
 
+def test_of_two_drivers_only_the_first_leads_and_a_page_that_closes_leads_no_more(
+    served,
+):
+    session, page, server = served
+    one, two = Viewer(server), Viewer(server)
+    begin = session.moment.position
+    one.drag("/lead", begin + np.array([0.0, 0.05, 0.0]))
+    time.sleep(0.2)
+    assert not session.guide.is_leading  # it is not switched on
+    page.panel.leads.show(True)
+    one.drag("/lead", begin + np.array([0.0, 0.05, 0.0]))
+    wait_until(lambda: session.moment.position[1] > begin[1] + 0.01)
+    two.drag("/lead", begin - np.array([0.0, 0.05, 0.0]))
+    two.let_go("/lead")
+    end = session.moment.stamp + 0.5
+    wait_until(lambda: session.moment.stamp > end)
+    assert session.moment.position[1] > begin[1] + 0.02
+    assert session.status.mode == "led"
+    one.close()
+    wait_until(lambda: session.status.mode == "held" and session.core.arm.is_held)
+    two.drag("/lead", begin)
+    wait_until(lambda: session.guide.is_leading)
+    two.close()
+    wait_until(lambda: not session.guide.is_leading)
+    assert session.violations == 0
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, 1e308, -1e308])
-@pytest.mark.parametrize("name", ["/pull", "/drag"])
+@pytest.mark.parametrize("name", ["/pull", "/drag", "/lead"])
 def test_what_no_mouse_can_do_moves_nothing_out_of_its_limits(served, name, bad):
-    session, _, server = served
+    session, page, server = served
+    page.panel.leads.show(True)
     fixture = session.moment.fixture.position
     viewer = Viewer(server)
     viewer.drag(name, [bad, 0.0, bad])

@@ -10,6 +10,7 @@ import pytest
 from dovetail.arms.arm import ArmState
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.observation import GROUPS, USUAL_GROUPS
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate import trials
@@ -35,7 +36,10 @@ class FallingEnv(ContactEnv):
         self.action_space = gym.spaces.Box(-1, 1, (4,))
         self.drop, self.force, self.fail_at = drop, force, fail_at
         self.error = error
-        self.task, self.config = PegInHole(), EnvConfig()  # a log names both
+        self.task, self.config = PegInHole(), EnvConfig()  # a log names these
+        self.commands = SimpleNamespace(axes=("X", "Y", "Z", "A"), scale=[4.0] * 4)
+        columns = [column for name in USUAL_GROUPS for column in GROUPS[name].columns]
+        self.scaling = SimpleNamespace(columns=columns)
 
     def reset(self, *, seed=None, options=None):
         gym.Env.reset(self, seed=seed)
@@ -43,7 +47,8 @@ class FallingEnv(ContactEnv):
         self.height = self.np_random.uniform(0.01, 0.05)
         self.time, self.steps = 0.0, 0
         self.state = known(np.empty((0, len(CYCLE_COLUMNS))))
-        return np.zeros(14), {"success": False, "depth": -self.height}
+        info = {"success": False, "depth": -self.height}
+        return np.zeros(14), info | {"observation_raw": np.zeros(14)}
 
     def step(self, action):
         if self.steps == self.fail_at:

@@ -99,6 +99,10 @@ def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
     assert found is not None
     assert {name: vars(found)[name] for name in SEARCHING} == dict(SEARCHING)
     assert defaults(["--steps", "5"]) is None
+    logs = defaults(["--doubt", "0.02", "--teacher", "logs"])
+    assert logs is not None
+    assert logs.learning_starts == TrainConfig.learning_starts
+    assert logs.recall == found.recall
 
 
 @pytest.mark.parametrize(

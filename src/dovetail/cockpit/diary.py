@@ -3,7 +3,7 @@
 One begins with each reset, and after a rest in which the arm was only held.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.arms.arm import ArmState
+from dovetail.envs.log_facts import FIRST, SUCCESS
 from dovetail.episode import OBSERVED, Episode
 from dovetail.errors import LogError
 from dovetail.poses import Pose
@@ -21,12 +22,18 @@ CYCLES_MAX = 120_000
 """Control cycles in one file: about 40 MB; the next file goes on."""
 FIXTURE = "fixture_path [s, m, wxyz]"
 """Key of the metadata: rows of time, position and rotation where the fixture moved."""
+SHOWN = "demonstration"
+"""Key of the metadata: finished or unfinished, where it is a person's."""
+DEMONSTRATIONS = "demonstrations"
+"""Folder of demonstrations, in that of the logs."""
 
 
 class Diary:
     """Keeps the episode that runs, and writes it beside the control loop.
 
-    A file is whole or absent. What cannot be written is said once, in `problem`.
+    A file is whole or absent. What cannot be written is said once, in `problem`. A
+    demonstration has a file of its own in `demonstrations`, from its first motion to
+    its end; whoever made it keeps it or throws it away, and until then it is kept.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -36,27 +43,58 @@ class Diary:
         """Logs that were written."""
         self.problem = ""
         """Why a log could not be written; empty where all could."""
+        self.is_demonstration = False
+        """Whether what runs is one."""
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="diary")
         self._episode: Episode | None = None
         self._about: dict[str, Any] = {}
+        self._observed: Sequence[str] = OBSERVED
         self._fixture: list[list[float]] = []
         self._idle = self._number = 0
         self._is_worth = False
+        self._newest: Path | None = None
 
-    def begin(self, about: Mapping[str, Any]) -> None:
+    @property
+    def demonstrations(self) -> list[Path]:
+        """Demonstrations that were written and not thrown away."""
+        return [file for file in self.files if file.parent.name == DEMONSTRATIONS]
+
+    def describe_demonstrations(self) -> str:
+        """Say how many there are, and whether one runs; empty for none."""
+        count = len(self.demonstrations)
+        words = [f"{count} demonstration{'s' if count != 1 else ''}"] if count else []
+        return ", ".join(words + ["one runs"] * self.is_demonstration)
+
+    def begin(
+        self, about: Mapping[str, Any], observed: Sequence[str] = OBSERVED
+    ) -> None:
         """End the log that runs, and start one.
 
         Args:
             about: What runs where, plain data.
+            observed: Names of the observation's columns.
         """
         self.end()
-        self._about = dict(about)
+        self._about, self._observed = dict(about), observed
         self._fixture = []
         self._idle = 0
+        self._newest = None
         self._open()
 
+    def demonstrate(self) -> None:
+        """Make the log that has begun a demonstration."""
+        self.is_demonstration = True
+
+    def see_first(self, raw: np.ndarray) -> None:
+        """Note the unscaled observation before the first action."""
+        if self._episode is not None:
+            seen = zip(self._observed, raw.tolist(), strict=True)
+            self._episode.metadata[FIRST] = dict(seen)
+
     def _open(self) -> None:
-        self._episode = Episode(metadata=self._about) if self.folder else None
+        self._episode = None
+        if self.folder:
+            self._episode = Episode(metadata=self._about, observed=self._observed)
         self._is_worth = False
         self._fixture = self._fixture[-1:]
 
@@ -70,44 +108,98 @@ class Diary:
         self,
         state: ArmState,
         step: int,
-        action: np.ndarray,
         reward: float,
-        raw: np.ndarray,
-        is_idle: bool,
+        info: Mapping[str, Any],
+        *,
+        is_idle: bool = False,
     ) -> None:
         """Add a policy step.
 
         Args:
             state: What the arm said; its log holds the step's cycles.
             step: Number of the step in the episode.
-            action: That was followed.
             reward: Of the step.
-            raw: Unscaled observation after it.
+            info: What `Led` told of it: the action, whose it was, what was seen.
             is_idle: Whether the arm was only held: soon, that is not written any more.
         """
+        raw = info["observation_raw"]
         self._idle = self._idle + 1 if is_idle else 0
+        if self.is_demonstration and is_idle and not self._is_worth:
+            self.see_first(raw)  # nothing was shown yet
+            return
         if self._idle > IDLE_MAX:  # what happens next has a file of its own
-            self.end()
+            if not self.is_demonstration:
+                self.end()
             return
         if self._episode is None:
             self._open()
         if self._episode is None:
             return
         self._is_worth = self._is_worth or not is_idle
-        observed = raw if len(raw) == len(OBSERVED) else None
-        self._episode.append(state.log, step, action, reward, observed)
+        self._episode.append(
+            state.log,
+            step,
+            info["action"],
+            reward,
+            raw,
+            is_intervention=info["is_intervention"],
+        )
         if len(self._episode) >= CYCLES_MAX:
             self.end()
 
-    def end(self) -> None:
-        """Have what runs written, if anything happened in it."""
+    def end(self, success: bool = False) -> None:
+        """Have what runs written, if anything happened in it.
+
+        Args:
+            success: Whether the task was done; a demonstration without is unfinished.
+        """
         episode, self._episode = self._episode, None
+        is_shown, self.is_demonstration = self.is_demonstration, False
         if episode is None or self.folder is None or not self._is_worth:
             return
-        episode.metadata[FIXTURE] = self._fixture
-        self._number += 1
-        name = f"{self._number:03d}.npz"
-        self._writer.submit(self._write, episode, self.folder / name)
+        episode.metadata |= {FIXTURE: self._fixture, SUCCESS: success}
+        folder = self.folder
+        if is_shown:
+            episode.metadata[SHOWN] = "finished" if success else "unfinished"
+            folder = folder / DEMONSTRATIONS
+        file = self._next_file(folder)
+        self._newest = file if is_shown else None
+        self._writer.submit(self._write, episode, file)
+
+    def _next_file(self, folder: Path) -> Path:
+        """Return a place where nothing is yet, of an earlier cockpit either."""
+        while True:
+            self._number += 1
+            file = folder / f"{self._number:03d}.npz"
+            if not file.exists():
+                return file
+
+    def decide(self, is_kept: bool) -> str:
+        """End the demonstration that runs, if one does; keep or throw away the newest.
+
+        The others stay. One that is kept before it succeeded is unfinished.
+
+        Returns:
+            What was done, in words.
+        """
+        was_running = self.is_demonstration
+        if is_kept:
+            self.end()
+        elif was_running:
+            self.is_demonstration, self._episode = False, None
+        if was_running and not is_kept:
+            return "thrown away"
+        file = self._newest
+        if file is None:
+            return "there is no demonstration"
+        if is_kept:
+            kind = "unfinished, " if was_running else ""
+            return f"kept, {kind}as {file.name}"
+        self._newest = None
+        self.flush()
+        file.unlink(missing_ok=True)
+        self.files = [other for other in self.files if other != file]
+        return f"{file.name} is thrown away"
 
     def _write(self, episode: Episode, file: Path) -> None:
         try:

@@ -5,13 +5,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dovetail.cockpit.lead_gizmo import LeadGizmo
 from dovetail.cockpit.panel import ControlPanel
 from dovetail.cockpit.plots import LivePlots
 from dovetail.cockpit.scene import CellScene
 from dovetail.cockpit.seat import Seat
 from dovetail.cockpit.server import light
 from dovetail.cockpit.session import Session
-from dovetail.cockpit.snapshot import USED
+from dovetail.cockpit.snapshot import USED, near_plane
 from dovetail.cockpit.trace import COLUMNS
 from dovetail.errors import DovetailError
 from dovetail.poses import quat_about_z, theta_about_vertical
@@ -68,8 +69,9 @@ class Page:
         server.gui.reset()
         light(server.scene)
         self._version = session.version
-        self._scene = CellScene(server.scene, session.cell)
-        self._panel = ControlPanel(server, session, self._seat)
+        self._scene = CellScene(server.scene, session.core.cell)
+        self.panel = ControlPanel(server, session, self._seat)
+        """The controls beside the picture."""
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(320)
         panel = server.gui.add_panel()
@@ -77,6 +79,7 @@ class Page:
             self._plots = LivePlots(server.gui, PLOTS, COLUMNS)
         panel.dock_left()
         panel.set_width(280)
+        self._lead = LeadGizmo(server, session, self.panel)
         if session.can_touch:
             self._add_gizmos()
 
@@ -95,7 +98,7 @@ class Page:
 
     async def _on_pull(self, event: Any) -> None:
         """Pull while the gizmo is dragged."""
-        if not self._panel.may_drive(event.client_id):
+        if not self.panel.may_drive(event.client_id):
             return
         self._pulled = event.phase != "end"
         if event.phase == "end":
@@ -107,7 +110,7 @@ class Page:
 
     async def _on_drag(self, event: Any) -> None:
         """Drag the fixture to where the gizmo is."""
-        if not self._panel.may_drive(event.client_id):
+        if not self.panel.may_drive(event.client_id):
             return
         self._dragged = event.phase != "end"
         place = np.array(event.target.position, dtype=float)
@@ -126,6 +129,8 @@ class Page:
         if self._seat.leave(client.client_id):
             self._pulled = self._dragged = False
             self._session.pull(None)
+            self._session.use_mouse(False)
+            self._session.guide.let_go()
             if not self._keeps_running:
                 self._session.stop()
 
@@ -140,7 +145,7 @@ class Page:
             self.frames += 1
 
     def _draw_frame(self) -> None:
-        session, scene, panel = self._session, self._scene, self._panel
+        session, scene, panel = self._session, self._scene, self.panel
         moment = session.moment
         if moment is not None:
             scene.place(moment.q, moment.fixture, moment.seen)
@@ -149,13 +154,15 @@ class Page:
             scene.point(
                 moment.force if shown else nothing, moment.pull if shown else nothing
             )
+            self._lead.show(moment)
         if session.can_touch and moment is not None:
-            self._grip.visible = panel.pulls.is_on
+            self._grip.visible = panel.pulls.is_on and not panel.leads.is_on
             self._handle.visible = panel.drags.is_on
             if not self._pulled:
                 self._grip.position = moment.position
             if not self._dragged:
-                yaw = theta_about_vertical(moment.fixture.quat_wxyz, session.facing)
+                facing = np.array(session.core.task.trial_poses[0].facing)
+                yaw = theta_about_vertical(moment.fixture.quat_wxyz, facing)
                 self._handle.position = moment.fixture.position
                 self._handle.wxyz = quat_about_z(yaw)
         scene.walls.visible = panel.walls.is_on
@@ -164,7 +171,7 @@ class Page:
             self._plots.show(session.trace.rows())
             scene.trace(session.trace.path() if panel.path.is_on else np.zeros((0, 3)))
             scene.near.visible = panel.near.is_on
-            normal, height = session.near_plane
+            normal, height = near_plane(session.core)
             scene.lay_near(normal, height)
 
     def close(self) -> None:

@@ -16,7 +16,12 @@ if TYPE_CHECKING:
     import viser
 
 _SPEEDS = {"1/4": 0.25, "1/2": 0.5, "real time": 1.0, "x 2": 2.0}
-_COLOURS = {"running": "#0b7a75", "stopped": "#d9261f", "paused": "#b06f00"}
+_COLOURS = {
+    "running": "#0b7a75",
+    "led": "#0b7a75",
+    "stopped": "#d9261f",
+    "paused": "#b06f00",
+}
 _STOP_RED = (201, 30, 24)
 
 
@@ -49,6 +54,7 @@ class ControlPanel:
         speed = gui.add_button_group("Speed", tuple(_SPEEDS))
         speed.on_click(self._driven(self._set_speed))
         self._add_keys(actions)
+        self._add_lead()
         if session.can_touch:
             self._add_touch()
         self._add_choice()
@@ -61,6 +67,32 @@ class ControlPanel:
         for name, letter in zip(actions, ("G", "P", "N", "R"), strict=True):
             command = gui.add_command(name, hotkey=letter)
             command.on_trigger(self._driven(lambda _, name=name: actions[name]()))
+
+    def _add_lead(self) -> None:
+        gui, session = self._server.gui, self._session
+        shown: dict[str, Callable[[], None]] = {
+            "Begin": session.demonstrate,
+            "Keep": lambda: session.end_demonstration(is_kept=True),
+            "Throw away": lambda: session.end_demonstration(is_kept=False),
+        }
+        with gui.add_folder("Lead"):
+            may = self.may_drive
+            self.leads = Toggle(gui, "Lead the tool", False, may=may, act=self._lead)
+            has_mouse = session.guide.has_mouse
+            self._mouse = Toggle(
+                gui, "3D mouse", has_mouse, may=may, act=session.use_mouse
+            )
+            row = gui.add_button_group("Demonstration", tuple(shown))
+            row.on_click(self._driven(lambda event: shown[event.target.value]()))
+
+    def _lead(self, is_on: bool) -> None:
+        if not is_on:
+            self._session.guide.let_go()
+
+    @property
+    def driver(self) -> int | None:
+        """Number of the viewer who drives."""
+        return self._seat.driver
 
     def _add_touch(self) -> None:
         gui, session = self._server.gui, self._session
@@ -169,6 +201,10 @@ class ControlPanel:
         driver = self._seat.driver
         facts.append("nobody drives" if driver is None else f"viewer {driver} drives")
         facts.append(f"{viewers} watch" if viewers != 1 else "1 watches")
+        if status.showing:
+            facts.append(status.showing)
+        if self._mouse.is_on != self._session.guide.has_mouse:
+            self._mouse.show(self._session.guide.has_mouse)  # there was none, say
         lines.append(f"<div>{' &middot; '.join(facts)}</div>")
         if status.note:
             lines.append(f"<div><b>{html.escape(status.note)}</b></div>")

@@ -5,32 +5,35 @@ drives it calls `start`, `stop` and the others, which only leave a wish behind. 
 acts within a slice of 10 ms, everything else between two policy steps.
 """
 
-import queue
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dovetail.arms.arm import ArmState, is_simulated, require_simulated
 from dovetail.cockpit.choice import Choice, build, describe, require_place
 from dovetail.cockpit.diary import Diary
+from dovetail.cockpit.guide import Guide
 from dovetail.cockpit.hand import Hand
 from dovetail.cockpit.pace import Pace
 from dovetail.cockpit.paced_arm import PacedArm
 from dovetail.cockpit.shutter import Shutter
-from dovetail.cockpit.snapshot import Moment, Status, known_force, used_limits
+from dovetail.cockpit.snapshot import Moment, Status, moment_of
+from dovetail.cockpit.space_mouse import SpaceMouse
+from dovetail.cockpit.stand import Stand
 from dovetail.cockpit.trace import Trace
+from dovetail.cockpit.wishes import Wishes
 from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.led import Led
+from dovetail.envs.log_facts import observed_columns
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.poses import Pose, quat_about_z, quat_multiply
-from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.types import Vec3, Vec4
-from dovetail.workcell.workcell import Workcell
+from dovetail.types import Vec3
 
 _NAP = 0.02  # [s] between two looks at the wishes while nothing moves
 
@@ -56,14 +59,13 @@ class Session:
         Raises:
             DovetailError: See `choice.build`.
         """
-        self.pace, self.hand = Pace(), Hand()
+        self.pace, self.hand, self.guide = Pace(), Hand(), Guide()
         self.diary, self.trace = Diary(logs), Trace()
-        self._wishes: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._wishes = Wishes()
         self._given = fixture
-        self._left: Pose | None = None  # where it stood in the cell before
         self._is_ended = threading.Event()
         self._is_running = self._is_paused = self._is_ready = False
-        self._is_success = self._is_building = False
+        self._is_success = self._is_building = self._was_led = False
         self._steps_left = 0
         self._note = ""
         self.moment: Moment | None = None
@@ -83,7 +85,8 @@ class Session:
         self._wishes.put(self._start)
 
     def stop(self) -> None:
-        """Hold the arm: now, not at the end of the step."""
+        """Hold the arm: now, not at the end of the step; nobody leads it any more."""
+        self.guide.let_go()
         self._arm.stop()
         self._wishes.put(self._hold)
 
@@ -124,21 +127,34 @@ class Session:
             ConfigError: The arm could not work there.
         """
         require_simulated(self._core.arm)
-        quat = quat_multiply(quat_about_z(yaw), np.array(self._first.facing))
+        quat = quat_multiply(quat_about_z(yaw), np.array(self._stand.first.facing))
         pose = Pose(np.array(position, dtype=float), quat)
         require_inside(self._core.task, self._core.cell, self._core.arm, pose)
         self.hand.fixture_to = pose
+
+    def demonstrate(self) -> None:
+        """Begin a demonstration at a new start; one that runs ends and is kept."""
+        self._wishes.put(self._demonstrate)
+
+    def end_demonstration(self, *, is_kept: bool) -> None:
+        """Keep the demonstration, or throw it away: the one that runs or has ended.
+
+        One that is kept before it succeeded is marked as unfinished.
+        """
+        self._wishes.put(lambda: self._end_demonstration(is_kept))
+
+    def use_mouse(self, is_on: bool) -> None:
+        """Lead by the 3D mouse of this machine, or no more; says what it lacks."""
+        try:
+            self.guide.take_mouse(SpaceMouse() if is_on else None)
+        except DovetailError as error:
+            self.say(str(error))
 
     def choose(self, choice: Choice) -> None:
         """Build something else; what cannot be built leaves everything as it is."""
         self._wishes.put(lambda: self._rebuild(choice))
 
     # -- what is to be seen; from any thread --------------------------------------
-
-    @property
-    def cell(self) -> Workcell:
-        """What stands around the arm."""
-        return self._core.cell
 
     @property
     def core(self) -> ContactEnv:
@@ -154,17 +170,6 @@ class Session:
     def can_touch(self) -> bool:
         """Whether the arm can be pulled and its fixture dragged."""
         return is_simulated(self._core.arm)
-
-    @property
-    def facing(self) -> Vec4:
-        """Rotation of the fixture that is not turned."""
-        return np.array(self._first.facing)
-
-    @property
-    def near_plane(self) -> tuple[Vec3, float]:
-        """Normal, and where along it contact is near [m], by the believed fixture."""
-        goal = self._core.task.goal(self._core.tracker.estimate().pose)
-        return goal.normal, goal.surface + self._core.config.approach.near_distance
 
     def say(self, note: str) -> None:
         """Tell everybody something."""
@@ -185,6 +190,8 @@ class Session:
             mode = "stopped"
         elif self._is_paused:
             mode = "paused"
+        elif self._was_led:
+            mode = "led"
         elif self._is_running:
             mode = "running"
         return Status(
@@ -192,16 +199,19 @@ class Session:
             note=self._note,
             rate=self.pace.rate,
             success=self._is_success,
+            showing=self.diary.describe_demonstrations(),
         )
 
     def close(self) -> None:
         """Hold the arm, end the loop, write what was recorded, release the arm."""
         if self._is_ended.is_set():
             return
+        self.guide.let_go()
         self._arm.stop()
         self._is_ended.set()
         self._wishes.put(lambda: None)
         self._thread.join()
+        self.guide.take_mouse(None)
         self.diary.close()
         self._env.close()
 
@@ -209,9 +219,11 @@ class Session:
 
     def _loop(self) -> None:
         while not self._is_ended.is_set():
-            self._obey()
+            self._wishes.fulfil(self.say)
+            self._follow_lead()
             is_still = self._is_paused and self._steps_left == 0
-            can_step = self._is_ready and (self._is_running or self.can_touch)
+            is_moved = (self._is_acting and not self._arm.is_held) or self._was_led
+            can_step = self._is_ready and (is_moved or self.can_touch)
             if is_still or not can_step:
                 time.sleep(_NAP)
                 self.pace.begin()
@@ -222,17 +234,20 @@ class Session:
             except DovetailError as error:
                 self._fail(error)
 
-    def _obey(self) -> None:
-        """Do what was wished for, in order; a wish that fails is said and forgotten."""
-        while True:
-            try:
-                wish = self._wishes.get_nowait()
-            except queue.Empty:
-                return
-            try:
-                wish()
-            except DovetailError as error:
-                self._note = str(error)
+    @property
+    def _is_acting(self) -> bool:
+        """Whether a policy or a demonstration goes on where nobody leads."""
+        return self._is_running or self.diary.is_demonstration
+
+    def _follow_lead(self) -> None:
+        """Free the arm when somebody begins to lead; hold it when nobody does."""
+        self._note = self.guide.lost() or self._note
+        is_led = self.guide.is_leading and self._is_ready
+        if is_led and not self._was_led:
+            self._arm.clear()
+        elif self._was_led and not is_led and not self._is_acting:
+            self._arm.stop()
+        self._was_led = is_led
 
     def _advance(self) -> None:
         """Let one policy step pass."""
@@ -240,24 +255,27 @@ class Session:
         action = np.zeros(len(core.commands), dtype=np.float32)
         if self._is_running and self._policy is not None and not self._arm.is_held:
             action = self._policy(self._observation)
+        is_shown = self.diary.is_demonstration and not self._arm.is_held
+        self.guide.is_teaching = is_shown and not self._is_running
         self._observation, reward, done, _, info = self._env.step(action)
         self._step += 1
         self._reward, self._depth = float(reward), float(info["depth"])
         self.violations += int(info["limit_violations"])
-        is_idle = not (self._is_running or self.hand.is_busy)
-        raw = info["observation_raw"]
-        self.diary.add(core.state, self._step, action, self._reward, raw, is_idle)
+        is_idle = not (self._is_running or self.hand.is_busy or self._was_led)
+        if is_shown or not self.diary.is_demonstration:
+            self.diary.add(core.state, self._step, self._reward, info, is_idle=is_idle)
         self.diary.follow(core.state.stamp, core.fixture)
-        if done and self._is_running:
+        if done and self._is_acting:
+            self.diary.end(success=True)
             self._is_success = True
             passed = core.state.stamp - self._started
             self._note = f"done, {passed:.1f} s after the start"
-            self._arm.stop()
-            self._hold()
+            self.stop()
 
     def _fail(self, error: DovetailError) -> None:
         """Say why the arm does not follow any more; a reset begins anew."""
         self._is_running = self._is_ready = False
+        self.diary.end()
         self._note = f"{error}. Reset begins anew"
         if isinstance(error, ArmError) and isinstance(error.state, ArmState):
             self._see(error.state, self._core.fixture)
@@ -266,19 +284,9 @@ class Session:
         """Keep what the page shows; the environment learns where the fixture is."""
         core = self._core
         core.fixture = fixture
-        self.moment = Moment(
-            stamp=state.stamp,
-            q=state.q,
-            position=state.position,
-            fixture=fixture,
-            seen=core.tracker.estimate().pose,
-            force=known_force(state),
-            pull=self.hand.force if self.hand.pull_to is not None else np.zeros(3),
-            used=used_limits(state, core.arm.facts),
-            reward=self._reward,
-            depth=self._depth,
-            work=self._arm.work,
-        )
+        pull = self.hand.force if self.hand.pull_to is not None else np.zeros(3)
+        moment = moment_of(state, core, fixture, pull, self._arm.work)
+        self.moment = replace(moment, reward=self._reward, depth=self._depth)
         self.trace.add(self.moment)
 
     # -- wishes; in the loop's thread ----------------------------------------------
@@ -308,36 +316,46 @@ class Session:
         self._is_paused = self.can_touch
         self._steps_left = 1 if self.can_touch else 0
 
-    def _begin(self) -> None:
-        """Start an episode: a new start, the fixture where it is."""
+    def _demonstrate(self) -> None:
+        if self.diary.folder is None:
+            self._note = "a demonstration needs a folder: give --logs"
+            return
+        self._begin(is_drawn=self._core.places_fixture and self._given is None)
+        self.diary.demonstrate()
+        self._arm.clear()
+        self._is_paused = False
+        self._note = "lead the tool; then keep it, or throw it away"
+
+    def _end_demonstration(self, is_kept: bool) -> None:
+        self._note = self.diary.decide(is_kept)
+        self.stop()
+
+    def _begin(self, is_drawn: bool = False) -> None:
+        """Start an episode: a new start, the fixture where it is or drawn anew."""
         core = self._core
         self._is_running = self._is_success = False
         self._note = ""
-        self.diary.begin(describe(self._env, self._choice))
-        options: dict[str, Any] = {"fixture": self._fixture()}
+        about, columns = describe(self._env, self._choice), observed_columns(self._env)
+        self.diary.begin(about, columns)
+        self.guide.reset()
+        options = (
+            {} if is_drawn else {"fixture": self._stand.pose(core, self._is_ready)}
+        )
         self._step, self._reward, self._depth = 0, 0.0, 0.0
         self._observation, info = self._env.reset(seed=self._seed, options=options)
         self._seed = None
         if self._policy is not None:
             self._policy.reset()
+        self.diary.see_first(info["observation_raw"])
         self._depth = float(info["depth"])
         self._is_ready = True
+        self._started = core.state.stamp
         self._arm.resume_from(core.state)
         if self.can_touch:
             self._arm.stop()
         self.trace.clear()
         self._see(core.state, core.fixture)
         self.diary.follow(core.state.stamp, core.fixture)
-
-    def _fixture(self) -> Pose:
-        """Return where the fixture stands: dragged there, given, or the task's own."""
-        if self._is_ready:
-            return self._core.fixture
-        if self._left is not None:
-            return self._left
-        if self._given is not None:
-            return FixturePose.given(self._given, self._first.facing).pose()
-        return self._first.pose()
 
     def _rebuild(self, choice: Choice) -> None:
         before = self._env
@@ -360,19 +378,16 @@ class Session:
         except DovetailError:
             env.close()
             raise
-        self._env, self._policy, self._choice = env, policy, choice
+        self.guide.let_go()
+        self._env = Led(env, self.guide.action)
+        self._policy, self._choice = policy, choice
         self._core = core = require_contact_env(env)
         was_covered = self.version > 0 and self._shutter.is_covered
         self._shutter = Shutter(core.tracker)
         self._shutter.is_covered = was_covered
         core.tracker = self._shutter
         core.arm = self._arm = PacedArm(core.arm, self.hand, self.pace, self._see)
-        self._first, self._left = core.task.trial_poses[0], left
-        if left is not None:
-            try:
-                require_inside(core.task, core.cell, core.arm, left)
-            except ConfigError:  # where it was left, this task cannot be done
-                self._left = None
+        self._stand = Stand(core, self._given, left)
         self._seed: int | None = 0
         self._is_ready = False
         self.version += 1

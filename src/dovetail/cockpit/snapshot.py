@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.envs.contact_env import ContactEnv
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose
-from dovetail.types import Array, Vec3, Vec7
+from dovetail.types import Array, Vec3, Vec4, Vec7
 
 _TAU = [COLUMN[f"tau{i}"] for i in range(1, 8)]
 USED = ("joint range", "joint speed", "torque", "walls")
@@ -24,6 +25,8 @@ class Moment:
     """Joint angles [rad]."""
     position: Vec3
     """TCP [m], world axes."""
+    quat_wxyz: Vec4
+    """Its rotation."""
     fixture: Pose
     """Where the fixture truly is."""
     seen: Pose
@@ -48,13 +51,47 @@ class Status:
     """What the loop is doing."""
 
     mode: str
-    """held, running, paused, stopped (by the arm) or building."""
+    """held, running, led, paused, stopped (by the arm) or building."""
     note: str = ""
     """What a person should know of it."""
     rate: float = 1.0
     """Simulated over wall time, over the speed asked for [1]."""
     success: bool = False
     """Whether the task was done in this episode."""
+    showing: str = ""
+    """What of demonstrations there is to say; empty where there are none."""
+
+
+def moment_of(
+    state: ArmState, core: ContactEnv, fixture: Pose, pull: Vec3, work: float
+) -> Moment:
+    """Return a slice as the page shows it.
+
+    Args:
+        state: What the arm said.
+        core: The environment.
+        fixture: Where the fixture truly is.
+        pull: Force of the hand's spring [N].
+        work: What the slice took to compute [s].
+    """
+    return Moment(
+        stamp=state.stamp,
+        q=state.q,
+        position=state.position,
+        quat_wxyz=state.quat_wxyz,
+        fixture=fixture,
+        seen=core.tracker.estimate().pose,
+        force=known_force(state),
+        pull=pull,
+        used=used_limits(state, core.arm.facts),
+        work=work,
+    )
+
+
+def near_plane(core: ContactEnv) -> tuple[Vec3, float]:
+    """Return normal, and where along it contact is near [m], as is believed."""
+    goal = core.task.goal(core.tracker.estimate().pose)
+    return goal.normal, goal.surface + core.config.approach.near_distance
 
 
 def known_force(state: ArmState) -> Vec3:

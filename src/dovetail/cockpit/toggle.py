@@ -44,6 +44,11 @@ class Toggle:
         self._show()
         self._act(self.is_on)
 
+    def show(self, is_on: bool) -> None:
+        """Show that it is on, or off, without acting."""
+        self.is_on = is_on
+        self._show()
+
     def _show(self) -> None:
         self._button.label = f"{self._label}: {'on' if self.is_on else 'off'}"
         self._button.color = "teal" if self.is_on else "gray"

@@ -70,12 +70,16 @@ class Cockpit:
 
     def run(self, console: Console) -> int:
         """Show the page until Ctrl-C or SIGTERM, then hold the arm and close."""
+        self.show(console, self.logs or dated_folder("cockpit-logs"))
+        return 0
+
+    def show(self, console: Console, logs: Path) -> list[Path]:
+        """Show the page until it is ended; return the demonstrations that were kept."""
         from dovetail.cockpit.page import Page
         from dovetail.cockpit.session import Session
 
         choice = self.choice()
         warn_of_twin(console, None, choice.place)
-        logs = self.logs or dated_folder("cockpit-logs")
         session = Session(choice, logs=logs, fixture=self.fixture)
         try:
             server = open_server(self.port)
@@ -92,7 +96,7 @@ class Cockpit:
             console.print(f"  {file}", highlight=False, soft_wrap=True)
         if session.diary.problem:
             console.print(session.diary.problem, soft_wrap=True)
-        return 0
+        return session.diary.demonstrations
 
     def choice(self) -> Choice:
         """Return what runs at first.

@@ -21,9 +21,8 @@ GROUPS: Groups = {
     ),
     "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
     "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
-    "what differs between episodes": (
-        *("vary", "doubt", "doubt_turn", "teacher", "teacher_noise", "teacher_share"),
-    ),
+    "what differs between episodes": ("vary", "doubt", "doubt_turn"),
+    "who shows it": ("demos", "teacher", "teacher_noise", "teacher_share"),
     "dynamics of the simulation": (
         *("model", "randomise_dynamics", "random_gravity", "random_mass"),
         *("random_damping", "random_friction"),
@@ -72,9 +71,13 @@ def defaults(words: list[str]) -> Train | None:
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--out", type=Path, nargs="?")
     parser.add_argument("--doubt", nargs="?")
+    parser.add_argument("--teacher", nargs="?", default="corner")
     found, _ = parser.parse_known_args(words)
     if not found.resume or found.out is None:
-        return None if found.doubt is None else Train(**SEARCHING)
+        usual = dict(SEARCHING)
+        if found.teacher not in ("none", "corner"):
+            del usual["learning_starts"]  # logs are there already; chance finds nothing
+        return None if found.doubt is None else Train(**usual)
     folder = found.out.expanduser().absolute()
     return Train(**settings_of(folder), out=found.out, resume=True)
 

@@ -98,8 +98,9 @@ class ContactEnv(
     `theta_error` [rad] (tool minus goal, by the tracker), `contact_force_max` [N] of
     the step, `limit_violations` (control cycles of the step outside a joint or wall
     limit, by the measured state), `bad_input` (those in which the controller held the
-    arm because of a number that is none), `observation_raw` (the task's columns,
-    unscaled) and, from `reset`, `tare` [m/s2, rad/s2]: the f* that holds the weight.
+    arm because of a number that is none), `observation_raw` (the task's columns
+    and those of `also`, unscaled) and, from `reset`, `tare` [m/s2, rad/s2]: the f*
+    that holds the weight.
 
     Args:
         task: What is to be done.
@@ -180,7 +181,6 @@ class ContactEnv(
         self.places_fixture = facts.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
-        self._own = self.scaling.places[own[-1]].stop
         self._recall = Recall(seen.recall, self.scaling, size)
         self.columns = (*self.scaling.columns, *self._recall.columns)
         self._history = History(seen.stack, len(self.columns), size)
@@ -390,7 +390,7 @@ class ContactEnv(
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
             "limit_violations": self.violations.count(state.log),
             "bad_input": count_bad_input(state),
-            "observation_raw": raw[: self._own],
+            "observation_raw": raw,
         }
 
 

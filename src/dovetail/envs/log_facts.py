@@ -1,20 +1,50 @@
-"""What an Episode log says of the cell it was taken in, so that it can be drawn."""
+"""What an Episode log says of itself: its cell, what an action meant, what was seen."""
 
 from dataclasses import fields
 from typing import Any
 
 import gymnasium
 
+from dovetail.envs.commands import per_axis
 from dovetail.envs.unwrapped import require_contact_env
+from dovetail.types import Array
 
 CELL = "cell"
-"""Key of a log's metadata."""
+"""Key of a log's metadata: what is needed to draw it."""
+ACTION = "action"
+"""Key of what an action meant."""
+FIRST = "first observation"
+"""Key of the unscaled observation before the first action, by column."""
+SUCCESS = "success"
+"""Key that says whether the task was done at the log's end."""
 
 
 def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
-    """Return, under `CELL`, an environment's name, robot and plain task settings."""
+    """Return what a log says of the environment it was taken in.
+
+    Under `CELL` its name, robot and plain task settings; under `ACTION` the axes, the
+    value at action 1 [m/s2, rad/s2, m, rad], the damping of force axes [1/s] and the
+    reward's weight of force [1/N].
+    """
     core = require_contact_env(env)
     task = {f.name: vars(core.task)[f.name] for f in fields(core.task)}
     plain = {k: v for k, v in task.items() if isinstance(v, str | int | float)}
     name = core.spec.id if core.spec else ""
-    return {CELL: {"env_id": name, "robot": core.config.place.robot, "task": plain}}
+    action = {
+        "axes": list(core.commands.axes),
+        "scale": [float(value) for value in core.commands.scale],
+        "force_damping": list(per_axis("", core.config.action.force_damping)),
+        "force_weight": core.task.reward.force_weight,
+    }
+    robot = core.config.place.robot
+    return {CELL: {"env_id": name, "robot": robot, "task": plain}, ACTION: action}
+
+
+def observed_columns(env: gymnasium.Env) -> tuple[str, ...]:
+    """Return the names of an environment's unscaled observation, in order."""
+    return tuple(c.name for c in require_contact_env(env).scaling.columns)
+
+
+def describe_first(env: gymnasium.Env, raw: Array) -> dict[str, dict[str, float]]:
+    """Return, under `FIRST`, the unscaled observation that a reset gave."""
+    return {FIRST: dict(zip(observed_columns(env), raw.tolist(), strict=True))}

@@ -15,7 +15,12 @@ import numpy as np
 
 from dovetail.arms.arm import ArmState
 from dovetail.control.ranges import in_count
-from dovetail.envs.log_facts import describe_cell
+from dovetail.envs.log_facts import (
+    SUCCESS,
+    describe_cell,
+    describe_first,
+    observed_columns,
+)
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, UnprovenWarning
@@ -126,7 +131,9 @@ class Trialist:
         steps, violations = 0, int(info.get("limit_violations", 0))
         done, stopped = False, ""
         about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
-        with Episode(metadata=about, path=file) as episode:
+        about |= describe_first(self._env, info["observation_raw"])
+        seen = observed_columns(self._env)
+        with Episode(metadata=about, path=file, observed=seen) as episode:
             while not done:
                 action = self._policy(observation)
                 try:
@@ -141,6 +148,7 @@ class Trialist:
                 steps += 1
                 violations += int(info["limit_violations"])
                 done = ended or cut
+            episode.metadata[SUCCESS] = bool(info["success"]) and not stopped
         film_error = self._show(film, job)
         log = "" if file is None else file.name
         outcome = _outcome(job, blocks, fixture, steps, violations, info, log)

@@ -10,6 +10,7 @@ import numpy as np
 from dovetail.arms.address import parse_address
 from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.demonstrations import fill, load_demonstrations, rows_of
 from dovetail.learn.teacher import Teacher, taught
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.reward import RewardConfig
@@ -124,7 +125,9 @@ def make_model(
 
     Raises:
         MissingDependencyError: The extra `learn` is not installed.
+        LogError: A demonstration cannot be learned from; says which, and what to do.
     """
+    demos = load_demonstrations(config.logs, env.envs[0]) if config.logs else None
     sbx = import_sbx()
     kind = {
         "sac": sbx.SAC,
@@ -154,7 +157,8 @@ def make_model(
     if config.algorithm == "ppo":
         settings["n_steps"] = config.rollout_steps
     else:
-        settings |= _off_policy_settings(config, env.action_space.shape[0])
+        count = 0 if demos is None else len(demos)
+        settings |= _off_policy_settings(config, env.action_space.shape[0], count)
         settings["policy_kwargs"]["layer_norm"] = config.layer_norm
         if config.algorithm == "sac":
             from dovetail.learn.networks import Actor, Critics
@@ -168,12 +172,18 @@ def make_model(
     if config.has_teacher:
         seed = derive_seed(config.seed, 3)
         model.teacher = Teacher(env.envs, config.teacher_noise, seed)
+    if demos is not None:
+        fill(model.replay_buffer, demos, config.reward_scale)
     return model
 
 
-def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any]:
+def _off_policy_settings(
+    config: TrainConfig, num_actions: int, num_demos: int
+) -> dict[str, Any]:
+    shown = rows_of(num_demos, config.num_envs)
+    own = min(config.steps + config.num_envs, _LARGEST_BUFFER)
     settings: dict[str, Any] = {
-        "buffer_size": min(config.steps + config.num_envs, _LARGEST_BUFFER),
+        "buffer_size": own + shown * config.num_envs,
         "learning_starts": config.learning_starts,
         "n_steps": config.n_steps,
         "train_freq": 1,
@@ -181,14 +191,17 @@ def _off_policy_settings(config: TrainConfig, num_actions: int) -> dict[str, Any
     }
     if config.algorithm != "crossq":  # has no target
         settings["tau"] = config.tau
-    if config.has_teacher:
+    if config.has_teacher or num_demos:
         from dovetail.learn.taught_replay import TaughtReplay
+
+        if config.has_teacher:
+            shown += config.learning_starts // config.num_envs
 
         settings["replay_buffer_class"] = TaughtReplay
         settings["replay_buffer_kwargs"] = {
             "n_steps": config.n_steps,
             "gamma": config.gamma,
-            "taught": config.learning_starts // config.num_envs,
+            "taught": shown,
             "share": config.teacher_share,
         }
         settings["n_steps"] = 1  # the buffer sums rewards up

@@ -4,7 +4,7 @@ import shlex
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import tyro
 
@@ -68,13 +68,16 @@ class TrainConfig(LearnerSettings, Variation):
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
-    teacher: Literal["none", "corner"] = "none"
-    """Who acts in the first `learning_starts` steps: chance, or the script. That is the
-    corner search, with noise."""
+    demos: tuple[str, ...] = ()
+    """Episode logs, or folders of them, whose steps are in every batch. They are a
+    person's or anybody's, of the same task, robot and meaning of an action."""
+    teacher: str = "none"
+    """Who acts in the first `learning_starts` steps: none, corner, or logs. None is
+    chance; corner the scripted search, with noise; logs are as `demos`."""
     teacher_noise: float = 0.08
     """Standard deviation of the noise on a teacher's actions [1]."""
     teacher_share: float = 0.5
-    """Share of every batch that is the teacher's [1]. The rest is of all steps."""
+    """Share of every batch that is the teacher's and of `demos` [1]."""
     steps: int = 60_000
     """Environment steps at most; see `until`."""
     until: float | None = None
@@ -171,12 +174,13 @@ class TrainConfig(LearnerSettings, Variation):
             )
 
     def _require_teacher(self) -> None:
-        """Refuse a teacher that would not act."""
-        if self.has_teacher and (self.algorithm == "ppo" or self.from_policy):
+        """Refuse a teacher that would not act, and demonstrations without a buffer."""
+        is_shown = self.algorithm == "ppo" and (self.has_teacher or self.logs)
+        if is_shown or (self.has_teacher and self.from_policy):
             raise ConfigError(
-                f"teacher {self.teacher} fills a replay buffer before anything is "
-                "learned: that is for sac, tqc, crossq, td3 and ddpg from the start; "
-                "give --teacher none"
+                "a teacher and demonstrations fill a replay buffer before anything is "
+                "learned: that is for sac, tqc, crossq, td3 and ddpg, a teacher's from "
+                "the start; give --teacher none, and with ppo no --demos"
             )
 
     def _require_dynamics(self) -> None:
@@ -232,8 +236,14 @@ class TrainConfig(LearnerSettings, Variation):
 
     @property
     def has_teacher(self) -> bool:
-        """Whether the first steps are a teacher's."""
-        return self.teacher != "none"
+        """Whether the first steps are a script's."""
+        return self.teacher == "corner"
+
+    @property
+    def logs(self) -> tuple[str, ...]:
+        """Episode logs that are in every batch."""
+        is_log = self.teacher not in ("none", "corner")
+        return (*self.demos, *((self.teacher,) if is_log else ()))
 
     @property
     def dynamics_randomisation(self) -> DynamicsRandomisation:

@@ -1,4 +1,4 @@
-"""A replay buffer that keeps its teacher in every batch."""
+"""A replay buffer that keeps its teacher, or demonstrations, in every batch."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from stable_baselines3.common.buffers import NStepReplayBuffer  # noqa: TID253
 
 
 class TaughtReplay(NStepReplayBuffer):
-    """Draws a share of each batch from the first transitions, which were a teacher's.
+    """Draws a share of each batch from the first transitions, which were another's.
 
     Reference:
         Ball et al. 2023, Efficient online reinforcement learning with offline data:
@@ -19,7 +19,8 @@ class TaughtReplay(NStepReplayBuffer):
 
         Args:
             *args: Of the buffer.
-            taught: How many transitions of each environment are the teacher's.
+            taught: How many transitions of each environment are demonstrations or the
+                teacher's.
             share: Of a batch that is drawn from them alone [1].
             **kwargs: Of the buffer.
         """

@@ -1,0 +1,52 @@
+"""`dovetail record`: a person shows the task; Episode logs and a LeRobotDataset."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import Console
+
+from dovetail.cockpit.choice import NOBODY
+from dovetail.commands.cockpit import GROUPS as _OF_COCKPIT
+from dovetail.commands.cockpit import Cockpit
+from dovetail.commands.help_page import Groups
+from dovetail.errors import LogError
+from dovetail.files import dated_folder
+from dovetail.learn.lerobot_folder import write_lerobot
+
+GROUPS: Groups = {"what was recorded already": ("written",), **_OF_COCKPIT}
+LEROBOT = "lerobot"
+"""Folder of the data set, in that of the logs."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record(Cockpit):
+    """Record demonstrations: the cockpit's page, then a LeRobotDataset of them."""
+
+    written: tuple[Path, ...] = ()
+    """Episode logs of before, or folders of them. They become the data set, and no page
+    is shown."""
+    policy: str = NOBODY
+    """Policy that is corrected: the name of a shipped one, a file, or none."""
+
+    def run(self, console: Console) -> int:
+        """Show the page until it is ended, and write what was shown there.
+
+        Raises:
+            LogError: Nothing was shown; or logs do not make one data set.
+        """
+        folder = self.logs or dated_folder("demonstrations")
+        shown = list(self.written) or self.show(console, folder)
+        if not shown:
+            raise LogError(
+                "no demonstration was recorded: on the page, Lead the tool, then "
+                "Demonstration: Begin"
+            )
+        frames = write_lerobot(shown, folder / LEROBOT)
+        logs = shown[0].parent if not self.written else " ".join(map(str, shown))
+        console.print(
+            f"{folder / LEROBOT}: {frames} steps",
+            f"\n  next: dovetail train --demos {logs}",
+            soft_wrap=True,
+            highlight=False,
+        )
+        return 0
