@@ -136,7 +136,8 @@ class _Reader:
     """Takes one number of the vector after the other."""
 
     def __init__(self, vector: Array) -> None:
-        self._numbers = vector.tolist()
+        # What was found before the last choices were there had them at 0.
+        self._numbers = np.pad(vector, (0, SIZE - len(vector))).tolist()
         self._next = 0
 
     def share(self) -> float:

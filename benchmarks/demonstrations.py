@@ -178,10 +178,12 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
     from dovetail.learn.algorithms import make_vec_env
     from dovetail.learn.assess import assess
     from dovetail.learn.checkpoint import seed_run
-    from dovetail.learn.export import export_policy
+    from dovetail.learn.export import current_policy
     from dovetail.learn.one_run import prepared
+    from dovetail.learn.tester import stage_of
 
-    test = make_vec_env(replace(config, demos=())).envs[0]
+    test = make_vec_env(replace(config, demos=()))
+    stage = stage_of(test)
     tests: list[tuple[int, int]] = []
 
     class Test(BaseCallback):
@@ -192,15 +194,15 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
             done = self.num_timesteps
             if done < (len(tests) + 1) * every:
                 return
-            policy = export_policy(self.model, config, test, wall_time=0.0)
-            found = assess(policy, episodes, test)["successes"]
+            policy = current_policy(self.model, config)
+            found = assess(policy, episodes, stage)["successes"]
             tests.append((done, found))
             print(f"    step {done}: {found} of {episodes}", flush=True)
 
     begin = time.process_time()
-    with prepared(config) as (model, _):
-        seed_run(model, config.seed, 0)
-        model.learn(config.steps, callback=Test())
+    with prepared(config) as run:
+        seed_run(run.model, config.seed, 0)
+        run.model.learn(config.steps, callback=Test())
     test.close()
     is_learned = bool(tests) and tests[-1][1] >= 0.99 * episodes
     return {

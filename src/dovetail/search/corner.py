@@ -277,12 +277,25 @@ class CornerSearch:
         elif math.dist(self._corner[:2], self._fell_at[:2]) > self._wide:
             self._surface = float(self._corner[2])  # lower than it was believed
             self._search()
+        elif self._corner[2] > self._surface - _LOST and self._steps > _TOUCH_STEPS:
+            self._cross()
         elif self._end[2] - self._surface < 0.3 * _DEEP or self._steps > _SEAT_STEPS:
             self._begin(self._straighten)
         lacking = c.slide_speed - float(self._velocity @ self._along)
         growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
         self._growth = min(growth, c.friction)
         return self._pushed(c.seat_push + self._growth, towards), c.tilt
+
+    def _cross(self) -> None:
+        """Begin again beside the way on which the corner came through the opening.
+
+        It went along a chord, on whose perpendicular through the middle lies the
+        opening's middle, to the one side or the other.
+        """
+        middle = 0.5 * (self._fell_at + self._corner) * _LEVEL
+        beside = 0.25 * self._wide * self._tilt_axis
+        self._search()
+        self._path[:0] = [middle + beside, middle - beside]
 
     def _straighten(self) -> tuple[Vec3, float]:
         """Turn the part upright, or nearly so, its corner pushed into the opening's."""
