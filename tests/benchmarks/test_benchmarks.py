@@ -34,6 +34,7 @@ NEEDS = {
         "robosuite": "pip install robosuite==1.5.2 mujoco==3.3.0 in an environment of "
         "its own, and give its interpreter: benchmarks/tracking.py --robosuite PYTHON",
     },
+    "demonstrations": {"sbx": "pip install '.[learn,view]' -c constraints.txt"},
     "training_time": {"sbx": "pip install '.[learn]' -c constraints.txt"},
     "learner_kills": {"grpc": "pip install '.[rpc]' -c constraints.txt"},
     "contact_adversary": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
@@ -50,6 +51,7 @@ TINY = {
     "contact_adversary": ("--cycles 20 --period 0.005 --quiet", "cycles"),
     "control_cycle": ("--period 0.005", "dovetail qp"),
     "env_step_rate": ("--steps 5", "steps/s"),
+    "demonstrations": ("--count 1 --only-show", '"demonstrations": 1'),
     "evolved_attack": (
         "--cycles 400 --searches 1 --workers 1 --periods 0.005",
         "worst",

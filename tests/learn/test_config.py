@@ -124,3 +124,12 @@ def test_a_policy_cannot_want_a_tare_that_its_task_cannot_give(settings):
     with pytest.raises(ConfigError, match="--no-tare"):
         TrainConfig(**settings)
     assert not TrainConfig(**settings, tare=False).tare
+
+
+@pytest.mark.parametrize(
+    "change", [{}, {"algorithm": "ppo"}, {"from_policy": "peg_square"}]
+)
+def test_the_command_says_only_what_was_asked_for(change):
+    words = TrainConfig(**change, steps=500).command().split()
+    assert len(words) == 4 + 2 * len(change)
+    assert "--steps" in words

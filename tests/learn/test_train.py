@@ -190,7 +190,7 @@ def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small, star
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_several_seeds_train_in_sub_folders_and_resume_after_a_kill(small, start):
-    config = replace(small, algorithm="ppo", steps=4000, seeds=2)
+    config = replace(small, algorithm="ppo", learning_rate=1e-3, steps=4000, seeds=2)
     process = start(config)
     folders = [config.out / "seed-0", config.out / "seed-1"]
     wait_for(process, lambda: min(newest_step(f) for f in folders) >= 200)

@@ -50,9 +50,9 @@ def trained(tmp_path_factory):
     )
     tried = []
 
-    def watched(policy, episodes, env):
-        tried.append(env)
-        return assess(policy, episodes, env)
+    def watched(policy, episodes, stage):
+        tried.append(stage.envs[0])
+        return assess(policy, episodes, stage)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dovetail.learn.one_run.assess", watched)

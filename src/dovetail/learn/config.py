@@ -136,18 +136,22 @@ class TrainConfig(LearnerSettings, Variation):
             tared_axes(task, self.force_damping)
 
     def _fill_in(self) -> None:
-        """Choose what an arm and a simulation of this process have differently."""
-        is_arm = self.arm is not None
-        is_quick = self.algorithm == "sac" and not is_arm and self.from_policy is None
-        if is_arm:
+        """Choose what is not given."""
+        if self.arm is not None:
             object.__setattr__(self, "num_envs", 1)
-        for name, value in (
-            ("until", 1.0 if is_arm else 0.98),
-            ("updates_per_step", 2.0 if is_arm else 0.5),
-            ("learning_rate", 2e-3 if is_quick else 1e-3),
-        ):
+        for name, value in self._usual().items():
             if vars(self)[name] is None:
                 object.__setattr__(self, name, value)
+
+    def _usual(self) -> dict[str, float]:
+        """Return what an arm and a simulation of this process have differently."""
+        is_arm = self.arm is not None
+        is_quick = self.algorithm == "sac" and not is_arm and self.from_policy is None
+        return {
+            "until": 1.0 if is_arm else 0.98,
+            "updates_per_step": 2.0 if is_arm else 0.5,
+            "learning_rate": 2e-3 if is_quick else 1e-3,
+        }
 
     def _require_test(self) -> None:
         """Refuse a test that nothing could pass, or for which there is no arm."""
@@ -318,7 +322,7 @@ class TrainConfig(LearnerSettings, Variation):
 
     def command(self) -> str:
         """Return the command line that trains with these settings."""
-        usual = SEARCHING if self.doubt > 0.0 else {}
+        usual = {**self._usual(), **(SEARCHING if self.doubt > 0.0 else {})}
         default = TrainConfig(env=self.env, **usual).to_json()
         default["env"] = TrainConfig.env
         words = ["dovetail", "train"]
