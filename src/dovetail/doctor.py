@@ -51,6 +51,7 @@ def run_checks() -> Iterator[Check]:
     yield _guard("mujoco", _check_mujoco)
     for extra in EXTRAS:
         yield _check_extra(extra)
+    yield _guard("pictures", _check_pictures)._replace(is_essential=False)
     yield _guard("shipped twins", _check_twins)
     yield _guard("shipped policies", _check_policies)
     yield _guard("model and mujoco agree", lambda: _check_agreement("mujoco"))
@@ -105,6 +106,15 @@ def _check_extra(extra: str) -> Check:
     if extra == "bullet" and sys.version_info >= (3, 12):
         remedy = "no wheel beyond Python 3.11: use 3.11, or the mujoco plant"
     return Check(module, "missing", f"{purpose}; {remedy}", is_essential=False)
+
+
+def _check_pictures() -> str:
+    """Say what draws, and draw."""
+    from dovetail.view.gl_context import LIBRARIES, find_backend, open_context
+
+    name = find_backend()
+    open_context(8, 8).free()
+    return f"{LIBRARIES[name]} draws without a screen"
 
 
 def _check_twins() -> str:

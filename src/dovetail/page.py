@@ -24,6 +24,20 @@ tr.all td { font-weight: 650; border-top: 2px solid #cfc8ba; }
 img { max-width: 100%; background: white; border: 1px solid #e4dfd4; }
 pre { background: #f1eee7; padding: .8rem 1rem; overflow-x: auto; font-size: .9rem; }
 .note { font-size: .9rem; color: #6c665c; }
+@media (max-width: 40rem) {
+  body { margin: 1rem auto; padding: 0 .75rem; }
+  .rate { font-size: 1.8rem; display: block; }
+  .facts td:first-child { width: 8rem; }
+}
+@media (prefers-color-scheme: dark) {
+  body { color: #e6e1d7; background: #1d1b18; }
+  .rate { color: #52c4bd; }
+  th, .note, .facts td:first-child { color: #a8a194; }
+  th, td { border-color: #3a362f; }
+  tr.all td { border-color: #5a5448; }
+  pre { background: #2a2722; }
+  img { border-color: #3a362f; filter: brightness(.9); }
+}
 """
 
 

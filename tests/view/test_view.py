@@ -171,6 +171,22 @@ def test_a_driver_that_fails_ends_a_command_before_its_first_try(
 
 def test_the_backend_that_is_asked_for_is_taken(monkeypatch):
     monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    monkeypatch.setattr(gl_context, "draws", lambda name: True)
     assert find_backend() == "egl" or "MUJOCO_GL" in gl_context.os.environ
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
     assert find_backend() == "osmesa"
+
+
+@pytest.mark.parametrize(
+    ("working", "taken"),
+    [(("egl", "osmesa"), "egl"), (("osmesa",), "osmesa"), ((), "egl")],
+)
+def test_what_draws_is_found_by_trying(working, taken, monkeypatch):
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    monkeypatch.setattr(gl_context, "draws", lambda name: name in working)
+    assert find_backend() == taken
+
+
+def test_a_way_to_draw_that_there_is_not_does_not_draw():
+    assert not gl_context.draws("nothing")

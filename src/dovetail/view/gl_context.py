@@ -3,12 +3,17 @@
 import ctypes.util
 import importlib
 import os
+import subprocess
+import sys
+from functools import cache
 from typing import Protocol
 
 from dovetail.errors import MissingDependencyError
 
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 """Ways to draw without a screen, the faster one first, and the library of each."""
+_TRY = "import mujoco.{0} as gl; c = gl.GLContext(8, 8); c.make_current(); c.free()"
+_TRY_TIMEOUT = 30.0  # s
 
 
 class GlContext(Protocol):
@@ -26,20 +31,44 @@ class GlContext(Protocol):
 def find_backend() -> str:
     """Return how to draw without a screen: egl or osmesa.
 
-    `MUJOCO_GL` decides where it names one of them.
+    `MUJOCO_GL` decides where it names one of them. Where both are there and the first
+    one does not draw, it is the second one.
 
     Raises:
         MissingDependencyError: Neither library is there; names the Debian packages.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower()
-    for name in [asked] if asked in LIBRARIES else LIBRARIES:
-        if ctypes.util.find_library(LIBRARIES[name]):
-            return name
+    names = [asked] if asked in LIBRARIES else list(LIBRARIES)
+    found = [name for name in names if ctypes.util.find_library(LIBRARIES[name])]
+    if len(found) > 1 and not draws(found[0]) and draws(found[1]):
+        return found[1]
+    if found:
+        return found[0]
     raise MissingDependencyError(
         "pictures need OpenGL without a screen, and neither EGL nor OSMesa is here; "
         "install EGL (Debian: apt install libegl1 libgl1-mesa-dri) or OSMesa (apt "
         "install libosmesa6), or leave the video out"
     )
+
+
+@cache
+def draws(name: str) -> bool:
+    """Try one of the ways, in a process of its own: OpenGL is loaded only once in one.
+
+    Args:
+        name: egl or osmesa.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _TRY.format(name)],
+            env={**os.environ, "MUJOCO_GL": name, "PYOPENGL_PLATFORM": name},
+            capture_output=True,
+            timeout=_TRY_TIMEOUT,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return False
+    return done.returncode == 0
 
 
 def open_context(width: int, height: int) -> GlContext:
