@@ -4,7 +4,7 @@ Opens the page of the shipped policy on a twin in a headless Chromium without a 
 prints
 
 * simulated over wall time, and the pictures per second that the browser draws, while
-  the policy runs;
+  the policy runs; with ``--browsers 3`` two others watch;
 * the time from a mouse's move to the force on the arm: from the moment the browser is
   told of the move to the end of the first slice that was simulated with the new force;
 * with ``--clicks N``, what is left after N random clicks, drags, keys, reloads and
@@ -23,7 +23,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -90,6 +90,18 @@ def show(browser: Any, server: "viser.ViserServer", url: str) -> None:
     """Open the page, and wait until it is there."""
     browser.get(url)
     wait_for(lambda: button(browser, "STOP") and server.get_clients(), 60.0)
+
+
+@contextmanager
+def watched(server: "viser.ViserServer", url: str, others: int) -> Iterator[None]:
+    """Have more browsers open, in which people only watch."""
+    with ExitStack() as stack:
+        for count in range(2, 2 + others):
+            other = open_browser()
+            stack.callback(other.quit)
+            other.get(url)
+            wait_for(lambda count=count: len(server.get_clients()) >= count, 60.0)
+        yield
 
 
 def measure_rates(session: Session, browser: Any, seconds: float) -> None:
@@ -272,6 +284,7 @@ def main() -> None:
     """Measure, and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--twin", default="medium")
+    parser.add_argument("--browsers", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument("--moves", type=int, default=40)
     parser.add_argument("--clicks", type=int, default=0)
@@ -286,7 +299,8 @@ def main() -> None:
         if asked.picture:
             take_picture(session, browser, asked.picture)
         if asked.seconds:
-            measure_rates(session, browser, asked.seconds)
+            with watched(server, url, asked.browsers - 1):
+                measure_rates(session, browser, asked.seconds)
         if asked.moves:
             measure_delay(session, server, browser, asked.moves)
         if asked.garbage:
