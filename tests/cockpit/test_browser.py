@@ -87,18 +87,24 @@ def test_keys_start_pause_step_and_stop(browser, cockpit):
     wait_for(lambda: session.status.mode == "held")
 
 
+def drag_up(browser, server, tip, above):
+    """Drag a gizmo's arrow, which is this far above the tip [m]; it is still held."""
+    mouse = driven.Mouse(browser)
+    up = np.array([0.0, 0.0, 1.0])
+    begin = on_screen(browser, server, tip + above * up)
+    end = on_screen(browser, server, tip + 0.13 * up)
+    mouse.grab(begin)
+    for share in np.linspace(0.2, 1.0, 5):
+        mouse.drag(np.array(begin) + share * (np.array(end) - begin))
+    return mouse, end
+
+
 def test_the_arm_is_pulled_by_its_gizmo_until_that_is_let_go(browser, cockpit):
     session, server = cockpit
     button(browser, "Reset").click()
     wait_for(lambda: session.moment.stamp < 1.0)
     tip = session.moment.position
-    mouse = driven.Mouse(browser)
-    up = np.array([0.0, 0.0, 1.0])
-    begin = on_screen(browser, server, tip + 0.07 * up)
-    end = on_screen(browser, server, tip + 0.13 * up)
-    mouse.grab(begin)
-    for share in np.linspace(0.2, 1.0, 5):
-        mouse.drag(np.array(begin) + share * (np.array(end) - begin))
+    mouse, end = drag_up(browser, server, tip, 0.07)
     wait_for(lambda: session.moment.pull[2] > 5.0)
     wait_for(lambda: session.moment.position[2] > tip[2] + 0.0005)
     mouse.let_go(end)
@@ -112,13 +118,7 @@ def test_a_demonstration_is_led_by_the_gizmo_and_kept(browser, cockpit):
     wait_for(lambda: session.diary.is_demonstration)
     wait_for(lambda: session.moment.stamp > 0.3)
     tip = session.moment.position
-    mouse = driven.Mouse(browser)
-    up = np.array([0.0, 0.0, 1.0])
-    begin = on_screen(browser, server, tip + 0.09 * up)
-    end = on_screen(browser, server, tip + 0.13 * up)
-    mouse.grab(begin)
-    for share in np.linspace(0.2, 1.0, 5):
-        mouse.drag(np.array(begin) + share * (np.array(end) - begin))
+    mouse, end = drag_up(browser, server, tip, 0.09)
     wait_for(lambda: session.status.mode == "led")
     wait_for(lambda: session.moment.position[2] > tip[2] + 0.01)
     mouse.let_go(end)

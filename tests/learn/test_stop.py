@@ -77,11 +77,19 @@ def test_a_run_that_unlearns_learns_at_the_full_rate_again():
     assert stop.rate(step + SETTLE) == 1.0
 
 
-@pytest.mark.parametrize("count", [1, 50, 120, 300])
-@pytest.mark.parametrize("until", [0.0, 0.5, 0.98])
+TESTS = [(count, until) for count in (1, 50, 120, 300) for until in (0.0, 0.5, 0.98)]
+"""Episodes of a test, and the success that it must show."""
+PASSABLE = [test for test in TESTS if wilson_interval(test[0], test[0])[0] >= test[1]]
+
+
+@pytest.mark.parametrize(("count", "until"), sorted({*TESTS} - {*PASSABLE}))
+def test_a_test_that_nothing_could_pass_is_refused(count, until):
+    with pytest.raises(ConfigError, match="raise --test-episodes"):
+        replace(CONFIG, test_episodes=count, until=until)
+
+
+@pytest.mark.parametrize(("count", "until"), PASSABLE)
 def test_a_test_is_passed_where_wilsons_bound_is_reached(count, until):
-    if wilson_interval(count, count)[0] < until:
-        pytest.skip("refused as a setting")
     config = replace(CONFIG, test_episodes=count, until=until)
     for failures in {0, 1, min(2, count), count // 3, count}:
         successes = np.ones(count, dtype=bool)

@@ -100,7 +100,9 @@ class BatchVectorEnv(SyncVectorEnv):
         rows = list(actions)  # the same object twice is compared at once
         over = np.flatnonzero(self._autoreset_envs).tolist()
         going = np.flatnonzero(~self._autoreset_envs).tolist()
-        follow = self._follow if self._scales_at_once and self._is_checked else self._do
+        # Past wrappers that do nothing, and scaled at once below; or each for itself.
+        is_raw = self._scales_at_once and self._is_checked
+        seen: Any = self._raw if is_raw else self._env_obs
         index = 0
         try:
             for index in going if self._is_begun_early else ():
@@ -112,7 +114,14 @@ class BatchVectorEnv(SyncVectorEnv):
                 self._terminations[index] = self._truncations[index] = False
                 columns.add(index, infos[index])
             for index in going:
-                infos[index] = follow(index, rows[index])
+                step = self._cores[index].follow if is_raw else self.envs[index].step
+                (
+                    seen[index],
+                    self._rewards[index],
+                    self._terminations[index],
+                    self._truncations[index],
+                    infos[index],
+                ) = step(rows[index])
                 columns.add(index, infos[index])
         except BaseException as error:
             error.add_note(f"in environment {index} of {self.num_envs}, from 0")
@@ -120,7 +129,7 @@ class BatchVectorEnv(SyncVectorEnv):
             self._failed[:] = True
             raise
         gathered = columns.gathered(infos)
-        if follow == self._follow and going:
+        if is_raw and going:
             scaled = self._cores[0].scaling.scale(self._raw[going])
             observed: list[Any] = self._env_obs
             for i, row in zip(going, scaled, strict=True):
@@ -135,28 +144,6 @@ class BatchVectorEnv(SyncVectorEnv):
             self._truncations.copy(),
             gathered,
         )
-
-    def _do(self, index: int, action: NDArray[np.float32]) -> dict[str, Any]:
-        """End an environment's step, and return its info."""
-        (
-            self._env_obs[index],
-            self._rewards[index],
-            self._terminations[index],
-            self._truncations[index],
-            info,
-        ) = self.envs[index].step(action)
-        return info
-
-    def _follow(self, index: int, action: NDArray[np.float32]) -> dict[str, Any]:
-        """Do the same but for the observation, and past wrappers that do nothing."""
-        (
-            self._raw[index],
-            self._rewards[index],
-            self._terminations[index],
-            self._truncations[index],
-            info,
-        ) = self._cores[index].follow(action)
-        return info
 
     def reset(
         self,
