@@ -118,8 +118,8 @@ def main() -> None:
     parser.add_argument(
         "--period", type=float, default=0.005, help="control period [s]"
     )
-    parser.add_argument("--turns", type=int, default=40, help="turns of each")
-    parser.add_argument("--steps", type=int, default=800, help="steps of a turn")
+    parser.add_argument("--turns", type=int, default=200, help="turns of each")
+    parser.add_argument("--steps", type=int, default=320, help="steps of a turn")
     options = parser.parse_args()
     cores = sorted(os.sched_getaffinity(0))[: options.cores]
     os.sched_setaffinity(0, cores)

@@ -40,7 +40,8 @@ ThreadPool::ThreadPool(int slots, int threads)
   }
 }
 
-void ThreadPool::begin(int slot, Job job) {
+void ThreadPool::begin(int slot, Job job, int parts) {
+  require_positive("parts", parts);
   {
     const std::lock_guard lock(mutex_);
     Slot& place = slots_.at(static_cast<std::size_t>(slot));
@@ -50,6 +51,8 @@ void ThreadPool::begin(int slot, Job job) {
                              " has a job that is not finished");
     }
     place.job = std::move(job);
+    place.part = 0;
+    place.parts = parts;
     place.stage = Stage::kWaiting;
     waiting_.push_back(slot);
     has_waiting_ = true;
@@ -57,20 +60,28 @@ void ThreadPool::begin(int slot, Job job) {
   some_waiting_.notify_one();
 }
 
-/// Takes the next waiting job and runs it, the lock open meanwhile.
+/// Takes the next waiting job and runs a part of it, the lock open meanwhile.
 void ThreadPool::run_next(std::unique_lock<std::mutex>& lock) {
-  Slot& place = slots_[static_cast<std::size_t>(waiting_.front())];
+  const int slot = waiting_.front();
+  Slot& place = slots_[static_cast<std::size_t>(slot)];
   waiting_.pop_front();
   has_waiting_ = !waiting_.empty();
   place.stage = Stage::kRunning;
   lock.unlock();
   std::exception_ptr error;
   try {
-    place.job();
+    place.job(place.part);
   } catch (...) {
     error = std::current_exception();
   }
   lock.lock();
+  if (!error && !is_closed_ && ++place.part < place.parts) {
+    place.stage = Stage::kWaiting;
+    waiting_.push_front(slot);
+    has_waiting_ = true;
+    some_waiting_.notify_one();  // this thread may have something else to do
+    return;
+  }
   place.error = std::move(error);
   place.stage = Stage::kDone;
   some_done_.notify_all();

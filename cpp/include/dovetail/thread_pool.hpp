@@ -18,7 +18,9 @@ namespace dovetail {
 /// than the jobs.
 class ThreadPool {
  public:
-  using Job = std::function<void()>;
+  /// Does one part of a job, counted from 0. Parts run one after the other, not always
+  /// on the same thread.
+  using Job = std::function<void(int part)>;
 
   /// \param slots  how many jobs there can be at once, at least 1
   /// \param threads  that work in all, at least 1: one is the thread that waits in
@@ -29,16 +31,17 @@ class ThreadPool {
   ThreadPool(const ThreadPool&) = delete;
   ThreadPool& operator=(const ThreadPool&) = delete;
 
-  /// Lets a thread run a job as soon as one is free; returns at once.
+  /// Lets a thread run a job of `parts` parts as soon as one is free; returns at once.
   /// Throws std::logic_error: the slot's last job is not finished, or the pool is
   /// closed; std::out_of_range.
-  void begin(int slot, Job job);
+  void begin(int slot, Job job, int parts = 1);
 
-  /// Returns when the slot's job is done; until then works on what still waits.
+  /// Returns when the slot's job is done; until then works on what still waits, a part
+  /// at a time: whoever waits goes on soon after the job is done.
   /// Rethrows what the job threw. Throws std::logic_error: none was begun.
   void finish(int slot);
 
-  /// Ends the threads. Jobs that run are waited for, those that wait are dropped.
+  /// Ends the threads. Parts that run are waited for, what waits is dropped.
   /// Harmless when repeated.
   void close() noexcept;
 
@@ -46,6 +49,7 @@ class ThreadPool {
   enum class Stage { kIdle, kWaiting, kRunning, kDone };
   struct Slot {
     Job job;
+    int part = 0, parts = 1;
     std::atomic<Stage> stage = Stage::kIdle;
     std::exception_ptr error;
   };

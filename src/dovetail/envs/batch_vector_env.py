@@ -95,20 +95,23 @@ class BatchVectorEnv(SyncVectorEnv):
                 "was not reset since: reset before the next step",
                 "not_reset",
             )
-        infos: list[dict[str, Any]] = [{}] * self.num_envs
-        columns = InfoColumns(self.num_envs, self._add_info)
         rows = list(actions)  # the same object twice is compared at once
-        over = np.flatnonzero(self._autoreset_envs).tolist()
-        going = np.flatnonzero(~self._autoreset_envs).tolist()
-        # Past wrappers that do nothing, and scaled at once below; or each for itself.
-        is_raw = self._scales_at_once and self._is_checked
-        seen: Any = self._raw if is_raw else self._env_obs
+        over: list[int] = []
+        going: list[int] = []
+        for index, is_over in enumerate(self._autoreset_envs.tolist()):
+            (over if is_over else going).append(index)
         index = 0
         try:
             for index in going if self._is_begun_early else ():
                 target = self._cores[index].begin_step(rows[index])
                 self.batch.begin(index, target, POLICY_PERIOD)
-            for index in over:  # while the others move
+            # All that can be done while they move is done after this line.
+            infos: list[dict[str, Any]] = [{}] * self.num_envs
+            columns = InfoColumns(self.num_envs, self._add_info)
+            # Past wrappers that do nothing, scaled at once below; or each for itself.
+            is_raw = self._scales_at_once and self._is_checked
+            seen: Any = self._raw if is_raw else self._env_obs
+            for index in over:
                 self._env_obs[index], infos[index] = self.envs[index].reset()
                 self._rewards[index] = 0.0
                 self._terminations[index] = self._truncations[index] = False
