@@ -1,6 +1,6 @@
 """What runs in the cockpit: policy, task, place; and the environment that it makes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -10,6 +10,7 @@ import numpy as np
 from dovetail.arms.address import parse_address
 from dovetail.control.config import SCHEMES
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.log_facts import describe_cell
 from dovetail.envs.registered import task_class
 from dovetail.envs.unwrapped import require_contact_env
@@ -46,11 +47,18 @@ class Choice:
     """Yes to laxer contact settings than the defaults, on a robot."""
 
 
-def build(choice: Choice) -> tuple[gymnasium.Env, Policy | CornerScript | None]:
+def build(
+    choice: Choice, fixture: Sequence[float] | None = None
+) -> tuple[gymnasium.Env, Policy | CornerScript | None]:
     """Return the environment, and who acts in it.
 
+    Args:
+        choice: What runs.
+        fixture: Where it stands, if that is given.
+
     Raises:
-        DovetailError: No such policy, place or setting, or they do not fit one another.
+        DovetailError: No such policy, place or setting, or they do not fit one another;
+            or nobody knows where the fixture is.
     """
     policy: Policy | CornerScript | None = None
     where: dict[str, Any] = {"arm": choice.place, "max_steps": _STEPS}
@@ -76,6 +84,7 @@ def build(choice: Choice) -> tuple[gymnasium.Env, Policy | CornerScript | None]:
         )
     try:
         core = require_contact_env(env)
+        _require_place(core, fixture)
         if isinstance(policy, CornerScript):
             policy.take(core)
         elif policy is not None:
@@ -137,13 +146,9 @@ def _env_id(choice: Choice) -> str:
     return known_env_id(Policy.load(find_policy(choice.policy)).metadata, choice.env)
 
 
-def require_place(env: gymnasium.Env, fixture: object) -> None:
-    """Refuse to guess where the fixture is, for an arm that cannot move it.
-
-    Raises:
-        ConfigError: It is not given and cannot be placed.
-    """
-    if fixture is None and not require_contact_env(env).places_fixture:
+def _require_place(core: ContactEnv, fixture: Sequence[float] | None) -> None:
+    """Refuse to guess where the fixture is, for an arm that cannot move it."""
+    if fixture is None and not core.places_fixture:
         raise ConfigError(
             "this arm cannot move the fixture: say where it is with --fixture X Y Z "
             "YAW [m, rad], or add control=HOST:PORT for a simulated cabinet"

@@ -112,14 +112,18 @@ class PacedArm:
         return command
 
     def stop(self) -> None:
-        """Hold the arm where it is from the next slice on, until `clear` or `reset`."""
+        """Hold the arm where it is from the next slice on, until `clear` or `reset`.
+
+        Raises:
+            ArmError: One that is elsewhere cannot be told; nothing more is asked of it.
+        """
         if self._state is None:
             return
-        if not is_simulated(self._arm):
-            self._arm.stop()
         hold = _core.Target()
         hold.position_d, hold.quat_wxyz_d = self._state.position, self._state.quat_wxyz
         self._hold = hold
+        if not is_simulated(self._arm):
+            self._arm.stop()
 
     def clear(self) -> None:
         """End a stop."""

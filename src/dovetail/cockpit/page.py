@@ -12,7 +12,7 @@ from dovetail.cockpit.scene import CellScene
 from dovetail.cockpit.seat import Seat
 from dovetail.cockpit.server import light
 from dovetail.cockpit.session import Session
-from dovetail.cockpit.snapshot import USED, near_plane
+from dovetail.cockpit.snapshot import USED
 from dovetail.cockpit.trace import COLUMNS
 from dovetail.errors import DovetailError
 from dovetail.poses import quat_about_z, theta_about_vertical
@@ -170,9 +170,9 @@ class Page:
             panel.show(moment, session.status, len(self._server.get_clients()))
             self._plots.show(session.trace.rows())
             scene.trace(session.trace.path() if panel.path.is_on else np.zeros((0, 3)))
-            scene.near.visible = panel.near.is_on
-            normal, height = near_plane(session.core)
-            scene.lay_near(normal, height)
+            scene.near.visible = panel.near.is_on and moment is not None
+            if moment is not None:
+                scene.lay_near(*moment.near)
 
     def close(self) -> None:
         """Draw no more; the server is stopped by whoever opened it."""

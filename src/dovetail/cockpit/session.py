@@ -7,6 +7,7 @@ acts within a slice of 10 ms, everything else between two policy steps.
 
 import threading
 import time
+import traceback
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dovetail.arms.arm import ArmState, is_simulated, require_simulated
-from dovetail.cockpit.choice import Choice, build, describe, require_place
+from dovetail.cockpit.choice import Choice, build, describe
 from dovetail.cockpit.diary import Diary
 from dovetail.cockpit.guide import Guide
 from dovetail.cockpit.hand import Hand
@@ -65,7 +66,8 @@ class Session:
         self._given = fixture
         self._is_ended = threading.Event()
         self._is_running = self._is_paused = self._is_ready = False
-        self._is_success = self._is_building = self._was_led = False
+        self._is_success = self._was_led = False
+        self._doing = ""
         self._steps_left = 0
         self._note = ""
         self.moment: Moment | None = None
@@ -86,9 +88,8 @@ class Session:
 
     def stop(self) -> None:
         """Hold the arm: now, not at the end of the step; nobody leads it any more."""
-        self.guide.let_go()
-        self._arm.stop()
-        self._wishes.put(self._hold)
+        self._hold()
+        self._wishes.put(self._rest)
 
     def reset(self) -> None:
         """Bring the arm to a new start and hold it there."""
@@ -154,6 +155,13 @@ class Session:
         """Build something else; what cannot be built leaves everything as it is."""
         self._wishes.put(lambda: self._rebuild(choice))
 
+    def _hold(self) -> None:
+        self.guide.let_go()
+        try:
+            self._arm.stop()
+        except DovetailError as error:
+            self.say(f"STOP did not reach the arm: {error}")
+
     # -- what is to be seen; from any thread --------------------------------------
 
     @property
@@ -183,20 +191,16 @@ class Session:
     @property
     def status(self) -> Status:
         """What the loop is doing."""
-        mode = "held"
-        if self._is_building:
-            mode = "building"
-        elif not self._is_ready:
-            mode = "stopped"
-        elif self._is_paused:
-            mode = "paused"
-        elif self._was_led:
-            mode = "led"
-        elif self._is_running:
-            mode = "running"
+        modes = {
+            "stopped": not self._is_ready,
+            "paused": self._is_paused,
+            "led": self._was_led,
+            "running": self._is_running,
+        }
+        mode = next((mode for mode, is_so in modes.items() if is_so), "held")
         return Status(
-            mode=mode,
-            note=self._note,
+            mode=self._doing or mode,
+            note="; ".join(filter(None, (self._note, self.diary.problem))),
             rate=self.pace.rate,
             success=self._is_success,
             showing=self.diary.describe_demonstrations(),
@@ -206,10 +210,8 @@ class Session:
         """Hold the arm, end the loop, write what was recorded, release the arm."""
         if self._is_ended.is_set():
             return
-        self.guide.let_go()
-        self._arm.stop()
+        self._hold()
         self._is_ended.set()
-        self._wishes.put(lambda: None)
         self._thread.join()
         self.guide.take_mouse(None)
         self.diary.close()
@@ -219,19 +221,22 @@ class Session:
 
     def _loop(self) -> None:
         while not self._is_ended.is_set():
-            self._wishes.fulfil(self.say)
-            self._follow_lead()
-            is_still = self._is_paused and self._steps_left == 0
-            is_moved = (self._is_acting and not self._arm.is_held) or self._was_led
-            can_step = self._is_ready and (is_moved or self.can_touch)
-            if is_still or not can_step:
-                time.sleep(_NAP)
-                self.pace.begin()
-                continue
-            self._steps_left = max(0, self._steps_left - 1)
             try:
+                self._wishes.fulfil(self.say)
+                self._doing = ""
+                self._follow_lead()
+                is_still = self._is_paused and self._steps_left == 0
+                is_moved = (self._is_acting and not self._arm.is_held) or self._was_led
+                can_step = self._is_ready and (is_moved or self.can_touch)
+                if is_still or not can_step:
+                    time.sleep(_NAP)
+                    self.pace.begin()
+                    continue
+                self._steps_left = max(0, self._steps_left - 1)
                 self._advance()
-            except DovetailError as error:
+            except Exception as error:  # a task of one's own may raise anything
+                if not isinstance(error, DovetailError):
+                    traceback.print_exc()
                 self._fail(error)
 
     @property
@@ -270,13 +275,15 @@ class Session:
             self._is_success = True
             passed = core.state.stamp - self._started
             self._note = f"done, {passed:.1f} s after the start"
-            self.stop()
+            self._hold()
+            self._rest()
 
-    def _fail(self, error: DovetailError) -> None:
+    def _fail(self, error: Exception) -> None:
         """Say why the arm does not follow any more; a reset begins anew."""
-        self._is_running = self._is_ready = False
-        self.diary.end()
+        self._hold()
         self._note = f"{error}. Reset begins anew"
+        self._is_running = self._is_ready = self._was_led = False
+        self.diary.end()
         if isinstance(error, ArmError) and isinstance(error.state, ArmState):
             self._see(error.state, self._core.fixture)
 
@@ -304,7 +311,7 @@ class Session:
         self._is_running = True
         self.pace.begin()
 
-    def _hold(self) -> None:
+    def _rest(self) -> None:
         self._is_running = False
 
     def _pause(self, paused: bool) -> None:
@@ -328,7 +335,8 @@ class Session:
 
     def _end_demonstration(self, is_kept: bool) -> None:
         self._note = self.diary.decide(is_kept)
-        self.stop()
+        self._hold()
+        self._rest()
 
     def _begin(self, is_drawn: bool = False) -> None:
         """Start an episode: a new start, the fixture where it is or drawn anew."""
@@ -338,10 +346,10 @@ class Session:
         about, columns = describe(self._env, self._choice), observed_columns(self._env)
         self.diary.begin(about, columns)
         self.guide.reset()
-        options = (
-            {} if is_drawn else {"fixture": self._stand.pose(core, self._is_ready)}
-        )
+        fixture = None if is_drawn else self._stand.pose(core, self._is_ready)
+        self._is_ready, self._doing = False, "resetting"
         self._step, self._reward, self._depth = 0, 0.0, 0.0
+        options = {"fixture": fixture}
         self._observation, info = self._env.reset(seed=self._seed, options=options)
         self._seed = None
         if self._policy is not None:
@@ -363,21 +371,15 @@ class Session:
             self._note = "another choice for this arm needs another dovetail cockpit"
             return
         left = self._core.fixture if self._is_ready else None
-        self._is_building, self._is_running = True, False
+        self._doing, self._is_running = "building", False
         try:
             self._install(choice, left)
         finally:
-            self._is_building = False
             if self._env is not before:
                 before.close()
 
     def _install(self, choice: Choice, left: Pose | None = None) -> None:
-        env, policy = build(choice)
-        try:
-            require_place(env, self._given)
-        except DovetailError:
-            env.close()
-            raise
+        env, policy = build(choice, self._given)
         self.guide.let_go()
         self._env = Led(env, self.guide.action)
         self._policy, self._choice = policy, choice

@@ -31,6 +31,8 @@ class Moment:
     """Where the fixture truly is."""
     seen: Pose
     """Where it is believed."""
+    near: tuple[Vec3, float]
+    """Normal, and where along it contact is near [m], as is believed."""
     force: Vec3
     """Contact force on the tool [N], world axes: the estimated one where the arm
     measures none; not-a-number where neither is known."""
@@ -51,7 +53,7 @@ class Status:
     """What the loop is doing."""
 
     mode: str
-    """held, running, led, paused, stopped (by the arm) or building."""
+    """held, running, led, paused, stopped (by the arm), resetting or building."""
     note: str = ""
     """What a person should know of it."""
     rate: float = 1.0
@@ -74,24 +76,21 @@ def moment_of(
         pull: Force of the hand's spring [N].
         work: What the slice took to compute [s].
     """
+    seen = core.tracker.estimate().pose
+    goal = core.task.goal(seen)
     return Moment(
         stamp=state.stamp,
         q=state.q,
         position=state.position,
         quat_wxyz=state.quat_wxyz,
         fixture=fixture,
-        seen=core.tracker.estimate().pose,
+        seen=seen,
+        near=(goal.normal, goal.surface + core.config.approach.near_distance),
         force=known_force(state),
         pull=pull,
         used=used_limits(state, core.arm.facts),
         work=work,
     )
-
-
-def near_plane(core: ContactEnv) -> tuple[Vec3, float]:
-    """Return normal, and where along it contact is near [m], as is believed."""
-    goal = core.task.goal(core.tracker.estimate().pose)
-    return goal.normal, goal.surface + core.config.approach.near_distance
 
 
 def known_force(state: ArmState) -> Vec3:

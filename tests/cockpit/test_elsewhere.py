@@ -1,0 +1,113 @@
+"""An arm that another process owns: the page shows it, and nothing is lost with it."""
+
+import numpy as np
+import pytest
+
+from dovetail.cockpit.choice import NOBODY
+from dovetail.cockpit.page import Page
+from dovetail.cockpit.server import open_server
+from dovetail.envs.registered import find_cell
+from dovetail.errors import ArmError
+from dovetail.plants.find import make_plant
+from dovetail.plants.plant import DynamicsConfig
+from dovetail.poses import Pose
+from extras import need
+
+from .conftest import wait_until
+
+
+@pytest.fixture
+def service():
+    """A simulation behind gRPC."""
+    need("grpc")
+    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.server import ArmServer
+
+    plant = make_plant("mujoco", find_cell(), DynamicsConfig())
+    with ArmServer(LocalBuilder("mujoco", plant), "127.0.0.1:0") as server:
+        yield server
+
+
+def test_the_page_of_an_arm_that_has_not_moved_yet_is_drawn_and_then_shows_it(
+    make_session, service
+):
+    need("viser")
+    session = make_session(place=f"grpc://{service.address}")
+    assert session.moment is None
+    server = open_server(0)
+    page = Page(server, session)
+    wait_until(lambda: page.frames > 10)
+    assert session.status.mode == "stopped"
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
+    frames = page.frames
+    wait_until(lambda: page.frames > frames + 10)
+    np.testing.assert_allclose(session.moment.near[0], [0.0, 0.0, 1.0], atol=1e-9)
+    page.close()
+    server.stop()
+
+
+def test_a_service_that_dies_is_told_at_a_stop_too_and_the_log_is_kept(
+    make_session, service
+):
+    session = make_session(place=f"grpc://{service.address}")
+    session.reset()
+    session.start()
+    wait_until(lambda: session.moment is not None and session.moment.stamp > 0.3)
+    service.close()
+    wait_until(lambda: session.status.mode == "stopped")
+    assert "Reset begins anew" in session.status.note
+    session.stop()
+    assert "STOP did not reach the arm" in session.status.note
+    session.close()
+    assert [file.exists() for file in session.diary.files] == [True]
+
+
+def test_what_a_task_raises_ends_the_motion_and_not_the_page(session, monkeypatch):
+    def fail(action):
+        raise ValueError("a task of one's own")
+
+    session.start()
+    wait_until(lambda: session.moment.stamp > 0.2)
+    with monkeypatch.context() as patched:
+        patched.setattr(session.core, "step", fail)
+        wait_until(lambda: session.status.mode == "stopped")
+    assert "a task of one's own" in session.status.note
+    assert session.core.arm.is_held
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
+    session.start()
+    wait_until(lambda: session.status.success)
+
+
+def test_a_reset_that_fails_leaves_the_arm_stopped(session, monkeypatch):
+    def fail(*_, **__):
+        raise ArmError("the tool did not follow", reason="tare")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(session.core, "reset", fail)
+        session.reset()
+        wait_until(lambda: "did not follow" in session.status.note)
+        wait_until(lambda: session.status.mode == "stopped")
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
+
+
+def test_a_start_right_after_a_demonstration_was_kept_goes_on(session):
+    session.demonstrate()
+    wait_until(lambda: session.diary.is_demonstration)
+    session.end_demonstration(is_kept=True)
+    session.start()
+    wait_until(lambda: session.status.success)
+
+
+def test_without_a_policy_an_arm_elsewhere_is_led(make_session, service):
+    session = make_session(policy=NOBODY, place=f"grpc://{service.address}")
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
+    begin = session.moment.position
+    to = Pose(begin + np.array([0.0, 0.0, 0.03]), session.moment.quat_wxyz)
+    session.guide.grab(to)
+    wait_until(lambda: session.moment.position[2] > begin[2] + 0.02)
+    session.guide.let_go()
+    wait_until(lambda: session.status.mode == "held")
