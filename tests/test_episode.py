@@ -137,6 +137,13 @@ def test_a_missing_log_is_a_log_error(tmp_path):
         Episode.load(tmp_path / "absent.npz")
 
 
+def test_what_is_no_log_is_not_told_to_be_trusted(tmp_path):
+    (tmp_path / "log.npz").write_text("hello")
+    with pytest.raises(LogError, match=r"no \.npz file") as refused:
+        Episode.load(tmp_path / "log.npz")
+    assert "allow_pickle" not in str(refused.value)
+
+
 def test_a_log_with_pickled_content_is_refused(tmp_path):
     path = tmp_path / "log.npz"
     np.savez(path, data=np.array([{"a": 1}], dtype=object))

@@ -12,6 +12,7 @@ from dovetail.arms.local_address import PlantAddress
 from dovetail.camera_checks import (
     AMPLITUDE,
     TASK,
+    Watched,
     check_camera,
     standing,
     watch_moving,
@@ -29,6 +30,11 @@ from dovetail.perceive.sources import ImageSource
 from dovetail.plants.twin import load_twin
 from dovetail.workcell.workcell import Workcell
 
+_MOVED = (
+    "The arm will be held where it stands and its tool moved by up to "
+    f"{2e3 * AMPLITUDE:g} mm to and fro, the board in sight"
+)
+
 
 def run_camera_checks(
     camera: Camera,
@@ -44,7 +50,8 @@ def run_camera_checks(
         address: The arm that is moved for its delay; None is a simulated one for a
             simulated camera, and none for any other.
         cell: What stands there.
-        ask: Asks before a real arm is moved; None asks nobody.
+        ask: Asks before a real arm is moved, without which the delay is not measured;
+            None asks nobody.
         period: Control period of a simulated arm [s].
 
     Raises:
@@ -58,36 +65,26 @@ def run_camera_checks(
         )
     if address is None and camera.is_simulated:
         address = PlantAddress(engine="mujoco")
+    if address is not None:
+        _require_movable(camera, address)
     twin = load_twin(address.twin).camera if address and address.twin else None
     source = open_source(camera, cell, twin)
     try:
-        if address is None:
-            watched = watch_still(source, FIXTURE, standing(cell.robot.posture("down")))
-            yield from check_camera(camera, watched)
-            yield Check(
-                "delay",
-                "missing",
-                "give --arm ADDRESS: it is measured by moving the arm",
-                is_essential=False,
+        if address is not None and (address.is_here or ask is None or ask(_MOVED)):
+            yield from check_camera(
+                camera, _watch_with_arm(camera, address, cell, period, source)
             )
             return
-        yield from _check_with_arm(camera, address, cell, ask, period, source)
+        watched = watch_still(source, FIXTURE, standing(cell.robot.posture("down")))
+        yield from check_camera(camera, watched)
+        lacks = "give --arm ADDRESS: " if address is None else "the arm was not moved: "
+        words = f"{lacks}it is measured by moving the arm"
+        yield Check("delay", "missing", words, is_essential=False)
     finally:
         source.close()
 
 
-def _check_with_arm(
-    camera: Camera,
-    address: ArmAddress,
-    cell: Workcell,
-    ask: Callable[[str], bool] | None,
-    period: float,
-    source: ImageSource,
-) -> Iterator[Check]:
-    is_moved = (
-        "The arm will be held where it stands and its tool moved by up to "
-        f"{2e3 * AMPLITUDE:g} mm to and fro, the board in sight"
-    )
+def _require_movable(camera: Camera, address: ArmAddress) -> None:
     if not (address.is_here or isinstance(address, FriAddress)):
         raise ConfigError(
             "the doctor moves arms behind FRI and simulated ones; run it where the arm "
@@ -98,15 +95,21 @@ def _check_with_arm(
             "the pictures of this camera are simulated, and the arm is elsewhere: give "
             "--arm twin:NAME, or a camera file with the source device:NUMBER"
         )
-    if not address.is_here and ask is not None and not ask(is_moved):
-        return
+
+
+def _watch_with_arm(
+    camera: Camera,
+    address: ArmAddress,
+    cell: Workcell,
+    period: float,
+    source: ImageSource,
+) -> Watched:
     arm = build_arm(address, cell, TaskSpec.parse(TASK), EnvConfig.of(period=period))
     try:
         q = _begin(arm, camera, cell)
-        watched = watch_moving(arm, source, q, lambda q: board_of(camera, cell, q))
+        return watch_moving(arm, source, q, lambda q: board_of(camera, cell, q))
     finally:
         arm.close()
-    yield from check_camera(camera, watched)
 
 
 def _begin(arm: Arm, camera: Camera, cell: Workcell) -> np.ndarray:

@@ -351,9 +351,10 @@ def _write_npz(episode: Episode, file: IO[bytes]) -> None:
 
 
 def _read_npz(path: Path) -> _Parts:
+    with path.open("rb") as file:
+        if not zipfile.is_zipfile(file):  # NumPy would advise to trust it
+            raise ValueError("it is no .npz file")
     with np.load(path, allow_pickle=False) as arrays:
-        if isinstance(arrays, np.ndarray):
-            raise ValueError("it is a single array")
         columns = tuple(str(name) for name in arrays["columns"])
         units = tuple(str(unit) for unit in arrays["units"])
         return arrays["data"], columns, units, str(arrays["metadata"])

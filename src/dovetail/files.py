@@ -8,19 +8,47 @@ from pathlib import Path
 from dovetail.errors import ConfigError, LogError
 
 
-def require_empty(folder: Path) -> None:
+def require_empty(folder: Path, option: str = "--out") -> None:
     """Refuse a folder for results that holds something.
+
+    Args:
+        folder: To write into.
+        option: That names it, for the message.
 
     Raises:
         ConfigError: It is a file, or not empty.
     """
     if folder.exists() and not folder.is_dir():
-        raise ConfigError(f"the output folder {folder} is a file; choose another --out")
+        raise ConfigError(
+            f"the output folder {folder} is a file; choose another {option}"
+        )
     if folder.is_dir() and (first := next(folder.iterdir(), None)) is not None:
         raise ConfigError(
             f"the output folder {folder} is not empty (it holds {first.name}); "
-            "choose another --out or remove it"
+            f"choose another {option} or remove it"
         )
+
+
+def require_writable(folder: Path, option: str) -> None:
+    """Refuse a folder, which need not exist, into which nothing can be written.
+
+    Args:
+        folder: To write into, later.
+        option: That names it, for the message.
+
+    Raises:
+        ConfigError: Says why.
+    """
+    there = folder.expanduser().absolute()
+    while not there.exists():
+        there = there.parent
+    try:
+        tempfile.TemporaryFile(dir=there).close()
+    except OSError as error:
+        raise ConfigError(
+            f"nothing can be written into {folder}: {error.strerror}; choose another "
+            f"{option}"
+        ) from error
 
 
 def claim_output_folder(path: str | Path) -> Path:

@@ -65,6 +65,17 @@ def test_logs_of_two_robots_are_no_data_set_and_leave_nothing(logs, tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["other.npz"]
 
 
+@pytest.mark.parametrize(
+    ("changed", "what"), [({"peg": "round"}, "task"), ({"f_scale": 2.0}, "scale")]
+)
+def test_logs_that_mean_something_else_are_no_data_set(logs, tmp_path, changed, what):
+    env = make(**changed)
+    record(env, tmp_path / "other.npz")
+    env.close()
+    with pytest.raises(LogError, match=f"has the {what}"):
+        write_lerobot([logs, tmp_path / "other.npz"], tmp_path / "set")
+
+
 def test_a_folder_that_holds_something_is_left_alone(logs, tmp_path):
     (tmp_path / "set").mkdir()
     (tmp_path / "set" / "mine").touch()

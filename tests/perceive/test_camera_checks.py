@@ -137,7 +137,10 @@ def test_a_camera_that_shows_something_else_is_told_so(watched):
     assert by_name(CAMERA, Watched())["camera"].status == "broken"
 
 
-def test_without_an_arm_the_delay_is_not_told(monkeypatch):
+@pytest.mark.parametrize(
+    ("arm", "why"), [(None, "give --arm"), ("fri://127.0.0.1:30200", "was not moved")]
+)
+def test_without_an_arm_or_a_yes_the_delay_is_not_told(monkeypatch, arm, why):
     class Shown:
         def look(self, fixture, state):
             return Frame(np.zeros((480, 640), dtype=np.uint8), 0.05)
@@ -147,10 +150,19 @@ def test_without_an_arm_the_delay_is_not_told(monkeypatch):
 
     monkeypatch.setattr("dovetail.camera_doctor.open_source", lambda *_: Shown())
     camera = replace(beside(), source="device:0")
-    checks = list(run_camera_checks(camera, None, find_cell(), None, 0.005))
+    address = None if arm is None else parse_address(arm)
+    asked = []
+
+    def refuse(question):
+        asked.append(question)
+        return False
+
+    checks = list(run_camera_checks(camera, address, find_cell(), refuse, 0.005))
+    assert len(asked) == (arm is not None)
+    assert checks[0].name == "camera"
     assert checks[-1].name == "delay"
     assert checks[-1].status == "missing"
-    assert "give --arm" in checks[-1].detail
+    assert why in checks[-1].detail
 
 
 def test_a_recording_and_an_arm_elsewhere_are_refused():

@@ -18,7 +18,7 @@ from dovetail.commands.help_page import Groups
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
 from dovetail.errors import ConfigError
-from dovetail.files import dated_folder
+from dovetail.files import dated_folder, require_writable
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_POLICY
 
@@ -74,10 +74,15 @@ class Cockpit:
         return 0
 
     def show(self, console: Console, logs: Path) -> list[Path]:
-        """Show the page until it is ended; return the demonstrations that were kept."""
+        """Show the page until it is ended; return the demonstrations that were kept.
+
+        Raises:
+            ConfigError: Nothing can be written into the folder of the logs.
+        """
         from dovetail.cockpit.page import Page
         from dovetail.cockpit.session import Session
 
+        require_writable(logs, "--logs")
         choice = self.choice()
         warn_of_twin(console, None, choice.place)
         session = Session(choice, logs=logs, fixture=self.fixture)

@@ -1,5 +1,6 @@
 """`dovetail record`: a person shows the task; Episode logs and a LeRobotDataset."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from dovetail.commands.cockpit import Cockpit
 from dovetail.commands.help_page import Groups
 from dovetail.errors import LogError
 from dovetail.files import dated_folder
-from dovetail.learn.lerobot_folder import write_lerobot
+from dovetail.learn.lerobot_folder import require_room, write_lerobot
 
 GROUPS: Groups = {"what was recorded already": ("written",), **_OF_COCKPIT}
 LEROBOT = "lerobot"
@@ -33,8 +34,10 @@ class Record(Cockpit):
 
         Raises:
             LogError: Nothing was shown; or logs do not make one data set.
+            ConfigError: The folder has a data set already.
         """
         folder = self.logs or dated_folder("demonstrations")
+        require_room(folder / LEROBOT, "--logs")
         shown = list(self.written) or self.show(console, folder)
         if not shown:
             raise LogError(
@@ -42,10 +45,12 @@ class Record(Cockpit):
                 "Demonstration: Begin"
             )
         frames = write_lerobot(shown, folder / LEROBOT)
-        logs = shown[0].parent if not self.written else " ".join(map(str, shown))
+        logs = self.written or (shown[0].parent,)
+        words = ["dovetail", "train", "--demos", *map(str, logs)]
         console.print(
             f"{folder / LEROBOT}: {frames} steps",
-            f"\n  next: dovetail train --demos {logs}",
+            f"\n  next: {shlex.join(words)}",
+            markup=False,
             soft_wrap=True,
             highlight=False,
         )

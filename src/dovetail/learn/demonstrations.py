@@ -18,9 +18,8 @@ from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import LogError
-from dovetail.learn.recorded_steps import RecordedSteps, find_logs, read_steps
+from dovetail.learn.recorded_steps import MEANT, RecordedSteps, find_logs, read_steps
 
-_MEANT = ("axes", "scale", "force_damping", "force_weight")
 _USUAL = "record it for this task, or train with that"
 _ADVICE = {
     "axes": "record with the same --task",
@@ -116,7 +115,7 @@ def _require_same(path: Path, steps: RecordedSteps, core: ContactEnv) -> None:
         # A gap may be another one: a wider one is where one begins to demonstrate.
         if isinstance(value, str) and name != "axes" and isinstance(task, Mapping):
             pairs.append((name, task.get(name), value))
-    pairs += [(name, steps.action.get(name), here[ACTION][name]) for name in _MEANT]
+    pairs += [(name, steps.action.get(name), here[ACTION][name]) for name in MEANT]
     for name, theirs, ours in pairs:
         if not _is_same(theirs, ours):
             raise LogError(

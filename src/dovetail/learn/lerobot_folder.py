@@ -19,7 +19,7 @@ import numpy as np
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.errors import LogError, MissingDependencyError, install_command
 from dovetail.files import require_empty
-from dovetail.learn.recorded_steps import RecordedSteps, find_logs, read_steps
+from dovetail.learn.recorded_steps import MEANT, RecordedSteps, find_logs, read_steps
 
 VERSION = "v3.0"
 FPS = round(1.0 / POLICY_PERIOD)
@@ -44,7 +44,7 @@ def write_lerobot(paths: Sequence[str | Path], folder: Path) -> int:
         ConfigError: The folder holds something.
         MissingDependencyError: No pyarrow.
     """
-    require_empty(folder)
+    require_room(folder)
     files = find_logs(paths)
     episodes = [read_steps(path) for path in files]
     for path, steps in zip(files, episodes, strict=True):
@@ -67,13 +67,28 @@ def write_lerobot(paths: Sequence[str | Path], folder: Path) -> int:
     return sum(map(len, episodes))
 
 
+def require_room(folder: Path, option: str = "--out") -> None:
+    """Refuse now what `write_lerobot` would refuse when all is recorded.
+
+    Args:
+        folder: Of the data set.
+        option: That names it, for the message.
+
+    Raises:
+        ConfigError: The folder holds something.
+        MissingDependencyError: No pyarrow.
+    """
+    require_empty(folder, option)
+    _pyarrow()
+
+
 def _require_alike(
     path: Path, steps: RecordedSteps, first: Path, wanted: RecordedSteps
 ) -> None:
     pairs = {
-        "task": (steps.cell.get("env_id"), wanted.cell.get("env_id")),
+        "task": (_task_name(steps), _task_name(wanted)),
         "robot": (steps.cell.get("robot"), wanted.cell.get("robot")),
-        "axes": (steps.action.get("axes"), wanted.action.get("axes")),
+        **{name: (steps.action.get(name), wanted.action.get(name)) for name in MEANT},
         "columns": (steps.columns, wanted.columns),
     }
     for name, (theirs, ours) in pairs.items():
@@ -194,9 +209,7 @@ def _flat(statistics: dict[str, dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _write_tables(
-    folder: Path, whole: dict[str, Any], rows: list[dict[str, Any]], task: str
-) -> None:
+def _pyarrow() -> tuple[Any, Any]:
     try:
         import pyarrow
         import pyarrow.parquet as parquet
@@ -204,6 +217,13 @@ def _write_tables(
         raise MissingDependencyError(
             f"a LeRobotDataset needs pyarrow: {install_command('log')}"
         ) from error
+    return pyarrow, parquet
+
+
+def _write_tables(
+    folder: Path, whole: dict[str, Any], rows: list[dict[str, Any]], task: str
+) -> None:
+    pyarrow, parquet = _pyarrow()
 
     def column(values: Any) -> Any:
         if values.ndim == 1:

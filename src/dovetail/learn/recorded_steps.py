@@ -14,6 +14,8 @@ from dovetail.episode import LED, Episode
 from dovetail.errors import LogError
 from dovetail.types import Array
 
+MEANT = ("axes", "scale", "force_damping", "force_weight")
+"""What a log says of its actions and rewards; those of others mean something else."""
 _SUFFIXES = (".npz", ".parquet")
 _TOLERANCE = 0.1  # of a policy step, of a real arm's clock
 
@@ -99,6 +101,8 @@ def read_steps(path: Path) -> RecordedSteps:
     names = [
         name for name in episode.columns if name.removeprefix("action").isdecimal()
     ]
+    if not names:
+        raise LogError(f"the log {path} does not have what was done; leave it out")
     actions = np.column_stack([episode[name] for name in names])[last]
     led = episode[LED][last] if LED in episode.columns else np.zeros(len(last))
     return RecordedSteps(
