@@ -116,7 +116,7 @@ def test_who_acted_is_read_back(tmp_path, env):
         (CELL, "env_id", "dovetail/RailClip-v0", "with env dovetail/RailClip-v0"),
         (CELL, "robot", "fr3", "with robot fr3, this run has iiwa14"),
         (CELL, "task", {"peg": "round"}, "with peg round, this run has square"),
-        (ACTION, "axes", ["X"], "record with the same --task"),
+        (ACTION, "axes", ["X"], "record or train with the same --task"),
         (ACTION, "scale", [1.0, 4.0, 4.0, 0.2], "give f_scale"),
         (ACTION, "scale", "much", "give f_scale"),
         (ACTION, "force_damping", [0.0] * 3, "give --force-damping"),

@@ -6,33 +6,31 @@ import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import local_address
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD, format_period
+from dovetail.evaluate.config import EvaluationConfig
 from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
 from dovetail.tasks.fixture_pose import FixturePose
 
-if TYPE_CHECKING:
-    from dovetail.evaluate.evaluation import EvaluationConfig
 
-
-def name_ground(config: "EvaluationConfig") -> str:
+def name_ground(config: EvaluationConfig) -> str:
     """Return where a result was found: a twin is called a twin, never a robot."""
     return _address(config).describe_ground()
 
 
-def _address(config: "EvaluationConfig") -> ArmAddress:
+def _address(config: EvaluationConfig) -> ArmAddress:
     if config.arm is not None:
         return parse_address(config.arm)
     return local_address(config.plant or "", config.twin)
 
 
-def shared_engine(config: "EvaluationConfig", policy: Mapping[str, Any]) -> str:
+def shared_engine(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
     """Say that twin and training had the same physics engine; empty where not.
 
     Args:
@@ -72,7 +70,7 @@ def other_period(period: float, policy: Mapping[str, Any]) -> str:
 
 
 def describe_settings(
-    config: "EvaluationConfig", options: Mapping[str, Any], poses: Sequence[FixturePose]
+    config: EvaluationConfig, options: Mapping[str, Any], poses: Sequence[FixturePose]
 ) -> dict[str, Any]:
     """Return everything that was asked for, for a report.
 
@@ -98,7 +96,7 @@ _GIVEN = (
 )
 
 
-def command_line(config: "EvaluationConfig") -> str:
+def command_line(config: EvaluationConfig) -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
     given = {name: vars(config)[name] for name in _GIVEN} | config.task_options

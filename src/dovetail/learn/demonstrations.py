@@ -22,7 +22,7 @@ from dovetail.learn.recorded_steps import MEANT, RecordedSteps, find_logs, read_
 
 _USUAL = "record it for this task, or train with that"
 _ADVICE = {
-    "axes": "record with the same --task",
+    "axes": "record or train with the same --task",
     "scale": "give f_scale, f_scale_angular, theta_range and position_range as there",
     "force_damping": "give --force-damping as there",
     "force_weight": "its rewards are others; train with --force-weight as there",

@@ -7,6 +7,7 @@ pictures. ``twin`` is what the twin's file says of its camera.
 """
 
 import importlib
+import inspect
 import pkgutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -171,14 +172,17 @@ def _by_name(text: str) -> Tracker:
         module, kind = f"{_PACKAGE}.{name}", name.title()
     try:
         make = import_names(module)[kind]
-        return make(**{key: float(value) for key, value in parse_qsl(query)})
-    except (ImportError, KeyError) as error:
+    except (ImportError, KeyError, ValueError) as error:
         raise ConfigError(
             f"tracker {text!r}: no class {kind!r} in a module {module!r} that Python "
             f"finds ({error})"
         ) from error
+    given = parse_qsl(query, keep_blank_values=True)
+    try:
+        return make(**{key: float(value) for key, value in given})
     except (TypeError, ValueError) as error:
+        known = ", ".join(inspect.signature(make).parameters) if callable(make) else ""
         raise ConfigError(
-            f"tracker {text!r} does not take these arguments: {error}; give "
-            "NAME?ARGUMENT=NUMBER&ARGUMENT=NUMBER"
+            f"tracker {text!r} does not take these arguments: {error}; it takes "
+            f"{known or 'none'}, as NAME?ARGUMENT=NUMBER&ARGUMENT=NUMBER"
         ) from error
