@@ -102,6 +102,7 @@ def test_an_environment_draws_what_it_measured(renderer):
         env.render()
 
 
+@pytest.mark.filterwarnings("ignore:.*not in the possible render_modes")
 def test_an_unknown_render_mode_is_refused():
     with pytest.raises(ConfigError, match="render_mode is 'ansi'; known: rgb_array"):
         gym.make(ID, render_mode="ansi").unwrapped.reset()
@@ -190,3 +191,28 @@ def test_what_draws_is_found_by_trying(working, taken, monkeypatch):
 
 def test_a_way_to_draw_that_there_is_not_does_not_draw():
     assert not gl_context.draws("nothing")
+
+
+@pytest.mark.filterwarnings("ignore:.*natively support")
+def test_gymnasium_shows_pictures_in_a_window_and_gathers_them(renderer):
+    shown = gym.make(ID, render_mode="human")
+    assert isinstance(shown, gym.wrappers.HumanRendering)
+    assert shown.unwrapped.render_mode == "rgb_array"
+    shown.close()
+    env = gym.make(ID, render_mode="rgb_array_list")
+    env.reset(seed=0)
+    for _ in range(3):
+        env.step(np.zeros(4, dtype=np.float32))
+    pictures = env.render()
+    assert [picture.shape for picture in pictures] == [(480, 640, 3)] * 4
+    env.close()
+
+
+def test_each_action_is_a_frame_of_a_recorded_video(renderer, tmp_path):
+    pytest.importorskip("moviepy", reason="needs moviepy: pip install moviepy")
+    env = gym.make(ID, render_mode="rgb_array", max_steps=5)
+    with gym.wrappers.RecordVideo(env, str(tmp_path / "new")) as filmed:
+        filmed.reset(seed=0)
+        for _ in range(5):
+            filmed.step(np.zeros(4, dtype=np.float32))
+    assert [path.suffix for path in tmp_path.glob("new/*")] == [".mp4"]

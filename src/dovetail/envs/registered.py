@@ -64,7 +64,8 @@ def make_env(
         arm: The arm to use, or its address; None is the settings'.
         config: Settings to begin with; None is the usual ones.
         tracker: Where the fixture is, or its name; None is the settings'.
-        render_mode: None, or "rgb_array" for pictures of a simulation here.
+        render_mode: None, or "rgb_array" for pictures of a simulation here; `gym.make`
+            makes "human" and "rgb_array_list" of it.
         **settings: Fields of the task, and of the sections of `EnvConfig`; ``task`` is
             the mode of each axis.
 
@@ -79,6 +80,10 @@ def make_env(
     return ContactEnv(
         kind(**own), arm, base.having(**rest), tracker=tracker, render_mode=render_mode
     )
+
+
+vars(make_env)["metadata"] = ContactEnv.metadata
+# By it `gym.make` knows how to make "human" and "rgb_array_list" of "rgb_array".
 
 
 def make_batch(
