@@ -1,7 +1,9 @@
 """The doctor finds what is broken, and says how to mend it."""
 
 import importlib.util
+import tomllib
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +13,8 @@ from dovetail import doctor
 from dovetail.cli import run
 from dovetail.doctor import Check, run_checks
 from dovetail.plants.find import make_plant
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +48,14 @@ def test_cycle_time_is_reported(checks, scheme):
 def test_essential_parts_are_found(checks):
     for name in ("python", "control core (C++)", "mujoco", "shipped twins"):
         assert checks[name].status == "ok", checks[name].detail
+
+
+def test_every_extra_for_users_is_looked_for():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - {
+        "test",
+        "lint",
+    }
 
 
 def test_a_missing_extra_names_the_command_that_brings_it(monkeypatch):

@@ -99,3 +99,15 @@ def test_watch_says_where_the_fixture_is(opengl, file, capsys):
     said = capsys.readouterr().out
     assert "markers, edges" in said
     assert "+-" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "allowed"),
+    [(("watch", "--count", "-3"), "0 to"), (("hand-eye", "--count", "2"), "6 to")],
+)
+def test_a_count_of_pictures_that_is_none_is_refused(
+    file, tmp_path, capsys, words, allowed
+):
+    more = () if words[0] == "watch" else ("--out", tmp_path / "out.toml")
+    assert camera(words[0], file, *words[1:], *more) == 2
+    assert f"allowed: {allowed}" in capsys.readouterr().err

@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.progress import track
 
 from dovetail.camera_checks import standing
+from dovetail.control.ranges import in_count
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.files import claim_output_folder, require_new, write_atomic
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from dovetail.perceive.detect import Detector
     from dovetail.perceive.hand_eye import HandEye, View
     from dovetail.perceive.rehearsal import Shot
+
+_PICTURES_MAX = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,6 +167,7 @@ class CameraHandEye:
         return _decide(console, found.objections(), file, _placed(camera, found))
 
     def _shots(self, camera: "CameraFile", console: Console) -> "Iterable[Shot]":
+        from dovetail.perceive.hand_eye import VIEWS_MIN
         from dovetail.perceive.recorded import keep_shots, read_shots
         from dovetail.perceive.rehearsal import shoot
 
@@ -174,6 +178,7 @@ class CameraHandEye:
                 f"the camera's source is {camera.source}: take pictures in 20 poses of "
                 "the arm and give their --folder; only a simulated arm moves by itself"
             )
+        in_count("count", self.count, VIEWS_MIN, _PICTURES_MAX, "pictures")
         twin = None if self.twin is None else load_twin(self.twin).camera
         cell = find_cell(robot=self.robot)
         shots = shoot(
@@ -224,6 +229,7 @@ class CameraWatch:
         from dovetail.perceive.rehearsal import FIXTURE
         from dovetail.trackers.marker import locate
 
+        in_count("count", self.count, 0, _PICTURES_MAX, "pictures")
         camera, cell = load_camera(self.camera), find_cell(robot=self.robot)
         detector = Detector(camera.board, camera.lens, camera.edge_noise)
         source, seen_once, number = open_source(camera, cell), False, 0

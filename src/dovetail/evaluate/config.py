@@ -47,7 +47,7 @@ class EvaluationConfig:
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
     fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes. Default
+    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Default
     three poses, which an arm must be able to put the fixture at."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms. Default the one in the arm's address, or

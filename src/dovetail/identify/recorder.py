@@ -54,7 +54,7 @@ ELBOW = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 FREE_AIR = 0.08
 """Height of the lowest start over the fixture's mouth [m]; motions go down 0.05 m."""
 DEFAULT_FIXTURE = (0.60, 0.0, 0.09, 0.0)
-"""Where the fixture is put: x y z [m] of its mouth, yaw [rad]."""
+"""Where the fixture is put: x y z [m] of its frame, yaw [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,7 @@ class RecordConfig:
     steps: int = 50
     """Policy steps of 50 ms of each."""
     fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its mouth and yaw [rad], world axes."""
+    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes."""
     f_scale: float = 8.0
     """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
     0.2 m/s of the 0.25 m/s allowed."""

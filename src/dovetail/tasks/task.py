@@ -156,7 +156,8 @@ class Task(ABC):
         """Return the reward of one policy step.
 
         Args:
-            position_error: TCP minus the goal [m], shape (3,), by the tracker.
+            position_error: TCP minus the goal of the fixture's true pose [m], shape
+                (3,).
             theta_error: Rotation about the vertical minus the goal's [rad].
             success: Whether the task is done in this step.
             force: Largest contact force of the step [N].
