@@ -19,11 +19,11 @@ def log(tmp_path_factory):
 
 
 def test_record_says_what_to_do_next(tmp_path, capsys):
-    folder = tmp_path / "log"
+    folder = tmp_path / "[a] log"
     assert run(["identify", "record", "--out", str(folder), *SHORT]) == 0
     text = capsys.readouterr().out
     assert "2 sequences, 120 control cycles of 5 ms, from twin:easy" in text
-    assert f"next: dovetail identify fit {folder}" in text
+    assert f"next: dovetail identify fit '{folder}'" in text
 
 
 def test_fit_writes_a_model_that_a_twin_can_be(log, tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import Annotated
 
 import tyro
@@ -28,7 +29,7 @@ class IdentifyRecord(RecordConfig):
         console.print(
             f"{self.out}: {len(recording.sequences)} sequences, {cycles} control "
             f"cycles of {1e3 * recording.period:g} ms, from {self.arm}\n"
-            f"  next: dovetail identify fit {self.out} --out identified",
+            f"  next: dovetail identify fit {quote(str(self.out))} --out identified",
             soft_wrap=True,
             highlight=False,
         )
@@ -51,7 +52,7 @@ class IdentifyFit(FitConfig):
             f"{1e3 * result.rms_after:.2f} mm after ({result.evaluations} simulated "
             f"logs, {result.wall_time:.0f} s)\n"
             f"  {self.out / MODEL}: for --twin of evaluate and demo, --model of train\n"
-            f"  next: dovetail identify report {self.out} --held-out LOG",
+            f"  next: dovetail identify report {quote(str(self.out))} --held-out LOG",
             soft_wrap=True,
             highlight=False,
         )

@@ -1,6 +1,7 @@
 """`dovetail train`: from settings to a policy file."""
 
 import argparse
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -92,6 +93,7 @@ def _describe(result: TrainResult, config: TrainConfig) -> str:
             f"  {successes}/{episodes} inserted {place} "
             f"(Wilson 95 %: {100 * low:.1f}-{100 * high:.1f} %)"
         )
-    own = f" --env {config.env}" if ":" in config.env else ""
-    lines.append(f"  next: dovetail evaluate {result.policy}{own} --twin medium")
+    own = ["--env", config.env] if ":" in config.env else []
+    words = ["dovetail", "evaluate", str(result.policy), *own, "--twin", "medium"]
+    lines.append(f"  next: {shlex.join(words)}")
     return "\n".join(lines)
