@@ -8,8 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dovetail.errors import MissingDependencyError
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.robots.robot import Payload, Robot
+from dovetail.view.gl_context import open_context
+
+
+@pytest.fixture(scope="session")
+def opengl() -> None:
+    """Skips where nothing draws without a screen; the reason names the packages."""
+    try:
+        open_context(16, 16).free()
+    except MissingDependencyError as error:
+        pytest.skip(str(error))
 
 
 @pytest.fixture

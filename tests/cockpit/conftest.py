@@ -36,8 +36,8 @@ def wait_until(is_so, timeout=10.0):
 def make_session(tmp_path: Path):
     made = []
 
-    def make(policy="peg_square", place="mujoco", **more):
-        choice = Choice(policy=policy, place=place, settings=PLAIN)
+    def make(policy="peg_square", place="mujoco", settings=PLAIN, **more):
+        choice = Choice(policy=policy, place=place, settings=settings)
         session = Session(choice, **{"logs": tmp_path / "logs", **more})
         session.pace.speed = SPEED_MAX
         made.append(session)

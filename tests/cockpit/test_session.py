@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +14,9 @@ from dovetail.episode import Episode
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import PolicyError
 from dovetail.poses import matrix_from_quat
+from extras import need
 
-from .conftest import wait_until
+from .conftest import PLAIN, wait_until
 
 
 def simulate(session, duration):
@@ -241,3 +243,16 @@ def test_a_log_that_cannot_be_written_is_told_and_the_arm_goes_on(
     wait_until(lambda: session.diary.problem)
     assert "is lost" in session.diary.problem
     simulate(session, 0.1)
+
+
+def test_a_simulated_camera_tells_where_the_fixture_is(opengl, make_session, tmp_path):
+    need("cv2")
+    text = (Path(__file__).parents[2] / "examples" / "beside.toml").read_text()
+    file = tmp_path / "camera.toml"
+    file.write_text(text)
+    session = make_session(policy=NOBODY, settings={**PLAIN, "tracker": str(file)})
+    session.reset()
+    simulate(session, 0.2)
+    assert session.status.mode == "held"
+    error = session.moment.seen.position - session.moment.fixture.position
+    assert 0.0 < np.linalg.norm(error) < 0.005

@@ -1,6 +1,8 @@
 """Pictures are of what was measured: neither empty nor frozen."""
 
 import gc
+import subprocess
+import sys
 from types import SimpleNamespace
 
 import gymnasium as gym
@@ -216,3 +218,25 @@ def test_each_action_is_a_frame_of_a_recorded_video(renderer, tmp_path):
         for _ in range(5):
             filmed.step(np.zeros(4, dtype=np.float32))
     assert [path.suffix for path in tmp_path.glob("new/*")] == [".mp4"]
+
+
+def test_pictures_that_another_thread_drew_end_a_program_in_silence(renderer):
+    program = """
+import threading
+import numpy as np
+from dovetail.envs.registered import find_cell
+from dovetail.poses import Pose, quat_about_z
+from dovetail.view.renderer import Renderer
+
+kept = []
+def draw():
+    kept.append(Renderer(find_cell()))
+    kept[0].draw(np.zeros(7), Pose(np.zeros(3), quat_about_z(0.0)))
+thread = threading.Thread(target=draw)
+thread.start()
+thread.join()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")

@@ -5,9 +5,7 @@ drives it calls `start`, `stop` and the others, which only leave a wish behind. 
 acts within a slice of 10 ms, everything else between two policy steps.
 """
 
-import threading
 import time
-import traceback
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,6 +17,7 @@ from dovetail.cockpit.choice import Choice, build, describe
 from dovetail.cockpit.diary import Diary
 from dovetail.cockpit.guide import Guide
 from dovetail.cockpit.hand import Hand
+from dovetail.cockpit.loop_thread import LoopThread
 from dovetail.cockpit.pace import Pace
 from dovetail.cockpit.paced_arm import PacedArm
 from dovetail.cockpit.shutter import Shutter
@@ -64,7 +63,6 @@ class Session:
         self.diary, self.trace = Diary(logs), Trace()
         self._wishes = Wishes()
         self._given = fixture
-        self._is_ended = threading.Event()
         self._is_running = self._is_paused = self._is_ready = False
         self._is_success = self._was_led = False
         self._doing = ""
@@ -76,9 +74,12 @@ class Session:
         """Control cycles that were outside a joint or wall limit, since the begin."""
         self.version = 0
         """Counts the cells that were built: another number, another scene."""
-        self._install(choice)
-        self._thread = threading.Thread(target=self._loop, name="cockpit", daemon=True)
-        self._thread.start()
+        self._thread = LoopThread(
+            begin=lambda: self._install(choice),
+            turn=self._take_turn,
+            fail=self._fail,
+            end=lambda: self._env.close(),
+        )
 
     # -- what a person wishes; from any thread -----------------------------------
 
@@ -208,36 +209,29 @@ class Session:
 
     def close(self) -> None:
         """Hold the arm, end the loop, write what was recorded, release the arm."""
-        if self._is_ended.is_set():
+        if self._thread.is_ended:
             return
         self._hold()
-        self._is_ended.set()
-        self._thread.join()
+        self._thread.end()
         self.guide.take_mouse(None)
         self.diary.close()
-        self._env.close()
 
     # -- the loop -----------------------------------------------------------------
 
-    def _loop(self) -> None:
-        while not self._is_ended.is_set():
-            try:
-                self._wishes.fulfil(self.say)
-                self._doing = ""
-                self._follow_lead()
-                is_still = self._is_paused and self._steps_left == 0
-                is_moved = (self._is_acting and not self._arm.is_held) or self._was_led
-                can_step = self._is_ready and (is_moved or self.can_touch)
-                if is_still or not can_step:
-                    time.sleep(_NAP)
-                    self.pace.begin()
-                    continue
-                self._steps_left = max(0, self._steps_left - 1)
-                self._advance()
-            except Exception as error:  # a task of one's own may raise anything
-                if not isinstance(error, DovetailError):
-                    traceback.print_exc()
-                self._fail(error)
+    def _take_turn(self) -> None:
+        """Do what was wished for, and let a policy step pass, or a moment."""
+        self._wishes.fulfil(self.say)
+        self._doing = ""
+        self._follow_lead()
+        is_still = self._is_paused and self._steps_left == 0
+        is_moved = (self._is_acting and not self._arm.is_held) or self._was_led
+        can_step = self._is_ready and (is_moved or self.can_touch)
+        if is_still or not can_step:
+            time.sleep(_NAP)
+            self.pace.begin()
+            return
+        self._steps_left = max(0, self._steps_left - 1)
+        self._advance()
 
     @property
     def _is_acting(self) -> bool:

@@ -3,6 +3,7 @@
 import atexit
 import itertools
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,7 +97,7 @@ class Renderer:
         self._camera.lookat[:], self._camera.distance = _LOOK_AT, _DISTANCE
         self._camera.azimuth, self._camera.elevation = _AZIMUTH, _ELEVATION
         self._is_open = True
-        atexit.register(self.close)  # before OpenGL itself is gone
+        atexit.register(self._close_at_exit)  # before OpenGL itself is gone
 
     def draw(
         self,
@@ -188,10 +189,14 @@ class Renderer:
         """Give the context back; again is no harm."""
         if self._is_open:
             self._is_open = False
-            atexit.unregister(self.close)
+            atexit.unregister(self._close_at_exit)
             self._gl.make_current()
             self._context.free()
             self._gl.free()
+
+    def _close_at_exit(self) -> None:
+        with suppress(Exception):  # the thread that opened it took it along
+            self.close()
 
 
 def _model(
