@@ -42,7 +42,7 @@ class LoopThread:
     def _run(self, begin: Callable[[], None], begun: Future[None]) -> None:
         try:
             begin()
-        except Exception as error:
+        except BaseException as error:  # whoever waits for it gets it
             begun.set_exception(error)
             return
         begun.set_result(None)
