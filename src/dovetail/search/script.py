@@ -11,7 +11,7 @@ from dovetail.search.corner import SEARCH_AXES, CornerSearch
 
 SCRIPT_SETTINGS: Mapping[str, Any] = {
     "task": SEARCH_AXES,
-    "near_speed": 0.03,
+    "near_speed": 0.05,
     "theta_range": 0.3,
     "f_scale": 4.0,
     "force_damping": 40.0,
