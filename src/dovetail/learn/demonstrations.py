@@ -20,12 +20,13 @@ from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import LogError
 from dovetail.learn.recorded_steps import RecordedSteps, find_logs, read_steps
 
-_MEANT = ("axes", "scale", "force_damping", "force_weight")
+_MEANT = ("axes", "scale", "force_damping", "force_weight", "script")
 _USUAL = "record it for this task, or train with that"
 _ADVICE = {
     "axes": "record with the same --task",
     "scale": "give f_scale, f_scale_angular, theta_range and position_range as there",
     "force_damping": "give --force-damping as there",
+    "script": "its actions correct a script's; leave the log out",
     "force_weight": "its rewards are others; train with --force-weight as there",
 }
 
@@ -116,7 +117,8 @@ def _require_same(path: Path, steps: RecordedSteps, core: ContactEnv) -> None:
         # A gap may be another one: a wider one is where one begins to demonstrate.
         if isinstance(value, str) and name != "axes" and isinstance(task, Mapping):
             pairs.append((name, task.get(name), value))
-    pairs += [(name, steps.action.get(name), here[ACTION][name]) for name in _MEANT]
+    theirs_meant = {"script": "none"} | dict(steps.action)  # before there was one
+    pairs += [(name, theirs_meant.get(name), here[ACTION][name]) for name in _MEANT]
     for name, theirs, ours in pairs:
         if not _is_same(theirs, ours):
             raise LogError(

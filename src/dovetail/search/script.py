@@ -16,6 +16,7 @@ SCRIPT_SETTINGS: Mapping[str, Any] = {
     "f_scale": 4.0,
     "force_damping": 40.0,
     "max_steps": 400,
+    "script": None,
 }
 """Settings of the environment with which the script was tried."""
 
