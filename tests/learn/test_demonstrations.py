@@ -121,6 +121,7 @@ def test_who_acted_is_read_back(tmp_path, env):
         (ACTION, "scale", "much", "give f_scale"),
         (ACTION, "force_damping", [0.0] * 3, "give --force-damping"),
         (ACTION, "force_weight", 0.1, "train with --force-weight"),
+        (ACTION, "script", "corner", "its actions correct a script's"),
     ],
 )
 def test_a_log_of_something_else_is_refused_with_what_to_do(

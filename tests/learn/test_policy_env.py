@@ -28,10 +28,11 @@ def changed(policy: Policy, section: str, **change) -> Policy:
 def test_the_shipped_policies_run_where_they_were_trained_for(name):
     policy = Policy.load(find_policy(name))
     settings = policy_settings(policy.metadata)
-    later = {"also", "recall"}  # settings that an older file does not have
+    # Settings that an older file does not have.
+    later = {"also", "recall", "script", "correction"}
     assert set(settings) | later == {*TAKEN, "peg", "clearance"}
     # What searches is faster near contact; nothing else is laxer than usual.
-    fast = {"search_square": 0.03, "peg_near": 0.025}.get(name)
+    fast = {"search_square": 0.05, "peg_near": 0.025}.get(name)
     said = "" if fast is None else f"near_speed {fast} m/s (default 0.02)"
     assert lax_contact(settings) == said
     env = make_env(policy, twin="easy")

@@ -57,6 +57,60 @@ def test_noise_has_the_size_that_is_asked_for_and_leaves_the_range_alone():
     assert spread == pytest.approx(0.1, rel=0.1)  # 500 x 3 draws
 
 
+def test_where_a_script_is_corrected_the_teacher_corrects_nothing():
+    made = make_env(PegInHole, task=SEARCH_AXES, theta_range=0.3, script="corner")
+    made.reset(seed=0)
+    assert not Teacher([made], 0.0, 0).act().any()
+
+
+def corrected(algorithm):
+    changes = {
+        "script": "corner",
+        "algorithm": algorithm,
+        "steps": 64,
+        "policy_delay": 1,
+    }
+    return TrainConfig(**{**TINY, **changes})
+
+
+@pytest.mark.parametrize("algorithm", ["sac", "tqc", "td3", "ddpg", "crossq"])
+def test_who_corrects_a_script_begins_with_nothing(algorithm):
+    need("sbx")
+    from dovetail.learn.algorithms import make_model, make_vec_env
+
+    config = corrected(algorithm)
+    env = make_vec_env(config)
+    model = make_model(config, env)
+    actions, _ = model.predict(env.reset(), deterministic=True)
+    env.close()
+    assert np.abs(actions).max() < 1e-6
+
+
+def test_the_critics_of_a_correction_learn_before_the_actor_does(monkeypatch):
+    need("sbx")
+    import jax
+
+    from dovetail.learn import teacher
+    from dovetail.learn.algorithms import make_model, make_vec_env
+
+    monkeypatch.setattr(teacher, "_JUDGED", 8)
+    config = corrected("sac")
+    env = make_vec_env(config)
+    model = make_model(config, env)
+    model.learn(config.learning_starts)  # the teacher's steps
+    before = jax.tree.leaves(model.policy.actor_state.params)
+    critics = jax.tree.leaves(model.policy.qf_state.params)
+    model._learn_to_judge(4, 8)
+    env.close()
+    after = jax.tree.leaves(model.policy.actor_state.params)
+    for old, new in zip(before, after, strict=True):
+        np.testing.assert_array_equal(old, new)
+    changed = zip(critics, jax.tree.leaves(model.policy.qf_state.params), strict=True)
+    assert all(np.abs(np.asarray(new - old)).max() > 0.0 for old, new in changed)
+    assert model._n_updates == 0
+    assert model.policy_delay == config.policy_delay
+
+
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
 def test_a_batch_has_the_share_of_the_teacher(share):
     need("sbx")
@@ -112,6 +166,8 @@ def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
         ({"tracker": "noisy"}, "doubt and the tracker noisy exclude each other"),
         ({"algorithm": "ppo"}, "give --teacher none"),
         ({"teacher_share": 1.1}, "teacher_share"),
+        ({"script": "corner", "demos": ("logs",)}, "an action is a correction"),
+        ({"script": "corner", "algorithm": "ppo", "teacher": "none"}, "a correction"),
     ],
 )
 def test_what_cannot_be_taught_is_refused_with_what_to_give(change, words):

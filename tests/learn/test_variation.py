@@ -1,5 +1,6 @@
 """What differs between the episodes of a training, and is not told."""
 
+import numpy as np
 import pytest
 from tests.extras import need
 
@@ -32,12 +33,30 @@ def test_each_environment_has_the_next_value_and_the_policy_the_tasks_own():
     assert "--vary peg=square,triangle" in config.command()
 
 
+def test_of_several_options_every_pair_is_there():
+    vary = "peg=square,triangle&clearance=0.001,0.0005,0.0001"
+    config = TrainConfig(**{**SEARCH, "vary": vary, "num_envs": 7})
+    made = [config.varied_options(i) for i in range(7)]
+    pairs = [(options["peg"], options["clearance"]) for options in made]
+    assert len(set(pairs[:6])) == 6
+    assert pairs[:3] == [("square", 0.001), ("triangle", 0.001), ("square", 0.0005)]
+    assert pairs[6] == pairs[0]
+    kinds = config.kinds(7)
+    np.testing.assert_array_equal(kinds[:6], np.eye(6))
+    np.testing.assert_array_equal(kinds[6], kinds[0])
+    assert TrainConfig(**{**SEARCH, "vary": None}).kinds(3).shape == (3, 0)
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"doubt": 0.0}, "doubt_turn is 0.05 rad and doubt 0 m"),
         ({"doubt_turn": 0.6}, "doubt_turn is 0.6; allowed: 0 to 0.5"),
         ({"num_envs": 1}, "2 values of peg to 1 environments"),
+        (
+            {"vary": "peg=square,triangle&clearance=0.001,0.002"},
+            "4 values of clearance and peg to 3 environments",
+        ),
         ({"vary": "pig=square"}, "needed: NAME=A,B with one of peg, clearance"),
         ({"vary": "peg"}, "needed: NAME=A,B with one of peg, clearance"),
         ({"vary": "clearance=0.001,wide"}, "could not convert string to float"),

@@ -17,7 +17,7 @@ def make(shift, **settings):
     tracker.shift = np.array([*shift, 0.0])
     options = {
         "task": SEARCH_AXES,
-        "near_speed": 0.03,
+        "near_speed": 0.05,
         "theta_range": 0.3,
         "max_steps": 300,
         "tracker": tracker,
@@ -55,6 +55,21 @@ def test_it_finds_a_fixture_that_is_turned_too(peg, seed):
     made = make((0.0, 0.0), peg=peg, tracker=where, twin="medium", tare=True)
     info, _ = search(*made, seed)
     assert info["success"]
+
+
+def test_where_the_arm_may_not_be_quick_it_does_not_push_instead():
+    env, core = make((0.012, -0.016), near_speed=0.02, max_steps=400)
+    actor = CornerSearch(core)
+    observation, _ = env.reset(seed=3)
+    level = []  # f* while the corner slides, of 4 m/s2
+    ended = cut = False
+    while not (ended or cut):
+        action = actor(observation)
+        if actor.phase == "slide":
+            level.append(np.hypot(action[0], action[1]))
+        observation, _, ended, cut, _ = env.step(action)
+    assert ended
+    assert np.median(level) < 0.5  # 0.02 m/s needs 0.2, friction the rest
 
 
 @pytest.mark.parametrize("clearance", [0.00006, 0.004])

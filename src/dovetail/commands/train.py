@@ -22,7 +22,7 @@ GROUPS: Groups = {
     ),
     "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
     "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
-    "what differs between episodes": ("vary", "doubt", "doubt_turn"),
+    "what differs between episodes": ("vary", "doubt", "doubt_turn", "informed"),
     "who shows it": ("demos", "teacher", "teacher_noise", "teacher_share"),
     "dynamics of the simulation": (
         *("model", "randomise_dynamics", "random_gravity", "random_mass"),
@@ -38,7 +38,7 @@ GROUPS: Groups = {
             "theta_range",
             "position_range",
         ),
-        *("force_damping", "tare", "scheme"),
+        *("force_damping", "tare", "scheme", "script", "correction"),
     ),
     "near contact": ("near_distance", "near_speed", "near_press", "force_weight"),
     "learning algorithm": (

@@ -22,6 +22,7 @@ F_SCALE = 4.0
 FORCE_DAMPING = 40.0
 """Damping of force axes [1/s]."""
 _NEAR = Range(0.0, 1.0, "m")
+_SHARE = Range(0.0, 1.0, "1")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,6 +41,17 @@ class ActionConfig:
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
     speed. The paper has 0; near_speed and near_press act all the same, until they are
     0.25 m/s (the limit everywhere) and f_scale; tare needs damping."""
+    script: str | None = None
+    """Script that acts, corrected by the action: corner, see `search.corrected_env`;
+    None is the action alone."""
+    correction: float = 0.5
+    """How much of an action is added to what the script does [1]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a script that is not there, and a correction out of range."""
+        if self.script not in (None, "corner"):
+            raise ConfigError(f"script {self.script!r} is unknown; known: corner")
+        in_range("correction", self.correction, _SHARE)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -124,6 +124,7 @@ class ContactEnv(
     fixture: Pose
     """The fixture's true pose in this episode."""
     steps: int  # of the episode so far
+    is_led: bool = False  # whether the next action is a person's; set by `Led`
 
     def __init__(
         self,

@@ -111,6 +111,7 @@ class Led(gymnasium.Wrapper):
         """Follow the person's action, or else this one, for 50 ms."""
         led = self._lead(self._core)
         taken = action if led is None else led
+        self._core.is_led = led is not None
         seen, reward, ended, cut, info = self.env.step(taken)
         told = {"is_intervention": led is not None, "action": taken}
         return seen, reward, ended, cut, info | told

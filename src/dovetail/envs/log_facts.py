@@ -23,8 +23,8 @@ def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
     """Return what a log says of the environment it was taken in.
 
     Under `CELL` its name, robot and plain task settings; under `ACTION` the axes, the
-    value at action 1 [m/s2, rad/s2, m, rad], the damping of force axes [1/s] and the
-    reward's weight of force [1/N].
+    value at action 1 [m/s2, rad/s2, m, rad], the damping of force axes [1/s], the
+    reward's weight of force [1/N] and the script that an action corrects.
     """
     core = require_contact_env(env)
     task = {f.name: vars(core.task)[f.name] for f in fields(core.task)}
@@ -35,6 +35,7 @@ def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
         "scale": [float(value) for value in core.commands.scale],
         "force_damping": list(per_axis("", core.config.action.force_damping)),
         "force_weight": core.task.reward.force_weight,
+        "script": core.config.action.script or "none",
     }
     robot = core.config.place.robot
     return {CELL: {"env_id": name, "robot": robot, "task": plain}, ACTION: action}

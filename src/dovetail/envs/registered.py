@@ -27,6 +27,8 @@ from dovetail.workcell.workcell import Workcell
 
 _MAKE = "dovetail.envs.registered:make_env"
 _MAKE_BATCH = "dovetail.envs.registered:make_batch"
+_CORRECTED = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
+"""Environments in which an action corrects a script, by the script's name."""
 
 
 class UnknownSettingError(ConfigError, TypeError):
@@ -77,9 +79,10 @@ def make_env(
     base = config or EnvConfig()
     if isinstance(tracker, str):
         base, tracker = base.having(tracker=tracker), None
-    return ContactEnv(
-        kind(**own), arm, base.having(**rest), tracker=tracker, render_mode=render_mode
-    )
+    whole = base.having(**rest)
+    script = whole.action.script
+    env = ContactEnv if script is None else _named(_CORRECTED[script])
+    return env(kind(**own), arm, whole, tracker=tracker, render_mode=render_mode)
 
 
 vars(make_env)["metadata"] = ContactEnv.metadata
@@ -211,5 +214,10 @@ def _import(module: str, env_id: str) -> None:
 def _class(task: type[Task] | str) -> type[Task]:
     if isinstance(task, type):
         return task
-    module, _, name = task.partition(":")
+    return _named(task)
+
+
+def _named(text: str) -> type:
+    """Return a class from ``module:Class``."""
+    module, _, name = text.partition(":")
     return vars(importlib.import_module(module))[name]

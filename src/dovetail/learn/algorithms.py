@@ -16,8 +16,9 @@ from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.reward import RewardConfig
 
 ACTOR_SHARE = 0.1
-"""Share of the learning rate for the actor of a run that starts from a policy [1]: what
-it forgets, it forgets ten times slower, while its critics learn at full rate."""
+"""Share of the learning rate for the actor of a run that starts from a policy, or that
+corrects a script [1]: what it does well from the start it forgets ten times slower,
+while its critics learn at full rate."""
 
 _LARGEST_BUFFER = 1_000_000
 _WITH_ENTROPY = ("sac", "tqc", "crossq")
@@ -129,6 +130,8 @@ def make_model(
     """
     demos = load_demonstrations(config.logs, env.envs[0]) if config.logs else None
     sbx = import_sbx()
+    num_seen = env.observation_space.shape[0]
+    env = _informed(env, config)
     kind = {
         "sac": sbx.SAC,
         "ppo": sbx.PPO,
@@ -143,8 +146,9 @@ def make_model(
         settling = actor_rate * share(round(config.steps * (1.0 - remaining)))
         return min(falling, settling)
 
-    is_fresh = config.from_policy is None or config.algorithm == "ppo"
-    actor_rate = (1.0 if is_fresh else ACTOR_SHARE) * config.full_rate
+    is_good = config.from_policy is not None or config.script is not None
+    is_careful = is_good and config.algorithm != "ppo"
+    actor_rate = (ACTOR_SHARE if is_careful else 1.0) * config.full_rate
     settings: dict[str, Any] = {
         "learning_rate": rate,
         "gamma": config.gamma,
@@ -163,18 +167,32 @@ def make_model(
         if config.algorithm == "sac":
             from dovetail.learn.networks import Actor, Critics
 
-            kinds = {"actor_class": Actor, "vector_critic_class": Critics}
+            actor = partial(Actor, num_seen=num_seen)
+            kinds = {"actor_class": actor, "vector_critic_class": Critics}
             settings["policy_kwargs"] |= kinds
             settings["policy_delay"] = config.policy_delay
-        if not is_fresh:
+        if is_careful:
             settings["qf_learning_rate"] = config.full_rate
     model = kind("MlpPolicy", env, **settings)
+    if config.script is not None:
+        from dovetail.learn.fine_tune import start_still
+
+        start_still(model)
     if config.has_teacher:
         seed = derive_seed(config.seed, 3)
         model.teacher = Teacher(env.envs, config.teacher_noise, seed)
     if demos is not None:
         fill(model.replay_buffer, demos, config.reward_scale)
     return model
+
+
+def _informed(env: Any, config: TrainConfig) -> Any:
+    """Return environments that show the truth, where critics are to be told it."""
+    if not config.informed:
+        return env
+    from dovetail.learn.informed import Informed
+
+    return Informed(env, config.kinds(config.num_envs))
 
 
 def _off_policy_settings(

@@ -149,7 +149,7 @@ def seed_run(model: SbxModel, seed: int, step: int) -> None:
     model.policy.key = jax.random.PRNGKey(derive_seed(seed, step, 1))
     if isinstance(model.policy, NoisyPolicy):
         model.policy.reset_noise()
-    env = model.get_env()
+    env = model.get_env().unwrapped  # which a wrapper of it does not ask
     env._seeds = [derive_seed(seed, step, 2, i) for i in range(env.num_envs)]
 
 

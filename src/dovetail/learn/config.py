@@ -179,6 +179,17 @@ class TrainConfig(LearnerSettings, Variation):
 
     def _require_teacher(self) -> None:
         """Refuse a teacher that would not act, and demonstrations without a buffer."""
+        if self.informed and (self.algorithm != "sac" or self.logs):
+            raise ConfigError(
+                "informed critics are told the truth, which no log has and only sac "
+                "takes: leave --informed out, or give no --demos and --algorithm sac"
+            )
+        if self.script is not None and (self.logs or self.algorithm == "ppo"):
+            raise ConfigError(
+                f"with --script {self.script} an action is a correction, which no log "
+                "has, and which ppo does not begin small: leave --demos out, give "
+                "--teacher corner or none, and one of sac, tqc, crossq, td3 and ddpg"
+            )
         is_shown = self.algorithm == "ppo" and (self.has_teacher or self.logs)
         if is_shown or (self.has_teacher and self.from_policy):
             raise ConfigError(

@@ -17,6 +17,7 @@ ENV_FIELDS = (
     *("plant", "task", "stack", "also", "recall", "period"),
     *("robot", "tracker"),
     *("f_scale", "f_scale_angular", "force_damping", "tare"),
+    *("script", "correction"),
     *("near_speed", "near_press", "near_distance"),
     *("theta_range", "position_range", "max_steps", "scheme"),
 )
@@ -59,6 +60,12 @@ class EnvSettings:
     """Damping D of force axes X Y Z [1/s], one number or three. f_scale / D is the top
     speed. The paper has 0, and nothing near contact: near_speed 0.25, near_press of
     f_scale, no tare."""
+    script: str | None = USUAL.action.script
+    """Script that acts, corrected by the policy's action: corner, or none.
+    It is then part of the policy, which sees what the script would do next. A teacher's
+    steps are the script's alone."""
+    correction: float = USUAL.action.correction
+    """How much of an action is added to what the script does [1]."""
     tare: bool = True
     """Measure before each episode the weight that gravity compensation misses. It is
     taken off what the policy commands: in training with `model`, `randomise_dynamics`

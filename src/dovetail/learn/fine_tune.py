@@ -111,12 +111,38 @@ def start_from(model: Any, policy: Policy) -> None:
     """
     import jax.numpy as jnp
 
+    _put(
+        model,
+        {
+            f"Dense_{i}": {"kernel": jnp.array(weight), "bias": jnp.array(bias)}
+            for i, (weight, bias) in enumerate(policy.layers)
+        },
+    )
+
+
+def start_still(model: Any) -> None:
+    """Let a freshly built SBX algorithm's actor begin with zeros, and explore a little.
+
+    Args:
+        model: SBX algorithm.
+    """
+    layers = _layers(model.policy.actor_state)
+    last = f"Dense_{len(model.policy.net_arch_pi)}"
+    _put(model, {last: _constant(layers[last], 0.0)})
+
+
+def _layers(state: Any) -> dict[str, Any]:
+    return dict(state.params.get("params", state.params))
+
+
+def _put(model: Any, changed: Mapping[str, Any]) -> None:
+    """Change layers of the actor, and let it explore by `START_STD`."""
+    import jax.numpy as jnp
+
     state = model.policy.actor_state
     is_nested = "params" in state.params
-    layers = dict(state.params["params"] if is_nested else state.params)
-    for i, (weight, bias) in enumerate(policy.layers):
-        layers[f"Dense_{i}"] = {"kernel": jnp.array(weight), "bias": jnp.array(bias)}
-    head = f"Dense_{len(policy.layers)}"
+    layers = _layers(state) | dict(changed)
+    head = f"Dense_{max(int(name.rpartition('_')[2]) for name in changed) + 1}"
     if head in layers:
         layers[head] = _constant(layers[head], math.log(START_STD))
     if "log_std" in layers:

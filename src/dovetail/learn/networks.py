@@ -29,6 +29,13 @@ _SPREAD = 0.87962566
 class Actor(SquashedGaussianActor):
     """SBX's actor, drawn without a compilation."""
 
+    num_seen: int | None = None
+    """How many numbers of an observation it looks at, the first ones; None is all."""
+
+    def __call__(self, observation: jax.Array) -> Any:
+        """Return the distribution of actions."""
+        return super().__call__(observation[..., : self.num_seen])
+
     def init(self, rngs: Any, *inputs: Any, **options: Any) -> Any:
         """Return the parameters; see `draw`."""
         return draw(partial(super().init, **options), rngs, *inputs)

@@ -49,12 +49,12 @@ _COUNTS = ("whole numbers", lambda value: _is_list(value, int))
 _SWITCH = ("true or false", lambda value: isinstance(value, bool))
 
 TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    **dict.fromkeys(("task", "scheme"), _WORD),
+    **dict.fromkeys(("task", "scheme", "script"), _WORD),
     **dict.fromkeys(("stack", "max_steps"), _COUNT),
     **dict.fromkeys(("f_scale", "force_damping"), _ONE_OR_THREE),
     **dict.fromkeys(("period", "f_scale_angular"), _NUMBER),
     **dict.fromkeys(("near_speed", "near_press", "near_distance"), _NUMBER),
-    **dict.fromkeys(("theta_range", "position_range"), _NUMBER),
+    **dict.fromkeys(("theta_range", "position_range", "correction"), _NUMBER),
     "tare": _SWITCH,
     "also": _WORDS,
     "recall": _COUNTS,

@@ -14,7 +14,7 @@ from dovetail.episode import LED, Episode
 from dovetail.errors import LogError
 from dovetail.types import Array
 
-MEANT = ("axes", "scale", "force_damping", "force_weight")
+MEANT = ("axes", "scale", "force_damping", "force_weight", "script")
 """What a log says of its actions and rewards; those of others mean something else."""
 _SUFFIXES = (".npz", ".parquet")
 _TOLERANCE = 0.1  # of a policy step, of a real arm's clock
@@ -113,7 +113,7 @@ def read_steps(path: Path) -> RecordedSteps:
         is_led=led > 0.5,
         success=episode.metadata.get(SUCCESS) is True,
         cell=told[CELL],
-        action=told[ACTION],
+        action={"script": "none", **told[ACTION]},  # older logs do not name it
     )
 
 

@@ -6,7 +6,8 @@ from typing import Any
 from dovetail.search.script import SCRIPT_SETTINGS
 
 SEARCHING: Mapping[str, Any] = {
-    **{name: SCRIPT_SETTINGS[name] for name in ("task", "theta_range", "near_speed")},
+    **{name: SCRIPT_SETTINGS[name] for name in ("task", "theta_range")},
+    "near_speed": 0.03,
     "also": ("tilt",),
     "recall": (4, 8, 12, 16),
     "max_steps": 300,

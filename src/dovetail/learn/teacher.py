@@ -10,10 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.unwrapped import require_contact_env
+from dovetail.learn.policy import Actor
 from dovetail.search.corner import CornerSearch
+from dovetail.search.corrected_env import CorrectedEnv, NoCorrection
 
 _STREAM = 0x7EAC4E
+_JUDGED = 4000
+"""Gradient steps of the critics before the actor's first, where a script is corrected:
+an actor that follows new critics away from it unlearns what it does."""
 
 
 class Teacher:
@@ -31,7 +37,9 @@ class Teacher:
             ConfigError: The teacher cannot act in such an environment.
         """
         self._cores = [require_contact_env(env) for env in envs]
-        self._actors = [CornerSearch(core) for core in self._cores]
+        self._actors = [_actor(core) for core in self._cores]
+        self.is_corrected = any(isinstance(c, CorrectedEnv) for c in self._cores)
+        """Whether its steps are a script's that the policy corrects."""
         self._noise = noise
         self._rng = np.random.default_rng([_STREAM, seed])
 
@@ -45,6 +53,13 @@ class Teacher:
         actions = np.array(rows)
         noise = self._noise * self._rng.normal(size=actions.shape)
         return np.clip(actions + noise, -1.0, 1.0).astype(np.float32)
+
+
+def _actor(core: ContactEnv) -> Actor:
+    """Return who acts in an environment: nobody where the search does already."""
+    if isinstance(core, CorrectedEnv):
+        return NoCorrection(len(core.commands))
+    return CornerSearch(core)
 
 
 def taught(kind: type) -> type:
@@ -63,5 +78,18 @@ def taught(kind: type) -> type:
                 return super()._sample_action(learning_starts, action_noise, n_envs)
             actions = self.teacher.act()
             return actions, actions
+
+        def train(self, gradient_steps: int, batch_size: int) -> None:
+            if self._n_updates == 0 and self.teacher.is_corrected:
+                self._learn_to_judge(gradient_steps, batch_size)
+            super().train(gradient_steps, batch_size)
+
+        def _learn_to_judge(self, gradient_steps: int, batch_size: int) -> None:
+            """Let the critics learn from the teacher's steps before the actor does."""
+            usual, self.policy_delay = self.policy_delay, gradient_steps + 2
+            for _ in range(_JUDGED // gradient_steps):
+                super().train(gradient_steps, batch_size)
+                self._n_updates = 0  # the actor's turn never comes; compiled once
+            self.policy_delay = usual
 
     return Taught

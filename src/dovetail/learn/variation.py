@@ -1,7 +1,11 @@
 """What differs between the episodes of a training, and the policy is not told."""
 
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
@@ -14,7 +18,8 @@ class Variation(EnvSettings):
 
     vary: str | None = None
     """Option of the task and a value for each environment in turn, NAME=A,B.
-    The policy's file names the one that the task has."""
+    Of several, NAME=A,B&NAME=C,D, every pair in turn. The policy's file names the
+    values that the task has."""
     doubt: float = 0.0
     """Largest distance of the fixture from where it is believed [m]. In each
     episode it is another; the policy is not told, reward and success are by the truth.
@@ -23,6 +28,20 @@ class Variation(EnvSettings):
     doubt_turn: float = 0.0
     """Largest turn of the fixture from what is believed [rad].
     It is about the vertical; a doubt must be given, too."""
+
+    informed: bool = False
+    """Tell the critics where the fixture truly is, and which values it has.
+    The actor is not told, so that the policy is one as any other; for sac."""
+
+    def kinds(self, num_envs: int) -> NDArray[np.float32]:
+        """Return which values each environment has, a one among zeros in each row.
+
+        Args:
+            num_envs: Environments among which the values are shared.
+        """
+        count = len(self._varied())
+        kinds = np.eye(count, dtype=np.float32)[np.arange(num_envs) % count]
+        return kinds if count > 1 else kinds[:, :0]
 
     def require_variation(self, num_envs: int) -> None:
         """Refuse a doubt beside a tracker, a turn without one, and too many values.
@@ -44,11 +63,12 @@ class Variation(EnvSettings):
                 "largest distance, too, --doubt 0.005 for example"
             )
         if self.vary is not None:
-            name, values = parse_values(self.vary, self.task_class)
-            if len(values) > num_envs:
+            count = len(self._varied())
+            if count > num_envs:
+                names = " and ".join(self._varied()[0])
                 raise ConfigError(
-                    f"vary gives {len(values)} values of {name} to {num_envs} "
-                    f"environments; needed: --num-envs {len(values)} or more"
+                    f"vary gives {count} values of {names} to {num_envs} "
+                    f"environments; needed: --num-envs {count} or more"
                 )
 
     def varied_options(self, index: int) -> dict[str, Any]:
@@ -62,6 +82,14 @@ class Variation(EnvSettings):
             doubt = f"doubt={self.doubt}&turn={self.doubt_turn}"
             options["tracker"] = f"covered?{doubt}"
         if self.vary is not None:
-            name, values = parse_values(self.vary, self.task_class)
-            options[name] = values[index % len(values)]
+            values = self._varied()
+            options |= values[index % len(values)]
         return options
+
+    def _varied(self) -> list[dict[str, Any]]:
+        """Return every set of values; the option that is given first changes first."""
+        given = [] if self.vary is None else self.vary.split("&")
+        parts = [parse_values(text, self.task_class) for text in given]
+        names = [name for name, _ in reversed(parts)]
+        values = product(*(values for _, values in reversed(parts)))
+        return [dict(zip(names, each, strict=True)) for each in values]

@@ -101,6 +101,9 @@ class CornerSearch:
         self._leaning = self._without_wedging(2.0 * (env.task.gap() or 0.0))
         self._damping = np.array(per_axis("", env.config.action.force_damping))
         self._scale = np.array(env.commands.scale)
+        near_speed = env.config.approach.near_speed
+        self._slide_speed = min(self.config.slide_speed, near_speed)
+        """What the arm does at most; what lacks of more would be taken for friction."""
         self.reset()
 
     def _without_wedging(self, play: float) -> float:
@@ -254,7 +257,7 @@ class CornerSearch:
             self._search()
             return -press, c.tilt
         way = (self._path[0] - self._corner) * _LEVEL
-        velocity = c.slide_speed * way / np.linalg.norm(way)
+        velocity = self._slide_speed * way / np.linalg.norm(way)
         lacking = velocity - self._velocity * _LEVEL
         more = self._friction + c.slide_rate * POLICY_PERIOD * lacking
         size = float(np.linalg.norm(more))
@@ -281,7 +284,7 @@ class CornerSearch:
             self._cross()
         elif self._end[2] - self._surface < 0.3 * _DEEP or self._steps > _SEAT_STEPS:
             self._begin(self._straighten)
-        lacking = c.slide_speed - float(self._velocity @ self._along)
+        lacking = self._slide_speed - float(self._velocity @ self._along)
         growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
         self._growth = min(growth, c.friction)
         return self._pushed(c.seat_push + self._growth, towards), c.tilt

@@ -16,11 +16,11 @@ class CornerSearchConfig:
     of the opening's width."""
     speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.1
     """Speed through free air [m/s]."""
-    over: Annotated[float, Range(0.001, 0.1, "m")] = 0.006
+    over: Annotated[float, Range(0.001, 0.1, "m")] = 0.004
     """Height of the corner above the surface on the way there [m]."""
     touch_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.025
     """Speed down to the surface [m/s]: contact at this speed gives the peak force."""
-    slide_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.03
+    slide_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.05
     """Speed over the surface, and in the opening to its corner [m/s]."""
     slide_gain: Annotated[float, Range(0.0, 200.0, "1/s")] = 65.0
     """What it lacks of that speed, times this, is added to f* [1/s]: friction."""
@@ -46,7 +46,7 @@ class CornerSearchConfig:
     """f* from side to side, against sticking [m/s2]."""
     hold_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.3
     """f* towards the opening's corner while the part is turned upright [m/s2]."""
-    straighten_time: Annotated[float, Range(0.05, 10.0, "s")] = 0.5
+    straighten_time: Annotated[float, Range(0.05, 10.0, "s")] = 0.25
     """Time of that turn [s]."""
     leaning: Annotated[float, Range(0.0, 0.2, "rad")] = 0.08
     """Tilt that is left until the end is in [rad]: the corner stays in the opening's.
@@ -61,7 +61,7 @@ class CornerSearchConfig:
     """f* round and round, and towards the corner, of what stands upright [m/s2]."""
     stir_rate: Annotated[float, Range(0.1, 5.0, "Hz")] = 1.5
     """How often [Hz]."""
-    press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.4
+    press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
     """f* into the opening, at the end [m/s2]."""
 
     def __post_init__(self) -> None:

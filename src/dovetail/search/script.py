@@ -11,11 +11,12 @@ from dovetail.search.corner import SEARCH_AXES, CornerSearch
 
 SCRIPT_SETTINGS: Mapping[str, Any] = {
     "task": SEARCH_AXES,
-    "near_speed": 0.03,
+    "near_speed": 0.05,
     "theta_range": 0.3,
     "f_scale": 4.0,
     "force_damping": 40.0,
     "max_steps": 400,
+    "script": None,
 }
 """Settings of the environment with which the script was tried."""
 
