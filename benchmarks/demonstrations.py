@@ -17,7 +17,6 @@ import json
 import math
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -174,15 +173,17 @@ def demonstrate(folder: Path, count: int, seed: int) -> dict[str, Any]:
 def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, Any]:
     """Train until a test is passed; return the step of it and all tests."""
     from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.logger import configure
 
     from dovetail.learn.algorithms import make_vec_env
     from dovetail.learn.assess import assess
     from dovetail.learn.checkpoint import seed_run
     from dovetail.learn.export import current_policy
     from dovetail.learn.one_run import prepared
+    from dovetail.learn.pretrain import pretrain
     from dovetail.learn.tester import stage_of
 
-    test = make_vec_env(replace(config, demos=()))
+    test = make_vec_env(config)
     stage = stage_of(test)
     tests: list[tuple[int, int]] = []
 
@@ -202,6 +203,8 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
     begin = time.process_time()
     with prepared(config) as run:
         seed_run(run.model, config.seed, 0)
+        run.model.set_logger(configure(None, []))
+        pretrain(run.model, config)
         run.model.learn(config.steps, callback=Test())
     test.close()
     is_learned = bool(tests) and tests[-1][1] >= 0.99 * episodes
