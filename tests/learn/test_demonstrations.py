@@ -222,7 +222,7 @@ def test_a_buffer_holds_each_transition_and_no_episode_runs_into_another(
         one = np.full((num_envs, 1), 1e3, dtype=np.float32)
         zeros = np.zeros(num_envs)
         buffer.add(one, one, one, zeros, zeros, [{}] * num_envs)
-        assert buffer.pos == (rows + step + 1) % (rows + 5)
+        assert buffer.pos == rows + (step + 1) % 5
     np.random.seed(0)  # noqa: NPY002  (the base class draws from it)
     batch = buffer.sample(2000)
     begin = batch.observations.numpy().ravel()
