@@ -10,8 +10,9 @@ says ten times per second where the tool is to go, as the gizmo of the cockpit d
 
 A training counts as done at the first of its tests, every 1000 steps and without
 exploration, in which 99 of 100 episodes succeed; one that cannot come to 90 any more is
-cut short. Both trainings of a seed have the same test episodes and the same settings
-but `demos`.
+cut short. The rate of learning falls as in `dovetail train`, once nine of ten tries
+succeed. Both trainings of a seed have the same test episodes and the same settings but
+`demos`.
 """
 
 import argparse
@@ -33,6 +34,7 @@ from dovetail.envs.led import Led
 from dovetail.envs.log_facts import describe_cell, observed_columns
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.progress import EpisodeRow
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Vec3
@@ -192,6 +194,10 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
 
     class Test(BaseCallback):
         def _on_step(self) -> bool:
+            infos, dones = self.locals["infos"], self.locals["dones"]
+            for info, done in zip(infos, dones, strict=True):
+                if done:
+                    run.stop.note(_row(self.num_timesteps, info))
             return not (tests and tests[-1][1] >= 0.99 * episodes)
 
         def _on_rollout_start(self) -> None:
@@ -221,6 +227,12 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
         "tests": tests,
         "processor time [s]": round(time.process_time() - begin),
     }
+
+
+def _row(step: int, info: dict[str, Any]) -> EpisodeRow:
+    """Return a finished episode as a training notes it, without force and time."""
+    done = info["episode"]
+    return EpisodeRow(step, done["r"], done["l"], int(info["success"]), math.nan, 0.0)
 
 
 def main() -> None:

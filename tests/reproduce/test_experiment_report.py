@@ -7,7 +7,6 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
-from extras import need
 from toy_results import finish
 
 from dovetail.learn.progress import EpisodeRow
@@ -17,6 +16,7 @@ from dovetail.reproduce.plan import VARIANTS, PlanConfig, plan
 from dovetail.reproduce.report import write_reproduction
 from dovetail.reproduce.results import gather
 from dovetail.reproduce.schedule import Tally
+from extras import need
 
 need("plotly")
 TWO_SEEDS = PlanConfig(

@@ -3,7 +3,8 @@
 They are in the replay buffer, so that these are gradient steps as any later ones. What
 keeps the critics from inventing values where nobody has been is their layer
 normalisation. The entropy coefficient waits: it weighs chance against values that no
-action of the policy's own has tried yet, and would rise, to fall for thousands of steps.
+action of the policy's own has tried yet, and would rise, to fall for thousands of
+steps.
 
 Reference:
     Ball et al. 2023, Efficient online reinforcement learning with offline data,
