@@ -255,8 +255,8 @@ def main() -> None:
         return
     shown = (str(out / DEMONSTRATIONS),)
     results: dict[str, list[Any]] = {"demonstrations": [], "none": []}
-    for seed in given.seeds:
-        for name, demos in (("demonstrations", shown), ("none", ())):
+    for name, demos in (("demonstrations", shown), ("none", ())):
+        for seed in given.seeds:
             print(f"  seed {seed}, {name}", flush=True)
             folder = out / f"{name}-{seed}"
             config = TrainConfig(
