@@ -4,6 +4,7 @@ import pytest
 
 EXTRA_OF = {
     "cmaes": "identify",
+    "plotly": "identify",
     "cv2": "camera",
     "grpc": "rpc",
     "grpc_tools": "test",

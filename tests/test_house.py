@@ -22,6 +22,7 @@ LAYERS = (
         "durations",
         "robots",
         "strangers",
+        "zoomable",
     },
     {"workcell"},
     {"control", "plants"},

@@ -91,6 +91,29 @@ def test_the_same_checkpoint_always_continues_in_the_same_way(trained, build, tm
     assert max(changed) > 0.0
 
 
+def test_no_return_goes_from_an_episode_that_was_cut_short_into_the_next(
+    build, tmp_path
+):
+    """An insertion right after a resume is no merit of what came before it."""
+    first = build()
+    seed_run(first, 0, 0)
+    first.learn(36)  # fewer than the random steps: no update is compiled
+    place = save_checkpoint(tmp_path, first, 0.0)
+    model = build()
+    load_checkpoint(place, model, 0)
+    replay, open_row = model.replay_buffer, 36 // 2 - 1
+    shape = (2, replay.observations.shape[-1])
+    after = np.full(shape, 7.0, dtype=np.float32)
+    for _ in range(5):
+        actions = np.zeros((2, replay.actions.shape[-1]), dtype=np.float32)
+        replay.add(after, after, actions, np.full(2, 1e6), np.zeros(2), [{}] * 2)
+    rows = np.repeat(np.arange(open_row + 1), 20)
+    batch = replay._get_samples(rows)
+    assert batch.rewards.numpy().max() < 1e6
+    assert (batch.next_observations.numpy() != 7.0).any(axis=1).all()
+    assert not batch.dones.numpy().any()  # cut short, which is not worth nothing
+
+
 def test_runs_of_neighbouring_seeds_share_no_episode(build):
     seeds = []
     for seed in range(3):

@@ -25,6 +25,7 @@ from dovetail.tasks.peg_in_hole.task import PegInHole
         ("ent_coef", "auto_zero", "ent_coef is 'auto_zero'"),
         ("ent_coef", "-1", "ent_coef is '-1'"),
         ("learning_rate", float("nan"), "learning_rate is nan"),
+        ("pretrain", -1, "pretrain is -1; allowed: 0 to"),
     ],
 )
 def test_a_wrong_setting_is_named_with_what_is_allowed(field, value, words):

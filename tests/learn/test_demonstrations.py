@@ -1,11 +1,16 @@
 """Episode logs become the transitions that the environment itself would have given."""
 
+import json
+from dataclasses import replace
+from io import StringIO
+
 import gymnasium as gym
 import numpy as np
 import pytest
 from rich.console import Console
 from tests.extras import need
 
+from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.log_facts import (
     ACTION,
     CELL,
@@ -16,7 +21,8 @@ from dovetail.envs.log_facts import (
     observed_columns,
 )
 from dovetail.episode import Episode
-from dovetail.errors import ConfigError, LogError
+from dovetail.errors import ConfigError, LogError, PlantError
+from dovetail.learn.checkpoint_facts import FACTS
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.demonstrations import Transitions, fill, load_demonstrations
 from dovetail.learn.recorded_steps import find_logs, read_steps
@@ -217,7 +223,7 @@ def test_a_buffer_holds_each_transition_and_no_episode_runs_into_another(
         one = np.full((num_envs, 1), 1e3, dtype=np.float32)
         zeros = np.zeros(num_envs)
         buffer.add(one, one, one, zeros, zeros, [{}] * num_envs)
-        assert buffer.pos == (rows + step + 1) % (rows + 5)
+        assert buffer.pos == rows + (step + 1) % 5
     np.random.seed(0)  # noqa: NPY002  (the base class draws from it)
     batch = buffer.sample(2000)
     begin = batch.observations.numpy().ravel()
@@ -235,6 +241,7 @@ def test_a_buffer_holds_each_transition_and_no_episode_runs_into_another(
 
 
 TINY = {
+    "pretrain": 0,
     "steps": 32,  # random actions alone: an update would be compiled for seconds
     "learning_starts": 32,
     "net": (8,),
@@ -263,6 +270,115 @@ def test_a_run_begins_with_the_demonstrations_and_says_so(tmp_path, env, option)
         assert len(arrays["actions"]) == STEPS // 2 + 16
         shown = arrays["actions"][: STEPS // 2].transpose(1, 0, 2).reshape(STEPS, 4)
     np.testing.assert_array_equal(shown, actions)
+
+
+@pytest.fixture
+def logs(tmp_path, env):
+    """A folder with one demonstration."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
+    record(env, folder / "001.npz")
+    return folder
+
+
+def counted_updates(run):
+    from dovetail.learn.checkpoint import list_checkpoints
+
+    facts = json.loads((list_checkpoints(run / "checkpoints")[-1] / FACTS).read_text())
+    return facts["num_timesteps"], facts["_n_updates"]
+
+
+def test_a_run_learns_from_demonstrations_before_its_first_action_and_only_then(
+    tmp_path, logs, monkeypatch
+):
+    """Nine gradient steps are five rounds of two; a resumed run has them behind it."""
+    need("sbx")
+    from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+
+    from dovetail.learn.train import train
+
+    taught = {"pretrain": 9, "learning_starts": 1000, "updates_per_step": 1}
+    config = TrainConfig(
+        **{**TINY, **taught}, out=tmp_path / "run", demos=(str(logs),), batch_size=8
+    )
+    step, taken, own = ContactEnv.step, [], []
+    predict = OffPolicyAlgorithm.predict
+
+    def stop_once(self, action):
+        taken.append(action)
+        if len(taken) == 9:
+            raise PlantError("the simulation diverged")
+        return step(self, action)
+
+    def act(self, *args, **kwargs):
+        own.append(self.num_timesteps)
+        return predict(self, *args, **kwargs)
+
+    monkeypatch.setattr(ContactEnv, "step", stop_once)
+    monkeypatch.setattr(OffPolicyAlgorithm, "predict", act)
+    output = StringIO()
+    with pytest.raises(PlantError):
+        train(config, Console(file=output))
+    assert "0/32 steps, pretraining" in output.getvalue()
+    assert counted_updates(config.out) == (8, 10 + 8)
+    output = StringIO()
+    train(replace(config, resume=True), Console(file=output))
+    assert "pretraining" not in output.getvalue()
+    assert counted_updates(config.out) == (32, 10 + 32)
+    # No action was random, neither before the interruption nor after it.
+    assert own == [0, 2, 4, 6, 8, *range(8, 32, 2)]
+
+
+def test_pretraining_moves_the_networks_and_not_the_entropy_coefficient(logs):
+    need("sbx")
+    import jax
+    from stable_baselines3.common.logger import configure
+
+    from dovetail.learn.algorithms import make_model, make_vec_env
+    from dovetail.learn.pretrain import pretrain
+    from dovetail.learn.sbx_model import ENTROPY, trained_states
+
+    changes = {"pretrain": 8, "updates_per_step": 1, "batch_size": 8}
+    config = TrainConfig(**{**TINY, **changes}, demos=(str(logs),))
+    env = make_vec_env(config)
+    model = make_model(config, env)
+    model.set_logger(configure(None, []))
+    before = trained_states(model)
+    pretrain(model, config)
+    after = trained_states(model)
+    for name, state in after.items():
+        pairs = zip(jax.tree.leaves(before[name]), jax.tree.leaves(state), strict=True)
+        is_same = all(np.array_equal(old, new) for old, new in pairs)
+        assert is_same == (name == ENTROPY), name
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("given", "steps"),
+    [
+        ({}, 0),
+        ({"demos": ("logs",)}, 2000),
+        ({"teacher": "logs"}, 2000),
+        ({"demos": ("logs",), "from_policy": "peg_square"}, 0),
+        ({"demos": ("logs",), "pretrain": 7}, 7),
+    ],
+)
+def test_only_demonstrations_are_learned_from_before_the_first_action(given, steps):
+    config = TrainConfig(**given)
+    assert config.pretrain == steps
+    assert ("--pretrain" in config.command()) == ("pretrain" in given)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "pretrain is 5, which needs demonstrations"),
+        ({"demos": ("logs",), "from_policy": "peg_square"}, "an actor that is new"),
+    ],
+)
+def test_pretraining_without_what_it_needs_is_refused(given, words):
+    with pytest.raises(ConfigError, match=words):
+        TrainConfig(pretrain=5, **given)
 
 
 def test_demonstrations_are_for_algorithms_with_a_replay_buffer():

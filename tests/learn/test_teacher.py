@@ -129,6 +129,34 @@ def test_a_batch_has_the_share_of_the_teacher(share):
     assert np.mean(seen < 19.5) == pytest.approx(expected, abs=0.03)
 
 
+def test_a_full_buffer_keeps_what_was_taught_and_no_return_crosses_its_ends():
+    """Steps are numbered; rewards are 1 while taught and 10,000 where replaced."""
+    need("sbx")
+    import gymnasium as gym
+
+    from dovetail.learn.taught_replay import TaughtReplay
+
+    box = gym.spaces.Box(-1e9, 1e9, (1,), dtype=np.float32)
+    replay = TaughtReplay(20, box, box, taught=5, share=0.5, n_steps=3, gamma=1.0)
+    for step in range(53):  # around three times
+        one = np.full((1, 1), step, dtype=np.float32)
+        reward = 1.0 if step < 5 else 100.0 if step < 20 else 10_000.0
+        replay.add(one, one, one, np.full(1, reward), np.zeros(1), [{}])
+    assert replay.full
+    assert replay.pos == 5 + (53 - 20) % 15
+    newest = list(range(50, 53)) + list(range(38, 50))
+    assert replay.observations.ravel().tolist() == [0, 1, 2, 3, 4, *newest]
+    batch = replay._get_samples(np.arange(20))
+    begin, end = (
+        x.numpy().ravel() for x in (batch.observations, batch.next_observations)
+    )
+    # Two more steps, but not over the end of what was taught, nor of the memory (49).
+    last = np.select([begin < 5, begin < 50], [4, 49], 52)
+    np.testing.assert_array_equal(end, np.minimum(begin + 2, last))
+    rewards = np.where(begin < 5, 1.0, 10_000.0) * (end - begin + 1)
+    np.testing.assert_array_equal(batch.rewards.numpy().ravel(), rewards)
+
+
 def test_a_run_with_doubt_learns_from_its_teacher_and_its_policy_knows_no_doubt(
     tmp_path,
 ):

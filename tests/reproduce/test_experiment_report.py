@@ -12,11 +12,13 @@ from toy_results import finish
 from dovetail.learn.progress import EpisodeRow
 from dovetail.reproduce.budget import QUICK
 from dovetail.reproduce.figures import curve, draw_robustness, moving_average
-from dovetail.reproduce.plan import PlanConfig, plan
+from dovetail.reproduce.plan import VARIANTS, PlanConfig, plan
 from dovetail.reproduce.report import write_reproduction
 from dovetail.reproduce.results import gather
 from dovetail.reproduce.schedule import Tally
+from extras import need
 
+need("plotly")
 TWO_SEEDS = PlanConfig(
     budget=replace(QUICK, seeds=2, other_direction=True),
     twins=("medium", "hard"),
@@ -147,9 +149,40 @@ def test_level_0_of_a_disturbance_is_the_transfer_table(root):
     assert level.table.by_seed == found.transfer[0][1].by_seed
 
 
+SCRIPT = re.compile(r"<script[^>]*>(.*?)</script>", re.DOTALL)
+
+
 def test_the_page_needs_nothing_else(page):
+    assert "<script src" not in page
+    page = SCRIPT.sub("", page)
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
     assert page.count("data:image/png;base64,") == 5  # 3 figures, one of each fit
+
+
+def drawn(page):
+    """Returns the lines of the curves that one can zoom into."""
+    (script,) = (s for s in SCRIPT.findall(page) if '"legendgroup"' in s[:100_000])
+    return json.JSONDecoder().raw_decode(script[script.index("[{") :])[0]
+
+
+def test_each_training_is_a_curve_to_zoom_into(page):
+    lines = drawn(page)
+    names = [f"{v}, seed {s}" for v in VARIANTS.values() for s in (0, 1)]
+    assert [line["name"] for line in lines] == 3 * names  # success, reward, length
+    for line, first, last in ((lines[0], 100.0, 50.0), (lines[6], -8.0, 15.5)):
+        assert (line["x"][0], line["x"][-1]) == (100, 2900)
+        assert (line["y"][0], line["y"][-1]) == (first, last)
+    assert lines[-1]["y"] == [40.0] * len(lines[-1]["x"])
+    assert sum(len(script) > 1_000_000 for script in SCRIPT.findall(page)) == 1
+
+
+def test_a_training_that_is_missing_takes_no_other_seeds_name(tmp_path):
+    for stage in STAGES:
+        if stage.name != "train-stack-0-seed-0":
+            finish(tmp_path, stage)
+    names = {line["name"] for line in drawn(write(tmp_path)[2])}
+    wanted = {f"{v}, seed {s}" for v in VARIANTS.values() for s in (0, 1)}
+    assert names == wanted - {"stack 0, seed 0"}
 
 
 def test_what_is_missing_is_named_and_the_rest_is_there(tmp_path):

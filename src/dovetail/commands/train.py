@@ -23,7 +23,9 @@ GROUPS: Groups = {
     "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
     "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
     "what differs between episodes": ("vary", "doubt", "doubt_turn", "informed"),
-    "who shows it": ("demos", "teacher", "teacher_noise", "teacher_share"),
+    "who shows it": (
+        *("demos", "pretrain", "teacher", "teacher_noise", "teacher_share"),
+    ),
     "dynamics of the simulation": (
         *("model", "randomise_dynamics", "random_gravity", "random_mass"),
         *("random_damping", "random_friction"),

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dovetail.errors import MissingDependencyError, install_command
 from dovetail.types import Array
+from dovetail.zoomable import panels, zoomable
 
 _SPACING = 0.02
 """Time between two points that are drawn [s]: hands and eyes are slower."""
@@ -17,8 +17,6 @@ def curves(
 ) -> str:
     """Return HTML of the TCP over time, the sequences one after the other.
 
-    Dragging zooms, a double click shows all, a click on a name hides it.
-
     Args:
         runs: TCP [m] by name: measured, before, after; each one array of shape
             (cycles, 3) per sequence, of the same lengths.
@@ -28,18 +26,8 @@ def curves(
     Raises:
         MissingDependencyError: The extra `identify` is not installed.
     """
-    try:
-        from plotly.graph_objects import Figure
-        from plotly.io import to_html
-        from plotly.subplots import make_subplots
-    except ImportError as error:
-        raise MissingDependencyError(
-            f"the report's curves need plotly ({error}): {install_command('identify')}"
-        ) from error
     every = max(1, round(_SPACING / period))
-    figure: Figure = make_subplots(
-        rows=3, cols=1, shared_xaxes=True, vertical_spacing=0.03
-    )
+    figure = panels(3)
     for name, sequences in runs.items():
         rows = np.concatenate(sequences)
         time = (period * np.arange(len(rows)))[::every]
@@ -56,15 +44,4 @@ def curves(
             )
             figure.update_yaxes(title_text=f"{'xyz'[axis]} [mm]", row=axis + 1, col=1)
     figure.update_xaxes(title_text="time [s]", row=3, col=1)
-    figure.update_layout(
-        height=620,
-        margin={"l": 60, "r": 10, "t": 10, "b": 50},
-        legend={"orientation": "h", "y": 1.06},
-        hovermode="x unified",
-    )
-    return to_html(
-        figure,
-        full_html=False,
-        include_plotlyjs=with_library,
-        config={"responsive": True, "displaylogo": False},
-    )
+    return zoomable(figure, with_library=with_library)

@@ -35,6 +35,7 @@ from dovetail.identify.transfer_limit import Verdict, judge_transfer
 from dovetail.identify.uncertainty import Estimate, Identifiability, analyse
 from dovetail.page import facts, figure, finite, page, table, text
 from dovetail.types import Array
+from dovetail.zoomable import NOTE
 
 _STEPS = {"1": (0.01, "1 %"), "s": (1e-3, "ms")}
 """Step of a parameter for which the sensitivity is told, by unit; else one unit."""
@@ -214,8 +215,7 @@ def _curves(comparisons: Sequence[Comparison], period: float) -> list[str]:
         parts.append(curves(runs, period=period, with_library=not parts[1:]))
     return [
         *parts,
-        '<p class="note">Drag to zoom, double-click to see all, click a name to hide '
-        "it.</p>",
+        f'<p class="note">{NOTE}</p>',
     ]
 
 

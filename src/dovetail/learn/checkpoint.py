@@ -230,6 +230,10 @@ def _set_replay(buffer: ReplayBuffer, path: Path) -> None:
                     f"transition {where}; it must be finite"
                 )
     buffer.pos, buffer.full = position, is_full
+    if count:  # the environments begin anew: no sum of rewards goes on from here
+        arrays = buffer_arrays(buffer)
+        open_ends = arrays["dones"][position - 1] == 0
+        arrays["timeouts"][position - 1][open_ends] = 1
 
 
 def _read(

@@ -144,13 +144,14 @@ class TrainConfig(LearnerSettings, Variation):
                 object.__setattr__(self, name, value)
 
     def _usual(self) -> dict[str, float]:
-        """Return what an arm and a simulation of this process have differently."""
+        """Return what depends on other settings."""
         is_arm = self.arm is not None
         is_quick = self.algorithm == "sac" and not is_arm and self.from_policy is None
         return {
             "until": 1.0 if is_arm else 0.98,
             "updates_per_step": 2.0 if is_arm else 0.5,
             "learning_rate": 2e-3 if is_quick else 1e-3,
+            "pretrain": 2000 if self.logs and self.from_policy is None else 0,
         }
 
     def _require_test(self) -> None:
@@ -196,6 +197,11 @@ class TrainConfig(LearnerSettings, Variation):
                 "a teacher and demonstrations fill a replay buffer before anything is "
                 "learned: that is for sac, tqc, crossq, td3 and ddpg, a teacher's from "
                 "the start; give --teacher none, and with ppo no --demos"
+            )
+        if self.pretrain and (not self.logs or self.from_policy):
+            raise ConfigError(
+                f"pretrain is {self.pretrain}, which needs demonstrations and an actor "
+                "that is new: give --demos LOGS and no --from, or --pretrain 0"
             )
 
     def _require_dynamics(self) -> None:
@@ -334,7 +340,9 @@ class TrainConfig(LearnerSettings, Variation):
     def command(self) -> str:
         """Return the command line that trains with these settings."""
         usual = {**self._usual(), **(SEARCHING if self.doubt > 0.0 else {})}
+        pretrain = usual.pop("pretrain")  # without `demos` it would be refused
         default = TrainConfig(env=self.env, **usual).to_json()
+        default["pretrain"] = pretrain
         default["env"] = TrainConfig.env
         words = ["dovetail", "train"]
         for name, value in self.to_json().items():

@@ -23,6 +23,7 @@ from dovetail.learn.checkpoint import (
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.fine_tune import load_start, require_fit, start_from
 from dovetail.learn.policy import Policy
+from dovetail.learn.pretrain import pretrain
 from dovetail.learn.progress import (
     EpisodeLog,
     Report,
@@ -121,10 +122,11 @@ def prepared(config: TrainConfig) -> Iterator[Prepared]:
     try:
         stop = Stop(config)
         model = make_model(config, env, stop.rate)
+        if start is not None or (config.pretrain and not config.has_teacher):
+            model.learning_starts = 0  # its own actions are better than random ones
         best = None
         if start is not None:
             require_fit(start, config, env.envs[0])
-            model.learning_starts = 0  # its own actions are better than random ones
             start_from(model, start)
             best = BestActor(model, config.learning_starts)
         yield Prepared(model, best, stop)
@@ -145,8 +147,6 @@ def _learn(
     step, wall_time = 0, 0.0
     if found := list_checkpoints(checkpoints):
         step, wall_time = load_checkpoint(found[-1], model, config.seed)
-    else:
-        seed_run(model, config.seed, 0)
     if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
@@ -157,6 +157,11 @@ def _learn(
         return wall_time
     watch = Stopwatch(wall_time, step, lambda: num_updates(model))
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
+    if not found:
+        seed_run(model, config.seed, 0)
+        if config.pretrain:
+            report(summarise([], 0, 0.0)._replace(phase="pretraining"))
+            pretrain(model, config)
     recorder = Recorder(
         log,
         watch,

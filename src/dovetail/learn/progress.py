@@ -53,7 +53,7 @@ class Status(NamedTuple):
     stage: str = ""
     """How far the run is from its end, in words; empty where only `steps` ends it."""
     phase: str = "training"
-    """What the run does now: training, testing or evaluating."""
+    """What the run does now: pretraining, training, testing or evaluating."""
     is_steady: bool = True
     """Whether the rate is of steps with updates, so that the time left follows."""
 

@@ -13,7 +13,7 @@ _STATES = (
     *("actor_state", "kept_state"),
     *("qf_state", "qf1_state", "qf2_state", "vf_state"),
 )
-_ENTROPY = "ent_coef_state"
+ENTROPY = "ent_coef_state"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 _BUFFER = (
     *("observations", "next_observations", "actions"),
@@ -70,8 +70,8 @@ Owner: TypeAlias = SbxPolicy | SbxModel
 def _owners(model: SbxModel) -> Iterator[tuple[str, Owner]]:
     """Yield the name of each trained state and who holds it."""
     yield from ((name, model.policy) for name in _STATES if name in vars(model.policy))
-    if _ENTROPY in vars(model):
-        yield _ENTROPY, model
+    if ENTROPY in vars(model):
+        yield ENTROPY, model
 
 
 def trained_states(model: SbxModel) -> dict[str, Any]:

@@ -27,6 +27,15 @@ class TaughtReplay(NStepReplayBuffer):
         super().__init__(*args, **kwargs)
         self._taught, self._share = taught, share
 
+    def add(self, *args: Any, **kwargs: Any) -> None:
+        """Store a step of each environment; once full, the oldest of its own goes."""
+        super().add(*args, **kwargs)
+        if self.pos == 0:
+            # What follows these rows is another episode from now on.
+            for row in (-1, self._taught - 1):
+                self.timeouts[row][self.dones[row] == 0] = 1
+            self.pos = self._taught
+
     def sample(self, batch_size: int, env: Any = None) -> Any:
         """Draw a batch with replacement."""
         stored = self.buffer_size if self.full else self.pos

@@ -17,9 +17,9 @@ WINDOW = 10
 """Episodes of the moving average, as in the paper."""
 _GRID = 300
 _INK = "#4a4640"
-_COLOURS = {"stack-0": "#0b7a75", "stack-4": "#d1495b", "randomised": "#5c6bc0"}
+COLOURS = {"stack-0": "#0b7a75", "stack-4": "#d1495b", "randomised": "#5c6bc0"}
 _GROUND_COLOURS: dict[str, str] = dict(
-    zip(GROUNDS, ("#b9b1a3", "#7fb8b4", _COLOURS["stack-0"]), strict=True)
+    zip(GROUNDS, ("#b9b1a3", "#7fb8b4", COLOURS["stack-0"]), strict=True)
 )
 _AXES = {
     ("shift", "search"): ("hole moved, camera covered [mm]", 1e3),
@@ -83,7 +83,7 @@ def draw_training(curves: Mapping[str, Sequence[Sequence[EpisodeRow]]]) -> bytes
                 continue
             grid, lines = curve(runs, field)
             mean, spread = factor * lines.mean(axis=0), factor * lines.std(axis=0)
-            colour = _COLOURS[variant]
+            colour = COLOURS[variant]
             label = f"{VARIANTS[variant]} ({len(lines)} seed{'s'[: len(lines) > 1]})"
             axes.plot(grid, mean, color=colour, linewidth=1.2, label=label)
             if len(lines) > 1:
@@ -114,7 +114,7 @@ def draw_robustness(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> by
                 word = ", searching" if kind == "search" else ""
                 label = f"{VARIANTS[variant]}{word}"
                 _draw_rates(
-                    axes, tries, _COLOURS[variant], label, "o--" if word else "o-"
+                    axes, tries, COLOURS[variant], label, "o--" if word else "o-"
                 )
         axes.set_xlabel(name, fontsize=8)
         _plain(axes)

@@ -12,6 +12,7 @@ from dovetail.evaluate.origin import provenance
 from dovetail.files import write_atomic
 from dovetail.page import facts, figure, finite, page, table, text
 from dovetail.reproduce import tables
+from dovetail.reproduce.curves import curves
 from dovetail.reproduce.figures import (
     WINDOW,
     draw_grounds,
@@ -23,6 +24,7 @@ from dovetail.reproduce.plan import PlanConfig, fit_name
 from dovetail.reproduce.results import Gathered, gather, seeds_of
 from dovetail.reproduce.schedule import Tally
 from dovetail.reproduce.stage import Stage, stage_folder
+from dovetail.zoomable import NOTE
 
 RESULTS, REPORT = "results.json", "report.html"
 _TRAINING, _ROBUSTNESS, _GROUNDS = (
@@ -82,7 +84,7 @@ def write_reproduction(
         f"<h1>{text(title)}</h1>",
         *_lead(config, tally, len(stages)),
         *_transfer(gathered, config),
-        *_training(gathered, figures),
+        *_training(gathered, figures, seeds_of(config)),
         *_grounds(gathered, figures),
         *_identification(root, gathered, config),
         *_robustness(gathered, figures),
@@ -201,8 +203,10 @@ def _transfer(gathered: Gathered, config: PlanConfig) -> list[str]:
     return parts
 
 
-def _training(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:
-    return [
+def _training(
+    gathered: Gathered, figures: Mapping[str, bytes], seeds: Sequence[int]
+) -> list[str]:
+    parts = [
         figure(_TRAINING, figures[_TRAINING]),
         _note(
             f"Moving average over {WINDOW} episodes, with exploration noise; shaded: "
@@ -210,6 +214,10 @@ def _training(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:
         ),
         tables.training_table(gathered.trainings),
     ]
+    if any(run for runs in gathered.curves.values() for run in runs):
+        parts.append(_heading("Look closer: training"))
+        parts += [curves(gathered.curves, seeds), _note(NOTE)]
+    return parts
 
 
 def _grounds(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:

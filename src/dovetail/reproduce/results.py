@@ -79,7 +79,7 @@ class Gathered(NamedTuple):
     """By variant and kind of disturbance."""
     trainings: list[Training]
     curves: dict[str, list[list[EpisodeRow]]]
-    """Episodes of each seed, by variant."""
+    """Episodes of each seed, by variant; none of one that is missing."""
     fits: dict[tuple[str, str], dict[str, Any]]
     """Result of each fit, by twin and parameters."""
 
@@ -201,8 +201,9 @@ def _episodes(
 ) -> Iterable[list[EpisodeRow]]:
     for seed in seeds_of(config):
         name = train_name(variant, seed)
-        if _result(root, name) is not None:
-            yield read_progress(stage_folder(root, name) / RUN / PROGRESS)
+        is_there = _result(root, name) is not None
+        progress = stage_folder(root, name) / RUN / PROGRESS
+        yield read_progress(progress) if is_there else []
 
 
 def _fits(root: Path, config: PlanConfig) -> dict[tuple[str, str], dict[str, Any]]:
