@@ -56,10 +56,14 @@ class Blame {
     was_bad_ = is_bad;
   }
 
+  /// Whether a bad sample was so near that its steps are looked for.
+  bool is_awake() const noexcept { return !undeceived_.empty(); }
+
   /// After it. \param change  of its torque in this cycle [Nm]
+  /// \param of_state  of it what no new Target made [Nm]
   /// \param is_lost  no message came: to nobody
-  void judge(const Vec7& change, bool is_lost, const Target& target, int cycle,
-             AttackResult& result) {
+  void judge(const Vec7& change, const Vec7& of_state, bool is_lost,
+             const Target& target, int cycle, AttackResult& result) {
     if (!undeceived_.empty()) keep(result.step_after_bad, change.cwiseAbs(), cycle);
     for (Undeceived& one : undeceived_) {
       const Vec7 before = one.side.tau;
@@ -81,7 +85,7 @@ class Blame {
       }
       one.earlier = one.last;
       one.last = undeceived;
-      one.deceived = change;
+      one.deceived = of_state;
     }
     std::erase_if(undeceived_, [](const Undeceived& one) { return one.left <= 0; });
     last_ = change;
@@ -194,6 +198,7 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
   std::vector<State> past;
   past.reserve(attack.age.size());
   auto wrong = attack.wrong.begin();
+  Target last_target;
   const int cycles = static_cast<int>(attack.age.size());
   for (int k = 0; k < cycles; ++k) {
     past.push_back({side.plant.q(), side.plant.dq()});
@@ -215,14 +220,26 @@ AttackResult run_attack(Controller controller, RigidPlant plant, const Attack& a
     const Target& target = attack.targets[std::min<std::size_t>(
         k / attack.cycles_per_target, attack.targets.size() - 1)];
     const Vec7 before = side.tau;
+    // Of a step to a new Target only what the old one would have made is a sample's.
+    const bool is_new = k > 0 && k % attack.cycles_per_target == 0;
+    std::optional<Side> unasked;
+    if (is_new && !is_lost_message && blame.is_awake()) unasked.emplace(side);
     if (is_lost_message) {
       side.lose();
     } else {
       side.step(seen.q, seen.dq, target);
     }
     const Vec7 change = side.tau - before;
+    Vec7 of_state = change;
+    if (unasked) {
+      unasked->step(seen.q, seen.dq, last_target);
+      const Vec7 other = unasked->tau - before;
+      of_state =
+          (other.cwiseAbs().array() < change.cwiseAbs().array()).select(other, change);
+    }
+    last_target = target;
     if (k > 0) keep(result.step, Vec7(change.cwiseAbs()), k);
-    blame.judge(change, is_lost_message, target, k, result);
+    blame.judge(change, of_state, is_lost_message, target, k, result);
     judge.motor(side.plant, side.tau, k, result);
     const State start = now;
     for (int i = 0; i < looks; ++i) {

@@ -32,8 +32,9 @@ double position_bound(double d, double v, double T) noexcept {
   const double at_end = 2.0 * (d - v * T) / (T * T);
   if (v <= 0.0 || at_end > -v / T) return at_end;
   if (d <= 0.0) return at_end;
-  // The turning point lies inside the interval.
-  return std::min(-v * v / (2.0 * d), -v / T);
+  // The turning point lies inside the interval. Of a hair's breadth no more is made
+  // than of the limit itself: a joint that rests at it would be kicked by noise.
+  return std::clamp(-v * v / (2.0 * d), -2.0 * v / T, -v / T);
 }
 
 /// Largest constant acceleration over T after which braking with `brake` stops before

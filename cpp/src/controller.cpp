@@ -69,7 +69,7 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
                    limits.authority, limits.passive, limits.brake_rate},
       x_min_(limits.x_min),
       x_max_(limits.x_max),
-      check_(limits),
+      check_(limits, period),
       last_line_(limits) {
   const auto walls_off = Vec3::Constant(kInfinity);
   bounds_.cl = -walls_off;
@@ -374,7 +374,10 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
       result = brake(q, dq);
     } else {
       if (!is_ended && !is_explained(target, dq, result, since)) {
-        if (last_line_.is_loop()) disturbance_ = weight_;
+        if (last_line_.is_loop()) {
+          disturbance_ = weight_;
+          is_soft_ = true;  // no hurry, and a wrong state may have been the cause
+        }
         joint_params_.passive = wall_params_.passive = true;
         is_at_rest_ = false;
         update_model(q, dq);

@@ -208,11 +208,12 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
 /// begun slowly is ended slowly: the rest of a step does not come at once where the
 /// doubt ends.
 void Controller::soften(StepResult& result) noexcept {
-  const bool is_asked = is_soft_ || check_.is_in_doubt();
   const Vec7 change = result.tau - tau_last_;
   const double most = change.cwiseAbs().maxCoeff();
-  is_soft_ = is_asked && has_last_ && most > kLargestStep;
-  if (!is_soft_) return;
+  const bool is_large = has_last_ && most > kLargestStep;
+  is_soft_ = is_large && (is_soft_ || check_.is_in_doubt());
+  // What is only remarked is slow for its own cycle: it may be a push that must be met.
+  if (!is_soft_ && !(is_large && check_.is_remarked())) return;
   result.tau = tau_last_ + (kLargestStep / most) * change;
   // The last torque may be beyond limits that gravity has moved since.
   result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);

@@ -35,13 +35,20 @@ constexpr double kLeastSpeed = 0.05;     // [rad/s]
 constexpr double kMostPosition = 1e-3;
 constexpr double kMostSpeed = 0.2;
 
+// A sample that is believed, but beside what was expected by what this acceleration is
+// over the interval of the limits, is remarked [rad/s2]: noise is less.
+constexpr double kRemarkable = 1.6;
+
 // Motion below which a repeated sample says nothing [rad].
 constexpr double kStill = 1e-6;
 
 }  // namespace
 
-StateCheck::StateCheck(const LimitParams& limits) noexcept
-    : dq_max_(limits.dq_max), tau_max_(limits.tau_max) {
+StateCheck::StateCheck(const LimitParams& limits, double period) noexcept
+    : dq_max_(limits.dq_max),
+      tau_max_(limits.tau_max),
+      remarkable_speed_(0.5 * kRemarkable * limits.kappa * period),
+      remarkable_way_(remarkable_speed_ * limits.kappa * period) {
   seen_.fill(Vec7::Zero());
 }
 
@@ -51,7 +58,7 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   seen_.fill(q);
   since_ = since_seen_ = 0.0;
   implausible_ = agreed_ = repeated_ = in_doubt_ = 0;
-  is_surprised_ = false;
+  is_surprised_ = is_remarked_ = false;
   is_fresh_ = true;
 }
 
@@ -66,6 +73,12 @@ bool StateCheck::is_within(const Vec7& farther, const Vec7& faster,
     if (std::abs(farther[i]) > way || std::abs(faster[i]) > speed) return false;
   }
   return true;
+}
+
+/// Whether the limits, which divide by their interval, make much of it.
+bool StateCheck::is_remarkable(const Vec7& farther, const Vec7& faster) const noexcept {
+  return farther.cwiseAbs().maxCoeff() > remarkable_way_ ||
+         faster.cwiseAbs().maxCoeff() > remarkable_speed_;
 }
 
 /// The prediction stands for this sample.
@@ -133,6 +146,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     seen_.fill(q);
     return;
   }
+  is_remarked_ = false;
   since_ += elapsed;
   since_seen_ += elapsed;
   in_doubt_ = std::max(in_doubt_ - 1, 0);
@@ -167,6 +181,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   } else if (is_expected || is_confirmed) {
     implausible_ = 0;
     since_ = 0.0;
+    is_remarked_ = is_remarkable(q - q_next, dq - dq_next);
     q_ = q_next + (q - q_next);
     dq_ = dq_next + (dq - dq_next);
     if (is_confirmed) in_doubt_ = kDoubt;

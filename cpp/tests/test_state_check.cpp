@@ -20,7 +20,7 @@ constexpr double kMostTorque = 20.0;  // [Nm] that one wrong sample may be worth
 /// An arm whose inertia is 1 kg m2 in every joint, moving at 0.5 rad/s.
 struct Check {
   LimitParams limits = limits_for(kPeriod);
-  StateCheck check{limits};
+  StateCheck check{limits, kPeriod};
   Vec7 q = tool_down_posture();
   Vec7 dq = Vec7::Constant(0.5);
 

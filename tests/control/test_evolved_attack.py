@@ -10,7 +10,9 @@ import pytest
 from dovetail import _core
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-CASES = sorted((Path(__file__).parent / "attack_cases").glob("*.json"))
+CASES = sorted((Path(__file__).parent / "attack_cases").glob("wall-*.json"))
+STEPS = sorted((Path(__file__).parent / "attack_cases").glob("step-*.json"))
+LARGEST_STEP = 20.0  # Nm
 
 
 @pytest.fixture(scope="module")
@@ -103,6 +105,16 @@ def test_what_an_evolved_attack_once_broke_holds(attack, case):
     worst, _ = episode.Attacked(settings).run(attempt)
     for name in ("wall", "position", "speed"):
         assert worst[name][0] <= 0.0, name
+
+
+@pytest.mark.parametrize("case", STEPS, ids=lambda path: path.stem)
+def test_no_bad_sample_that_was_found_makes_a_large_step_again(attack, case):
+    """Each file says in `worst` how large it was."""
+    _, episode = attack
+    settings, attempt, before = episode.load_episode(case)
+    assert before["step_by_bad"][0] > LARGEST_STEP
+    worst, _ = episode.Attacked(settings).run(attempt)
+    assert worst["step_by_bad"][0] <= LARGEST_STEP
 
 
 @pytest.mark.parametrize(

@@ -57,9 +57,10 @@ struct AttackResult {
   Largest step_after_bad{kNever};  ///< the same within kAfterBad cycles of a bad sample
   /// The same, less what a controller does, in this cycle or in one beside it, that got
   /// true states since before the bad sample, where that is smaller [Nm]: a Target's
-  /// step is none of a bad sample's, whether it is followed or not. Nor is what comes
-  /// once the last line has ended that other controller's motion. Each bad sample has
-  /// its own such controller; the largest difference counts.
+  /// step is none of a bad sample's, whether it is followed or not: where it changes,
+  /// what the old one would have made counts. Nor is what comes once the last line has
+  /// ended that other controller's motion. Each bad sample has its own such controller;
+  /// the largest difference counts.
   Largest step_by_bad{kNever};
   int bad_cycles = 0;
 

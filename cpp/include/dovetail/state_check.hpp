@@ -30,8 +30,9 @@ namespace dovetail {
 /// One thread. Nothing allocates or throws.
 class StateCheck {
  public:
-  /// \param limits  speed limits and motor torques count
-  explicit StateCheck(const LimitParams& limits) noexcept;
+  /// \param limits  speed limits, motor torques and kappa count
+  /// \param period  control period [s]
+  StateCheck(const LimitParams& limits, double period) noexcept;
 
   /// Starts at q [rad], moving at dq [rad/s]. The same sample taken next is this one.
   void reset(const Vec7& q, const Vec7& dq) noexcept;
@@ -51,6 +52,8 @@ class StateCheck {
 
   /// Whether one of the last `kDoubt` samples was refused, or a surprise.
   bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
+  /// Whether the last one was believed as it is, but is worth much to the limits.
+  bool is_remarked() const noexcept { return is_remarked_; }
 
   /// Samples in a row that must agree with one another before they are believed. More
   /// than a burst of five wrong ones has; and no more, for until then the arm is blind.
@@ -66,12 +69,14 @@ class StateCheck {
                double time) noexcept;
   bool is_within(const Vec7& farther, const Vec7& faster,
                  const Vec7& inertia) const noexcept;
+  bool is_remarkable(const Vec7& farther, const Vec7& faster) const noexcept;
   void refuse(const Vec7& q_next, const Vec7& dq_next) noexcept;
   void remember(const Vec7& q, const Vec7& dq) noexcept;
 
   static constexpr int kRemembered = 6;  // a state that is late by five cycles
 
   Vec7 dq_max_, tau_max_;
+  double remarkable_speed_, remarkable_way_;  // beside what was expected [rad/s], [rad]
   Vec7 q_ = Vec7::Zero();
   Vec7 dq_ = Vec7::Zero();
   std::array<Vec7, kRemembered> seen_;  // the last samples, believed or not
@@ -84,7 +89,8 @@ class StateCheck {
   int repeated_ = 0;           // samples in a row that were seen before
   int in_doubt_ = 0;           // cycles to go
   bool is_surprised_ = false;  // the last sample was plausible, and not believed
-  bool is_fresh_ = true;       // nothing was taken since the reset
+  bool is_remarked_ = false;
+  bool is_fresh_ = true;  // nothing was taken since the reset
   int joint_ = 0;
 };
 

@@ -59,7 +59,7 @@ def viable(d: float, v: float, V: float, A: float, T: float, brake: float) -> fl
     """Largest a over T after which braking still stops within d (Del Prete 2018)."""
     pos = 2.0 * (d - v * T) / T**2
     if d > 0.0 and v > 0.0 and pos <= -v / T:  # turning point inside the interval
-        pos = min(-(v**2) / (2.0 * d), -v / T)
+        pos = max(min(-(v**2) / (2.0 * d), -v / T), -2.0 * v / T)
     b, c = T * (2.0 * v + brake * T), v**2 - 2.0 * brake * (d - v * T)
     disc = b**2 - 4.0 * T**2 * c
     stop = max((-b + np.sqrt(disc)) / (2.0 * T**2), -v / T) if disc >= 0 else -v / T
