@@ -22,6 +22,7 @@ SWITCHES = (
     *("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run"),
     *("disable-background-networking", "disable-component-update", "disable-sync"),
     *("use-angle=swiftshader", "enable-unsafe-swiftshader", "hide-scrollbars"),
+    "disable-features=BackForwardCache",  # it keeps the socket of a page that was left
 )
 
 
