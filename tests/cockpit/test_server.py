@@ -5,7 +5,7 @@ import socket
 import numpy as np
 import pytest
 
-from dovetail.cockpit.seat import Seat
+from dovetail.cockpit.seat import PATIENCE, Seat
 from dovetail.cockpit.server import HOST, open_server
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
@@ -54,6 +54,22 @@ def test_one_drives_and_the_seat_is_free_when_that_one_leaves():
     assert seat.leave(3)
     assert seat.driver is None
     assert seat.take(4)
+
+
+def test_who_has_done_nothing_for_a_minute_while_the_arm_stands_has_left():
+    now = 100.0
+    seat = Seat(lambda: now)
+    assert seat.take(3)
+    now += PATIENCE - 1.0
+    assert not seat.take(4, is_standing=True)
+    assert seat.take(3)  # does something again
+    now += PATIENCE - 1.0
+    assert not seat.take(4, is_standing=True)
+    now += 2.0
+    assert not seat.take(4)  # it moves: the driver may be watching
+    assert seat.take(4, is_standing=True)
+    assert not seat.leave(3)
+    assert not seat.take(3, is_standing=True)
 
 
 @pytest.mark.parametrize("env", ["dovetail/PegInHole-v0", "dovetail/RailClip-v0"])

@@ -162,14 +162,16 @@ class ControlPanel:
 
     def may_drive(self, viewer: int) -> bool:
         """Say whether a viewer drives, now at the latest; tell who may not."""
-        if self._seat.take(viewer):
+        is_standing = self._session.status.mode in ("held", "stopped")
+        if self._seat.take(viewer, is_standing=is_standing):
             return True
         client = self._server.get_clients().get(viewer)
         if client is not None:
             client.add_notification(
                 "You are watching",
                 "Another viewer drives this arm. STOP works for everybody; the arm is "
-                "free when that viewer closes the page.",
+                "free when that viewer closes the page, or does nothing for a minute "
+                "while the arm stands.",
                 auto_close_seconds=6.0,
             )
         return False

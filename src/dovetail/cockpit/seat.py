@@ -1,26 +1,47 @@
 """Who drives: one viewer of the page at a time; the others watch, and may stop."""
 
 import threading
+import time
+from collections.abc import Callable
+
+PATIENCE = 60.0
+"""How long a driver may do nothing while the arm stands [s]; then another one may. A
+browser may keep a page that was left, and a laptop that was closed keeps it, too."""
 
 
 class Seat:
     """Taken by the first who asks, free again when that one leaves the page."""
 
-    def __init__(self) -> None:
-        """Begin empty."""
-        self._lock = threading.Lock()
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """Begin empty.
+
+        Args:
+            clock: Tells the time [s].
+        """
+        self._lock, self._clock = threading.Lock(), clock
         self._driver: int | None = None
+        self._asked = 0.0  # when the driver did something last
 
     @property
     def driver(self) -> int | None:
         """Number of the viewer who drives; None is nobody."""
         return self._driver
 
-    def take(self, viewer: int) -> bool:
-        """Take the seat if it is free; say whether the viewer has it."""
+    def take(self, viewer: int, *, is_standing: bool = False) -> bool:
+        """Take the seat if it is free; say whether the viewer has it.
+
+        Args:
+            viewer: Who does something.
+            is_standing: Whether nothing moves; then the seat of a driver who has done
+                nothing for `PATIENCE` is free.
+        """
         with self._lock:
-            if self._driver is None:
+            now = self._clock()
+            is_left = is_standing and now - self._asked > PATIENCE
+            if self._driver is None or is_left:
                 self._driver = viewer
+            if self._driver == viewer:
+                self._asked = now
             return self._driver == viewer
 
     def leave(self, viewer: int) -> bool:
