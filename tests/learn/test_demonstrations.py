@@ -241,7 +241,6 @@ def test_a_buffer_holds_each_transition_and_no_episode_runs_into_another(
 
 
 TINY = {
-    "pretrain": 0,
     "steps": 32,  # random actions alone: an update would be compiled for seconds
     "learning_starts": 32,
     "net": (8,),
@@ -357,13 +356,11 @@ def test_pretraining_moves_the_networks_and_not_the_entropy_coefficient(logs):
     ("given", "steps"),
     [
         ({}, 0),
-        ({"demos": ("logs",)}, 2000),
-        ({"teacher": "logs"}, 2000),
-        ({"demos": ("logs",), "from_policy": "peg_square"}, 0),
+        ({"demos": ("logs",)}, 0),
         ({"demos": ("logs",), "pretrain": 7}, 7),
     ],
 )
-def test_only_demonstrations_are_learned_from_before_the_first_action(given, steps):
+def test_what_is_learned_before_the_first_action_is_asked_for(given, steps):
     config = TrainConfig(**given)
     assert config.pretrain == steps
     assert ("--pretrain" in config.command()) == ("pretrain" in given)

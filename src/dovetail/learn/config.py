@@ -151,7 +151,6 @@ class TrainConfig(LearnerSettings, Variation):
             "until": 1.0 if is_arm else 0.98,
             "updates_per_step": 2.0 if is_arm else 0.5,
             "learning_rate": 2e-3 if is_quick else 1e-3,
-            "pretrain": 2000 if self.logs and self.from_policy is None else 0,
         }
 
     def _require_test(self) -> None:
@@ -201,7 +200,7 @@ class TrainConfig(LearnerSettings, Variation):
         if self.pretrain and (not self.logs or self.from_policy):
             raise ConfigError(
                 f"pretrain is {self.pretrain}, which needs demonstrations and an actor "
-                "that is new: give --demos LOGS and no --from, or --pretrain 0"
+                "that is new: give --demos LOGS and no --from, or leave it out"
             )
 
     def _require_dynamics(self) -> None:
@@ -340,9 +339,7 @@ class TrainConfig(LearnerSettings, Variation):
     def command(self) -> str:
         """Return the command line that trains with these settings."""
         usual = {**self._usual(), **(SEARCHING if self.doubt > 0.0 else {})}
-        pretrain = usual.pop("pretrain")  # without `demos` it would be refused
         default = TrainConfig(env=self.env, **usual).to_json()
-        default["pretrain"] = pretrain
         default["env"] = TrainConfig.env
         words = ["dovetail", "train"]
         for name, value in self.to_json().items():

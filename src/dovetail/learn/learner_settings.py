@@ -52,10 +52,9 @@ class LearnerSettings:
     """Weight of contact force in the reward [1/N]; 0 is the paper."""
     learning_starts: int = 1000
     """Random actions before the first gradient step (not ppo). See `from`."""
-    pretrain: int | None = None
-    """Gradient steps from demonstrations alone, before the first action. It is 2000
-    with demonstrations, and 0 with none or from a policy. After them the policy's own
-    actions take the place of random ones."""
+    pretrain: int = 0
+    """Gradient steps from demonstrations alone, before the first action. After them the
+    policy's own actions take the place of random ones."""
     exploration_noise: float = 0.1
     """Standard deviation of the actions' noise (ddpg, td3) [1]."""
     rollout_steps: int = 512
