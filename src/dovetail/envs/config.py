@@ -23,6 +23,8 @@ FORCE_DAMPING = 40.0
 """Damping of force axes [1/s]."""
 _NEAR = Range(0.0, 1.0, "m")
 _SHARE = Range(0.0, 1.0, "1")
+SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
+"""Scripts that an action may correct, and the environment in which it does."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +51,9 @@ class ActionConfig:
 
     def __post_init__(self) -> None:
         """Refuse a script that is not there, and a correction out of range."""
-        if self.script not in (None, "corner"):
-            raise ConfigError(f"script {self.script!r} is unknown; known: corner")
+        if self.script is not None and self.script not in SCRIPTS:
+            known = ", ".join(SCRIPTS)
+            raise ConfigError(f"script {self.script!r} is unknown; known: {known}")
         in_range("correction", self.correction, _SHARE)
 
 

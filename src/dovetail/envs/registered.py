@@ -15,7 +15,7 @@ import gymnasium
 
 from dovetail.arms.arm import Arm
 from dovetail.envs.batch_vector_env import BatchVectorEnv
-from dovetail.envs.config import SECTION_OF, EnvConfig
+from dovetail.envs.config import SCRIPTS, SECTION_OF, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
@@ -27,8 +27,6 @@ from dovetail.workcell.workcell import Workcell
 
 _MAKE = "dovetail.envs.registered:make_env"
 _MAKE_BATCH = "dovetail.envs.registered:make_batch"
-_CORRECTED = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
-"""Environments in which an action corrects a script, by the script's name."""
 
 
 class UnknownSettingError(ConfigError, TypeError):
@@ -81,7 +79,7 @@ def make_env(
         base, tracker = base.having(tracker=tracker), None
     whole = base.having(**rest)
     script = whole.action.script
-    env = ContactEnv if script is None else _named(_CORRECTED[script])
+    env = ContactEnv if script is None else _named(SCRIPTS[script])
     return env(kind(**own), arm, whole, tracker=tracker, render_mode=render_mode)
 
 

@@ -43,6 +43,7 @@ class Informed(VecEnvWrapper):
         super().__init__(venv, gymnasium.spaces.Box(-whole, whole, dtype=np.float32))
         self._cores = [require_contact_env(env) for env in venv.envs]
         self._kinds = kinds
+        self._truth = np.zeros((len(self._cores), 4), dtype=np.float32)
 
     def reset(self) -> NDArray[np.float32]:
         """Start an episode in each."""
@@ -50,7 +51,7 @@ class Informed(VecEnvWrapper):
 
     def step_wait(self) -> Any:
         """End the steps; an episode that has ended is told by its own truth."""
-        before = [_truth(core) for core in self._cores]
+        before = self._truth
         seen, rewards, dones, infos = self.venv.step_wait()
         for i in np.flatnonzero(dones):
             last = infos[i]["terminal_observation"]
@@ -59,8 +60,8 @@ class Informed(VecEnvWrapper):
         return self._told(seen), rewards, dones, infos
 
     def _told(self, seen: Any) -> NDArray[np.float32]:
-        truth = np.array([_truth(core) for core in self._cores])
-        return np.hstack([seen, truth, self._kinds])
+        self._truth = np.array([_truth(core) for core in self._cores])
+        return np.hstack([seen, self._truth, self._kinds])
 
 
 def _truth(core: ContactEnv) -> NDArray[np.float32]:
