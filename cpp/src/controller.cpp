@@ -125,6 +125,20 @@ void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   weight_ += std::min(kWeightRate * elapsed, 1.0) * (disturbance_ - weight_);
 }
 
+/// Whether a joint stands within a limit's margin, or beyond.
+bool Controller::is_behind(int joint, double q) const noexcept {
+  return q > limits_.q_max[joint] - limits_.delta_q ||
+         q < limits_.q_min[joint] + limits_.delta_q;
+}
+
+/// A loop with delay lives in the quick part of the estimate. What holds a joint at its
+/// limit stays: a load that grew as quickly would take it past the limit.
+void Controller::forget_quick_part(const Vec7& q) noexcept {
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (!is_behind(i, q[i])) disturbance_[i] = weight_[i];
+  }
+}
+
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   const double ahead = limits_.mid_interval ? 0.5 * period_ : 0.0;
   chain_.evaluate(q + ahead * dq, dq, terms_);
@@ -145,9 +159,7 @@ void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
 
 void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   for (int i = 0; i < kNumJoints; ++i) {
-    const bool is_behind = q[i] > limits_.q_max[i] - limits_.delta_q ||
-                           q[i] < limits_.q_min[i] + limits_.delta_q;
-    const double push = is_behind ? push_whole_[i] : push_[i];
+    const double push = is_behind(i, q[i]) ? push_whole_[i] : push_[i];
     const Interval joint = not_empty(
         acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
                             limits_.dq_max[i], limits_.ddq_max[i], joint_params_, push),
@@ -375,7 +387,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     } else {
       if (!is_ended && !is_explained(target, dq, result, since)) {
         if (last_line_.is_loop()) {
-          disturbance_ = weight_;
+          forget_quick_part(q);
           is_soft_ = true;  // no hurry, and a wrong state may have been the cause
         }
         joint_params_.passive = wall_params_.passive = true;

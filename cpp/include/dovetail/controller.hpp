@@ -97,6 +97,8 @@ class Controller {
  private:
   bool goes_on(const Vec7& q, const Vec7& dq) const noexcept;
   void update_disturbance(const Vec7& dq, double elapsed) noexcept;
+  bool is_behind(int joint, double q) const noexcept;
+  void forget_quick_part(const Vec7& q) noexcept;
   void update_model(const Vec7& q, const Vec7& dq) noexcept;
   void update_walls(double elapsed) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
