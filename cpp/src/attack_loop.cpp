@@ -45,13 +45,15 @@ struct Side {
 };
 
 /// Tells what bad samples did to the torque from what went on anyway. For each of them
-/// a side goes on from before it, undeceived; a burst is one. A step that the
-/// undeceived side makes a cycle earlier or later is not the sample's.
+/// a side goes on from before it, undeceived; a burst is one. What of a step the
+/// undeceived side makes, too, up to three cycles earlier or one later, is not the
+/// sample's: a new Target's step may come later by a cycle or two.
 class Blame {
  public:
   /// Before the side takes what came in this cycle.
   void begin(const Side& side, bool is_bad) {
-    if (is_bad && !was_bad_) undeceived_.push_back({side, 0, last_, last_, last_});
+    if (is_bad && !was_bad_) undeceived_.push_back({side, 0, last_, {}});
+    if (is_bad && !was_bad_) undeceived_.back().changes.fill(last_);
     if (is_bad) undeceived_.back().left = AttackResult::kAfterBad + 2;
     was_bad_ = is_bad;
   }
@@ -77,14 +79,17 @@ class Blame {
       const Vec7 undeceived = one.side.tau - before;
       // Ended anyway: neither that step nor a Target's can be told from the sample's.
       if (!one.side.flags.ended) {
-        Vec7 by_bad = one.deceived.cwiseAbs();
-        for (const Vec7& other : {one.earlier, one.last, undeceived}) {
-          by_bad = by_bad.cwiseMin((one.deceived - other).cwiseAbs());
+        Vec7 least = Vec7::Zero().cwiseMin(undeceived);
+        Vec7 most = Vec7::Zero().cwiseMax(undeceived);
+        for (const Vec7& other : one.changes) {
+          least = least.cwiseMin(other);
+          most = most.cwiseMax(other);
         }
-        keep(result.step_by_bad, by_bad, cycle - 1);
+        const Vec7 own = one.deceived - one.deceived.cwiseMax(least).cwiseMin(most);
+        keep(result.step_by_bad, Vec7(own.cwiseAbs()), cycle - 1);
       }
-      one.earlier = one.last;
-      one.last = undeceived;
+      std::rotate(one.changes.begin(), one.changes.end() - 1, one.changes.end());
+      one.changes[0] = undeceived;
       one.deceived = of_state;
     }
     std::erase_if(undeceived_, [](const Undeceived& one) { return one.left <= 0; });
@@ -95,9 +100,8 @@ class Blame {
   struct Undeceived {
     Side side;
     int left;  // cycles to go
-    // changes of torque [Nm]: of the deceived side in the last cycle, of this one in
-    // the last two
-    Vec7 deceived, last, earlier;
+    Vec7 deceived;  // its change of torque in the last cycle [Nm]
+    std::array<Vec7, 4> changes;  // of the undeceived one in the last cycles [Nm]
   };
 
   std::vector<Undeceived> undeceived_;

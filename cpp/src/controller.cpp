@@ -93,6 +93,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   staying_ = 0;
   resume();
   has_last_ = is_soft_ = false;
+  lagged_ = 0.0;
   was_believed_ = true;
   has_start_ = is_configuration(q) && is_speed(dq);
   if (!has_start_) return;

@@ -34,6 +34,11 @@ constexpr double kReturnSpeed = 0.05;
 // may be worth 20, of which encoders' noise and gravity's change have their part.
 constexpr double kLargestStep = 18.0;
 
+// Cycles for which it does, and what of one comes back in each. A torque that lags for
+// longer drives an oscillation, which then looks doubtful.
+constexpr double kPatience = 8.0;
+constexpr double kRegained = 0.2;
+
 constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset that goes on
 
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
@@ -210,10 +215,13 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
 void Controller::soften(StepResult& result) noexcept {
   const Vec7 change = result.tau - tau_last_;
   const double most = change.cwiseAbs().maxCoeff();
-  const bool is_large = has_last_ && most > kLargestStep;
-  is_soft_ = is_large && (is_soft_ || check_.is_in_doubt());
+  const bool is_large = most > kLargestStep;
+  lagged_ = check_.is_refused() ? 0.0 : std::max(lagged_ - kRegained, 0.0);
+  const bool may_wait = is_large && lagged_ < kPatience;
+  is_soft_ = may_wait && (is_soft_ || check_.is_in_doubt());
   // What is only remarked is slow for its own cycle: it may be a push that must be met.
-  if (!is_soft_ && !(is_large && check_.is_remarked())) return;
+  if (!is_soft_ && !(may_wait && check_.is_remarked())) return;
+  lagged_ += 1.0;
   result.tau = tau_last_ + (kLargestStep / most) * change;
   // The last torque may be beyond limits that gravity has moved since.
   result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);

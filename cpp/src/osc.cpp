@@ -11,6 +11,8 @@ namespace {
 using Eigen::Quaterniond;
 
 constexpr double kLargestPosture = 2.0;  // way back to a posture that is used [rad]
+// From half a turn, on either side of it: the way that was begun is gone on with [rad].
+constexpr double kNearHalfTurn = 0.5;
 constexpr TaskSpec kNoFreeAxis{AxisMode::kForce, AxisMode::kForce, AxisMode::kForce,
                                AxisMode::kForce, AxisMode::kForce, AxisMode::kForce};
 
@@ -112,6 +114,7 @@ OperationalSpace::OperationalSpace(const OscParams& params,
 
 void OperationalSpace::reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   p_hold_ = p_hold;
+  turning_.setZero();
   R_hold_ = quaternion(quat_hold).normalized().toRotationMatrix();
 }
 
@@ -133,9 +136,23 @@ Mat3 OperationalSpace::desired_rotation(const Mat3& R,
   return (rotation_from_vector(swing) * twist * quat_hold).toRotationMatrix();
 }
 
+/// The rotation from R to R_d. Near half a turn both ways are about as long, and noise
+/// would turn the error round: the way that was begun is gone on with, until the other
+/// one is clearly shorter (Mayhew et al. 2011).
+Vec3 OperationalSpace::rotation_error(const Mat3& R_d, const Mat3& R) noexcept {
+  Vec3 error = rotation_vector(R_d * R.transpose());
+  const double angle = error.norm();
+  const double near = M_PI - kNearHalfTurn;
+  if (angle > near && turning_.norm() > near && error.dot(turning_) < 0.0) {
+    error *= 1.0 - 2.0 * M_PI / angle;
+  }
+  turning_ = error;
+  return error;
+}
+
 Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
                                             const Vec6& twist,
-                                            const Target& target) const noexcept {
+                                            const Target& target) noexcept {
   const DesiredMotion wanted = desired_motion(target);
   Vec6 error = Vec6::Zero();
   for (int i = 0; i < 3; ++i) {
@@ -143,8 +160,7 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
     if (task_[i] == AxisMode::kHold) error[i] = p_hold_[i] - p[i];
   }
   if (is_impedance(task_[3]) || is_impedance(task_[4]) || is_impedance(task_[5])) {
-    const Vec3 e =
-        rotation_vector(desired_rotation(R, wanted.quat_wxyz) * R.transpose());
+    const Vec3 e = rotation_error(desired_rotation(R, wanted.quat_wxyz), R);
     for (int i = 0; i < 3; ++i) {
       if (is_impedance(task_[3 + i])) error[3 + i] = e[i];
     }

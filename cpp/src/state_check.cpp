@@ -37,7 +37,7 @@ constexpr double kMostSpeed = 0.2;
 
 // A sample that is believed, but beside what was expected by what this acceleration is
 // over the interval of the limits, is remarked [rad/s2]: noise is less.
-constexpr double kRemarkable = 1.6;
+constexpr double kRemarkable = 1.0;
 
 // Motion below which a repeated sample says nothing [rad].
 constexpr double kStill = 1e-6;
@@ -58,7 +58,7 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   seen_.fill(q);
   since_ = since_seen_ = 0.0;
   implausible_ = agreed_ = repeated_ = in_doubt_ = 0;
-  is_surprised_ = is_remarked_ = false;
+  is_surprised_ = is_remarked_ = is_refused_ = false;
   is_fresh_ = true;
 }
 
@@ -141,12 +141,13 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const bool is_start = is_fresh_ && is_number && is_first(q, dq, elapsed);
   is_fresh_ = false;
   if (is_start) {
+    if (!is_within(q - q_, dq - dq_, inertia)) in_doubt_ = kDoubt;
     q_ = q;
     dq_ = dq_seen_ = dq;
     seen_.fill(q);
     return;
   }
-  is_remarked_ = false;
+  is_remarked_ = is_refused_ = false;
   since_ += elapsed;
   since_seen_ += elapsed;
   in_doubt_ = std::max(in_doubt_ - 1, 0);
@@ -156,6 +157,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
       was_seen && repeated_ < kAgreed && elapsed * dq_.cwiseAbs().maxCoeff() > kStill;
   repeated_ = was_seen ? repeated_ + 1 : 0;
   if (is_late) {
+    is_refused_ = true;
     refuse(q_next, dq_next);
     return;
   }
@@ -186,7 +188,8 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     dq_ = dq_next + (dq - dq_next);
     if (is_confirmed) in_doubt_ = kDoubt;
   } else {
-    if (!is_surprised_ || was_surprised) ++implausible_;
+    is_refused_ = !is_surprised_ || was_surprised;
+    if (is_refused_) ++implausible_;
     refuse(q_next, dq_next);
   }
 }

@@ -162,6 +162,7 @@ class Controller {
   StateCheck check_;
   bool was_believed_ = true;  // in the last cycle
   bool is_soft_ = false;      // the last torque was on its way to the wanted one
+  double lagged_ = 0.0;       // torques that were of late, fading [cycles]
   LastLine last_line_;
   double limiter_power_ = 0.0;  // of what is cut from f* [W]
   bool is_at_rest_ = false;     // after the end

@@ -52,7 +52,7 @@ class OperationalSpace {
   /// \param p, R, twist  measured TCP position [m], axes and velocity
   [[nodiscard]] Vec6 desired_acceleration(const Vec3& p, const Mat3& R,
                                           const Vec6& twist,
-                                          const Target& target) const noexcept;
+                                          const Target& target) noexcept;
 
   /// u0 = J^T Lambda (f* - dJ dq) + N M (posture - k dq) and what it is made of. The
   /// posture acts where no row of the whole tool is moved, those of free axes included.
@@ -81,6 +81,7 @@ class OperationalSpace {
   const TaskSpec& task() const noexcept { return task_; }
 
  private:
+  Vec3 rotation_error(const Mat3& R_d, const Mat3& R) noexcept;
   Mat3 desired_rotation(const Mat3& R, const Vec4& quat_wxyz) const noexcept;
   bool task_inertia(const Mat67& J, const Cholesky<7>& M_factor, const TaskSpec& task,
                     Mat6& Lambda) const noexcept;
@@ -92,6 +93,7 @@ class OperationalSpace {
   bool has_free_ = false;
   Vec3 p_hold_ = Vec3::Zero();
   Mat3 R_hold_ = Mat3::Identity();
+  Vec3 turning_ = Vec3::Zero();  // the last rotation error [rad]
 };
 
 }  // namespace dovetail

@@ -52,6 +52,8 @@ class StateCheck {
 
   /// Whether one of the last `kDoubt` samples was refused, or a surprise.
   bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
+  /// Whether the last one was old or implausible, which no motion is.
+  bool is_refused() const noexcept { return is_refused_; }
   /// Whether the last one was believed as it is, but is worth much to the limits.
   bool is_remarked() const noexcept { return is_remarked_; }
 
@@ -90,6 +92,7 @@ class StateCheck {
   int in_doubt_ = 0;           // cycles to go
   bool is_surprised_ = false;  // the last sample was plausible, and not believed
   bool is_remarked_ = false;
+  bool is_refused_ = false;
   bool is_fresh_ = true;  // nothing was taken since the reset
   int joint_ = 0;
 };
