@@ -90,7 +90,7 @@ def bad_states(
     left = round(BAD_SHARE * cycles)
     for when, kind, element, size, length in genes.reshape(-1, EVENT_GENES):
         share = _fold(np.array([when, kind, element, size, length]))
-        first = int(share[0] * (cycles - 1))
+        first = 1 + int(share[0] * (cycles - 2))  # the very first is the start's own
         last = min(first + 1 + int(share[4] * LONGEST), cycles, first + left)
         if last <= first or any(age[first:last]):
             continue

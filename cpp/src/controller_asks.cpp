@@ -215,7 +215,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
 void Controller::soften(StepResult& result) noexcept {
   const Vec7 change = result.tau - tau_last_;
   const double most = change.cwiseAbs().maxCoeff();
-  const bool is_large = most > kLargestStep;
+  const bool is_large = has_last_ && most > kLargestStep;
   lagged_ = check_.is_refused() ? 0.0 : std::max(lagged_ - kRegained, 0.0);
   const bool may_wait = is_large && lagged_ < kPatience;
   is_soft_ = may_wait && (is_soft_ || check_.is_in_doubt());

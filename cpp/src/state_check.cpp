@@ -141,7 +141,6 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const bool is_start = is_fresh_ && is_number && is_first(q, dq, elapsed);
   is_fresh_ = false;
   if (is_start) {
-    if (!is_within(q - q_, dq - dq_, inertia)) in_doubt_ = kDoubt;
     q_ = q;
     dq_ = dq_seen_ = dq;
     seen_.fill(q);

@@ -115,6 +115,22 @@ BOOST_AUTO_TEST_CASE(after_an_oscillation_the_arm_holds_weight_and_not_what_came
   BOOST_TEST(held.head<6>().norm() > 0.2 * r.head<6>().norm());
 }
 
+BOOST_AUTO_TEST_CASE(after_an_oscillation_a_joint_at_its_limit_keeps_its_load) {
+  for (const double sign : {1.0, -1.0}) {
+    Arm arm;
+    arm.limits.delta_q = 0.02;
+    (sign > 0.0 ? arm.limits.q_max : arm.limits.q_min)[1] = arm.q[1] + sign * 0.01;
+    Controller pinned = arm.controller();
+    arm.press(pinned, 60);
+    const Vec7 r = pinned.disturbance();
+    BOOST_TEST(std::abs(r[1]) > 5.0);
+    arm.oscillate(pinned);
+    const Vec7 held = pinned.disturbance();
+    BOOST_TEST(std::abs(held[1]) > 0.9 * std::abs(r[1]));
+    BOOST_TEST(std::abs(held[0]) < 0.7 * std::abs(r[0]));
+  }
+}
+
 BOOST_AUTO_TEST_CASE(a_joint_that_is_too_fast_is_braked_against_what_pushes_it) {
   Controller pinned = controller();
   press(pinned, 60);

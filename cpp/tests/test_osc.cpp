@@ -187,6 +187,33 @@ BOOST_AUTO_TEST_CASE(rotation_error_of_a_turn_about_z_is_that_turn) {
   }
 }
 
+BOOST_AUTO_TEST_CASE(near_half_a_turn_the_way_that_was_begun_is_gone_on_with) {
+  OscParams osc_params;
+  osc_params.damping_ratio.setZero();
+  osc_params.error_clamp_rotation = 4.0;
+  osc_params.f_clamp_angular = 1e4;
+  OperationalSpace osc(osc_params, {kFree, kFree, kFree, kHold, kHold, kPose});
+  const auto error = [&](double angle) {  // asked for, of an arm that stands [rad]
+    Target target;
+    target.quat_wxyz_d = quat_of(about_z(angle));
+    const Mat3 R = Mat3::Identity();
+    return osc.desired_acceleration(Vec3::Zero(), R, Vec6::Zero(), target)[5] / 400.0;
+  };
+  osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+  for (const double sign : {1.0, -1.0}) {
+    for (const double angle : {0.1, -3.0, -3.2, -3.6, -3.1, -3.3, -2.0}) {
+      BOOST_TEST(std::abs(error(sign * angle) - sign * angle) < 1e-9);
+    }
+    // The other way is shorter by more than noise and motion: it is taken.
+    BOOST_TEST(std::abs(error(sign * 3.1) - sign * 3.1) < 1e-9);
+    BOOST_TEST(std::abs(error(sign * 3.7) - sign * (3.7 - 2.0 * M_PI)) < 1e-9);
+    // Another start remembers nothing.
+    error(sign * 3.1);
+    osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+    BOOST_TEST(std::abs(error(sign * 3.2) - sign * (3.2 - 2.0 * M_PI)) < 1e-9);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(tilt_is_held_about_both_axes_while_the_turn_is_free) {
   constexpr TaskSpec tilt = {kFree, kFree, kFree, kHold, kHold, kFree};
   OscParams osc_params;
@@ -229,7 +256,7 @@ BOOST_AUTO_TEST_CASE(errors_and_f_star_are_clamped) {
       hold.desired_acceleration(Vec3::Zero(), Mat3::Identity(), Vec6::Zero(), Target{});
   BOOST_TEST(f[0] == osc_params.f_clamp_linear);
   BOOST_TEST(std::abs(f[5] - 400.0 * osc_params.error_clamp_rotation) < 1e-9);
-  const OperationalSpace force(osc_params, kAllForce);
+  OperationalSpace force(osc_params, kAllForce);
   Target target;
   target.f_star.setConstant(-1e4);
   const Vec6 g =
@@ -241,7 +268,7 @@ BOOST_AUTO_TEST_CASE(errors_and_f_star_are_clamped) {
 BOOST_AUTO_TEST_CASE(force_damping_opposes_the_motion) {
   OscParams osc_params;
   osc_params.force_damping.setConstant(8.0);
-  const OperationalSpace osc(osc_params, kAllForce);
+  OperationalSpace osc(osc_params, kAllForce);
   const Vec6 twist = random_vector<Vec6>(random, 0.3);
   const Vec6 f =
       osc.desired_acceleration(Vec3::Zero(), Mat3::Identity(), twist, Target{});

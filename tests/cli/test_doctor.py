@@ -99,6 +99,16 @@ def test_the_command_succeeds_when_only_an_extra_is_missing(monkeypatch, capsys)
     assert "pip install '.[learn]'" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    "option", ["--period=1ms", "--delay=5ms", "--payload-error=0.5", "--robot=fr3"]
+)
+def test_what_is_said_of_an_arm_needs_one(option, capsys):
+    assert run(["doctor", option]) != 0
+    said = capsys.readouterr().err
+    assert option.partition("=")[0] in said
+    assert "--arm twin:medium" in said
+
+
 def test_any_failure_of_a_check_is_a_finding_not_a_crash():
     check = doctor._guard("x", lambda: 1 / np.array(0).item())
     assert check.status == "broken"

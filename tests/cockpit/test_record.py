@@ -35,6 +35,12 @@ def test_a_page_on_which_nothing_was_shown_says_how_it_is_done(tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == []
 
 
+def test_logs_of_before_that_are_not_named_are_asked_for(monkeypatch):
+    monkeypatch.setattr(Record, "show", lambda *_: pytest.fail("the page was opened"))
+    with pytest.raises(ConfigError, match="--written names no log"):
+        Record(written=()).run(Console(quiet=True))
+
+
 def test_what_cannot_be_written_at_the_end_is_refused_before_the_page(
     tmp_path, monkeypatch
 ):

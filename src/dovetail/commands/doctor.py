@@ -43,6 +43,7 @@ class Doctor:
 
     def run(self, console: Console) -> int:
         """Print every check; return 1 if something essential is broken."""
+        self._require_arm()
         if self.tracker is not None:
             checks = self._check_camera(self.tracker)
         else:
@@ -61,6 +62,18 @@ class Doctor:
         if is_broken:
             console.print("something essential is broken, see above")
         return int(is_broken)
+
+    def _require_arm(self) -> None:
+        """Refuse what is said of an arm where none is checked."""
+        if self.arm is not None or self.tracker is not None:
+            return
+        said, usual = vars(self), vars(Doctor())
+        for name in ("robot", "delay", "payload_error", "period"):
+            if said[name] != usual[name]:
+                raise ConfigError(
+                    f"--{name.replace('_', '-')} is of an arm, and none is checked: "
+                    "say which by --arm, as --arm twin:medium"
+                )
 
     def _check_arm(self, text: str) -> Iterator[Check]:
         from dovetail.arm_checks import run_arm_checks

@@ -10,7 +10,7 @@ from dovetail.cockpit.choice import NOBODY
 from dovetail.commands.cockpit import GROUPS as _OF_COCKPIT
 from dovetail.commands.cockpit import Cockpit
 from dovetail.commands.help_page import Groups
-from dovetail.errors import LogError
+from dovetail.errors import ConfigError, LogError
 from dovetail.files import dated_folder
 from dovetail.learn.lerobot_folder import require_room, write_lerobot
 
@@ -23,7 +23,7 @@ LEROBOT = "lerobot"
 class Record(Cockpit):
     """Record demonstrations: the cockpit's page, then a LeRobotDataset of them."""
 
-    written: tuple[Path, ...] = ()
+    written: tuple[Path, ...] | None = None
     """Episode logs of before, or folders of them. They become the data set, and no page
     is shown."""
     policy: str = NOBODY
@@ -34,11 +34,16 @@ class Record(Cockpit):
 
         Raises:
             LogError: Nothing was shown; or logs do not make one data set.
-            ConfigError: The folder has a data set already.
+            ConfigError: The folder has a data set already; or no log is named.
         """
+        if self.written is not None and not self.written:
+            raise ConfigError(
+                "--written names no log: say which Episode logs, or folders of them; "
+                "without --written the page opens"
+            )
         folder = self.logs or dated_folder("demonstrations")
         require_room(folder / LEROBOT, "--logs")
-        shown = list(self.written) or self.show(console, folder)
+        shown = list(self.written or ()) or self.show(console, folder)
         if not shown:
             raise LogError(
                 "no demonstration was recorded: on the page, Lead the tool, then "
