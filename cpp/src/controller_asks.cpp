@@ -36,7 +36,7 @@ constexpr double kLargestStep = 18.0;
 
 // Cycles for which it does, and what of one comes back in each. A torque that lags for
 // longer drives an oscillation, which then looks doubtful.
-constexpr double kPatience = 8.0;
+constexpr double kPatience = 9.0;
 constexpr double kRegained = 0.2;
 
 constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset that goes on
@@ -218,9 +218,8 @@ void Controller::soften(StepResult& result) noexcept {
   const bool is_large = has_last_ && most > kLargestStep;
   lagged_ = check_.is_refused() ? 0.0 : std::max(lagged_ - kRegained, 0.0);
   const bool may_wait = is_large && lagged_ < kPatience;
-  is_soft_ = may_wait && (is_soft_ || check_.is_in_doubt());
-  // What is only remarked is slow for its own cycle: it may be a push that must be met.
-  if (!is_soft_ && !(may_wait && check_.is_remarked())) return;
+  is_soft_ = may_wait && (is_soft_ || check_.is_in_doubt() || check_.is_remarked());
+  if (!is_soft_) return;
   lagged_ += 1.0;
   result.tau = tau_last_ + (kLargestStep / most) * change;
   // The last torque may be beyond limits that gravity has moved since.

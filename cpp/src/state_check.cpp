@@ -37,7 +37,7 @@ constexpr double kMostSpeed = 0.2;
 
 // A sample that is believed, but beside what was expected by what this acceleration is
 // over the interval of the limits, is remarked [rad/s2]: noise is less.
-constexpr double kRemarkable = 1.0;
+constexpr double kRemarkable = 0.8;
 
 // Motion below which a repeated sample says nothing [rad].
 constexpr double kStill = 1e-6;
