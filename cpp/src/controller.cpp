@@ -126,20 +126,6 @@ void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   weight_ += std::min(kWeightRate * elapsed, 1.0) * (disturbance_ - weight_);
 }
 
-/// Whether a joint stands within a limit's margin, or beyond.
-bool Controller::is_behind(int joint, double q) const noexcept {
-  return q > limits_.q_max[joint] - limits_.delta_q ||
-         q < limits_.q_min[joint] + limits_.delta_q;
-}
-
-/// A loop with delay lives in the quick part of the estimate. What holds a joint at its
-/// limit stays: a load that grew as quickly would take it past the limit.
-void Controller::forget_quick_part(const Vec7& q) noexcept {
-  for (int i = 0; i < kNumJoints; ++i) {
-    if (!is_behind(i, q[i])) disturbance_[i] = weight_[i];
-  }
-}
-
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
   const double ahead = limits_.mid_interval ? 0.5 * period_ : 0.0;
   chain_.evaluate(q + ahead * dq, dq, terms_);

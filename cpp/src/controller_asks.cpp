@@ -207,6 +207,20 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
   has_posture_ = false;
 }
 
+/// Whether a joint stands within a limit's margin, or beyond.
+bool Controller::is_behind(int joint, double q) const noexcept {
+  return q > limits_.q_max[joint] - limits_.delta_q ||
+         q < limits_.q_min[joint] + limits_.delta_q;
+}
+
+/// A loop with delay lives in the quick part of the estimate. What holds a joint at its
+/// limit stays: a load that grew as quickly would take it past the limit.
+void Controller::forget_quick_part(const Vec7& q) noexcept {
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (!is_behind(i, q[i])) disturbance_[i] = weight_[i];
+  }
+}
+
 /// While the state is in doubt the torque changes slowly, into a damped hold and out of
 /// it, too: on the straight line between the last torque and the wanted one, which
 /// keeps limits that both keep. Joint by joint each would disturb the others. What was
