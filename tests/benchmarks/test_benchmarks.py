@@ -10,8 +10,8 @@ import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
-    *("attack_episode", "contact_choices", "contact_policies", "contact_scene"),
-    *("contact_search", "contact_trial", "tracking_report"),
+    *("attack_episode", "contact_attack", "contact_choices", "contact_policies"),
+    *("contact_scene", "contact_search", "contact_trial", "tracking_report"),
     *("cockpit_browser", "cockpit_garbage"),
 }
 """Files that others import, and that no one starts."""
