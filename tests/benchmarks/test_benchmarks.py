@@ -61,6 +61,7 @@ TINY = {
     "fuzz_arm": ("--count 100", "100"),
     "fuzz_cabinet": ("--count 100", "100"),
     "grpc_round_trip": ("--steps 5 --waits 2", "RemoteArm.step"),
+    "hops": ("", "calls in"),
     "identify_planted": ("--seeds 1 --workers 1 --cold --evaluations 2", "gravity"),
     "identify_sysid": ("", "held-out error"),
     "learner_kills": ("--kills 1", "1 learners killed"),

@@ -150,9 +150,10 @@ class CommandMap:
         action = np.asarray(action, dtype=np.float32)
         values = action.tolist()
         # In double precision a sum of float32 is finite where each of them is.
-        if action.shape != (len(self),) or not math.isfinite(sum(values)):
+        size = len(self.axes)
+        if action.shape != (size,) or not math.isfinite(sum(values)):
             raise ConfigError(
-                f"the action is {values}; it must be {len(self)} finite numbers, one "
+                f"the action is {values}; it must be {size} finite numbers, one "
                 f"for each of {' '.join(self.axes)}"
             )
         if max(values) > 1.0 or min(values) < -1.0:
