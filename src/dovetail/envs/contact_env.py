@@ -184,7 +184,7 @@ class ContactEnv(
         self._recall = Recall(seen.recall, self.scaling, size)
         self.columns = (*self.scaling.columns, *self._recall.columns)
         self._history = History(seen.stack, len(self.columns), size)
-        self._has_past = bool(seen.recall or seen.stack)
+        self.remembers = bool(seen.recall or seen.stack)  # what was, see `remember`
         high = self._history.highest(np.append(self.scaling.high, self._recall.high))
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
@@ -286,7 +286,7 @@ class ContactEnv(
         Args:
             scaled: What `follow` gave first, scaled by `scaling`.
         """
-        if not self._has_past:
+        if not self.remembers:
             return scaled
         return self._history.push(self._action, self._recall.push(self._action, scaled))
 

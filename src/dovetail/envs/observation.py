@@ -167,7 +167,7 @@ class Layout:
         size = len(self.columns)
         self._zero, self._unit = np.zeros(size), np.ones(size)
         self._is_log, high = np.ones(size, dtype=bool), np.zeros(size)
-        self._read: list[tuple[slice, Callable[[Sight], Any]]] = []
+        self._read: list[tuple[slice | int, Callable[[Sight], Any]]] = []
         self.places: dict[str, slice] = {}
         start = 0
         for name in groups:
@@ -182,7 +182,8 @@ class Layout:
                 self._is_log[place] = False
             if name == "position":
                 self._zero[place] = zero_offset
-            self._read.append((place, group.read))
+            is_one = len(group.columns) == 1  # an index is quicker than a slice
+            self._read.append((place.start if is_one else place, group.read))
         self.high: NDArray[np.float32] = high.astype(np.float32)
         self._high = self.high.astype(float)
         self._low = -self._high
@@ -203,9 +204,12 @@ class Layout:
 
     def scale(self, raw: Array) -> NDArray[np.float32]:
         """Scale unscaled observations, shape (len(self),) or (N, len(self))."""
-        out = (raw - self._zero) / self._unit
+        out = raw - self._zero
+        out /= self._unit
         part = out[..., self._log]
-        out[..., self._log] = np.copysign(np.log1p(np.abs(part)), part)
+        size = np.abs(part)
+        np.log1p(size, out=size)
+        out[..., self._log] = np.copysign(size, part, out=size)
         np.maximum(out, self._low, out=out)
         np.minimum(out, self._high, out=out)
         return out.astype(np.float32)
