@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 from cmaes import CMA
-from contact_adversary import Attack, add_case, broken, plain
+from contact_attack import Attack, add_case, broken, plain
 from contact_choices import NUM_KINDS, RANGES, SIZE, Array, choose
 from contact_trial import SUSTAINED
 

@@ -15,6 +15,7 @@
 
 #include "dovetail/attack_loop.hpp"
 #include "dovetail/cycle_log.hpp"
+#include "new_array.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -97,14 +98,12 @@ void bind_cycle_log(nb::module_& m) {
         const StepSummary step =
             summarize(chain, q, dq, log.data(), static_cast<int>(log.shape(0)));
         // One array in pieces: to make an array costs as much as all of the sums.
-        Eigen::Matrix<double, 22, 1> numbers;
-        numbers << step.p, step.quat_wxyz, step.twist, step.force, step.wrench;
-        const nb::object array = nb::cast(numbers);
-        const auto piece = [&array](int from, int to) {
-          return nb::object(array[nb::slice(from, to)]);
-        };
-        return nb::make_tuple(piece(0, 3), piece(3, 7), piece(7, 13), piece(13, 16),
-                              piece(16, 22), step.flags);
+        constexpr int kSize = 22;
+        NewArray array(kSize);
+        Eigen::Map<Eigen::Matrix<double, kSize, 1>>(array.data()) << step.p,
+            step.quat_wxyz, step.twist, step.force, step.wrench;
+        return nb::make_tuple(array.piece(0, 3), array.piece(3, 7), array.piece(7, 13),
+                              array.piece(13, 16), array.piece(16, kSize), step.flags);
       },
       "chain"_a, "q"_a, "dq"_a, "log"_a,
       nb::sig("def summarize(chain: Chain, q: numpy.typing.NDArray[numpy.float64], "

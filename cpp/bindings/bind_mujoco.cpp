@@ -11,6 +11,7 @@
 
 #include "dovetail/contact_judge.hpp"
 #include "dovetail/mujoco_loop.hpp"
+#include "new_array.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -142,11 +143,11 @@ void bind_mujoco(nb::module_& m) {
       .def(
           "read",
           [](const MujocoLoop& self) {
-            // Two rows of one array, which costs half as much as two arrays.
-            Eigen::Matrix<double, 2, kNumJoints, Eigen::RowMajor> rows;
-            rows << self.q().transpose(), self.dq().transpose();
-            const nb::object array = nb::cast(rows);
-            return nb::make_tuple(array[0], array[1]);
+            NewArray array(2 * kNumJoints);
+            Eigen::Map<Vec7>(array.data()) = self.q();
+            Eigen::Map<Vec7>(array.data() + kNumJoints) = self.dq();
+            return nb::make_tuple(array.piece(0, kNumJoints),
+                                  array.piece(kNumJoints, 2 * kNumJoints));
           },
           nb::sig("def read(self) -> tuple[numpy.typing.NDArray[numpy.float64], "
                   "numpy.typing.NDArray[numpy.float64]]"))

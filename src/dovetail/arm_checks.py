@@ -20,6 +20,7 @@ from dovetail.arm_feel import (
 )
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.from_address import fri_arm
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import DEFAULT_PERIOD
@@ -111,8 +112,7 @@ def run_arm_checks(
     period = address.period or DEFAULT_PERIOD
     cell = find_cell(robot=robot)
     config = EnvConfig.of(period=period, force_damping=0.0)
-    is_hardware = address.margins == "hardware"
-    osc, limits = make_settings(cell, config, is_hardware=is_hardware)
+    osc, limits = make_settings(cell, config, is_hardware=address.margins == "hardware")
     arm = _build(address, cell, *quiet(osc, limits), period)
     try:
         arm.connect()
@@ -150,7 +150,7 @@ def _build(
     timeout = address.target_timeout
     watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
-    return address.build(cell, settings, watchdog)
+    return fri_arm(address, cell, settings, watchdog)
 
 
 def _checks_in_motion(

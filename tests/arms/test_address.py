@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail import _core
+from dovetail.arms import from_address
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import parse_endpoint
 from dovetail.arms.fri_address import FriAddress
@@ -203,8 +204,8 @@ def test_what_an_address_names_cannot_be_given_twice():
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
-        FriAddress,
-        "build",
+        from_address,
+        "fri_arm",
         lambda address, cell, s: built.append((s.limits.delta_v, s.period)),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):

@@ -73,6 +73,16 @@ def test_each_arm_of_a_batch_moves_as_it_does_alone(threads, settings, rng):
     batch.close()
 
 
+def test_what_a_step_said_is_not_changed_by_the_next(rng):
+    arm = build()
+    first, second = targets(rng, 2)
+    said = arm.step(first)
+    kept = [np.copy(value) for value in said]
+    later = arm.step(second)
+    assert_same([said], [kept])
+    assert not np.array_equal(later.q, said.q)
+
+
 def test_arms_of_different_settings_go_together(rng):
     """Delay, noise and control period are each plant's own."""
     kinds = [{"twin": "medium"}, {}, {"period": 0.0025}, {"twin": "easy"}]

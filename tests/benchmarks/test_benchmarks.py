@@ -10,8 +10,8 @@ import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
-    *("attack_episode", "contact_choices", "contact_policies", "contact_scene"),
-    *("contact_search", "contact_trial", "tracking_report"),
+    *("attack_episode", "contact_attack", "contact_choices", "contact_policies"),
+    *("contact_scene", "contact_search", "contact_trial", "tracking_report"),
     *("cockpit_browser", "cockpit_garbage"),
 }
 """Files that others import, and that no one starts."""
@@ -61,6 +61,7 @@ TINY = {
     "fuzz_arm": ("--count 100", "100"),
     "fuzz_cabinet": ("--count 100", "100"),
     "grpc_round_trip": ("--steps 5 --waits 2", "RemoteArm.step"),
+    "hops": ("", "calls in"),
     "identify_planted": ("--seeds 1 --workers 1 --cold --evaluations 2", "gravity"),
     "identify_sysid": ("", "held-out error"),
     "learner_kills": ("--kills 1", "1 learners killed"),

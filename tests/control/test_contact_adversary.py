@@ -24,16 +24,16 @@ MODULES = (
     "contact_scene",
     "contact_policies",
     "contact_trial",
-    "contact_adversary",
+    "contact_attack",
 )
 
 
 @pytest.fixture(scope="module")
 def adversary():
     sys.path.insert(0, str(BENCHMARKS))
-    import contact_adversary
+    import contact_attack
 
-    yield contact_adversary
+    yield contact_attack
     sys.path.remove(str(BENCHMARKS))
     for name in MODULES:
         sys.modules.pop(name, None)

@@ -110,6 +110,10 @@ CASES = {
     "tare": functools.partial(
         make_env, PegInHole, twin="medium", tare=True, max_steps=5
     ),
+    "what was": functools.partial(make_env, PegInHole, recall=(1, 3), max_steps=5),
+    "a search": functools.partial(
+        *(make_env, PegInHole), task="XYZ:force ABC:pose", script="corner", max_steps=5
+    ),
     "stranger's task": functools.partial(make_env, Aside, max_steps=6),
     "random dynamics": randomised,
     "stranger's begin": functools.partial(

@@ -16,7 +16,7 @@ def follow(positions, age=0.0, step=STEP):
     pose = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     return np.array(
         [
-            velocity.update(Estimate(pose._replace(position=p), age), k * step)
+            velocity.follow(Estimate(pose._replace(position=p), age), k * step)[1]
             for k, p in enumerate(positions)
         ]
     )
@@ -60,7 +60,7 @@ def test_a_sight_that_is_no_new_one_counts_once():
     for k in range(3 * WINDOW):
         seen = STEP * (k // 3 * 3)  # every third step there is a picture
         pose = Pose(np.array([0.02 * seen, 0.0, 0.0]), quat)
-        found = velocity.update(Estimate(pose, k * STEP - seen), k * STEP)
+        _, found = velocity.follow(Estimate(pose, k * STEP - seen), k * STEP)
     np.testing.assert_allclose(found, [0.02, 0.0, 0.0])
 
 

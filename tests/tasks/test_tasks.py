@@ -40,7 +40,7 @@ def ring(tmp_path, monkeypatch):
 
 def other_tasks(source, own):
     """Tasks that a file in the folder of one imports, be it for its types alone."""
-    known, package = modules(), f"dovetail.tasks.{own}"
+    known, package = modules("src"), f"dovetail.tasks.{own}"
     others = {p.name for p in TASKS.iterdir() if p.is_dir()} - {own}
     for node in ast.walk(ast.parse(source)):
         for name in names_in(node, package, known):

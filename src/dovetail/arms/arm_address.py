@@ -6,9 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal, Self, TypeVar
 from urllib.parse import parse_qsl, urlsplit
 
-from dovetail.arms.arm import Arm
 from dovetail.control.period import PERIODS, format_period, require_period
-from dovetail.control.settings import ControllerSettings
 from dovetail.durations import parse_time
 from dovetail.errors import ConfigError
 
@@ -21,7 +19,7 @@ _Word = TypeVar("_Word", bound=str)
 
 @dataclass(frozen=True, kw_only=True)
 class ArmAddress(ABC):
-    """Where an arm is, what is known of it unbuilt, and how it is built."""
+    """Where an arm is, and what is known of it unbuilt; `build_arm` builds it."""
 
     text: str = field(default="", compare=False)
     """The address as it was given."""
@@ -62,20 +60,6 @@ class ArmAddress(ABC):
     @abstractmethod
     def describe_ground(self) -> str:
         """Return where a result on this arm was found, in words."""
-
-    @abstractmethod
-    def build(self, cell: "Workcell", settings: ControllerSettings) -> Arm:
-        """Build the arm.
-
-        Args:
-            cell: What stands around it.
-            settings: Made for the cell's robot and this address's margins.
-
-        Raises:
-            ConfigError: A setting that this arm cannot have.
-            ArmError: It cannot be had.
-            MissingDependencyError: What it needs is not installed.
-        """
 
     def make_plant(self, cell: "Workcell") -> "DrivenPlant | None":
         """Build the simulation of an arm of this process; None of any other."""

@@ -56,7 +56,7 @@ class BatchArm:
             PlantError: The arm was not reset.
         """
         arm = self.arms[index]
-        if arm.is_disturbed:
+        if arm.disturbance.is_active:
             return
         cycles = arm.count_cycles(duration)
         self._plants[index].begin_cycles(

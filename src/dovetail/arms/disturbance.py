@@ -26,21 +26,19 @@ class Disturbance:
         self._fixture: Pose | None = None
         self._velocity = np.zeros(3)
         self._is_sliding = False
-
-    @property
-    def is_active(self) -> bool:
-        """Whether anything is to be done between cycles."""
-        return self._cycles_left > 0 or self._is_sliding
+        self.is_active = False  # whether anything is to be done between cycles
 
     def push(self, force: Vec3, duration: float, period: float) -> None:
         """Push with a force [N], world axes, for a duration [s], in whole periods."""
         self._force = np.array(force, dtype=float)
         self._cycles_left = math.ceil(duration / period - 1e-9)
+        self.is_active = self._cycles_left > 0 or self._is_sliding
 
     def slide(self, fixture: Pose, velocity: Vec3) -> None:
         """Move the fixture on from a pose with a velocity [m/s], world axes."""
         self._fixture, self._velocity = fixture, np.array(velocity, dtype=float)
         self._is_sliding = bool(self._velocity.any())
+        self.is_active = self._cycles_left > 0 or self._is_sliding
 
     def before_cycle(self, plant: "Plant", period: float) -> None:
         """Let one control cycle's share act on the plant."""
@@ -57,3 +55,4 @@ class Disturbance:
             self._cycles_left -= 1
             if self._cycles_left == 0:
                 plant.push(np.zeros(3))
+                self.is_active = self._is_sliding

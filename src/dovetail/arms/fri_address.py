@@ -2,19 +2,11 @@
 
 from dataclasses import dataclass, replace
 from ipaddress import IPv4Address
-from typing import TYPE_CHECKING, ClassVar, Literal, Self, TypeAlias
-
-import numpy as np
+from typing import ClassVar, Literal, Self, TypeAlias
 
 from dovetail.arms.arm_address import ArmAddress, Keys, parse_endpoint
-from dovetail.control.period import FRI_PERIODS, require_period
-from dovetail.control.settings import ControllerSettings
+from dovetail.control.period import FRI_PERIODS
 from dovetail.errors import ConfigError
-
-if TYPE_CHECKING:
-    from dovetail.arms.fri_arm import FriArm
-    from dovetail.arms.watchdog import WatchdogConfig
-    from dovetail.workcell.workcell import Workcell
 
 PORT = 30200
 Version = Literal["1.15", "2.5", "2.7"]
@@ -163,28 +155,6 @@ class FriAddress(ArmAddress):
     def with_realtime(self) -> Self:
         """Return the address of the arm with real-time priority."""
         return replace(self, realtime=True)
-
-    def build(
-        self,
-        cell: "Workcell",
-        settings: ControllerSettings,
-        watchdog: "WatchdogConfig | None" = None,
-    ) -> "FriArm":
-        """Listen for the cabinet; see `ArmAddress.build`.
-
-        Args:
-            cell: What stands around it.
-            settings: Of the controller.
-            watchdog: When the arm must not follow; None is as usual.
-        """
-        require_period(settings.period, self.period_name, self.periods)
-        from dovetail.arms.fri_arm import FriArm
-
-        if self.control is None:  # a robot: T1's limit is one of the velocity's norm
-            limits = settings.limits
-            limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
-            settings = replace(settings, limits=limits)
-        return FriArm(self, cell.loaded_robot(), settings, watchdog=watchdog)
 
 
 def _peer(peer: str | None) -> str | None:

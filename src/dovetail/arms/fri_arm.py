@@ -12,6 +12,7 @@ import numpy as np
 
 from dovetail.arms.arm import ArmFacts, ArmState
 from dovetail.arms.cabinet_control import CabinetControl
+from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_errors import (
     connection_error,
     motion_error,
@@ -34,7 +35,6 @@ from dovetail.types import Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.arms.fri_address import FriAddress
 
 _SLICE = 0.05
 """How often a waiting learner says that it is alive [s]: less than the watchdog."""
@@ -48,7 +48,7 @@ class FriArm:
 
     def __init__(
         self,
-        address: "FriAddress",
+        address: FriAddress,
         robot: Robot,
         settings: ControllerSettings,
         *,

@@ -2,16 +2,11 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar, Self
+from typing import ClassVar, Self
 
-from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress, Keys
 from dovetail.control.period import PERIODS
-from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError
-
-if TYPE_CHECKING:
-    from dovetail.workcell.workcell import Workcell
 
 PORT = 50051
 LOOPBACK = ("localhost", "127.0.0.1", "::1")
@@ -91,9 +86,3 @@ class GrpcAddress(ArmAddress):
             f"approach is asked of {self.text!r}, which is not fri://; add "
             "approach=yes to the address of `dovetail serve`"
         )
-
-    def build(self, cell: "Workcell", settings: ControllerSettings) -> Arm:
-        """Connect and take the lease; see `ArmAddress.build`."""
-        from dovetail.arms.remote_arm import RemoteArm
-
-        return RemoteArm(self, settings, robot=cell.loaded_robot(), cell=cell)

@@ -6,14 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig
 from dovetail.plants.twin import TwinConfig, TwinPlant, load_twin
 
 if TYPE_CHECKING:
-    from dovetail.arms.local_arm import LocalArm
     from dovetail.workcell.workcell import Workcell
 
 
@@ -27,20 +25,6 @@ class LocalAddress(ArmAddress):
     def is_real_time(self) -> bool:
         """Whether the arm moves on while the learner thinks: no."""
         return False
-
-    def build(self, cell: "Workcell", settings: ControllerSettings) -> "LocalArm":
-        """Build controller and plant; see `ArmAddress.build`."""
-        from dovetail.arms.local_arm import LocalArm
-
-        return LocalArm(
-            self.make_plant(cell),
-            cell.loaded_robot(),
-            settings.osc,
-            settings.limits,
-            settings.task,
-            settings.period,
-            address=self.text,
-        )
 
     @abstractmethod
     def make_plant(self, cell: "Workcell") -> DrivenPlant:

@@ -60,17 +60,20 @@ class LocalArm:
         self._period = period
         self._chain = robot.chain()
         self._stamp = 0.0
-        self._disturbance = Disturbance()
+        self.disturbance = Disturbance()
+        self._cycles: dict[float, int] = {}  # of each duration
 
     def reset(self, q: Vec7, fixture: Pose) -> ArmState:
         """Put the arm at rest at q [rad], the fixture there; latch what is held."""
         self.plant.reset(q, fixture)
-        self._disturbance.clear()
+        self.disturbance.clear()
         q_m, dq_m = self.plant.read()
         hold = self.facts.robot.tool_pose(np.asarray(q, dtype=float))
         self.controller.reset(q_m, hold.position, hold.quat_wxyz)
         self._stamp = 0.0
-        return self._state(q_m, dq_m, np.empty((0, len(CYCLE_COLUMNS))))
+        log = np.empty((0, len(CYCLE_COLUMNS)))
+        seen = _core.summarize(self._chain, q_m, dq_m, log)  # position to flags
+        return ArmState(0.0, q_m, dq_m, *seen, log)
 
     def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
         """Follow the target for a duration [s], a whole number of periods.
@@ -79,11 +82,15 @@ class LocalArm:
             ConfigError: The duration is not a whole number of periods.
             PlantError: The simulation diverged.
         """
-        cycles = self.count_cycles(duration)
-        run = self._run_disturbed if self.is_disturbed else self._run
-        log, q, dq = run(target, cycles)
+        cycles = self._cycles.get(duration) or self.count_cycles(duration)
+        if self.disturbance.is_active:
+            log, q, dq = self._run_disturbed(target, cycles)
+        else:
+            controller, period = self.controller, self._period
+            log, q, dq = self.plant.run_cycles(controller, target, cycles, period)
         self._stamp += duration
-        return self._state(q, dq, log)
+        seen = _core.summarize(self._chain, q, dq, log)  # position to flags
+        return ArmState(self._stamp, q, dq, *seen, log)
 
     def count_cycles(self, duration: float) -> int:
         """Return how many control periods a duration [s] has.
@@ -97,15 +104,8 @@ class LocalArm:
                 f"duration is {duration} s, which is not a whole number of control "
                 f"periods of {self._period} s"
             )
+        self._cycles[duration] = cycles  # it is nearly always the same
         return cycles
-
-    @property
-    def is_disturbed(self) -> bool:
-        """Whether something acts on the plant between control cycles."""
-        return self._disturbance.is_active
-
-    def _run(self, target: _core.Target, cycles: int) -> tuple[Array, Vec7, Vec7]:
-        return self.plant.run_cycles(self.controller, target, cycles, self._period)
 
     def _run_disturbed(
         self, target: _core.Target, cycles: int
@@ -115,10 +115,10 @@ class LocalArm:
         held = _core.Target(target)
         q, dq = self.plant.read()
         for _ in range(cycles):
-            self._disturbance.before_cycle(self.plant, self._period)
-            row, q, dq = self._run(held, 1)
+            self.disturbance.before_cycle(self.plant, self._period)
+            row, q, dq = self.plant.run_cycles(self.controller, held, 1, self._period)
             held.age += self._period
-            self._disturbance.after_cycle(self.plant)
+            self.disturbance.after_cycle(self.plant)
             rows.append(row)
         return np.vstack(rows), q, dq
 
@@ -127,7 +127,7 @@ class LocalArm:
 
         The duration is rounded up to control periods; a later push replaces this one.
         """
-        self._disturbance.push(force, duration, self._period)
+        self.disturbance.push(force, duration, self._period)
 
     def move_fixture(self, fixture: Pose, velocity: Vec3) -> None:
         """Put the fixture at a pose; it then moves at a velocity [m/s], world axes.
@@ -138,11 +138,7 @@ class LocalArm:
             ConfigError: The fixture is out of reach.
         """
         self.plant.move_fixture(fixture)
-        self._disturbance.slide(fixture, velocity)
-
-    def _state(self, q: Vec7, dq: Vec7, log: Array) -> ArmState:
-        seen = _core.summarize(self._chain, q, dq, log)  # position to flags
-        return ArmState(self._stamp, q, dq, *seen, log)
+        self.disturbance.slide(fixture, velocity)
 
     def stop(self) -> None:
         """Do nothing: between two steps nothing moves."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import (
     ArmError,
@@ -20,7 +21,6 @@ from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.arms.grpc_address import GrpcAddress
     from dovetail.rpc import dovetail_pb2 as pb
     from dovetail.rpc.client import Connection
     from dovetail.workcell.workcell import Workcell
@@ -35,7 +35,7 @@ class RemoteArm:
 
     def __init__(
         self,
-        address: "GrpcAddress",
+        address: GrpcAddress,
         settings: ControllerSettings,
         *,
         robot: Robot | None = None,
@@ -244,7 +244,7 @@ def _require_grpc() -> None:
         ) from error
 
 
-def _connect(address: "GrpcAddress", timeout: float) -> "Connection":
+def _connect(address: GrpcAddress, timeout: float) -> "Connection":
     from dovetail.rpc.client import Connection
     from dovetail.rpc.security import certificates
 

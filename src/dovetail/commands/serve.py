@@ -12,6 +12,7 @@ from rich.console import Console
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.from_address import arm_from_address
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period import format_period
 from dovetail.control.period_option import Period
@@ -126,7 +127,7 @@ def _builder(settings: Serve, address: ArmAddress) -> "ArmBuilder":
 
     def make(learner: ControllerSettings) -> Arm:
         require_offered(address.text, address.period, learner)
-        return address.build(cell, learner)
+        return arm_from_address(address, cell, learner)
 
     return RebuiltArm(
         address.text,

@@ -5,6 +5,7 @@ import warnings
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.from_address import arm_from_address
 from dovetail.arms.local_address import TwinAddress, local_address
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
@@ -65,7 +66,7 @@ def build_arm(
         cell, config.having(period=period), is_hardware=is_hardware
     )
     settings = ControllerSettings(osc=osc, limits=limits, task=axes, period=period)
-    return address.build(cell, settings)
+    return arm_from_address(address, cell, settings)
 
 
 def _warn_of(address: TwinAddress) -> None:

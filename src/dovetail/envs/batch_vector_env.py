@@ -60,10 +60,17 @@ class BatchVectorEnv(SyncVectorEnv):
             raise
         own = {name for env in self.envs if (name := _own_step(env, _PLAIN_STEPS))}
         self._is_begun_early = not own
-        scaling = self._cores[0].scaling
+        self._scaling = scaling = self._cores[0].scaling
         self._scales_at_once = not any(_own_step(e, _NO_STEPS) for e in self.envs)
         self._scales_at_once &= all(scaling.is_like(c.scaling) for c in self._cores)
+        self._remembers = any(
+            core.remembers or type(core).remember is not ContactEnv.remember
+            for core in self._cores
+        )
         self._raw = np.zeros((self.num_envs, len(scaling)))
+        box = self.observation_space
+        self._seen = np.zeros(box.shape or (), box.dtype)
+        self._env_obs: Any = self._seen  # where Gymnasium's reset puts a row, too
         self._is_checked = False
         self._failed = np.zeros(self.num_envs, dtype=np.bool_)
         for name in sorted(own):
@@ -98,21 +105,21 @@ class BatchVectorEnv(SyncVectorEnv):
         rows = list(actions)  # the same object twice is compared at once
         over: list[int] = []
         going: list[int] = []
-        for index, is_over in enumerate(self._autoreset_envs.tolist()):
-            (over if is_over else going).append(index)
         index = 0
         try:
-            for index in going if self._is_begun_early else ():
-                target = self._cores[index].begin_step(rows[index])
-                self.batch.begin(index, target, POLICY_PERIOD)
+            for index, is_over in enumerate(self._autoreset_envs.tolist()):
+                (over if is_over else going).append(index)
+                if self._is_begun_early and not is_over:
+                    target = self._cores[index].begin_step(rows[index])
+                    self.batch.begin(index, target, POLICY_PERIOD)
             # All that can be done while they move is done after this line.
             infos: list[dict[str, Any]] = [{}] * self.num_envs
             columns = InfoColumns(self.num_envs, self._add_info)
             # Past wrappers that do nothing, scaled at once below; or each for itself.
             is_raw = self._scales_at_once and self._is_checked
-            seen: Any = self._raw if is_raw else self._env_obs
+            seen = self._raw if is_raw else self._seen
             for index in over:
-                self._env_obs[index], infos[index] = self.envs[index].reset()
+                self._seen[index], infos[index] = self.envs[index].reset()
                 self._rewards[index] = 0.0
                 self._terminations[index] = self._truncations[index] = False
                 columns.add(index, infos[index])
@@ -133,15 +140,15 @@ class BatchVectorEnv(SyncVectorEnv):
             raise
         gathered = columns.gathered(infos)
         if is_raw and going:
-            scaled = self._cores[0].scaling.scale(self._raw[going])
-            observed: list[Any] = self._env_obs
-            for i, row in zip(going, scaled, strict=True):
-                observed[i] = self._cores[i].remember(row)
+            scaled = self._scaling.scale(self._raw[going] if over else self._raw)
+            if self._remembers:
+                rows = zip(going, scaled, strict=True)
+                scaled = np.array([self._cores[i].remember(row) for i, row in rows])
+            self._seen[going] = scaled
         self._is_checked = True
-        self._observations = np.array(self._env_obs)
         self._autoreset_envs = self._terminations | self._truncations
         return (
-            self._observations.copy(),
+            self._seen.copy(),
             self._rewards.copy(),
             self._terminations.copy(),
             self._truncations.copy(),

@@ -128,6 +128,7 @@ class CommandMap:
         ]
         self.tare: Vec6 = np.zeros(6)
         """f* that holds the weight which nobody compensates; see `take_off`."""
+        self._taken_off: list[float] = [0.0] * 6
         self._f_star = np.zeros(6)
         self._position = np.zeros(3)
         self._quat = np.zeros(4)
@@ -135,6 +136,7 @@ class CommandMap:
     def take_off(self, tare: Vec6) -> None:
         """Hold this weight from now on: f* [m/s2, rad/s2], world axes, shape (6,)."""
         self.tare = tare
+        self._taken_off = tare.tolist()
         self._f_star[:] = tare
 
     def __len__(self) -> int:
@@ -150,9 +152,10 @@ class CommandMap:
         action = np.asarray(action, dtype=np.float32)
         values = action.tolist()
         # In double precision a sum of float32 is finite where each of them is.
-        if action.shape != (len(self),) or not math.isfinite(sum(values)):
+        size = len(self.axes)
+        if action.shape != (size,) or not math.isfinite(sum(values)):
             raise ConfigError(
-                f"the action is {values}; it must be {len(self)} finite numbers, one "
+                f"the action is {values}; it must be {size} finite numbers, one "
                 f"for each of {' '.join(self.axes)}"
             )
         if max(values) > 1.0 or min(values) < -1.0:
@@ -177,7 +180,7 @@ class CommandMap:
         values = action.tolist()
         stay = 0
         for i, index in self._force:
-            self._f_star[index] = self.scale[i] * values[i] + self.tare[index]
+            self._f_star[index] = self.scale[i] * values[i] + self._taken_off[index]
             if values[i] == 0.0 and index < 3:  # no policy says exactly nothing
                 stay |= 1 << index
         self._position[:] = goal_position

@@ -16,11 +16,11 @@ from dovetail.envs.commands import CommandMap, require_same
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
-from dovetail.envs.observation import Layout
+from dovetail.envs.observation import Layout, sight
 from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
-from dovetail.envs.violations import ViolationCounter, count_bad_input
+from dovetail.envs.violations import BAD_INPUT, ViolationCounter, count_bad_input
 from dovetail.envs.workspace import (
     require_axes,
     require_columns,
@@ -28,9 +28,9 @@ from dovetail.envs.workspace import (
     require_placed,
 )
 from dovetail.errors import ArmError, ConfigError, TrackerError
-from dovetail.poses import Pose, theta_about_vertical
+from dovetail.poses import Pose
 from dovetail.robots.find import find_robot
-from dovetail.tasks.task import Goal, Task
+from dovetail.tasks.task import Task
 from dovetail.trackers.find import Site, find_tracker
 from dovetail.trackers.tracker import Tracker
 from dovetail.types import Array, Vec3
@@ -172,7 +172,6 @@ class ContactEnv(
         require_axes(self.arm, self.axes)
         require_columns(self.arm, self.task.columns)
         self.max_steps = self.config.episode.max_steps
-        self._near_distance = self.config.approach.near_distance
         facts, seen, own = self.arm.facts, self.config.observation, self.task.columns
         self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
@@ -185,11 +184,12 @@ class ContactEnv(
         self._recall = Recall(seen.recall, self.scaling, size)
         self.columns = (*self.scaling.columns, *self._recall.columns)
         self._history = History(seen.stack, len(self.columns), size)
+        self.remembers = bool(seen.recall or seen.stack)  # what was, see `remember`
         high = self._history.highest(np.append(self.scaling.high, self._recall.high))
         self.observation_space = gymnasium.spaces.Box(-high, high, dtype=np.float32)
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (size,), dtype=np.float32)
         self._seeds = np.random.default_rng()
-        self._seen = self._true = b""
+        self._seen = self._true = b"", b""
         self._velocity, self._followed = FixtureVelocity(), STANDS
         self._is_force = np.array([m == FORCE for m in self.axes.modes[:3]])
         self._begun: NDArray[np.float32] | None = None
@@ -274,8 +274,11 @@ class ContactEnv(
         self.steps += 1
         raw = self._locate()
         info = self._info(raw)
-        is_cut = self.steps >= self.max_steps and not info["success"]
-        return raw, self._weigh(info), info["success"], is_cut, info
+        true, is_done = self._by_truth, info["success"]
+        reward = self.task.weigh(
+            true.position_error, true.theta_error, is_done, info["contact_force_max"]
+        )
+        return raw, reward, is_done, self.steps >= self.max_steps and not is_done, info
 
     def remember(self, scaled: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return a step's observation: what is seen, scaled, and what was.
@@ -283,14 +286,9 @@ class ContactEnv(
         Args:
             scaled: What `follow` gave first, scaled by `scaling`.
         """
+        if not self.remembers:
+            return scaled
         return self._history.push(self._action, self._recall.push(self._action, scaled))
-
-    def _weigh(self, info: dict[str, Any]) -> float:
-        """Return the step's reward, by where the fixture truly is."""
-        true = self._true_goal
-        theta = theta_about_vertical(self.state.quat_wxyz, true.quat_wxyz)
-        error, force = self.state.position - true.position, info["contact_force_max"]
-        return self.task.weigh(error, theta, info["success"], force)
 
     def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
         """Do what a step does before its control cycles.
@@ -364,36 +362,39 @@ class ContactEnv(
         except TrackerError:
             self.arm.stop()  # nobody knows where to go
             raise
-        seen, velocity = self._velocity.follow(estimate, self.state.stamp)
+        pose, velocity = self._velocity.follow(estimate, self.state.stamp)
         if velocity is not self._followed:
             self._followed = velocity
             self._target.velocity_d = np.append(velocity * self._is_force, np.zeros(3))
         # By value: a tracker may change its pose in place.
-        if (value := _value(seen)) != self._seen:
-            self._seen = value
-            self._goal = goal = self.task.goal(seen)
-            self._near_height = goal.surface + self._near_distance
-            self._target.near_plane = np.append(goal.normal, self._near_height)
-        if (value := _value(self.fixture)) != self._true:
-            self._true = value
-            self._true_goal: Goal = self.task.goal(self.fixture)
-        return self.scaling.read(self.state, self._goal)
+        seen = true = pose.position.tobytes(), pose.quat_wxyz.tobytes()
+        if seen != self._seen:
+            self._seen = seen
+            self._goal = goal = self.task.goal(pose)
+            near = goal.surface + self.config.approach.near_distance
+            self._target.near_plane = np.append(goal.normal, near)
+        goal = self._goal
+        if pose is not self.fixture:
+            true = self.fixture.position.tobytes(), self.fixture.quat_wxyz.tobytes()
+        if true != self._true:
+            self._true = true
+            self._true_goal = goal if true == seen else self.task.goal(self.fixture)
+        self._by_sight = self._by_truth = sight(self.state, goal)
+        if self._true_goal is not goal:
+            self._by_truth = sight(self.state, self._true_goal)
+        return self.scaling.read(self._by_sight)
 
     def _info(self, raw: Array) -> dict[str, Any]:
-        state, goal, true = self.state, self._goal, self._true_goal
-        depth, success = self.task.judge(state.position - true.position, true, state)
+        state, true = self.state, self._by_truth
+        depth, success = self.task.judge(true.position_error, true.goal, state)
         fx, fy, fz = state.contact_force.tolist()
         return {
             "success": success,
             "depth": depth,
-            "position_error": state.position - goal.position,
-            "theta_error": theta_about_vertical(state.quat_wxyz, goal.quat_wxyz),
+            "position_error": self._by_sight.position_error,
+            "theta_error": self._by_sight.theta_error,
             "contact_force_max": math.sqrt(fx * fx + fy * fy + fz * fz),
             "limit_violations": self.violations.count(state.log),
-            "bad_input": count_bad_input(state),
+            "bad_input": count_bad_input(state) if state.flags & BAD_INPUT else 0,
             "observation_raw": raw,
         }
-
-
-def _value(pose: Pose) -> bytes:
-    return pose.position.tobytes() + pose.quat_wxyz.tobytes()

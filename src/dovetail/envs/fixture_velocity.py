@@ -38,26 +38,22 @@ class FixtureVelocity:
         self._same = 0
 
     def follow(self, estimate: Estimate, now: float) -> tuple[Pose, Vec3]:
-        """Return where the fixture is by now, and its velocity [m/s]; see `update`."""
-        velocity = self.update(estimate, now)
-        if velocity is STANDS:
-            return estimate.pose, velocity
-        position = estimate.pose.position + estimate.age * velocity
-        return estimate.pose._replace(position=position), velocity
-
-    def update(self, estimate: Estimate, now: float) -> Vec3:
-        """Take in a sight and return the velocity [m/s], world axes, shape (3,).
+        """Return where the fixture is by now, and its velocity [m/s], world axes.
 
         Args:
             estimate: What the tracker says.
             now: Time of the episode [s].
         """
-        seen, position = now - estimate.age, estimate.pose.position.tolist()
+        pose, seen = estimate.pose, now - estimate.age
         if not self._times or seen > self._times[-1] + 1e-6:
-            self._take(seen, position)
+            self._take(seen, pose.position.tolist())
         if self._same >= WINDOW or now - self._times[-1] >= LONGEST:
-            return STANDS
-        return self._fit()
+            return pose, STANDS
+        velocity = self._fit()
+        if velocity is STANDS:
+            return pose, STANDS
+        position = pose.position + estimate.age * velocity
+        return pose._replace(position=position), velocity
 
     def _take(self, seen: float, position: list[float]) -> None:
         if self._times:

@@ -1,6 +1,7 @@
 """The numbers that a policy sees, from what the arm measured, in groups of columns."""
 
 from collections.abc import Callable, Mapping, Sequence
+from operator import attrgetter
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -28,6 +29,25 @@ MOMENT_SCALE = 0.1
 """The same for moments [Nm]."""
 
 
+class Sight(NamedTuple):
+    """The tool beside a goal: what a policy sees, and what it is judged by."""
+
+    state: ArmState
+    """What the arm measured."""
+    goal: Goal
+    """Where the tool is to go."""
+    position_error: Vec3
+    """TCP minus the goal [m], world axes, shape (3,)."""
+    theta_error: float
+    """Rotation about the vertical minus the goal's [rad]."""
+
+
+def sight(state: ArmState, goal: Goal) -> Sight:
+    """Compare the tool with a goal."""
+    turn = theta_about_vertical(state.quat_wxyz, goal.quat_wxyz)
+    return Sight(state, goal, state.position - goal.position, turn)
+
+
 class Column(NamedTuple):
     """One number that a policy sees."""
 
@@ -47,7 +67,7 @@ class Group(NamedTuple):
     for all columns, or one for each."""
     high: float
     """Bound of the scaled numbers; further values are clipped."""
-    read: Callable[[ArmState, Goal], Any]
+    read: Callable[["Sight"], Any]
     """Gives the unscaled numbers."""
 
 
@@ -62,43 +82,43 @@ GROUPS: Mapping[str, Group] = {
         _columns("q1 q2 q3 q4 q5 q6 q7", "rad", "joints"),
         0.0,
         1.1,  # 10 % past a joint limit
-        lambda state, goal: state.q,
+        attrgetter("state.q"),
     ),
     "position": Group(
         _columns("x y z", "m", _GOAL),
         POSITION_SCALE,
         7.0,  # 2.2 m
-        lambda state, goal: state.position - goal.position,
+        attrgetter("position_error"),
     ),
     "theta": Group(
         _columns("theta", "rad", "about the vertical, relative to the goal"),
         THETA_SCALE,
         5.1,  # 3.2 rad
-        lambda state, goal: theta_about_vertical(state.quat_wxyz, goal.quat_wxyz),
+        attrgetter("theta_error"),
     ),
     "tilt": Group(
         _columns("tilt_x tilt_y", "rad", "about the world's x and y, from the goal's"),
         THETA_SCALE,
         5.1,  # 3.2 rad
-        lambda state, goal: rotation_error(state.quat_wxyz, goal.quat_wxyz)[:2],
+        lambda s: rotation_error(s.state.quat_wxyz, s.goal.quat_wxyz)[:2],
     ),
     "velocity": Group(
         _columns("vx vy vz", "m/s", "tool, world axes"),
         VELOCITY_SCALE,
         5.0,  # 2.9 m/s
-        lambda state, goal: state.velocity[:3],
+        lambda sight: sight.state.velocity[:3],
     ),
     "spin": Group(
         _columns("wx wy wz", "rad/s", "tool, world axes"),
         VELOCITY_SCALE,
         7.0,  # 22 rad/s
-        lambda state, goal: state.velocity[3:],
+        lambda sight: sight.state.velocity[3:],
     ),
     "force": Group(
         _columns("fx fy fz", "N", "on the tool, world axes; simulations only"),
         FORCE_SCALE,
         7.0,  # 1.1 kN
-        lambda state, goal: state.contact_force,
+        attrgetter("state.contact_force"),
     ),
     "wrench": Group(
         (
@@ -107,7 +127,7 @@ GROUPS: Mapping[str, Group] = {
         ),
         (FORCE_SCALE,) * 3 + (MOMENT_SCALE,) * 3,
         7.0,  # 1.1 kN, 110 Nm
-        lambda state, goal: state.wrench,
+        attrgetter("state.wrench"),
     ),
 }
 """Every group that a task may show."""
@@ -147,7 +167,7 @@ class Layout:
         size = len(self.columns)
         self._zero, self._unit = np.zeros(size), np.ones(size)
         self._is_log, high = np.ones(size, dtype=bool), np.zeros(size)
-        self._read: list[tuple[slice, Callable[[ArmState, Goal], Any]]] = []
+        self._read: list[tuple[slice | int, Callable[[Sight], Any]]] = []
         self.places: dict[str, slice] = {}
         start = 0
         for name in groups:
@@ -162,7 +182,8 @@ class Layout:
                 self._is_log[place] = False
             if name == "position":
                 self._zero[place] = zero_offset
-            self._read.append((place, group.read))
+            is_one = len(group.columns) == 1  # an index is quicker than a slice
+            self._read.append((place.start if is_one else place, group.read))
         self.high: NDArray[np.float32] = high.astype(np.float32)
         self._high = self.high.astype(float)
         self._low = -self._high
@@ -174,18 +195,21 @@ class Layout:
         """How many columns there are."""
         return len(self.columns)
 
-    def read(self, state: ArmState, goal: Goal) -> Array:
+    def read(self, sight: Sight) -> Array:
         """Return the unscaled observation, shape (len(self),)."""
         raw = np.empty(len(self.columns))
         for place, read in self._read:
-            raw[place] = read(state, goal)
+            raw[place] = read(sight)
         return raw
 
     def scale(self, raw: Array) -> NDArray[np.float32]:
         """Scale unscaled observations, shape (len(self),) or (N, len(self))."""
-        out = (raw - self._zero) / self._unit
+        out = raw - self._zero
+        out /= self._unit
         part = out[..., self._log]
-        out[..., self._log] = np.copysign(np.log1p(np.abs(part)), part)
+        size = np.abs(part)
+        np.log1p(size, out=size)
+        out[..., self._log] = np.copysign(size, part, out=size)
         np.maximum(out, self._low, out=out)
         np.minimum(out, self._high, out=out)
         return out.astype(np.float32)

@@ -10,15 +10,14 @@ from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK
 from dovetail.robots.robot import Robot
 from dovetail.types import Array
 
-_BAD_INPUT = FLAG_MASK["bad_input"]
+BAD_INPUT = FLAG_MASK["bad_input"]
+"""Bit of the flags where the controller refused its input."""
 
 
 def count_bad_input(state: ArmState) -> int:
     """Return in how many cycles of a step the controller refused its input."""
-    if not state.flags & _BAD_INPUT:
-        return 0  # nearly always: the log need not be read
     flags = state.log[:, COLUMN["flags"]].astype(np.int64)
-    return int(np.count_nonzero(flags & _BAD_INPUT))
+    return int(np.count_nonzero(flags & BAD_INPUT))
 
 
 class ViolationCounter:

@@ -1,5 +1,6 @@
 """A plant in MuJoCo, whose control loop runs in C++."""
 
+import math
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -125,7 +126,7 @@ class MujocoPlant:
         self._mujoco.mj_setConst(model, self.data)
         self.dynamics = dynamics
         self._is_ready = False
-        self._period = 0.0  # that the physics step is made for: none yet
+        self._period = math.nan  # that the physics step is made for: none yet
         if self._is_compensated != dynamics.gravity_compensation:
             self._is_compensated = dynamics.gravity_compensation
             self._loop = self._make_loop()
@@ -224,12 +225,13 @@ class MujocoPlant:
         Raises:
             PlantError: The simulation diverged, or `reset` was not called.
         """
-        steps = self._prepare(dt)
+        if dt != self._period:
+            self._prepare(dt)
         try:
             if drive is None:
-                self._loop.apply(np.asarray(tau, dtype=float), steps)
+                self._loop.apply(np.asarray(tau, dtype=float), self._steps)
             else:
-                self._loop.apply(np.asarray(tau, dtype=float), steps, drive)
+                self._loop.apply(np.asarray(tau, dtype=float), self._steps, drive)
         except RuntimeError as error:
             raise PlantError(str(error)) from error
 
@@ -247,9 +249,10 @@ class MujocoPlant:
         begun = self._begun
         try:
             if begun is None:
-                steps = self._prepare(period)
+                if period != self._period:
+                    self._prepare(period)
                 log = np.empty((cycles, len(CYCLE_COLUMNS)))
-                self._loop.run(controller, target, steps, log)
+                self._loop.run(controller, target, self._steps, log)
             else:
                 log = begun.log
                 begun.pool.finish(begun.slot)
@@ -291,9 +294,10 @@ class MujocoPlant:
             raise PlantError(
                 "control cycles were begun and not ended: end the step, or reset"
             )
-        steps = self._prepare(period)
+        if period != self._period:
+            self._prepare(period)
         log = np.empty((cycles, len(CYCLE_COLUMNS)))
-        pool.begin_run(slot, self._loop, controller, target, steps, log)
+        pool.begin_run(slot, self._loop, controller, target, self._steps, log)
         self._begun = _Begun(pool, slot, target, log)
 
     def drop_cycles(self) -> None:
@@ -303,17 +307,15 @@ class MujocoPlant:
                 begun.pool.finish(begun.slot)
             self._begun = None
 
-    def _prepare(self, period: float) -> int:
-        """Set the physics step for this control period and return their number."""
+    def _prepare(self, period: float) -> None:
+        """Set the physics step for another control period."""
         if not self._is_ready:
             raise PlantError("plant was not reset since it was built or configured")
-        if period != self._period:
-            # MuJoCo (refsafe) would make contacts softer than two steps show.
-            longest = min(self.dynamics.physics_dt, 0.5 * self.dynamics.contact_time)
-            self._steps = physics_steps(period, longest)
-            self.model.opt.timestep = period / self._steps
-            self._period = period
-        return self._steps
+        # MuJoCo (refsafe) would make contacts softer than two steps show.
+        longest = min(self.dynamics.physics_dt, 0.5 * self.dynamics.contact_time)
+        self._steps = physics_steps(period, longest)
+        self.model.opt.timestep = period / self._steps
+        self._period = period
 
     def contact_force(self) -> Vec3:
         """Return the force on the tool in the last physics step [N], world."""

@@ -10,14 +10,13 @@ from dovetail.types import Mat33, Vec3, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robots.robot import Robot
 
 _STEP_MAX = 0.5  # rad per iteration, keeps the linearisation honest
 _LENGTH = 0.3  # m per rad: weighs rotation against translation while iterating
 
 
 def solve_pose(
-    robot: "Robot",
+    limits: tuple[Vec7, Vec7],
     chain: "_core.Chain",
     pose: Pose,
     q_seed: Vec7,
@@ -36,8 +35,8 @@ def solve_pose(
     .. math:: \Delta q = J_f^T (J_f J_f^T + \mu I)^{-1} e
 
     Args:
-        robot: Joint limits.
-        chain: Its kinematics.
+        limits: Lower and upper joint limits [rad].
+        chain: The robot's kinematics.
         pose: Desired TCP pose in the world.
         q_seed: Where to start from [rad], shape (7,); the answer is the one near it.
         tolerance: Largest error of the answer [m, rad].
@@ -62,7 +61,7 @@ def solve_pose(
     ):
         if not np.isfinite(values).all():
             raise ConfigError(f"{name} is {np.asarray(values).tolist()}: not finite")
-    q_min, q_max = robot.q_min + margin, robot.q_max - margin
+    q_min, q_max = limits[0] + margin, limits[1] - margin
     seed = np.clip(np.asarray(q_seed, dtype=float), q_min, q_max)
     target = (np.asarray(pose.position, dtype=float), matrix_from_quat(pose.quat_wxyz))
     best, closest = np.inf, seed

@@ -15,6 +15,7 @@ import numpy as np
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_from_matrix
 from dovetail.robots.inertia import merge_bodies, require_inertia
+from dovetail.robots.kinematics import solve_pose
 from dovetail.types import JOINTS, Array, Mat33, Vec3, Vec7
 
 if TYPE_CHECKING:
@@ -280,6 +281,5 @@ class Robot:
 
     def inverse_kinematics(self, pose: Pose, q_seed: Vec7, **options: Any) -> Vec7:
         """Find a configuration with the TCP at a pose; see `kinematics.solve_pose`."""
-        from dovetail.robots.kinematics import solve_pose
-
-        return solve_pose(self, self._chain, pose, q_seed, **options)
+        limits = self.q_min, self.q_max
+        return solve_pose(limits, self._chain, pose, q_seed, **options)

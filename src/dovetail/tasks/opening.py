@@ -1,12 +1,17 @@
 """Going straight into an opening: depth along its axis, distance from it."""
 
 import math
+from abc import abstractmethod
+from typing import TYPE_CHECKING
 
-from dovetail.control.ranges import Range
+from dovetail.control.ranges import Range, in_range
 from dovetail.errors import ConfigError
 from dovetail.poses import TOOL_DOWN, Pose, quat_multiply
-from dovetail.tasks.task import Goal, Progress, axis_of
+from dovetail.tasks.task import Goal, Progress, Task, axis_of
 from dovetail.types import Vec3
+
+if TYPE_CHECKING:
+    from dovetail.arms.arm import ArmState
 
 CLEARANCE = Range(0.0, 0.010, "m")
 """Gap between held part and fixture on each side; 0.06 mm to 4 mm is tested."""
@@ -27,43 +32,63 @@ def widened_gap(clearance: float, widened: float) -> float:
     return clearance + widened
 
 
-def goal_inside(fixture: Pose, depth: float) -> Goal:
-    """Return the goal `depth` [m] below the fixture's frame, tool against its z."""
-    axis = axis_of(fixture)
-    return Goal(
-        position=fixture.position - depth * axis,
-        quat_wxyz=quat_multiply(fixture.quat_wxyz, TOOL_DOWN),
-        normal=axis,
-        surface=float(axis @ fixture.position),
-    )
+class IntoOpening(Task):
+    """A task that goes straight into an opening: down to its floor, tool against its z.
 
-
-def insertion(error: Vec3, axis: Vec3, depth: float) -> tuple[float, float]:
-    """Return how deep the tool is in an opening and how far from its axis [m].
-
-    Args:
-        error: Tool minus the middle of the opening's floor [m].
-        axis: The opening's axis, outwards, unit length; same axes.
-        depth: From mouth to floor [m].
+    The fixture's frame is in the middle of the opening's mouth, z out of it.
     """
-    x, y, z = error.tolist()
-    nx, ny, nz = axis.tolist()
-    height = x * nx + y * ny + z * nz
-    lateral = math.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
-    return depth - height, lateral
 
+    clearance: float
+    """Gap between held part and fixture on each side [m]."""
 
-def judge_insertion(
-    error: Vec3, goal: Goal, depth: float, success_depth: float, lateral_max: float
-) -> Progress:
-    """Say how deep the tool is, and whether it is deep enough and inside.
+    @abstractmethod
+    def depths(self) -> tuple[float, float]:
+        """Return how deep the opening is, and which depth is done [m]."""
 
-    Args:
-        error: Tool minus the goal [m].
-        goal: Of `goal_inside`.
-        depth: From mouth to floor [m].
-        success_depth: Depth that counts as done [m].
-        lateral_max: Largest distance from the axis that is inside [m].
-    """
-    reached, lateral = insertion(error, goal.normal, depth)
-    return Progress(reached, reached >= success_depth and lateral <= lateral_max)
+    def __post_init__(self) -> None:
+        """Refuse a clearance that cannot be built, and note how deep is deep enough."""
+        gap = in_range("clearance", self.clearance, CLEARANCE)
+        object.__setattr__(self, "clearance", gap)
+        object.__setattr__(self, "_depths", self.depths())
+        object.__setattr__(self, "_lateral_max", gap * math.sqrt(2.0) + 0.002)
+
+    _depths: tuple[float, float]
+    _lateral_max: float
+    """Largest distance from the axis that is inside [m]."""
+
+    def goal(self, fixture: Pose) -> Goal:
+        """Return the tool's pose with the held part on the opening's floor."""
+        axis, (depth, _) = axis_of(fixture), self._depths
+        return Goal(
+            position=fixture.position - depth * axis,
+            quat_wxyz=quat_multiply(fixture.quat_wxyz, TOOL_DOWN),
+            normal=axis,
+            surface=float(axis @ fixture.position),
+        )
+
+    def judge(self, error: Vec3, goal: Goal, state: "ArmState") -> Progress:
+        """Return the depth of the held part's end below the mouth, and if it is in."""
+        x, y, z = error.tolist()
+        nx, ny, nz = goal.normal.tolist()
+        height = x * nx + y * ny + z * nz  # above the floor
+        lateral = math.sqrt(max(x * x + y * y + z * z - height * height, 0.0))
+        depth, done = self._depths
+        reached = depth - height
+        return Progress(reached, reached >= done and lateral <= self._lateral_max)
+
+    def places(self, fixture: Pose) -> dict[str, Vec3]:
+        """Return the middle of the opening's mouth and of its floor [m]."""
+        return {"mouth": fixture.position, "floor": self.goal(fixture).position}
+
+    def heights(self) -> tuple[float, ...]:
+        """Return the heights of the opening's mouth and floor over its mouth [m]."""
+        return 0.0, -self._depths[0]
+
+    def slack(self) -> float:
+        """Return how far above the floor is deep enough [m]."""
+        depth, done = self._depths
+        return depth - done
+
+    def gap(self) -> float:
+        """Return the clearance [m]."""
+        return self.clearance

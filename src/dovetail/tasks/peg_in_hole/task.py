@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from dovetail.control.ranges import in_range
 from dovetail.poses import Pose
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.opening import CLEARANCE, goal_inside, judge_insertion, widened_gap
+from dovetail.tasks.opening import IntoOpening, widened_gap
 from dovetail.tasks.peg_in_hole.geometry import (
     HoleBlock,
     Peg,
@@ -21,17 +20,14 @@ from dovetail.tasks.peg_in_hole.starts import (
     sample_hole,
     sample_start,
 )
-from dovetail.tasks.task import Goal, Outline, Progress, Task
+from dovetail.tasks.task import Outline
 from dovetail.types import Vec3
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
 
-if TYPE_CHECKING:
-    from dovetail.arms.arm import ArmState
-
 
 @dataclass(frozen=True, kw_only=True)
-class PegInHole(Task):
+class PegInHole(IntoOpening):
     """The paper's task: XYZ as accelerations, the turn about the vertical as a pose.
 
     The goal is the peg's pose when inserted: its end in the middle of the hole's floor,
@@ -63,8 +59,7 @@ class PegInHole(Task):
     def __post_init__(self) -> None:
         """Refuse a peg or a clearance that cannot be built."""
         Peg(shape=self.peg)
-        gap = in_range("clearance", self.clearance, CLEARANCE)
-        object.__setattr__(self, "clearance", gap)
+        super().__post_init__()
 
     def held(self) -> Part:
         """Return the peg; its end face is the TCP."""
@@ -97,35 +92,13 @@ class PegInHole(Task):
         """Whether every hole that is drawn is the same."""
         return self.randomisation.is_hole_fixed
 
-    def goal(self, fixture: Pose) -> Goal:
-        """Return the tool's pose with the peg on the hole's floor."""
-        return goal_inside(fixture, self.block.depth)
-
-    def judge(self, error: Vec3, goal: Goal, state: "ArmState") -> Progress:
-        """Return the depth of the peg's end below the mouth, and whether it is in."""
-        lateral = self.clearance * math.sqrt(2.0) + 0.002
-        block = self.block
-        return judge_insertion(error, goal, block.depth, block.success_depth, lateral)
+    def depths(self) -> tuple[float, float]:
+        """Return how deep the opening is, and which depth is done [m]."""
+        return self.block.depth, self.block.success_depth
 
     def zero_offset(self) -> Vec3:
         """Return the mouth from the goal [m]: there millimetres decide."""
         return self.block.depth * np.array([0.0, 0.0, 1.0])
-
-    def places(self, fixture: Pose) -> dict[str, Vec3]:
-        """Return the middle of the hole's mouth and of its floor [m]."""
-        return {"mouth": fixture.position, "floor": self.goal(fixture).position}
-
-    def heights(self) -> tuple[float, ...]:
-        """Return the heights of the hole's mouth and floor over its mouth [m]."""
-        return 0.0, -self.block.depth
-
-    def slack(self) -> float:
-        """Return how far above the floor the peg counts as inserted [m]."""
-        return self.block.depth - self.block.success_depth
-
-    def gap(self) -> float:
-        """Return the clearance [m]."""
-        return self.clearance
 
     @classmethod
     def low_starts(cls) -> dict[str, Any]:

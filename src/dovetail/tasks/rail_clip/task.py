@@ -2,14 +2,13 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
-from dovetail.control.ranges import in_range
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z, quat_multiply
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.opening import CLEARANCE, goal_inside, judge_insertion, widened_gap
+from dovetail.tasks.opening import IntoOpening, widened_gap
 from dovetail.tasks.rail_clip.geometry import (
     DEPTH,
     LENGTH,
@@ -18,14 +17,10 @@ from dovetail.tasks.rail_clip.geometry import (
     clip,
     rail,
 )
-from dovetail.tasks.task import Goal, Progress, Task
 from dovetail.types import Vec3
 from dovetail.workcell.parts import Part
 from dovetail.workcell.tool import Tool, wsg50
 from dovetail.workcell.workcell import Walls
-
-if TYPE_CHECKING:
-    from dovetail.arms.arm import ArmState
 
 FACING_ROBOT = (math.sqrt(0.5), 0.0, -math.sqrt(0.5), 0.0)
 """Rotation (wxyz) of a slot whose z axis points out of it towards the robot, -x."""
@@ -46,7 +41,7 @@ class ClipStarts:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RailClip(Task):
+class RailClip(IntoOpening):
     """Push a clip along X into a rail's slot that faces the robot, turning it about A.
 
     The tool is horizontal. The policy commands X as a force and A as a pose; Y, Z, B
@@ -71,11 +66,6 @@ class RailClip(Task):
         FixturePose("C", 0.89, -0.005, 0.415, 0.0, FACING_ROBOT),
     )
     """Where the slot's mouth is when a policy is tried; its axis is the world's -x."""
-
-    def __post_init__(self) -> None:
-        """Refuse a clearance that cannot be built."""
-        gap = in_range("clearance", self.clearance, CLEARANCE)
-        object.__setattr__(self, "clearance", gap)
 
     def held(self) -> Part:
         """Return the clip; its end face is the TCP."""
@@ -112,34 +102,13 @@ class RailClip(Task):
         """Whether every slot that is drawn is the same."""
         return not self.randomisation.half_range
 
-    def goal(self, fixture: Pose) -> Goal:
-        """Return the tool's pose with the clip on the slot's floor."""
-        return goal_inside(fixture, DEPTH)
-
-    def judge(self, error: Vec3, goal: Goal, state: "ArmState") -> Progress:
-        """Return the depth of the clip's end below the mouth, and whether it is in."""
-        lateral = self.clearance * math.sqrt(2.0) + 0.002
-        return judge_insertion(error, goal, DEPTH, SUCCESS_DEPTH, lateral)
+    def depths(self) -> tuple[float, float]:
+        """Return how deep the opening is, and which depth is done [m]."""
+        return DEPTH, SUCCESS_DEPTH
 
     def zero_offset(self) -> Vec3:
         """Return the mouth from the goal [m]: there millimetres decide."""
         return DEPTH * np.array([-1.0, 0.0, 0.0])
-
-    def places(self, fixture: Pose) -> dict[str, Vec3]:
-        """Return the middle of the slot's mouth and of its floor [m]."""
-        return {"mouth": fixture.position, "floor": self.goal(fixture).position}
-
-    def heights(self) -> tuple[float, ...]:
-        """Return the heights of the slot's mouth and floor over its mouth [m]."""
-        return 0.0, -DEPTH
-
-    def slack(self) -> float:
-        """Return how far above the floor the clip counts as clipped on [m]."""
-        return DEPTH - SUCCESS_DEPTH
-
-    def gap(self) -> float:
-        """Return the clearance [m]."""
-        return self.clearance
 
     def describe(self) -> list[str]:
         """Return the clearance in words."""
