@@ -3,6 +3,7 @@
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from rich.console import Console
 
@@ -13,6 +14,7 @@ from dovetail.commands.help_page import Groups
 from dovetail.errors import LogError
 from dovetail.files import dated_folder
 from dovetail.learn.lerobot_folder import require_room, write_lerobot
+from dovetail.paths_option import some_paths
 
 GROUPS: Groups = {"what was recorded already": ("written",), **_OF_COCKPIT}
 LEROBOT = "lerobot"
@@ -23,7 +25,7 @@ LEROBOT = "lerobot"
 class Record(Cockpit):
     """Record demonstrations: the cockpit's page, then a LeRobotDataset of them."""
 
-    written: tuple[Path, ...] = ()
+    written: Annotated[tuple[Path, ...], some_paths("--written", Path)] = ()
     """Episode logs of before, or folders of them. They become the data set, and no page
     is shown."""
     policy: str = NOBODY

@@ -20,6 +20,7 @@ from dovetail.learn.learner_settings import LEARNER_RANGES, LearnerSettings
 from dovetail.learn.model_file import ModelFile
 from dovetail.learn.searching import SEARCHING
 from dovetail.learn.variation import Variation
+from dovetail.paths_option import some_paths
 from dovetail.robots.find import find_robot
 from dovetail.trackers.find import require_tracker
 
@@ -68,7 +69,7 @@ class TrainConfig(LearnerSettings, Variation):
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
-    demos: tuple[str, ...] = ()
+    demos: Annotated[tuple[str, ...], some_paths("--demos")] = ()
     """Episode logs, or folders of them, whose steps are in every batch. They are a
     person's or anybody's, of the same task, robot and meaning of an action."""
     teacher: str = "none"
