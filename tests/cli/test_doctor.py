@@ -1,6 +1,7 @@
 """The doctor finds what is broken, and says how to mend it."""
 
 import importlib.util
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -103,3 +104,17 @@ def test_any_failure_of_a_check_is_a_finding_not_a_crash():
     check = doctor._guard("x", lambda: 1 / np.array(0).item())
     assert check.status == "broken"
     assert "ZeroDivisionError" in check.detail
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--period", "1ms"], "--period would be ignored: .* give --arm"),
+        (["--delay", "5ms"], "--delay would be ignored: .* give --arm"),
+        (["--arm", "fri://127.0.0.1:30299", "--period", "1ms"], "ignored: .*period=1ms"),
+        (["--tracker", "a.toml", "--payload-error", "0.5"], "without --tracker"),
+    ],
+)
+def test_an_option_that_the_checks_do_not_use_is_refused(words, said, capsys):
+    assert run(["doctor", *words]) == 2
+    assert re.search(said, capsys.readouterr().err)
