@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from dovetail.arms.local_arm import LocalArm
 from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.task_flags import parse
 from dovetail.episode import Episode
-from dovetail.errors import ConfigError, DovetailError, LogError, PolicyError
+from dovetail.errors import ArmError, ConfigError, DovetailError, LogError, PolicyError
 from dovetail.evaluate.evaluation import (
     EvaluationConfig,
     command_line,
@@ -234,6 +235,21 @@ def test_a_policy_of_another_task_or_size_is_refused(
     other.with_suffix(".json").write_text(json.dumps(content))
     with pytest.raises(PolicyError, match=words):
         evaluate(replace(config, policy=str(other)), silent())
+
+
+def test_why_the_arm_ended_a_try_is_said_and_kept(config, monkeypatch, tmp_path):
+    def fail(*_):
+        raise ArmError("the cable is out", "motion_ended")
+
+    monkeypatch.setattr(LocalArm, "step", fail)
+    asked = replace(config, tries=1, workers=1, tare=False)
+    text = StringIO()
+    found = evaluate(asked, Console(file=text, width=200))
+    said = text.getvalue()
+    assert "the arm ended 3 tries itself: motion_ended (3)" in said
+    assert "the first: the cable is out" in said
+    report = json.loads((found.folder / "report.json").read_text())
+    assert {row["stopped_text"] for row in report["tries"]} == {"the cable is out"}
 
 
 def test_laxer_contact_is_said_before_the_tries_and_kept_with_them(

@@ -165,6 +165,8 @@ def _print(report: Report, said: str, is_tared: bool, console: Console) -> None:
     if stopped := Counter(o.stopped for o in outcomes if o.stopped):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
+        first = next(o for o in outcomes if o.stopped)
+        console.print(f"  the first: {first.stopped_text}", soft_wrap=True)
 
 
 def _inspect(
