@@ -18,6 +18,7 @@ LAYERS = (
         "poses",
         "errors",
         "files",
+        "paths_option",
         "page",
         "durations",
         "robots",

@@ -60,6 +60,19 @@ def test_a_cable_that_is_pulled_is_not_taken_for_a_cabinet_that_never_was(arm):
     assert re.search(r"nothing has come for \d\.\d+ s, after \d\d+ datagrams", problem)
 
 
+def test_a_link_that_loses_too_much_is_named_and_no_emergency_stop():
+    arm = make_arm(clock="lockstep", cabinet={"patience": 0.02}, reset="move")
+    arm.connect()
+    arm.ask("fault", text="loss=0.15")
+    error = end_of(arm)
+    arm.close()
+    assert error.reason == "motion_ended"
+    assert "too few answers came to the cabinet in time" in str(error)
+    missed, came = re.search(r" (\d+) of its .* here, (\d+) came", str(error)).groups()
+    assert 0 < int(missed) < int(came)
+    assert "emergency" not in str(error)
+
+
 def test_a_cable_that_is_put_back_is_no_loss(arm):
     arm.ask("fault", text="loss=1")
     end_of(arm)

@@ -1,6 +1,7 @@
 """The doctor finds what is broken, and says how to mend it."""
 
 import importlib.util
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -99,17 +100,21 @@ def test_the_command_succeeds_when_only_an_extra_is_missing(monkeypatch, capsys)
     assert "pip install '.[learn]'" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    "option", ["--period=1ms", "--delay=5ms", "--payload-error=0.5", "--robot=fr3"]
-)
-def test_what_is_said_of_an_arm_needs_one(option, capsys):
-    assert run(["doctor", option]) != 0
-    said = capsys.readouterr().err
-    assert option.partition("=")[0] in said
-    assert "--arm twin:medium" in said
-
-
 def test_any_failure_of_a_check_is_a_finding_not_a_crash():
     check = doctor._guard("x", lambda: 1 / np.array(0).item())
     assert check.status == "broken"
     assert "ZeroDivisionError" in check.detail
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--period", "1ms"], "--period would be ignored: .* give --arm"),
+        (["--delay", "5ms"], "--delay would be ignored: .* give --arm"),
+        (["--arm", "fri://127.0.0.1", "--period", "1ms"], "ignored: .*period=1ms"),
+        (["--tracker", "a.toml", "--payload-error", "0.5"], "without --tracker"),
+    ],
+)
+def test_an_option_that_the_checks_do_not_use_is_refused(words, said, capsys):
+    assert run(["doctor", *words]) == 2
+    assert re.search(said, capsys.readouterr().err)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from arms.loopback import LOOPBACK, free_port, make_cabinet
 from dovetail.cockpit.choice import NOBODY
 from dovetail.cockpit.page import Page
 from dovetail.cockpit.server import open_server
@@ -10,10 +11,12 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.poses import Pose
+from dovetail.poses import Pose, quat_about_z
 from extras import need
 
 from .conftest import wait_until
+
+Q_NEAR = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 
 
 @pytest.fixture
@@ -61,6 +64,35 @@ def test_a_service_that_dies_is_told_at_a_stop_too_and_the_log_is_kept(
     assert "STOP did not reach the arm" in session.status.note
     session.close()
     assert [file.exists() for file in session.diary.files] == [True]
+
+
+def test_a_service_that_dies_while_the_arm_is_held_is_told_without_a_step(
+    make_session, service
+):
+    session = make_session(place=f"grpc://{service.address}")
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
+    service.close()
+    wait_until(lambda: session.status.mode == "stopped")
+    assert "the held arm follows no more: nobody answers at" in session.status.note
+    assert "Reset begins anew" in session.status.note
+
+
+def test_a_cabinet_that_ends_while_the_arm_is_held_is_told_without_a_step(
+    make_session, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # the last seconds of the motion are written there
+    port, plant = free_port(), make_plant("mujoco", find_cell(), DynamicsConfig())
+    plant.reset(Q_NEAR, Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0)))
+    with make_cabinet(plant, port, 0.005, clock="wall") as cabinet:
+        place = f"fri://{LOOPBACK}:{port}?period=5ms&approach=yes"
+        session = make_session(place=place, fixture=(0.6, 0.0, 0.1, 0.0))
+        session.reset()
+        wait_until(lambda: session.status.mode == "held", timeout=20.0)
+        cabinet.close()
+        wait_until(lambda: session.status.mode == "stopped")
+    assert "the held arm follows no more" in session.status.note
+    plant.close()
 
 
 def test_what_a_task_raises_ends_the_motion_and_not_the_page(session, monkeypatch):

@@ -7,6 +7,7 @@ from rich.console import Console
 from tests.extras import need
 from tests.learn.test_demonstrations import STEPS, make, record
 
+from dovetail.cli import run
 from dovetail.commands.cockpit import Cockpit
 from dovetail.commands.record import Record
 from dovetail.errors import ConfigError, LogError, MissingDependencyError
@@ -35,12 +36,6 @@ def test_a_page_on_which_nothing_was_shown_says_how_it_is_done(tmp_path, monkeyp
     assert list(tmp_path.iterdir()) == []
 
 
-def test_logs_of_before_that_are_not_named_are_asked_for(monkeypatch):
-    monkeypatch.setattr(Record, "show", lambda *_: pytest.fail("the page was opened"))
-    with pytest.raises(ConfigError, match="--written names no log"):
-        Record(written=()).run(Console(quiet=True))
-
-
 def test_what_cannot_be_written_at_the_end_is_refused_before_the_page(
     tmp_path, monkeypatch
 ):
@@ -60,3 +55,9 @@ def test_a_page_whose_logs_cannot_be_written_is_not_shown(tmp_path):
     (tmp_path / "file").write_text("in the way")
     with pytest.raises(ConfigError, match="choose another --logs"):
         Cockpit(logs=tmp_path / "file" / "logs").run(Console(quiet=True))
+
+
+@pytest.mark.parametrize("words", [["record", "--written"], ["train", "--demos"]])
+def test_an_option_for_logs_that_is_given_none_is_refused(words, capsys):
+    assert run(words) == 2
+    assert f"{words[1]} needs at least one file or folder" in capsys.readouterr().err

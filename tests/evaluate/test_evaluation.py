@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
+from dovetail.arms.local_arm import LocalArm
 from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.task_flags import parse
 from dovetail.episode import Episode
-from dovetail.errors import ConfigError, DovetailError, LogError, PolicyError
+from dovetail.errors import ArmError, ConfigError, DovetailError, LogError, PolicyError
 from dovetail.evaluate.evaluation import (
     EvaluationConfig,
     command_line,
@@ -236,6 +237,21 @@ def test_a_policy_of_another_task_or_size_is_refused(
         evaluate(replace(config, policy=str(other)), silent())
 
 
+def test_why_the_arm_ended_a_try_is_said_and_kept(config, monkeypatch, tmp_path):
+    def fail(*_):
+        raise ArmError("the cable is out", "motion_ended")
+
+    monkeypatch.setattr(LocalArm, "step", fail)
+    asked = replace(config, tries=1, workers=1, tare=False)
+    text = StringIO()
+    found = evaluate(asked, Console(file=text, width=200))
+    said = text.getvalue()
+    assert "the arm ended 3 tries itself: motion_ended (3)" in said
+    assert "the first: the cable is out" in said
+    report = json.loads((found.folder / "report.json").read_text())
+    assert {row["stopped_text"] for row in report["tries"]} == {"the cable is out"}
+
+
 def test_laxer_contact_is_said_before_the_tries_and_kept_with_them(
     config, policy_file, tmp_path
 ):
@@ -246,7 +262,8 @@ def test_laxer_contact_is_said_before_the_tries_and_kept_with_them(
     asked = replace(config, policy=str(lax), tries=1)
     evaluation = evaluate(asked, Console(file=text, width=200))
     note = "near_speed 5 m/s (default 0.02)"
-    assert text.getvalue().count(note) == 2
+    assert text.getvalue().count(note) == 1
+    assert text.getvalue().index(note) < text.getvalue().index("tries")
     assert note in evaluation.report.note
     robot = {"arm": "fri://127.0.0.1:30299", "fixture": (0.6, 0.0, 0.1, 0.0)}
     with pytest.raises(ConfigError, match="say --accept-contact"):

@@ -200,6 +200,7 @@ def test_what_ends_before_it_begins_is_a_missed_try_and_the_next_one_begins(
 
     first, second = run(plan_trials(1, 2, 0), Swinging, logs=tmp_path)
     assert (first.stopped, first.success, first.steps) == (reason, False, 0)
+    assert first.stopped_text == "the rounds disagree"
     assert first.violations == 7  # no limit is exceeded unseen
     assert second.success
 

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dovetail.cockpit.shutter import Shutter
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.errors import TrackerError
 from dovetail.perceive.simulated import Simulated
@@ -12,6 +13,7 @@ from dovetail.perceive.sources import Frame
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.poses import rotation_error
 from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.trackers.late import Late
 from dovetail.trackers.marker import MarkerTracker
 
 from .scene import PLACE, beside
@@ -53,7 +55,7 @@ class Shown:
     """A source whose pictures the test chooses."""
 
     def __init__(self, picture):
-        self.picture, self.is_unplugged = picture, False
+        self.picture, self.is_unplugged, self.is_closed = picture, False, False
 
     def reset(self, fixture, seed):
         return Frame(self.picture, 0.05)
@@ -62,6 +64,9 @@ class Shown:
         if self.is_unplugged:
             raise TrackerError("unplugged")
         return Frame(self.picture, 0.05)
+
+    def close(self):
+        self.is_closed = True
 
 
 @pytest.fixture(scope="module")
@@ -106,6 +111,15 @@ def test_an_unplugged_camera_holds_the_arm(picture, monkeypatch):
     with pytest.raises(TrackerError, match="unplugged"):
         env.step(np.zeros(4, dtype=np.float32))
     assert stopped == [True]
+    env.close()
+
+
+@pytest.mark.parametrize("wrap", [lambda t: t, Shutter, lambda t: Late(inner=t)])
+def test_a_closed_environment_holds_no_camera(picture, wrap):
+    source = Shown(picture)
+    env = make_env(PegInHole, tracker=wrap(MarkerTracker(beside(), source, CELL.robot)))
+    env.close()
+    assert source.is_closed
     env.close()
 
 

@@ -108,7 +108,8 @@ class Arm(Protocol):
     def statistics(self) -> dict[str, Any]:
         """Return what was counted and timed, by name.
 
-        `notes`, always there, is a list of lines that a person should read.
+        `notes`, always there, is a list of lines that a person should read. `problem`,
+        of an arm that another process moves, says why it cannot follow, or is empty.
         """
         ...
 

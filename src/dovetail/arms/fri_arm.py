@@ -272,10 +272,15 @@ class FriArm:
             "quality": state.quality,
             "peer": self._servo.peer,
             "last_undecodable": self._servo.last_undecodable(),
-            "problem": self._servo.diagnose(),
+            "problem": self._servo.diagnose() or self._another_motion(state.motion),
         }
 
     # -- inside ------------------------------------------------------------------
+
+    def _another_motion(self, motion: int) -> str:
+        if self._motion in (0, motion):
+            return ""
+        return "the motion has ended, and another one has begun: reset() goes on in it"
 
     def _wait_for_motion(self, after: int) -> None:
         """Wait for a motion later than one, in slices that Ctrl-C can end."""

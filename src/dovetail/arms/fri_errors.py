@@ -9,6 +9,8 @@ from dovetail.errors import ArmError, ConfigError
 if TYPE_CHECKING:
     from dovetail import _core
 
+_MONITORING_WAIT = 1
+"""Session state below quality GOOD, in which no motion is commanded."""
 _KUKA_PORTS = "KUKA's cabinets send to 30200 to 30209"
 
 
@@ -98,7 +100,7 @@ def _wait_reasons(state: "_core.ServoState") -> str:
     """Return what to check, by the state that was reached."""
     if state.session == 0:
         return "the application has closed its FRI session; start it again"
-    if state.session == 1:
+    if state.session == _MONITORING_WAIT:
         return (
             "the cabinet does not see enough answers in time: check the load of this "
             "machine (realtime=True), the network, and the send period"
@@ -120,6 +122,19 @@ def motion_error(servo: "_core.ServoLoop", state: "_core.ServoState") -> ArmErro
     if loss is not None:
         return ArmError(
             f"the motion has ended: {loss.text}. {_last_note(servo)}",
+            "motion_ended",
+            state,
+        )
+    if state.session == _MONITORING_WAIT:
+        counts = servo.counts()
+        return ArmError(
+            f"the motion has ended: the session is in {state.session_name}, quality "
+            f"{QUALITIES[state.quality]}: too few answers came to the cabinet in time, "
+            f"or its session was opened anew. {counts['missed']} of its messages were "
+            f"missed here, {counts['received']} came. Look for lost datagrams (cable, "
+            "switch, wireless) and for other load on this machine; realtime=yes in the "
+            "address and a longer send period help. A reset goes on once the quality "
+            f"is GOOD. {_last_note(servo)}",
             "motion_ended",
             state,
         )

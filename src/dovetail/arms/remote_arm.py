@@ -72,7 +72,7 @@ class RemoteArm:
         self._timeout, self._reset_timeout = timeout, reset_timeout
         self._seed: int | None = None
         self._closed = threading.Event()
-        self._lease = ""
+        self._lease = self._problem = ""
         self._steps: StepStream | None = None
         self._connection = _connect(address, timeout)
         self._stub = self._connection.stub
@@ -157,8 +157,8 @@ class RemoteArm:
             self._stub.clear(pb.Holder(lease=self._lease), timeout=self._timeout)
 
     def statistics(self) -> dict[str, Any]:
-        """Return that nothing is counted at this end; the service tells its notes."""
-        return {"notes": []}
+        """Return whether the service still answers; it tells its notes itself."""
+        return {"notes": [], "problem": self._problem}
 
     def cycles(self) -> Array:
         """Return every control cycle since the last reset, columns CYCLE_COLUMNS.
@@ -229,9 +229,12 @@ class RemoteArm:
             steps.end_overdue()
             try:
                 self._stub.keep_alive(holder, timeout=self._rest)
+                self._problem = ""
             except Exception as error:
                 if not is_failed_call(error):
-                    raise  # else the next step says it
+                    raise  # else the next step says it, too
+                lost = self._connection.error(error, "nobody answers")
+                self._problem = str(lost)
 
 
 def _require_grpc() -> None:

@@ -14,11 +14,16 @@ from dovetail import _core
 from dovetail.arms.arm import Arm, ArmFacts, ArmState, is_simulated, require_simulated
 from dovetail.cockpit.hand import Hand
 from dovetail.cockpit.pace import Pace
+from dovetail.errors import ArmError
 from dovetail.poses import Pose
 from dovetail.types import Vec3
 
 SLICE = 0.01
 """How long a simulation is stepped at once [s]: a multiple of each control period."""
+_NAP = 0.02
+"""Between two looks at what a person wishes, while nothing moves [s]."""
+_LOOK = 0.5
+"""Between two questions to an arm that another process moves [s]."""
 
 
 class PacedArm:
@@ -48,6 +53,7 @@ class PacedArm:
         self._arm, self._hand, self._pace, self._see = arm, hand, pace, see
         self._hold: _core.Target | None = None
         self._state: ArmState | None = None
+        self._looked = 0.0
 
     @property
     def facts(self) -> ArmFacts:
@@ -88,6 +94,24 @@ class PacedArm:
                 self.fixture = self._hand.act(arm, state.position, before, length)
             parts.append(self._slice(self._commanded(target, i * length), length))
         return _joined(parts)
+
+    def rest(self, *, is_watched: bool) -> None:
+        """Let a moment pass in which nothing moves.
+
+        Args:
+            is_watched: Whether to ask an arm elsewhere, now and then, if it is there.
+
+        Raises:
+            ArmError: An arm elsewhere has gone: without a step nothing else says so.
+        """
+        time.sleep(_NAP)
+        self._pace.begin()
+        now = time.monotonic()
+        if not is_watched or now < self._looked + _LOOK:
+            return
+        self._looked = now
+        if problem := self._arm.statistics().get("problem"):
+            raise ArmError(f"the held arm follows no more: {problem}", "lost")
 
     def _slice(self, target: _core.Target, duration: float) -> ArmState:
         begin = time.perf_counter()

@@ -5,7 +5,6 @@ drives it calls `start`, `stop` and the others, which only leave a wish behind. 
 acts within a slice of 10 ms, everything else between two policy steps.
 """
 
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -34,8 +33,6 @@ from dovetail.envs.workspace import require_inside
 from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.types import Vec3
-
-_NAP = 0.02  # [s] between two looks at the wishes while nothing moves
 
 
 class Session:
@@ -227,8 +224,7 @@ class Session:
         is_moved = (self._is_acting and not self._arm.is_held) or self._was_led
         can_step = self._is_ready and (is_moved or self.can_touch)
         if is_still or not can_step:
-            time.sleep(_NAP)
-            self.pace.begin()
+            self._arm.rest(is_watched=self._is_ready)
             return
         self._steps_left = max(0, self._steps_left - 1)
         self._advance()

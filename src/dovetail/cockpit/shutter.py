@@ -3,7 +3,7 @@
 from dovetail.arms.arm import ArmState
 from dovetail.poses import Pose
 from dovetail.trackers.covered import Covered
-from dovetail.trackers.tracker import Estimate, Tracker
+from dovetail.trackers.tracker import Estimate, Tracker, close_tracker
 
 
 class Shutter:
@@ -43,3 +43,7 @@ class Shutter:
         if self._covered is None:
             return self._tracker.estimate()
         return self._covered.estimate()
+
+    def close(self) -> None:
+        """Give the tracker back; harmless when repeated."""
+        close_tracker(self._tracker)

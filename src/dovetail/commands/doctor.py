@@ -1,7 +1,7 @@
 """`dovetail doctor`: is this installation sound, is this arm to be trusted."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from rich.console import Console
 
@@ -16,6 +16,9 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT
 
+_HERE = "it belongs to the checks of an arm: give --arm ADDRESS with it"
+_CAMERA = "it belongs to the checks of an arm, without --tracker"
+_FRI = "an arm behind fri:// has its own: fri://HOST:PORT?period=1ms"
 _COLOURS = {"ok": "green", "missing": "yellow", "broken": "red"}
 
 
@@ -42,8 +45,12 @@ class Doctor:
     key."""
 
     def run(self, console: Console) -> int:
-        """Print every check; return 1 if something essential is broken."""
-        self._require_arm()
+        """Print every check; return 1 if something essential is broken.
+
+        Raises:
+            ConfigError: An option that these checks do not use, or a wrong one.
+        """
+        self._require_used()
         if self.tracker is not None:
             checks = self._check_camera(self.tracker)
         else:
@@ -63,17 +70,20 @@ class Doctor:
             console.print("something essential is broken, see above")
         return int(is_broken)
 
-    def _require_arm(self) -> None:
-        """Refuse what is said of an arm where none is checked."""
-        if self.arm is not None or self.tracker is not None:
-            return
-        said, usual = vars(self), vars(Doctor())
-        for name in ("robot", "delay", "payload_error", "period"):
-            if said[name] != usual[name]:
-                raise ConfigError(
-                    f"--{name.replace('_', '-')} is of an arm, and none is checked: "
-                    "say which by --arm, as --arm twin:medium"
-                )
+    def _require_used(self) -> None:
+        """Refuse an option that would be ignored."""
+        unused: dict[str, str] = {}
+        if self.tracker is not None:
+            unused = dict.fromkeys(("delay", "payload_error"), _CAMERA)
+        elif self.arm is None:
+            names = ("robot", "delay", "payload_error", "period")
+            unused = dict.fromkeys(names, _HERE)
+        if self.arm is not None and isinstance(parse_address(self.arm), FriAddress):
+            unused["period"] = _FRI
+        usual = {field.name: field.default for field in fields(self)}
+        for name, why in unused.items():
+            if vars(self)[name] != usual[name]:
+                raise ConfigError(f"--{name.replace('_', '-')} would be ignored: {why}")
 
     def _check_arm(self, text: str) -> Iterator[Check]:
         from dovetail.arm_checks import run_arm_checks

@@ -3,6 +3,7 @@
 import shlex
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from rich.console import Console
 
@@ -10,9 +11,10 @@ from dovetail.cockpit.choice import NOBODY
 from dovetail.commands.cockpit import GROUPS as _OF_COCKPIT
 from dovetail.commands.cockpit import Cockpit
 from dovetail.commands.help_page import Groups
-from dovetail.errors import ConfigError, LogError
+from dovetail.errors import LogError
 from dovetail.files import dated_folder
 from dovetail.learn.lerobot_folder import require_room, write_lerobot
+from dovetail.paths_option import some_paths
 
 GROUPS: Groups = {"what was recorded already": ("written",), **_OF_COCKPIT}
 LEROBOT = "lerobot"
@@ -23,7 +25,7 @@ LEROBOT = "lerobot"
 class Record(Cockpit):
     """Record demonstrations: the cockpit's page, then a LeRobotDataset of them."""
 
-    written: tuple[Path, ...] | None = None
+    written: Annotated[tuple[Path, ...], some_paths("--written", Path)] = ()
     """Episode logs of before, or folders of them. They become the data set, and no page
     is shown."""
     policy: str = NOBODY
@@ -34,16 +36,11 @@ class Record(Cockpit):
 
         Raises:
             LogError: Nothing was shown; or logs do not make one data set.
-            ConfigError: The folder has a data set already; or no log is named.
+            ConfigError: The folder has a data set already.
         """
-        if self.written is not None and not self.written:
-            raise ConfigError(
-                "--written names no log: say which Episode logs, or folders of them; "
-                "without --written the page opens"
-            )
         folder = self.logs or dated_folder("demonstrations")
         require_room(folder / LEROBOT, "--logs")
-        shown = list(self.written or ()) or self.show(console, folder)
+        shown = list(self.written) or self.show(console, folder)
         if not shown:
             raise LogError(
                 "no demonstration was recorded: on the page, Lead the tool, then "

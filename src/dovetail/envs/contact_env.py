@@ -32,7 +32,7 @@ from dovetail.poses import Pose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Task
 from dovetail.trackers.find import Site, find_tracker
-from dovetail.trackers.tracker import Tracker
+from dovetail.trackers.tracker import Tracker, close_tracker
 from dovetail.types import Array, Vec3
 
 _STREAM = 0x72AC6
@@ -348,11 +348,12 @@ class ContactEnv(
         return self._renderer.draw(state.q, self.fixture, force=state.contact_force)
 
     def close(self) -> None:
-        """Close the arm."""
+        """Close the arm and the tracker."""
         self._is_closed = True
         if self._renderer is not None:
             self._renderer.close()
         self.arm.close()
+        close_tracker(self.tracker)
 
     def _locate(self) -> Array:
         """Ask the tracker for the fixture; return the unscaled observation."""

@@ -118,7 +118,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         provenance=provenance(started),
         command=command_line(config),
     )
-    _print(report, options["tare"], console)
+    _print(report, lax, options["tare"], console)
     films = [folder / film_name(pose) for pose in poses] if config.video else []
     searched = None
     if perturbation.fixture_shift:
@@ -153,9 +153,9 @@ def _notes(
     return "; ".join(filter(None, (*notes, *films)))
 
 
-def _print(report: Report, is_tared: bool, console: Console) -> None:
-    if report.note:
-        console.print(f"note: {report.note}", soft_wrap=True)
+def _print(report: Report, said: str, is_tared: bool, console: Console) -> None:
+    if note := report.note.removeprefix(said).removeprefix("; "):
+        console.print(f"note: {note}", soft_wrap=True)
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report.rows))
     outcomes = report.outcomes
@@ -165,6 +165,8 @@ def _print(report: Report, is_tared: bool, console: Console) -> None:
     if stopped := Counter(o.stopped for o in outcomes if o.stopped):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
+        first = next(o for o in outcomes if o.stopped)
+        console.print(f"  the first: {first.stopped_text}", soft_wrap=True)
 
 
 def _inspect(

@@ -37,7 +37,7 @@ class Outcome:
     path: Array
     """Tool position in the fixture's frame [m], shape (cycles, 3), z out of it."""
     stopped: str
-    """Why the arm ended the try before its time; empty when it did not."""
+    """Why the arm ended the try before its time, in a word; empty when it did not."""
     log: str
     """File name of the Episode log, or empty when none was kept."""
     tare: tuple[float, ...] = (0.0,) * 6
@@ -45,6 +45,8 @@ class Outcome:
     perturbation: Mapping[str, Any] = field(default_factory=dict)
     """What was drawn for this try, by name and unit; empty where nothing was."""
 
+    stopped_text: str = ""
+    """What the arm said when it ended the try: what it saw, and what to look at."""
     film_error: str = ""
     """Why the try's film is missing; empty when it is there or none was wanted."""
 

@@ -121,7 +121,7 @@ class Trialist:
                 violations = self._core.violations.count(error.state.log)
             nothing = {"success": False, "depth": math.nan}
             outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
-            return replace(outcome, stopped=error.reason)
+            return replace(outcome, stopped=error.reason, stopped_text=str(error))
         self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
@@ -129,7 +129,7 @@ class Trialist:
         film = Film()
         film.add(self._core.state, fixture)
         steps, violations = 0, int(info.get("limit_violations", 0))
-        done, stopped = False, ""
+        done, stopped, said = False, "", ""
         about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
         about |= describe_first(self._env, info["observation_raw"])
         seen = observed_columns(self._env)
@@ -139,7 +139,7 @@ class Trialist:
                 try:
                     observation, reward, ended, cut, info = self._env.step(action)
                 except ArmError as error:
-                    stopped = error.reason or str(error)
+                    stopped, said = error.reason or str(error), str(error)
                     break
                 blocks.append(self._core.state.log)
                 film.add(self._core.state, self._core.fixture)
@@ -151,14 +151,15 @@ class Trialist:
             episode.metadata[SUCCESS] = bool(info["success"]) and not stopped
         film_error = self._show(film, job)
         log = "" if file is None else file.name
-        outcome = _outcome(job, blocks, fixture, steps, violations, info, log)
         outcome = replace(
-            outcome,
+            _outcome(job, blocks, fixture, steps, violations, info, log),
+            stopped=stopped,
+            stopped_text=said,
             perturbation=perturbation,
             tare=tuple(tare),
             film_error=film_error,
         )
-        return replace(outcome, success=False, stopped=stopped) if stopped else outcome
+        return replace(outcome, success=False) if stopped else outcome
 
     def _show(self, film: Film, job: Job) -> str:
         """Write the film of the first try at a pose, if films are wanted.

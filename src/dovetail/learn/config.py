@@ -20,6 +20,7 @@ from dovetail.learn.learner_settings import LEARNER_RANGES, LearnerSettings
 from dovetail.learn.model_file import ModelFile
 from dovetail.learn.searching import SEARCHING
 from dovetail.learn.variation import Variation
+from dovetail.paths_option import some_paths
 from dovetail.robots.find import find_robot
 from dovetail.trackers.find import require_tracker
 
@@ -68,7 +69,7 @@ class TrainConfig(LearnerSettings, Variation):
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
-    demos: tuple[str, ...] = ()
+    demos: Annotated[tuple[str, ...], some_paths("--demos")] = ()
     """Episode logs, or folders of them, whose steps are in every batch. They are a
     person's or anybody's, of the same task, robot and meaning of an action."""
     teacher: str = "none"
@@ -139,6 +140,8 @@ class TrainConfig(LearnerSettings, Variation):
         """Choose what is not given."""
         if self.arm is not None:
             object.__setattr__(self, "num_envs", 1)
+        if self.script == "none":  # as it is said on the command line
+            object.__setattr__(self, "script", None)
         for name, value in self._usual().items():
             if vars(self)[name] is None:
                 object.__setattr__(self, name, value)
@@ -190,6 +193,10 @@ class TrainConfig(LearnerSettings, Variation):
                 "has, and which ppo does not begin small: leave --demos out, give "
                 "--teacher corner or none, and one of sac, tqc, crossq, td3 and ddpg"
             )
+        self._require_used("correction", self.script is not None, "--script corner")
+        acts, shown = "--teacher corner", "a teacher or --demos"
+        self._require_used("teacher_noise", self.has_teacher, acts)
+        self._require_used("teacher_share", self.has_teacher or self.logs, shown)
         is_shown = self.algorithm == "ppo" and (self.has_teacher or self.logs)
         if is_shown or (self.has_teacher and self.from_policy):
             raise ConfigError(
@@ -202,6 +209,10 @@ class TrainConfig(LearnerSettings, Variation):
                 f"pretrain is {self.pretrain}, which needs demonstrations and an actor "
                 "that is new: give --demos LOGS and no --from, or leave it out"
             )
+
+    def _require_used(self, name: str, is_used: object, needed: str) -> None:
+        if not is_used and vars(self)[name] != vars(type(self))[name]:
+            raise ConfigError(f"{name} is given, which needs {needed}")
 
     def _require_dynamics(self) -> None:
         """Read the model, and refuse dynamics that nothing would simulate."""

@@ -9,7 +9,7 @@ import numpy as np
 from dovetail.arms.arm import ArmState
 from dovetail.control.ranges import Range, in_range
 from dovetail.poses import Pose, quat_about_z, quat_multiply
-from dovetail.trackers.tracker import Estimate, Tracker
+from dovetail.trackers.tracker import Estimate, Tracker, close_tracker
 from dovetail.trackers.truth import Truth
 from dovetail.types import Vec3
 
@@ -108,6 +108,10 @@ class Late:
         """Return the newest look that is old enough, and its age."""
         seen = self._seen
         return seen.estimate._replace(age=self._now - seen.stamp + seen.estimate.age)
+
+    def close(self) -> None:
+        """Give back what is looked at; harmless when repeated."""
+        close_tracker(self.inner)
 
     def _spoilt(self, estimate: Estimate) -> Estimate:
         error = self._offset + self.jitter * self._rng.normal(size=3)

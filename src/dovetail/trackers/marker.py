@@ -80,6 +80,10 @@ class MarkerTracker:
             )
         return self._seen._replace(age=self._now - self._stamp)
 
+    def close(self) -> None:
+        """Give the pictures' source back; harmless when repeated."""
+        self.source.close()
+
     def _take(self, frame: Frame) -> None:
         sight = self.detector.find(frame.picture)
         if isinstance(sight, Blind):

@@ -1,6 +1,6 @@
 """Where the fixture is, as far as the environment may know."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from dovetail.arms.arm import ArmState
 from dovetail.poses import Pose
@@ -20,7 +20,10 @@ class Estimate(NamedTuple):
 
 
 class Tracker(Protocol):
-    """Anything that can say where the fixture is."""
+    """Anything that can say where the fixture is.
+
+    One that holds something is a `ClosableTracker`, too: the environment closes it.
+    """
 
     def reset(self, fixture: Pose, seed: int) -> None:
         """Start an episode whose fixture really is at `fixture`.
@@ -43,3 +46,18 @@ class Tracker(Protocol):
     def estimate(self) -> Estimate:
         """Return the newest estimate; `reset` comes first."""
         ...
+
+
+@runtime_checkable
+class ClosableTracker(Protocol):
+    """A tracker that holds something: a device, or OpenGL."""
+
+    def close(self) -> None:
+        """Give it back; harmless when repeated."""
+        ...
+
+
+def close_tracker(tracker: Tracker) -> None:
+    """Close a tracker, if it can be closed."""
+    if isinstance(tracker, ClosableTracker):
+        tracker.close()
