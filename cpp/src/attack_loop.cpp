@@ -99,8 +99,8 @@ class Blame {
  private:
   struct Undeceived {
     Side side;
-    int left;  // cycles to go
-    Vec7 deceived;  // its change of torque in the last cycle [Nm]
+    int left;                     // cycles to go
+    Vec7 deceived;                // its change of torque in the last cycle [Nm]
     std::array<Vec7, 4> changes;  // of the undeceived one in the last cycles [Nm]
   };
 

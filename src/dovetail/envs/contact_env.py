@@ -328,9 +328,7 @@ class ContactEnv(
         self.fixture = self.fixture._replace(position=position)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Return a picture of what was measured last, shape (480, 640, 3).
-
-        The fixture is where it truly is; an arrow beside the tool is the contact force.
+        """Draw arm, true fixture and contact force as measured last: (480, 640, 3).
 
         Raises:
             MissingDependencyError: There is no OpenGL that draws without a screen.
