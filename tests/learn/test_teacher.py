@@ -194,6 +194,9 @@ def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
         ({"tracker": "noisy"}, "doubt and the tracker noisy exclude each other"),
         ({"algorithm": "ppo"}, "give --teacher none"),
         ({"teacher_share": 1.1}, "teacher_share"),
+        ({"correction": 0.2}, "correction is given, which needs --script corner"),
+        ({"teacher": "none", "teacher_noise": 0.3}, "which needs --teacher corner"),
+        ({"teacher": "none", "teacher_share": 0.3}, "needs a teacher or --demos"),
         ({"script": "corner", "demos": ("logs",)}, "an action is a correction"),
         ({"script": "corner", "algorithm": "ppo", "teacher": "none"}, "a correction"),
     ],
@@ -201,3 +204,7 @@ def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
 def test_what_cannot_be_taught_is_refused_with_what_to_give(change, words):
     with pytest.raises(ConfigError, match=words):
         TrainConfig(**{**TINY, **change})
+
+
+def test_no_script_is_said_as_no_teacher_is():
+    assert TrainConfig(script="none").script is None

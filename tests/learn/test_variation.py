@@ -57,6 +57,7 @@ def test_of_several_options_every_pair_is_there():
             {"vary": "peg=square,triangle&clearance=0.001,0.002"},
             "4 values of clearance and peg to 3 environments",
         ),
+        ({"vary": "peg=square&peg=round"}, "names an option twice"),
         ({"vary": "pig=square"}, "needed: NAME=A,B with one of peg, clearance"),
         ({"vary": "peg"}, "needed: NAME=A,B with one of peg, clearance"),
         ({"vary": "clearance=0.001,wide"}, "could not convert string to float"),

@@ -140,6 +140,8 @@ class TrainConfig(LearnerSettings, Variation):
         """Choose what is not given."""
         if self.arm is not None:
             object.__setattr__(self, "num_envs", 1)
+        if self.script == "none":
+            object.__setattr__(self, "script", None)
         for name, value in self._usual().items():
             if vars(self)[name] is None:
                 object.__setattr__(self, name, value)
@@ -191,8 +193,12 @@ class TrainConfig(LearnerSettings, Variation):
                 "has, and which ppo does not begin small: leave --demos out, give "
                 "--teacher corner or none, and one of sac, tqc, crossq, td3 and ddpg"
             )
-        is_shown = self.algorithm == "ppo" and (self.has_teacher or self.logs)
-        if is_shown or (self.has_teacher and self.from_policy):
+        self.require_used("correction", self.script is not None, "--script corner")
+        self.require_used("teacher_noise", self.has_teacher, "--teacher corner")
+        is_shown = self.has_teacher or self.logs
+        self.require_used("teacher_share", is_shown, "a teacher or --demos")
+        on_policy = self.algorithm == "ppo" and is_shown
+        if on_policy or (self.has_teacher and self.from_policy):
             raise ConfigError(
                 "a teacher and demonstrations fill a replay buffer before anything is "
                 "learned: that is for sac, tqc, crossq, td3 and ddpg, a teacher's from "

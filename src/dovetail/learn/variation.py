@@ -91,5 +91,10 @@ class Variation(EnvSettings):
         given = [] if self.vary is None else self.vary.split("&")
         parts = [parse_values(text, self.task_class) for text in given]
         names = [name for name, _ in reversed(parts)]
+        if len(set(names)) < len(names):
+            raise ConfigError(
+                f"vary names an option twice: {self.vary!r}; give all its values to "
+                "one, NAME=A,B,C"
+            )
         values = product(*(values for _, values in reversed(parts)))
         return [dict(zip(names, each, strict=True)) for each in values]
