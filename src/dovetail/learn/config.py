@@ -140,7 +140,7 @@ class TrainConfig(LearnerSettings, Variation):
         """Choose what is not given."""
         if self.arm is not None:
             object.__setattr__(self, "num_envs", 1)
-        if self.script == "none":  # as it is said on the command line
+        if self.script == "none":
             object.__setattr__(self, "script", None)
         for name, value in self._usual().items():
             if vars(self)[name] is None:
@@ -193,12 +193,12 @@ class TrainConfig(LearnerSettings, Variation):
                 "has, and which ppo does not begin small: leave --demos out, give "
                 "--teacher corner or none, and one of sac, tqc, crossq, td3 and ddpg"
             )
-        self._require_used("correction", self.script is not None, "--script corner")
-        acts, shown = "--teacher corner", "a teacher or --demos"
-        self._require_used("teacher_noise", self.has_teacher, acts)
-        self._require_used("teacher_share", self.has_teacher or self.logs, shown)
-        is_shown = self.algorithm == "ppo" and (self.has_teacher or self.logs)
-        if is_shown or (self.has_teacher and self.from_policy):
+        self.require_used("correction", self.script is not None, "--script corner")
+        self.require_used("teacher_noise", self.has_teacher, "--teacher corner")
+        is_shown = self.has_teacher or self.logs
+        self.require_used("teacher_share", is_shown, "a teacher or --demos")
+        on_policy = self.algorithm == "ppo" and is_shown
+        if on_policy or (self.has_teacher and self.from_policy):
             raise ConfigError(
                 "a teacher and demonstrations fill a replay buffer before anything is "
                 "learned: that is for sac, tqc, crossq, td3 and ddpg, a teacher's from "
@@ -209,10 +209,6 @@ class TrainConfig(LearnerSettings, Variation):
                 f"pretrain is {self.pretrain}, which needs demonstrations and an actor "
                 "that is new: give --demos LOGS and no --from, or leave it out"
             )
-
-    def _require_used(self, name: str, is_used: object, needed: str) -> None:
-        if not is_used and vars(self)[name] != vars(type(self))[name]:
-            raise ConfigError(f"{name} is given, which needs {needed}")
 
     def _require_dynamics(self) -> None:
         """Read the model, and refuse dynamics that nothing would simulate."""

@@ -8,6 +8,7 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.envs.config import F_SCALE, FORCE_DAMPING, USUAL
 from dovetail.envs.registered import task_class
+from dovetail.errors import ConfigError
 from dovetail.tasks.options import TaskOptions, own_options, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
@@ -98,6 +99,12 @@ class EnvSettings:
         task, names = task_class(self.env), [f.name for f in fields(self)]
         require_apart(task, names, f"settings of {type(self).__name__}")
         return task
+
+    def require_used(self, name: str, is_used: object, needed: str) -> None:
+        """Refuse a setting that is not the usual one and would be ignored."""
+        (usual,) = (f.default for f in fields(self) if f.name == name)
+        if not is_used and vars(self)[name] != usual:
+            raise ConfigError(f"{name} is given, which needs {needed}")
 
     def env_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the environment, as JSON knows them."""
