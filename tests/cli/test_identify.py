@@ -46,6 +46,8 @@ def test_fit_writes_a_model_that_a_twin_can_be(log, tmp_path, capsys):
         (["fit", "LOG", "--parameters", "inertia"], "parameter 'inertia' is unknown"),
         (["fit", "LOG", "--plant", "gazebo"], "known plants: mujoco, bullet"),
         (["record", "--out", "LOG", *SHORT, "--seed", "1"], "holds a recording with"),
+        (["fit", "LOG", "--out", "/proc/fit"], "cannot create the output folder"),
+        (["record", "--out", "/proc/log", *SHORT], "nothing can be written into"),
         (["record", "--out", "new", "--arm", "robot"], "arm 'robot' is unknown"),
         (["record", "--out", "new", "--sequences", "0"], "sequences is 0; allowed: 1"),
     ],

@@ -162,6 +162,35 @@ def test_a_missing_key_is_named(copy):
         Recording.load(copy)
 
 
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        *(("fixture", "x"), ("fixture", [0.6, 0.0, None, 0.0]), ("arm", -1)),
+        *(("controller", {}), ("controller", {"walls": 1}), ("commands", "x")),
+        *(("excitation", {"sequences": "x", "steps": 50}), ("excitation", {})),
+        *(("q_start", []), ("q_start", [["x"] * 7] * 2), ("period", "x")),
+    ],
+)
+def test_a_description_of_the_wrong_kind_is_named_before_anything_is_fitted(
+    copy, key, value
+):
+    file = copy / "recording.json"
+    told = json.loads(file.read_text()) | {key: value}
+    file.write_text(json.dumps(told))
+    with pytest.raises(LogError, match=r"recording.json is damaged"):
+        Recording.load(copy)
+
+
+@pytest.mark.parametrize("told", [None, "x", [0.0] * 6, [float("nan")] * 7])
+def test_a_sequence_that_does_not_tell_its_start_is_named(copy, told):
+    file = copy / "sequence-01.npz"
+    content = dict(np.load(file))
+    about = json.loads(str(content["metadata"])) | {"q_start": told}
+    np.savez(file, **{**content, "metadata": json.dumps(about)})
+    with pytest.raises(LogError, match=r"sequence-01.npz is damaged: q_start"):
+        Recording.load(copy)
+
+
 def test_a_file_that_says_hole_for_fixture_is_the_same_recording(copy):
     before = Recording.load(copy)
     path = copy / "recording.json"
@@ -269,8 +298,10 @@ def test_two_files_in_each_others_place_are_found(copy):
 
 
 def test_recordings_of_other_settings_are_not_compared(folder, copy):
-    change_description(copy, controller={"force_damping": 1.0})
-    one, other = Recording.load(folder), Recording.load(copy)
+    one = Recording.load(folder)
+    controller = one.metadata["controller"] | {"force_damping": 1.0}
+    change_description(copy, controller=controller)
+    other = Recording.load(copy)
     one.require_like(one)
     with pytest.raises(LogError, match="the two recordings differ in controller"):
         one.require_like(other)

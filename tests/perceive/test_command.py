@@ -1,5 +1,7 @@
 """`dovetail camera` writes what it is sure of, and nothing over anything."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,27 @@ def test_watch_says_where_the_fixture_is(opengl, file, capsys):
     said = capsys.readouterr().out
     assert "markers, edges" in said
     assert "+-" in said
+
+
+def test_watch_draws_what_the_twin_of_the_calibration_sees(
+    opengl, file, tmp_path, capsys
+):
+    out = tmp_path / "out.toml"
+    assert camera("hand-eye", file, "--twin", "medium", "--out", out) == 0
+    capsys.readouterr()
+    assert camera("watch", out, "--count", "1", "--twin", "medium") == 0
+    x = float(re.search(r"1: x (\S+) ", capsys.readouterr().out)[1])
+    assert abs(x - 600.0) < 2.0  # 20 mm beside without the twin
+
+
+def test_a_twin_without_a_simulated_camera_is_refused(file, tmp_path, capsys):
+    device = tmp_path / "device.toml"
+    device.write_text(file.read_text().replace('"simulated"', '"device:0"'))
+    assert camera("watch", device, "--twin", "medium") == 2
+    assert "the pictures are of device:0" in capsys.readouterr().err
+    words = ("--folder", tmp_path, "--twin", "medium", "--out", tmp_path / "out.toml")
+    assert camera("hand-eye", device, *words) == 2
+    assert "leave them out" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -172,6 +172,11 @@ class CameraHandEye:
         from dovetail.perceive.rehearsal import shoot
 
         if self.folder is not None:
+            if self.twin is not None or self.keep is not None:
+                raise ConfigError(
+                    "folder has pictures that were taken: --twin and --keep are of a "
+                    "simulated arm's; leave them out"
+                )
             return read_shots(self.folder)
         if not camera.is_simulated:
             raise ConfigError(
@@ -218,11 +223,18 @@ class CameraWatch:
     """Camera file."""
     count: int = 0
     """Pictures to look at; 0 goes on until Ctrl-C, or the end of a folder."""
+    twin: str | None = None
+    """Twin whose file says what a simulated camera has wrong: that with which it was
+    calibrated. Without one it is where its first file says."""
     robot: str = DEFAULT_ROBOT
     """Which robot the arm is; a camera on its flange looks from its usual posture."""
 
     def run(self, console: Console) -> int:
-        """Look, a line for each picture; return 1 where the board was never seen."""
+        """Look, a line for each picture; return 1 where the board was never seen.
+
+        Raises:
+            DovetailError: No such camera or twin, or no simulated one for a twin.
+        """
         from dovetail.perceive.camera import load_camera
         from dovetail.perceive.detect import Blind, Detector, explain
         from dovetail.perceive.open_source import open_source
@@ -231,8 +243,11 @@ class CameraWatch:
 
         in_count("count", self.count, 0, _PICTURES_MAX, "pictures")
         camera, cell = load_camera(self.camera), find_cell(robot=self.robot)
+        if self.twin is not None and not camera.is_simulated:
+            raise ConfigError(f"twin is given, and the pictures are of {camera.source}")
+        twin = None if self.twin is None else load_twin(self.twin).camera
         detector = Detector(camera.board, camera.lens, camera.edge_noise)
-        source, seen_once, number = open_source(camera, cell), False, 0
+        source, seen_once, number = open_source(camera, cell, twin), False, 0
         q = cell.robot.posture("down")
         try:
             while number < self.count or not self.count:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from dovetail.errors import ConfigError, LogError
-from dovetail.files import write_atomic
+from dovetail.files import claim_output_folder, write_atomic
 
 FORMAT = 1
 SUMMARY = "fit.json"
@@ -47,8 +47,7 @@ class FitFolder:
             raise ConfigError(f"the output folder {path} is a file; choose another")
         is_used = path.is_dir() and any(path.iterdir())
         if not is_used:
-            path.mkdir(parents=True, exist_ok=True)
-            return cls(path, None)
+            return cls(claim_output_folder(path), None)
         if not (path / SUMMARY).is_file():
             raise ConfigError(
                 f"the folder {path} is not empty and holds no fit; nothing was "

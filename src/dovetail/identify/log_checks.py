@@ -37,6 +37,23 @@ def require_same_facts(
             )
 
 
+def require_numbers(path: Path, name: str, told: Any, count: int) -> Array:
+    """Return numbers that a file tells, shape (count,).
+
+    Raises:
+        LogError: They are not so many finite numbers.
+    """
+    try:
+        values = np.asarray(told, dtype=float)
+    except (TypeError, ValueError):
+        values = np.empty(0)
+    if values.shape != (count,) or not np.isfinite(values).all():
+        raise LogError(
+            f"{path} is damaged: {name} is {told!r}; expected are {count} numbers"
+        )
+    return values
+
+
 def require_gapless(path: Path, log: Array, period: float) -> None:
     """Refuse a log in which cycles are missing.
 

@@ -24,7 +24,7 @@ from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.registered import make_task
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
-from dovetail.files import write_atomic
+from dovetail.files import require_writable, write_atomic
 from dovetail.identify.excitation import EXCITATION, excitation
 from dovetail.identify.measured_delay import measure_delay
 from dovetail.identify.recording import (
@@ -261,6 +261,7 @@ def _is_begun(folder: Path, metadata: dict[str, Any]) -> bool:
         return True
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{folder} exists and is no recording; choose another --out")
+    require_writable(folder, "--out")  # before the arm moves
     return False
 
 

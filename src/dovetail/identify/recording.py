@@ -6,6 +6,7 @@ for each sequence, `sequence-00.npz` on, holds every control cycle.
 
 import hashlib
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +26,7 @@ from dovetail.identify.log_checks import (
     assign_steps,
     read_targets,
     require_gapless,
+    require_numbers,
     require_robot,
     require_same_facts,
 )
@@ -50,6 +52,12 @@ _KEYS = (
     *("format", "robot", "task", "period", "fixture", "arm"),
     *("commands", "controller", "excitation", "q_start"),
 )
+_KINDS: Mapping[str, Any] = {
+    **dict.fromkeys(("robot", "task", "arm"), str),
+    **dict.fromkeys(("commands", "controller", "excitation"), dict),
+    **{"period": (int, float), "q_start": list},
+}
+"""What some of them are; the others are checked where they are read."""
 _OLD_KEYS = ("near_height",)
 """Of `_BEFORE` only."""
 _UNFITTED = ("env_id", "arm_model", "created", "version", "delay")
@@ -120,6 +128,21 @@ class Recording:
         cell = replace(self.cell, walls=(tuple(low), tuple(high)))
         return make_settings(cell, config, is_hardware=given["is_hardware"])
 
+    def require_settings(self, path: Path) -> None:
+        """Refuse a description from which no controller can be made.
+
+        Raises:
+            LogError: What is missing or no number.
+        """
+        require_numbers(path, "fixture", self.metadata["fixture"], 4)
+        try:
+            self.settings()
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise LogError(
+                f"{path} is damaged: its controller cannot be made "
+                f"({type(error).__name__}: {error})"
+            ) from error
+
     def positions(self) -> list[Array]:
         """Return the TCP by the controller's model at each cycle [m].
 
@@ -175,6 +198,7 @@ class Recording:
         robot = _cell(metadata).loaded_robot()
         require_robot(folder / DESCRIPTION, metadata["robot"], robot)
         count = metadata["excitation"]["sequences"]
+        cls(metadata, ()).require_settings(folder / DESCRIPTION)
         sequences = []
         for number in range(count):
             path = sequence_path(folder, number)
@@ -220,6 +244,14 @@ def read_description(folder: Path) -> dict[str, Any]:
             f"{path} lacks {', '.join(missing) or 'no key'} and has format "
             f"{metadata.get('format')}; this version reads {_BEFORE} and {FORMAT}"
         )
+    for key, kind in _KINDS.items():
+        if not isinstance(metadata[key], kind):
+            raise LogError(f"{path} is damaged: {key} is {metadata[key]!r}")
+    counts = (metadata["excitation"].get(key) for key in ("sequences", "steps"))
+    if not all(isinstance(count, int) and count > 0 for count in counts):
+        raise LogError(f"{path} is damaged: excitation is {metadata['excitation']!r}")
+    if len(metadata["q_start"]) != metadata["excitation"]["sequences"]:
+        raise LogError(f"{path} is damaged: q_start is not one for each sequence")
     return metadata
 
 
@@ -260,12 +292,12 @@ def _read_sequence(
     else:
         targets = read_targets(path, episode.metadata.get(TARGETS), len(firsts))
     first, cycles = assign_steps(path, log, steps, targets[:, :3])
-    q_start = np.asarray(episode.metadata["q_start"], dtype=float)
+    q_start = require_numbers(path, "q_start", episode.metadata.get("q_start"), 7)
     if first > 0:  # a network's latency: the arm was still held at its start
         q_start = log[first, COLUMN["q1"] : COLUMN["q7"] + 1]
-    return Sequence(
-        q_start, targets, log[first:], cycles, np.array(metadata["q_start"][number])
-    )
+    told = metadata["q_start"][number]
+    commanded = require_numbers(path.with_name(DESCRIPTION), "q_start", told, 7)
+    return Sequence(q_start, targets, log[first:], cycles, commanded)
 
 
 def _old_targets(
