@@ -1,9 +1,10 @@
 """Pictures are of what was measured: neither empty nor frozen."""
 
 import gc
+import itertools
 import subprocess
 import sys
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
@@ -19,7 +20,7 @@ from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.view import gl_context
 from dovetail.view.film import Film
 from dovetail.view.gl_context import find_backend
-from dovetail.view.renderer import BLUE, FORCE_SCALE, RED, Renderer
+from dovetail.view.marks import FORCE_COLOUR, FORCE_SCALE, PATH_COLOUR
 
 CELL = find_cell()
 ROBOT = CELL.loaded_robot()
@@ -27,25 +28,15 @@ HOLE = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0))
 ID = "dovetail/PegInHole-v0"
 
 
-@pytest.fixture(scope="module")
-def renderer():
-    try:
-        renderer = Renderer(CELL)
-    except MissingDependencyError as error:
-        pytest.skip(str(error))  # it names the Debian packages
-    yield renderer
-    renderer.close()
-
-
 def above(height):
     pose = Pose(HOLE.position + np.array([0.0, 0.0, height]), tool_down(0.0))
     return ROBOT.inverse_kinematics(pose, ROBOT.posture("down"))
 
 
-def pixels_like(picture, rgba):
+def pixels_like(picture, colour):
     """Which pixels have the hue of a colour, whatever light falls on them."""
     way = picture / np.maximum(np.linalg.norm(picture, axis=2, keepdims=True), 1.0)
-    return way @ (rgba[:3] / np.linalg.norm(rgba[:3])) > 0.99
+    return way @ (np.array(colour) / np.linalg.norm(colour)) > 0.99
 
 
 def test_a_picture_shows_what_changes_and_nothing_else(renderer):
@@ -70,7 +61,7 @@ def test_a_force_is_an_arrow_of_its_size_and_a_path_a_line(renderer):
         line = renderer.draw(q, HOLE, path=[tip, end])
         rows = [
             np.flatnonzero(pixels_like(picture, colour).any(axis=1))
-            for picture, colour in ((arrow, RED), (line, BLUE))
+            for picture, colour in ((arrow, FORCE_COLOUR), (line, PATH_COLOUR))
         ]
         heights += [np.ptp(found) for found in rows]
     assert heights[0] == pytest.approx(heights[1], abs=4)
@@ -84,8 +75,11 @@ def test_of_a_long_path_the_end_is_drawn_and_the_arrow_too(renderer):
     q, force = above(0.1), np.array([0.0, 0.0, 40.0])
     begin = HOLE.position + np.array([-0.04, 0.15, 0.1])
     path = [*[begin] * 3000, begin + np.array([0.0, 0.0, 0.1])]
-    assert pixels_like(renderer.draw(q, HOLE, path=path), BLUE).sum() > 100
-    assert pixels_like(renderer.draw(q, HOLE, path=path, force=force), RED).sum() > 100
+    assert pixels_like(renderer.draw(q, HOLE, path=path), PATH_COLOUR).sum() > 100
+    assert (
+        pixels_like(renderer.draw(q, HOLE, path=path, force=force), FORCE_COLOUR).sum()
+        > 100
+    )
 
 
 def test_an_environment_draws_what_it_measured(renderer):
@@ -126,7 +120,7 @@ def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
     class Still:
         most = 0
 
-        def draw(self, q, fixture, force, path):
+        def draw(self, q, fixture, force, path, believed):
             alive = sum(isinstance(thing, Image.Image) for thing in gc.get_objects())
             self.most = max(self.most, alive)
             return np.full((48, 64, 3), 200, dtype=np.uint8)
@@ -134,7 +128,7 @@ def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
     film, still, count = Film(), Still(), 100
     state = ArmState(*[np.zeros(3)] * 9, log=np.zeros(0))
     for _ in range(count):
-        film.add(state, HOLE)
+        film.add(state, HOLE, HOLE)
     with Image.open(film.write(tmp_path / "still.gif", still)) as written:
         assert written.info["duration"] == 50 * (count + 20)
     assert 0 < still.most < 20
@@ -210,14 +204,39 @@ def test_gymnasium_shows_pictures_in_a_window_and_gathers_them(renderer):
     env.close()
 
 
-def test_each_action_is_a_frame_of_a_recorded_video(renderer, tmp_path):
-    pytest.importorskip("moviepy", reason="needs moviepy: pip install moviepy")
+def test_each_action_is_a_frame_of_a_recorded_video(renderer, tmp_path, monkeypatch):
+    """By a stand-in for moviepy, whose newest release needs an older Pillow."""
+    written = []
+
+    class ImageSequenceClip:
+        def __init__(self, frames, fps):
+            self.frames, self.fps = [np.array(frame) for frame in frames], fps
+
+        def write_videofile(self, path, logger=None):
+            written.append((path, self.frames, self.fps))
+
+    name = "moviepy"
+    monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    for part in ("video", "io", "ImageSequenceClip"):
+        name = f"{name}.{part}"
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+    monkeypatch.setattr(
+        sys.modules[name], "ImageSequenceClip", ImageSequenceClip, raising=False
+    )
     env = gym.make(ID, render_mode="rgb_array", max_steps=5)
     with gym.wrappers.RecordVideo(env, str(tmp_path / "new")) as filmed:
         filmed.reset(seed=0)
-        for _ in range(5):
-            filmed.step(np.zeros(4, dtype=np.float32))
-    assert [path.suffix for path in tmp_path.glob("new/*")] == [".mp4"]
+        is_over = [
+            any(filmed.step(np.array([0.0, 0.0, -1.0, 0.0], dtype=np.float32))[2:4])
+            for _ in range(5)
+        ]
+    assert is_over == [False] * 4 + [True]
+    ((path, frames, fps),) = written
+    assert path.endswith(".mp4")
+    assert fps == 20
+    assert [frame.shape for frame in frames] == [(480, 640, 3)] * (1 + 5)
+    for before, after in itertools.pairwise(frames):
+        assert (before != after).any()
 
 
 def test_pictures_that_another_thread_drew_end_a_program_in_silence(renderer):

@@ -7,17 +7,22 @@ import numpy as np
 from dovetail.poses import Pose, quat_from_matrix
 from dovetail.types import Array, Vec3, Vec7
 from dovetail.view.cell_model import cell_spec
-from dovetail.view.renderer import FORCE_SCALE
+from dovetail.view.marks import (
+    BELIEVED_COLOUR,
+    BESIDE,
+    FORCE_COLOUR,
+    FORCE_MIN,
+    FORCE_SCALE,
+    PATH_COLOUR,
+    is_elsewhere,
+)
 from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
     import viser
 
-BELIEVED = (60, 130, 230)
-FORCE_COLOUR, PULL_COLOUR = (217, 38, 31), (240, 150, 20)
-PATH_COLOUR, WALL_COLOUR, NEAR_COLOUR = (26, 90, 190), (120, 130, 140), (11, 122, 117)
-_FORCE_MIN = 0.5  # [N] of which an arrow is drawn
-_BESIDE = np.array([-0.04, -0.05, 0.0])  # else the arrow is inside the part [m]
+PULL_COLOUR = (240, 150, 20)
+WALL_COLOUR, NEAR_COLOUR = (120, 130, 140), (11, 122, 117)
 _GREY, _CORAL = (200, 203, 207), (226, 122, 63)
 
 
@@ -88,7 +93,7 @@ class CellScene:
         if body == self._fixture and self._believed is not None:
             self._scene.add_mesh_simple(
                 f"{self._name}/believed/geom{geom}",
-                color=BELIEVED,
+                color=BELIEVED_COLOUR,
                 opacity=0.25,
                 **about,
             )
@@ -144,18 +149,16 @@ class CellScene:
             frame.position, frame.wxyz = data.xpos[i], data.xquat[i]
         if self._believed is not None and seen is not None:
             self._believed.position, self._believed.wxyz = seen
-            gap = np.linalg.norm(seen.position - fixture.position)
-            turn = abs(float(seen.quat_wxyz @ fixture.quat_wxyz))
-            self._believed.visible = bool(gap > 2e-4 or turn < 1.0 - 1e-6)
+            self._believed.visible = is_elsewhere(seen, fixture)
 
     def point(self, force: Vec3, pull: Vec3) -> None:
         """Draw the contact force and the hand's pull [N], world axes, at the tool."""
         tip = np.array(self._data.site("tcp").xpos)
         for arrow, vector, begin in (
-            (self.force, force, tip + _BESIDE),
+            (self.force, force, tip + BESIDE),
             (self.pull, pull, tip),
         ):
-            is_shown = bool(np.linalg.norm(vector) > _FORCE_MIN)  # false for nan
+            is_shown = bool(np.linalg.norm(vector) > FORCE_MIN)  # false for nan
             if is_shown:
                 ends = np.array([[begin, begin + FORCE_SCALE * vector]])
                 arrow.points = ends.astype(np.float32)

@@ -17,6 +17,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
 from dovetail.envs.observation import Layout, sight
+from dovetail.envs.pictures import EpisodePictures
 from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare
@@ -27,7 +28,7 @@ from dovetail.envs.workspace import (
     require_inside,
     require_placed,
 )
-from dovetail.errors import ArmError, ConfigError, TrackerError
+from dovetail.errors import ConfigError, TrackerError
 from dovetail.poses import Pose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Task
@@ -123,6 +124,8 @@ class ContactEnv(
     """What the arm said last."""
     fixture: Pose
     """The fixture's true pose in this episode."""
+    believed: Pose
+    """Where it is believed: what the tracker told last, moved on until now."""
     steps: int  # of the episode so far
     is_led: bool = False  # whether the next action is a person's; set by `Led`
 
@@ -135,17 +138,11 @@ class ContactEnv(
         tracker: Tracker | None = None,
         render_mode: str | None = None,
     ) -> None:
-        known = self.metadata["render_modes"]
-        if render_mode not in (None, *known):
-            raise ConfigError(
-                f"render_mode is {render_mode!r}; known: {', '.join(known)}, and human "
-                "by way of gymnasium.make"
-            )
-        self.render_mode = render_mode
-        self._renderer, self._is_closed = None, False
         self.task, self.config = task, config or EnvConfig()
         action = self.config.action
         self.cell = task.workcell(find_robot(self.config.place.robot))
+        self.render_mode = render_mode
+        self._pictures = EpisodePictures(self.cell, render_mode, self.metadata)
         self.axes = TaskSpec.parse(task.axes)
         self.arm = build_arm(
             self.config.place.arm if arm is None else arm,
@@ -242,6 +239,7 @@ class ContactEnv(
             plane = self._target.near_plane
             self.state = self._tare.take(self.state, fixture, plane, self._walls)
             raw = self._locate()
+        self._pictures.begin(self.state)
         info = {**self._info(raw), "tare": self.commands.tare.copy()}
         return self._history.reset(self._recall.reset(self.scaling.scale(raw))), info
 
@@ -272,6 +270,8 @@ class ContactEnv(
         self._begun = None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
         self.steps += 1
+        if self.render_mode is not None:
+            self._pictures.add(self.state)
         raw = self._locate()
         info = self._info(raw)
         true, is_done = self._by_truth, info["success"]
@@ -328,28 +328,21 @@ class ContactEnv(
         self.fixture = self.fixture._replace(position=position)
 
     def render(self) -> NDArray[np.uint8] | None:
-        """Draw arm, true fixture and contact force as measured last: (480, 640, 3).
+        """Return a picture of what was measured last, shape (480, 640, 3).
+
+        The fixture is where it truly is. Violet, in a frame, is where it is believed,
+        if that is elsewhere. A blue line is the path of the tool's end in this episode,
+        a red arrow beside it the contact force.
 
         Raises:
             MissingDependencyError: There is no OpenGL that draws without a screen.
             ArmError: The environment is closed.
         """
-        if self.render_mode is None:
-            return None
-        if self._is_closed:
-            raise ArmError("this environment is closed: render before close")
-        if self._renderer is None:
-            from dovetail.view.renderer import Renderer
-
-            self._renderer = Renderer(self.cell)
-        state = self.state
-        return self._renderer.draw(state.q, self.fixture, force=state.contact_force)
+        return self._pictures.draw(self.state, self.fixture, self.believed)
 
     def close(self) -> None:
         """Close the arm and the tracker."""
-        self._is_closed = True
-        if self._renderer is not None:
-            self._renderer.close()
+        self._pictures.close()
         self.arm.close()
         close_tracker(self.tracker)
 
@@ -369,6 +362,7 @@ class ContactEnv(
         seen = true = pose.position.tobytes(), pose.quat_wxyz.tobytes()
         if seen != self._seen:
             self._seen = seen
+            self.believed = Pose(pose.position.copy(), pose.quat_wxyz.copy())
             self._goal = goal = self.task.goal(pose)
             near = goal.surface + self.config.approach.near_distance
             self._target.near_plane = np.append(goal.normal, near)

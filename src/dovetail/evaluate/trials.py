@@ -127,7 +127,7 @@ class Trialist:
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
         blocks: list[Array] = []
         film = Film()
-        film.add(self._core.state, fixture)
+        film.add(self._core.state, self._core.fixture, self._core.believed)
         steps, violations = 0, int(info.get("limit_violations", 0))
         done, stopped, said = False, "", ""
         about = self._describe(job) | {"tare [m/s2, rad/s2]": tare}
@@ -142,7 +142,7 @@ class Trialist:
                     stopped, said = error.reason or str(error), str(error)
                     break
                 blocks.append(self._core.state.log)
-                film.add(self._core.state, self._core.fixture)
+                film.add(self._core.state, self._core.fixture, self._core.believed)
                 raw = info["observation_raw"]
                 episode.append(blocks[-1], steps, action, float(reward), raw)
                 steps += 1

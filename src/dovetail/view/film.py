@@ -10,7 +10,8 @@ from dovetail.control.period import POLICY_PERIOD
 from dovetail.files import write_atomic
 from dovetail.poses import Pose
 from dovetail.types import Vec3, Vec7
-from dovetail.view.renderer import BLUE, RED, Renderer
+from dovetail.view.marks import BELIEVED_COLOUR, FORCE_COLOUR, PATH_COLOUR
+from dovetail.view.renderer import Renderer
 
 _END = 20
 """Frames for which the last picture stays."""
@@ -22,17 +23,19 @@ class Film:
 
     def __init__(self) -> None:
         """Begin with nothing."""
-        self._frames: list[tuple[Vec7, Pose, Vec3]] = []
+        self._frames: list[tuple[Vec7, Pose, Pose, Vec3]] = []
         self._path: list[Vec3] = []
 
-    def add(self, state: ArmState, fixture: Pose) -> None:
+    def add(self, state: ArmState, fixture: Pose, believed: Pose) -> None:
         """Remember a policy step.
 
         Args:
             state: What the arm measured.
-            fixture: Where the fixture is.
+            fixture: Where the fixture truly is; kept as it is.
+            believed: Where it is believed; kept as it is.
         """
-        self._frames.append((state.q.copy(), fixture, state.contact_force.copy()))
+        frame = state.q.copy(), fixture, believed, state.contact_force.copy()
+        self._frames.append(frame)
         self._path.append(state.position.copy())
 
     def write(self, file: Path, renderer: Renderer) -> Path:
@@ -66,9 +69,11 @@ class Film:
 
     def _draw(self, index: int, renderer: Renderer) -> Image.Image:
         """Return the picture of a policy step, with the path until then."""
-        q, fixture, force = self._frames[index]
+        q, fixture, believed, force = self._frames[index]
         path = self._path[: index + 1]
-        return Image.fromarray(renderer.draw(q, fixture, force=force, path=path))
+        return Image.fromarray(
+            renderer.draw(q, fixture, force=force, path=path, believed=believed)
+        )
 
 
 def _palette(pictures: list[Image.Image]) -> Image.Image:
@@ -80,12 +85,12 @@ def _palette(pictures: list[Image.Image]) -> Image.Image:
     """
     width, height = pictures[0].size
     patches = [
-        Image.new("RGB", (_PATCH, height), tuple(round(255 * c) for c in colour[:3]))
-        for colour in (RED, BLUE)
+        Image.new("RGB", (_PATCH, height), colour)
+        for colour in (FORCE_COLOUR, PATH_COLOUR, BELIEVED_COLOUR)
     ]
-    board = Image.new("RGB", (3 * width + 2 * _PATCH, height))
+    board = Image.new("RGB", (3 * width + len(patches) * _PATCH, height))
     left = 0
     for picture in (*pictures, *patches):
         board.paste(picture, (left, 0))
         left += picture.width
-    return board.quantize(colors=_COLOURS)
+    return board.quantize(colors=_COLOURS, method=Image.Quantize.FASTOCTREE)

@@ -2,7 +2,7 @@
 
 import atexit
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterable
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -10,28 +10,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.poses import Pose, matrix_from_quat
-from dovetail.types import Vec3, Vec7
+from dovetail.types import Array, Mat33, Vec3, Vec7
 from dovetail.view.cell_model import cell_spec
 from dovetail.view.gl_context import open_context
+from dovetail.view.marks import (
+    BELIEVED_COLOUR,
+    BESIDE,
+    FORCE_COLOUR,
+    FORCE_MIN,
+    FORCE_SCALE,
+    PATH_COLOUR,
+    Colour,
+    is_elsewhere,
+)
 from dovetail.workcell.workcell import Workcell
 
 WIDTH, HEIGHT = 640, 480
 """Size of a picture [pixels]."""
-FORCE_SCALE = 0.004
-"""Length of a force's arrow [m/N]."""
-_FORCE_MIN = 0.5  # [N] of which an arrow is drawn
 _LOOK_AT, _DISTANCE = (0.42, 0.0, 0.33), 1.25  # m
 _AZIMUTH, _ELEVATION = 142.0, -16.0  # degrees
-_BESIDE = np.array([-0.04, -0.05, 0.0])
-"""Where the arrow of a force stands from the tool's end [m]: else it is inside."""
 _ARROW, _LINE = 0.006, 3.0  # radius [m], width [pixels]
-RED = np.array([0.85, 0.15, 0.12, 1.0], dtype=np.float32)
-BLUE = np.array([0.10, 0.35, 0.75, 1.0], dtype=np.float32)
+_IN_FRONT = 0.5
+"""Share of the way from the eye at which the path is drawn: at the same pixels, but no
+longer hidden by the part that the tool holds."""
 _MAX_GEOMS = 2000
+_NEARER = 0.0005
+"""How much nearer to the eye the believed fixture is drawn [m]: a face that lies in one
+plane with the true one's would flicker."""
 _INK = 0.00005
 """How far a print's paper is drawn below its ink [m]: so that the ink is seen."""
 _NEAR, _FAR = 0.02, 5.0
 """What a camera sees: from and to [m]."""
+
+
+def _rgba(colour: Colour, opacity: float = 1.0) -> NDArray[np.float32]:
+    return np.array([*(part / 255.0 for part in colour), opacity], dtype=np.float32)
+
+
+_RED, _BLUE, _FRAME = _rgba(FORCE_COLOUR), _rgba(PATH_COLOUR), _rgba(BELIEVED_COLOUR)
+_GHOST = _rgba(BELIEVED_COLOUR, 0.15)  # what is behind it stays visible
+_NO_TURN: Mat33 = np.eye(3)
 
 
 class Plate(NamedTuple):
@@ -57,7 +75,11 @@ class View(NamedTuple):
 
 
 class Renderer:
-    """Draws the arm at a configuration, its cell, a contact force and a path."""
+    """Draws the arm at a configuration, its cell, a contact force and a path.
+
+    A fixture that is believed to be elsewhere is drawn there once more: translucent,
+    and in a frame.
+    """
 
     def __init__(
         self,
@@ -86,6 +108,9 @@ class Renderer:
         self._mujoco: Any = mujoco
         self._model = _model(self._mujoco, cell, (width, height), plate, samples)
         self._data = self._mujoco.MjData(self._model)
+        body = self._model.body("fixture").id
+        self._fixture = np.flatnonzero(self._model.geom_bodyid == body)
+        self._corners = cell.fixture.corners
         self._size = height, width
         self._gl = open_context(width, height)
         scale = self._mujoco.mjtFontScale.mjFONTSCALE_100.value
@@ -105,7 +130,8 @@ class Renderer:
         fixture: Pose,
         *,
         force: Vec3 | None = None,
-        path: Sequence[Vec3] = (),
+        path: Iterable[Vec3] = (),
+        believed: Pose | None = None,
         plate: Pose | None = None,
         view: View | None = None,
     ) -> NDArray[np.uint8]:
@@ -113,10 +139,11 @@ class Renderer:
 
         Args:
             q: Joint angles [rad].
-            fixture: Where the fixture is, world axes.
+            fixture: Where the fixture truly is, world axes.
             force: On the tool, world axes [N]: an arrow of `FORCE_SCALE` beside it.
-            path: Where the tool's end was [m], the oldest first: a line. Of a long
-                one its last points, nearly 2000.
+            path: Where the tool's end was [m], the oldest first: a line in front of
+                all bodies. Of a long one its last points, nearly 2000.
+            believed: Where the fixture is believed; drawn where that is another place.
             plate: Where the print is, z out of its face; None leaves it where it was.
             view: What is shown; None is the arm from the side.
         """
@@ -135,14 +162,13 @@ class Renderer:
         )  # fmt: skip
         if view is not None:
             self._look(view)
-        if force is not None and np.linalg.norm(force) > _FORCE_MIN:  # false for nan
-            tip = data.site("tcp").xpos + _BESIDE
+        if believed is not None and is_elsewhere(believed, fixture):
+            self._add_ghost(believed)
+        if force is not None and np.linalg.norm(force) > FORCE_MIN:  # false for nan
+            tip = data.site("tcp").xpos + BESIDE
             end = tip + 2.0 * FORCE_SCALE * force  # MuJoCo draws half of an arrow
-            self._connect("mjGEOM_ARROW", _ARROW, tip, end, RED)
-        shown = np.asarray(path, dtype=float).reshape(-1, 3)
-        room = scene.maxgeom - scene.ngeom
-        for begin, end in itertools.pairwise(shown[-(room + 1) :]):
-            self._connect("mjGEOM_LINE", _LINE, begin, end, BLUE)
+            self._connect("mjGEOM_ARROW", _ARROW, tip, end, _RED)
+        self._add_path(np.array(list(path), dtype=float).reshape(-1, 3))
         picture = np.empty((*self._size, 3), dtype=np.uint8)
         whole = mujoco.MjrRect(0, 0, self._size[1], self._size[0])
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
@@ -165,6 +191,48 @@ class Renderer:
             eye.frustum_width = (right - left) / 2.0
             eye.frustum_top, eye.frustum_bottom = -top, -bottom
 
+    def _add_ghost(self, believed: Pose) -> None:
+        """Add the fixture to the scene once more where it is believed, and a frame."""
+        kinds, model = self._mujoco.mjtGeom, self._model
+        nearer = -_NEARER * np.array(self._scene.camera[0].forward)
+        place, R = believed.position + nearer, matrix_from_quat(believed.quat_wxyz)
+        for geom in self._fixture:
+            kind = int(model.geom_type[geom])
+            shape = self._add(
+                kind,
+                model.geom_size[geom],
+                place + R @ model.geom_pos[geom],
+                R @ matrix_from_quat(model.geom_quat[geom]),
+                _GHOST,
+            )
+            if shape is not None and kind == kinds.mjGEOM_MESH.value:
+                shape.dataid = 2 * model.geom_dataid[geom]  # the odd one is its hull
+        low, high = self._corners.min(axis=0), self._corners.max(axis=0)
+        middle = place + R @ ((low + high) / 2.0)
+        box = kinds.mjGEOM_LINEBOX.value
+        self._add(box, (high - low) / 2.0, middle, R, _FRAME)
+
+    def _add_path(self, places: Array) -> None:
+        """Add a line through places [m], shape (points, 3): the last that have room."""
+        scene = self._scene
+        room = scene.maxgeom - scene.ngeom
+        eye = np.mean([eye.pos for eye in scene.camera], axis=0)
+        shown = eye + _IN_FRONT * (places[-(room + 1) :] - eye)
+        for begin, end in itertools.pairwise(shown):
+            self._connect("mjGEOM_LINE", _LINE, begin, end, _BLUE)
+
+    def _add(
+        self, kind: int, size: Vec3, position: Vec3, R: Mat33, rgba: NDArray[np.float32]
+    ) -> Any:
+        """Return a shape that was added to the scene, or None: there is no room."""
+        scene = self._scene
+        if scene.ngeom >= scene.maxgeom:
+            return None
+        shape = scene.geoms[scene.ngeom]
+        self._mujoco.mjv_initGeom(shape, kind, size, position, R.ravel(), rgba)
+        scene.ngeom += 1
+        return shape
+
     def _connect(
         self,
         kind: str,
@@ -174,16 +242,11 @@ class Renderer:
         rgba: NDArray[np.float32],
     ) -> None:
         """Add a line or an arrow to the scene, while there is room."""
-        scene, mujoco = self._scene, self._mujoco
-        if scene.ngeom >= scene.maxgeom:
-            return
-        shape = mujoco.mjtGeom.__members__[kind]
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(
-            geom, shape.value, np.zeros(3), np.zeros(3), np.zeros(9), rgba
-        )
-        mujoco.mjv_connector(geom, shape.value, width, begin, end)
-        scene.ngeom += 1
+        shape = self._mujoco.mjtGeom.__members__[kind].value
+        nothing = np.zeros(3)
+        geom = self._add(shape, nothing, nothing, _NO_TURN, rgba)
+        if geom is not None:
+            self._mujoco.mjv_connector(geom, shape, width, begin, end)
 
     def close(self) -> None:
         """Give the context back; again is no harm."""
