@@ -12,6 +12,8 @@ from dovetail.errors import ConfigError
 from dovetail.view.cell_model import cell_spec
 from extras import need
 
+from .conftest import wait_until
+
 
 @pytest.mark.parametrize("port", [-1, 65536])
 def test_a_port_that_is_none_is_refused(port):
@@ -89,3 +91,17 @@ def test_what_the_browser_draws_is_as_large_as_what_the_plant_has(env):
         slack = 0.03 * half.max()  # round bodies are cut into flat ones
         np.testing.assert_allclose(vertices.max(axis=0), middle + half, atol=slack)
         np.testing.assert_allclose(vertices.min(axis=0), middle - half, atol=slack)
+
+
+def test_what_no_browser_sends_is_a_line_and_no_traceback(caplog):
+    need("viser")
+    server = open_server(0)
+    try:
+        with socket.create_connection((HOST, server.get_port())) as scan:
+            scan.sendall(b"GET / HT")
+        wait_until(lambda: caplog.records)
+    finally:
+        server.stop()
+    (record,) = caplog.records
+    assert record.getMessage().startswith("page: opening handshake failed (")
+    assert "Traceback" not in caplog.text

@@ -43,7 +43,7 @@ class FallingEnv(ContactEnv):
 
     def reset(self, *, seed=None, options=None):
         gym.Env.reset(self, seed=seed)
-        self.fixture = options["fixture"]
+        self.fixture = self.believed = options["fixture"]
         self.height = self.np_random.uniform(0.01, 0.05)
         self.time, self.steps = 0.0, 0
         self.state = known(np.empty((0, len(CYCLE_COLUMNS))))

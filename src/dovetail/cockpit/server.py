@@ -1,5 +1,6 @@
 """The web server of the page: on this machine alone, at exactly the port asked for."""
 
+import logging
 import socket
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 """Where it listens: whoever may log in to this machine may drive the arm."""
 PORT = 8080
+_SOCKETS = "websockets.server"
+"""Name under which the page's sockets say what went wrong in them."""
 
 
 def open_server(port: int = PORT) -> "viser.ViserServer":
@@ -33,6 +36,7 @@ def open_server(port: int = PORT) -> "viser.ViserServer":
     if not 0 <= port <= 65535:
         raise ConfigError(f"port is {port}; allowed: 0 to 65535, 0 is any free one")
     _require_free(port)
+    logging.getLogger(_SOCKETS).addFilter(_in_a_line)
     server = viser.ViserServer(host=HOST, port=port, verbose=False)
     if port not in (0, server.get_port()):  # somebody was faster: viser took another
         server.stop()
@@ -59,6 +63,16 @@ def light(scene: "viser.SceneApi") -> None:
         intensity=2.2,
     )
     scene.add_light_directional("/light/sun", intensity=2.0, position=(1.0, -1.5, 2.0))
+
+
+def _in_a_line(record: logging.LogRecord) -> bool:
+    """Say of what no browser sends, such as a port scan, a line and no traceback."""
+    if record.exc_info:
+        error = record.exc_info[1]
+        why = f"{type(error).__name__}: {error}".strip().splitlines()[0]
+        record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
+        record.exc_info = None
+    return True
 
 
 def _require_free(port: int) -> None:
