@@ -5,7 +5,8 @@ both alike. Prints
 
 * environment steps per second of one environment (`gym.make`) on one core, and of the
   batch (`gym.make_vec` with its vector entry point) on ``--cores`` cores, resets
-  included: medians over the turns, and the median of the ratios of neighbours;
+  included: medians over the turns, and the median of the ratios of neighbours (turns
+  of some tenths of a second: the first steps of a turn find sleeping threads);
 * where the processor time of a step goes: C++ (the control cycles, which the threads
   share) and Python (which only one of them can run), for one environment and for the
   batch;
@@ -118,8 +119,8 @@ def main() -> None:
     parser.add_argument(
         "--period", type=float, default=0.005, help="control period [s]"
     )
-    parser.add_argument("--turns", type=int, default=200, help="turns of each")
-    parser.add_argument("--steps", type=int, default=320, help="steps of a turn")
+    parser.add_argument("--turns", type=int, default=25, help="turns of each")
+    parser.add_argument("--steps", type=int, default=3200, help="steps of a turn")
     options = parser.parse_args()
     cores = sorted(os.sched_getaffinity(0))[: options.cores]
     os.sched_setaffinity(0, cores)
