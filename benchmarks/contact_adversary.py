@@ -216,6 +216,9 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         metavar="NAME=NUMBER",
         help="another number in LimitConfig, for experiments",
     )
+    parser.add_argument(
+        "--hold-on", type=float, default=0.0, help="[s] with the last Target, after 5 s"
+    )
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--quiet", action="store_true", help="no line for each try")
     parser.add_argument("--replay", type=int, metavar="INDEX")
@@ -241,6 +244,7 @@ def main(arguments: Sequence[str]) -> None:
         task=args.task,
         policy=args.policy,
         overrides=tuple((name, float(number)) for name, number in pairs),
+        hold_on=args.hold_on,
     )
     if args.replay is not None:
         outcome = replay(attack, args.replay, args.trace)

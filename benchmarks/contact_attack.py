@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 from contact_choices import POLICIES, RANGES, SIZE, TASKS, Array, Choices, choose
-from contact_trial import Outcome, Trial
+from contact_trial import QUIET, Outcome, Trial
 
 LIMITS = {
     "proven": {"position": 0.0, "speed": 1.0, "grown": 0.0, "contact": 5.0},
@@ -32,6 +32,8 @@ class Attack:
     policy: str | None = None
     overrides: tuple[tuple[str, float], ...] = ()
     """Of LimitConfig."""
+    hold_on: float = 0.0
+    """How long a try goes on with its last Target [s]."""
 
     def vector(self, index: int) -> Array:
         """Return try `index` as numbers in [0, 1]."""
@@ -56,14 +58,20 @@ class Attack:
             vector: The choices as numbers in [0, 1], shape (SIZE,).
             seed: Of what is drawn at random meanwhile.
         """
-        trial = Trial(
+        outcome = self._trial(vector, seed).run(self.hold_on)
+        if outcome.worst["grown"] > 0.0:
+            grown = [self._trial(vector, seed).look_on(quiet) for quiet in QUIET]
+            outcome.worst["grown"] = max(grown)
+        return outcome
+
+    def _trial(self, vector: Array, seed: tuple[int, ...]) -> Trial:
+        return Trial(
             choose(vector, RANGES[self.span]),
             self.period,
             seed,
             is_hardware=self.is_hardware,
             overrides=self.overrides,
         )
-        return trial.run()
 
 
 def broken(worst: dict[str, float], span: str) -> dict[str, float]:
@@ -96,6 +104,7 @@ def add_case(path: Path, attack: Attack, case: dict[str, Any]) -> None:
         "period": attack.period,
         "span": attack.span,
         "is_hardware": attack.is_hardware,
+        "hold_on": attack.hold_on,
         "worst": {k: float(f"{v:.4g}") for k, v in case["worst"].items()},
         "vector": [round(float(x), 6) for x in case["vector"]],
     }

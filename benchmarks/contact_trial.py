@@ -3,8 +3,8 @@
 The Target, pushes and reconfigurations change every 50 ms; in two quiet sections of
 1.25 s nothing changes and no cycle is faulty. What vibrates there at 8 Hz and more,
 nobody asked for: it grows if the RMS of the joint velocities above 8 Hz over windows of
-0.25 s rises three times running by a fifth or more and ends above 0.1 rad/s; it is
-sustained if it is above 0.3 rad/s in four windows running.
+0.25 s rises three times running by a fifth or more, ends above 0.1 rad/s and is as
+strong in the second after, to which the section is then drawn out; it is sustained if it is above 0.3 rad/s in four windows running.
 
 The resting push is what the Target asks for, as a static force on the tool: the linear
 part of Lambda (f* + K e), e from the pose that was latched, plus the weight that nobody
@@ -13,6 +13,7 @@ The contact force that is compared with it is a mean over 20 ms, not within 150 
 first touch: that is an impact, whose peak is told apart.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -43,7 +44,7 @@ CHANGES = (
     "joint target",
 )
 QUIET = (range(40, 65), range(75, 100))
-WINDOW = 5  # actions
+WINDOW, LOOK_ON = 5, 20  # actions
 PHYSICS_DT = 1e-3  # s: contacts of 2 ms need it, and the judge looks as often
 SPRING_MASS = 5.0  # kg, for its damping ratio
 ARMATURE = 0.1  # kg m2, the model's
@@ -173,16 +174,41 @@ class Trial:
         damping = 2.0 * choices.spring_ratio * np.sqrt(k * SPRING_MASS)
         self.judge.set_spring(anchor, k, damping)
 
-    def run(self) -> Outcome:
-        """Run the try to its end, or until the simulation diverges."""
+    def run(self, hold_on: float = 0.0) -> Outcome:
+        """Run the try to its end, or until the simulation diverges.
+
+        Args:
+            hold_on: How long it goes on after that [s], with nothing new.
+        """
+        more = [ACTIONS - 1] * round(hold_on / ACTION)
+        trace, vibration, diverged = self._run([*range(ACTIONS), *more])
+        return self._outcome(trace, vibration, diverged)
+
+    def look_on(self, quiet: range) -> float:
+        """Run the try until a second after a quiet section, with nothing new in it.
+
+        Returns:
+            RMS [rad/s] of what grew in the section and was as strong in that second,
+            or had the motion ended; 0 where what seemed to grow had risen by chance.
+        """
+        more = [quiet[-1]] * LOOK_ON
+        trace, vibration, diverged = self._run([*range(quiet.stop), *more])
+        grown, _ = _oscillation(vibration[quiet.start : quiet.stop])
+        after = _rms(vibration[quiet.stop :])
+        flags = trace[:, COLUMN["flags"]].astype(np.int64)
+        lasts = np.median(after) >= grown or diverged or (flags & ENDED).any()
+        return grown if lasts else 0.0
+
+    def _run(self, numbers: Sequence[int]) -> tuple[Array, Array, int]:
+        """Return the cycles' log, what vibrated per action [rad/s], if it diverged."""
         per_action = round(ACTION / self.period)
-        trace = np.zeros((ACTIONS * per_action, len(CYCLE_COLUMNS)))
+        trace = np.zeros((len(numbers) * per_action, len(CYCLE_COLUMNS)))
         target = _core.Target()
-        vibration = np.zeros(ACTIONS)
+        vibration = np.zeros(len(numbers))
         done, diverged = 0, 0
-        for number in range(ACTIONS):
+        for i, number in enumerate(numbers):
             is_quiet = any(number in quiet for quiet in QUIET)
-            is_first = any(number == quiet[0] for quiet in QUIET)
+            is_first = any(i == quiet[0] for quiet in QUIET)
             q, dq = self.plant.read()
             if not is_quiet or is_first:
                 self._command(target, number, q, dq)
@@ -196,9 +222,9 @@ class Trial:
                 diverged = 1
                 break
             done += per_action
-            vibration[number] = self.judge.take_vibration()
+            vibration[i] = self.judge.take_vibration()
         self.loop.attach_judge(None, 0)
-        return self._outcome(trace[:done], vibration, diverged)
+        return trace[:done], vibration, diverged
 
     def _command(self, target: _core.Target, number: int, q: Array, dq: Array) -> None:
         """Change what a new action changes: Target, push, sometimes more."""
@@ -346,14 +372,20 @@ _NO_FAULTS: NDArray[np.int8] = np.zeros(1000, dtype=np.int8)
 
 def _oscillations(vibration: Array) -> tuple[float, float]:
     """Return the largest RMS [rad/s] of one that grew, and of one that stayed."""
-    grown = sustained = 0.0
-    for quiet in QUIET:
-        part = vibration[quiet.start : quiet.stop].reshape(-1, WINDOW)
-        rms = np.sqrt((part**2).mean(axis=1))[1:]  # the first follows a new Target
-        sustained = max(sustained, float(rms.min()))
-        if (rms[1:] > GROWTH * rms[:-1]).all() and rms[-1] > GROWN:
-            grown = max(grown, float(rms[-1]))
-    return grown, sustained
+    found = [_oscillation(vibration[quiet.start : quiet.stop]) for quiet in QUIET]
+    grown, sustained = np.max(found, axis=0)
+    return float(grown), float(sustained)
+
+
+def _oscillation(quiet: Array) -> tuple[float, float]:
+    rms = _rms(quiet)[1:]  # the first follows a new Target
+    grows = (rms[1:] > GROWTH * rms[:-1]).all() and rms[-1] > GROWN
+    return float(rms[-1]) if grows else 0.0, float(rms.min())
+
+
+def _rms(vibration: Array) -> Array:
+    """Return the RMS [rad/s] over windows."""
+    return np.sqrt((vibration.reshape(-1, WINDOW) ** 2).mean(axis=1))
 
 
 def _true_chain(choices: Choices) -> _core.Chain:

@@ -58,7 +58,10 @@ def test_few_tries_in_the_proven_range_break_no_joint_limit(adversary, period):
 @pytest.mark.parametrize("case", CASES, ids=[case["name"] for case in CASES])
 def test_no_case_that_was_found_is_lost_again(adversary, case):
     attack = adversary.Attack(
-        period=case["period"], span=case["span"], is_hardware=case["is_hardware"]
+        period=case["period"],
+        span=case["span"],
+        is_hardware=case["is_hardware"],
+        hold_on=case.get("hold_on", 0.0),
     )
     vector = np.array(case["vector"])
     outcome = attack.run_vector(vector, tuple(case["seed"]))
@@ -83,3 +86,22 @@ def test_what_an_earlier_controller_did_is_caught(adversary):
     outcomes = [attack.run(index) for index in (0, 3)]
     assert max(o.worst["speed"] for o in outcomes) > 1.0
     assert max(o.worst["sustained"] for o in outcomes) > 0.3  # rad/s
+
+
+def test_a_stretched_arm_does_not_hold_a_wall_with_all_its_motors(adversary):
+    """Jammed, it met the wall where it hardly moves that way: 34 times too fast."""
+    worst = adversary.Attack(period=0.005, seed=2, hold_on=3.0).run(553).worst
+    assert worst["position"] <= 0.0
+    assert worst["speed"] <= 1.0
+    assert worst["contact"] <= 5.0
+    assert 0.0 < worst["wall"] < 0.03  # m
+
+
+def test_what_only_seemed_to_grow_is_looked_at_for_longer(adversary):
+    """Of three that rise for a second, one goes down again, and one is ended."""
+    grown = {
+        index: adversary.Attack(period=0.005, seed=seed).run(index).worst["grown"]
+        for seed, index in ((34, 536), (21, 122), (40, 397))
+    }
+    assert grown[536] == 0.0
+    assert min(grown[122], grown[397]) > 0.1  # rad/s

@@ -42,6 +42,7 @@ def test_every_file_with_a_class_of_its_name_is_a_tracker():
         ),
         ("delayed?delay=20", "tracker delay is 20 s; allowed: 0 to 10 s"),
         ("delayed?lag=0.1", "does not take these arguments.*it takes delay, as"),
+        ("late?inner=1", "inner is no number; it takes delay.*dropout, as"),
         ("delayed?delay", "could not convert string to float"),
         ("delayed?delay=", "could not convert string to float"),
         ("os:sep", "it takes none"),

@@ -91,7 +91,8 @@ def train_one(
             policy = _export(model, config, folder, wall_time)
             steps = int(model.num_timesteps)
             rows = read_progress(folder / PROGRESS)
-            report(summarise(rows, steps, 0.0)._replace(phase="evaluating"))
+            phase = "evaluating" if config.eval_episodes else "done"
+            report(summarise(rows, steps, 0.0)._replace(phase=phase))
             evaluation = _evaluate(policy, config, folder, model.get_env())
     return TrainResult(folder / POLICY, evaluation, steps, wall_time)
 

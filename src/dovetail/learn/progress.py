@@ -53,7 +53,7 @@ class Status(NamedTuple):
     stage: str = ""
     """How far the run is from its end, in words; empty where only `steps` ends it."""
     phase: str = "training"
-    """What the run does now: pretraining, training, testing or evaluating."""
+    """What the run does now: pretraining, training, testing, evaluating or done."""
     is_steady: bool = True
     """Whether the rate is of steps with updates, so that the time left follows."""
 
@@ -189,7 +189,7 @@ class ProgressBar:
         is_terminal = self._console.is_terminal
         room = self._console.width - self._beside if is_terminal else None
         text = describe_status(status, self._total, room)
-        is_over = status.phase == "evaluating"  # perhaps before all steps
+        is_over = status.phase in ("evaluating", "done")  # perhaps before all steps
         self._progress.update(
             self._tasks[index],
             completed=status.step,
@@ -222,7 +222,7 @@ def describe_status(status: Status, total: int, room: int | None = None) -> str:
     if not math.isnan(status.success):
         words.append(f"success {100 * status.success:.0f} %")
         words.append(f"reward {status.reward:.1f}")
-    if status.stage and status.phase != "evaluating":
+    if status.stage and status.phase not in ("evaluating", "done"):
         words.append(status.stage)
     if status.phase != "training":
         words.append(status.phase)

@@ -31,6 +31,7 @@ TWIN = "twin"
 CAMERA = ".toml"
 """How the name of a camera ends."""
 _PACKAGE = "dovetail.trackers"
+_MAYBE_NUMBER = (int, float, type)  # no default is the type `empty`
 _FEW = 2.0
 """Standard deviations of a calibrated place that a camera without pictures is off."""
 
@@ -178,10 +179,15 @@ def _by_name(text: str) -> Tracker:
             f"finds ({error})"
         ) from error
     given = parse_qsl(query, keep_blank_values=True)
+    usual = inspect.signature(make).parameters.values() if callable(make) else []
+    # A tracker inside another has a default that is no number.
+    other = {p.name for p in usual if not isinstance(p.default, _MAYBE_NUMBER)}
     try:
+        if no_number := ", ".join(key for key, _ in given if key in other):
+            raise ValueError(f"{no_number} is no number")
         return make(**{key: float(value) for key, value in given})
     except (TypeError, ValueError) as error:
-        known = ", ".join(inspect.signature(make).parameters) if callable(make) else ""
+        known = ", ".join(p.name for p in usual if p.name not in other)
         raise ConfigError(
             f"tracker {text!r} does not take these arguments: {error}; it takes "
             f"{known or 'none'}, as NAME?ARGUMENT=NUMBER&ARGUMENT=NUMBER"
