@@ -2,9 +2,9 @@
 
 The Target, pushes and reconfigurations change every 50 ms; in two quiet sections of
 1.25 s nothing changes and no cycle is faulty. What vibrates there at 8 Hz and more,
-nobody asked for: it grows if the RMS of the joint velocities above 8 Hz over windows of
-0.25 s rises three times running by a fifth or more, ends above 0.1 rad/s and is as
-strong in the second after, to which the section is then drawn out; it is sustained if it is above 0.3 rad/s in four windows running.
+nobody asked for: over windows of 0.25 s the RMS of the joint velocities above 8 Hz
+grows where it rises three times running by a fifth or more, ends above 0.1 rad/s and is
+as strong in a second more; it is sustained above 0.3 rad/s in four windows running.
 
 The resting push is what the Target asks for, as a static force on the tool: the linear
 part of Lambda (f* + K e), e from the pose that was latched, plus the weight that nobody

@@ -31,7 +31,7 @@ TWIN = "twin"
 CAMERA = ".toml"
 """How the name of a camera ends."""
 _PACKAGE = "dovetail.trackers"
-_MAYBE_NUMBER = (int, float, type)  # no default is the type `empty`
+_NUMBER = (int, float, type)  # where there is no default it is the type `empty`
 _FEW = 2.0
 """Standard deviations of a calibrated place that a camera without pictures is off."""
 
@@ -179,16 +179,22 @@ def _by_name(text: str) -> Tracker:
             f"finds ({error})"
         ) from error
     given = parse_qsl(query, keep_blank_values=True)
-    usual = inspect.signature(make).parameters.values() if callable(make) else []
+    usual = _usual(make)
     # A tracker inside another has a default that is no number.
-    other = {p.name for p in usual if not isinstance(p.default, _MAYBE_NUMBER)}
+    other = {key for key, default in usual.items() if not isinstance(default, _NUMBER)}
     try:
         if no_number := ", ".join(key for key, _ in given if key in other):
             raise ValueError(f"{no_number} is no number")
         return make(**{key: float(value) for key, value in given})
     except (TypeError, ValueError) as error:
-        known = ", ".join(p.name for p in usual if p.name not in other)
+        known = ", ".join(key for key in usual if key not in other)
         raise ConfigError(
             f"tracker {text!r} does not take these arguments: {error}; it takes "
             f"{known or 'none'}, as NAME?ARGUMENT=NUMBER&ARGUMENT=NUMBER"
         ) from error
+
+
+def _usual(make: object) -> dict[str, object]:
+    """Return the arguments of a class with their defaults."""
+    parameters = inspect.signature(make).parameters if callable(make) else {}
+    return {name: parameter.default for name, parameter in parameters.items()}
