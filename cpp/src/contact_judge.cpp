@@ -51,7 +51,8 @@ void ContactJudge::look(const Vec7& q, const Vec7& dq, const Vec3& contact,
     wall_.take((tool_.p - limits_.x_max).cwiseMax(limits_.x_min - tool_.p), 0.0, time_);
     tcp_speed_.take(v.cwiseAbs() - limits_.dx_max, 0.0, time_);
   }
-  if (stiffness_ > 0.0) {
+  // An arm that swings around in a spring stretches it: that is no excuse.
+  if (stiffness_ > 0.0 && position_.count + speed_.count == 0) {
     chain_.evaluate(q, dq, terms_);
     const Vec7 torque = terms_.J.topRows<3>().transpose() * pull_;
     load_.take(torque.cwiseAbs().cwiseQuotient(limits_.tau_max), 1.0, time_);

@@ -16,14 +16,13 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Of tau_max: what the disturbance estimate takes of one measurement at most.
 constexpr double kLargestSurprise = 0.25;
-// Of tau_max: the most that is taken for a disturbance, and the most of it that a hold
-// acts against. A hold in contact is an integrator that would push ever harder.
+// Of tau_max: the most that is taken for a disturbance.
 constexpr double kLargestEstimate = 1.0;
 constexpr double kUsualEstimate = 0.3;  // ... except of a joint that is at its limit
-constexpr double kLargestHeld = 0.12;
-constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
 
 constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
+// Then a wall is worth so much mass [kg]: held against a jam it would drive the joints.
+constexpr double kEndRho = 1.0;
 // Of the estimate's slow part, with which a hold after the last line begins [1/s].
 constexpr double kWeightRate = 8.0;
 
@@ -211,9 +210,10 @@ void Controller::mark_walls(unsigned upper, unsigned lower,
 void Controller::limit_by_qp(StepResult& result) noexcept {
   const Mat37 Jc = terms_.J.topRows<3>();
   const Vec3 djc = terms_.dJdq.head<3>();
-  const QpResult qp =
-      solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc, djc, bounds_.cl,
-                bounds_.cu, h_, lo_, hi_, limits_.rho});
+  const bool is_ended = last_line_.cause() != EndCause::kNone;
+  const double rho = is_ended ? std::min(kEndRho, limits_.rho) : limits_.rho;
+  const QpResult qp = solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc,
+                                djc, bounds_.cl, bounds_.cu, h_, lo_, hi_, rho});
   result.a = qp.a + push_;
   result.a0 += push_;
   result.tau = qp.tau;
@@ -262,14 +262,6 @@ Vec7 Controller::braking() const noexcept {
   const double time = std::max(limits_.kappa * period_, 0.02);  // [s]
   const Vec7 most = limits_.eta * limits_.ddq_max;
   return (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
-}
-
-/// The part of the disturbance that a hold acts against [rad/s2].
-Vec7 Controller::held() const noexcept {
-  const Vec7 most = (kLargestHeld * limits_.tau_max)
-                        .cwiseMax(kLeastHeld)
-                        .cwiseMin(0.5 * limits_.tau_max);
-  return Minv_ * disturbance_.cwiseMax(-most).cwiseMin(most);
 }
 
 /// The damped hold: this acceleration, by a torque that holds against h, softly.

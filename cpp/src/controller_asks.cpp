@@ -13,6 +13,11 @@ constexpr double kEndStiffness = 50.0;  // [1/s2]
 constexpr double kEndDamping = 15.0;    // [1/s]
 constexpr double kRestSpeed = 0.02;     // [rad/s]
 
+// Of tau_max: the most of a disturbance that a hold acts against. A hold in contact is
+// an integrator that would push ever harder.
+constexpr double kLargestHeld = 0.12;
+constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
+
 // An axis that stays is held where it comes to be slower than this [m/s].
 constexpr double kStaySpeed = 0.01;
 constexpr double kStayError = 0.02;  // largest way back that is used [m]
@@ -192,6 +197,17 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
   mark_joints(upper, lower, result.flags);
   task_terms_ = {Mat67::Zero(), Mat6::Zero(), Vec6::Zero(), terms_.M * result.a0 + h_,
                  true};
+}
+
+/// The part of the disturbance that a hold acts against [rad/s2]: of what pulls at the
+/// tool the same share in all joints. Cut joint by joint, the rest would drive the
+/// joints around a tool that something holds.
+Vec7 Controller::held() const noexcept {
+  const Vec7 most = (kLargestHeld * limits_.tau_max)
+                        .cwiseMax(kLeastHeld)
+                        .cwiseMin(0.5 * limits_.tau_max);
+  const double over = disturbance_.cwiseQuotient(most).cwiseAbs().maxCoeff();
+  return Minv_ * (disturbance_ / std::max(over, 1.0));
 }
 
 /// Held where the motion ended, softly: what it was about is not known here.

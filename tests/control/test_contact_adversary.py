@@ -88,13 +88,16 @@ def test_what_an_earlier_controller_did_is_caught(adversary):
     assert max(o.worst["sustained"] for o in outcomes) > 0.3  # rad/s
 
 
-def test_a_stretched_arm_does_not_hold_a_wall_with_all_its_motors(adversary):
-    """Jammed, it met the wall where it hardly moves that way: 34 times too fast."""
-    worst = adversary.Attack(period=0.005, seed=2, hold_on=3.0).run(553).worst
+def test_after_an_end_no_wall_is_held_against_a_jam(adversary):
+    """It drove the joints of a stretched arm, 34 times too fast; now the arm rests."""
+    outcome = adversary.Attack(period=0.005, seed=2, hold_on=3.0).run(553)
+    worst, speeds = outcome.worst, outcome.trace[-100:, 8:15]
+    assert outcome.counts["ended"]
     assert worst["position"] <= 0.0
     assert worst["speed"] <= 1.0
     assert worst["contact"] <= 5.0
     assert 0.0 < worst["wall"] < 0.03  # m
+    assert np.abs(speeds).max() < 0.05  # rad/s, in the last half second
 
 
 def test_what_only_seemed_to_grow_is_looked_at_for_longer(adversary):

@@ -30,7 +30,7 @@ struct QpProblem {
   const Vec7& h;                 ///< bias torque [Nm]
   const Vec7& lo;                ///< [Nm], lo <= hi
   const Vec7& hi;                ///< [Nm]
-  double rho = 1e4;              ///< weight of the wall slack
+  double rho = 1e6;              ///< weight of the wall slack
   int max_iter = kQpIterations;  ///< constraints added and dropped
 };
 

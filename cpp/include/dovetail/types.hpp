@@ -106,7 +106,7 @@ struct LimitParams {
   double eta_wall = 0.5;               ///< share of ddx_max planned for braking
   double delta_x = 0.005;              ///< wall margin [m]
   double s0_wall = 1e-3;               ///< eigenvalue fade threshold of SCS [1/kg]
-  double rho = 1e4;                    ///< weight of the wall slack in the QP
+  double rho = 1e6;                    ///< weight of the wall slack in the QP
   double estimate_rate = 60.0;         ///< of the disturbance estimate [1/s], 0 is off
   /// Limiters brake against what the estimate says, and do no more; without, a contact
   /// is a feedback (docs/control.md, Passive limits). Off only to show that.

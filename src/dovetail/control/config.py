@@ -175,9 +175,9 @@ class LimitConfig:
     """Margin before a wall [m]."""
     s0_wall: Annotated[float, Range(1e-9, 10.0, "1/kg")] = 1e-3
     """Wall mobility below which SCS fades a wall out [1/kg]."""
-    rho: Annotated[float, Range(1.0, 1e9, "1")] = 1e4
-    """Weight of the wall slack in the QP [1], a mass in kg: walls yield to joints, and
-    where an arm weighs more than that, stretched out: a jam would take all motors."""
+    rho: Annotated[float, Range(1.0, 1e9, "1")] = 1e6
+    """Weight of the wall slack in the QP [1]: walls yield to joints only, but once the
+    last line has ended the motion to what holds the tool."""
     delay: Annotated[float, _DECLARED_RANGES["delay"]] = 0.0
     """Largest delay between a measurement and the torque it leads to, the control
     period not counted [s]: margins, intervals and rates are made for it."""

@@ -96,7 +96,7 @@ class ReferenceController:
             spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
             most = np.clip(HELD * lim.tau_max, HELD_LEAST, None)
             most = np.minimum(most, 0.5 * lim.tau_max)
-            held = np.clip(self.r, -most, most)
+            held = self.r / max(1.0, np.max(np.abs(self.r) / most))
             self.posture, a0 = None, np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
             f = self.desired_acceleration(p, R, twist, target)
