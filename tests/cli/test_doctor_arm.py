@@ -194,8 +194,8 @@ def test_a_period_outside_the_table_is_named():
 
 
 def test_an_arm_that_oscillates_at_rest_is_said_to_and_let_go_of(tmp_path):
-    """One that no estimate of the default bandwidth bears: 20 ms of delay at 1 ms."""
-    late = replace(load_twin("easy"), command_delay=0.02)
+    """One that no estimate of the default bandwidth bears: 30 ms of delay at 1 ms."""
+    late = replace(load_twin("easy"), command_delay=0.03)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     arm = build_local_arm(

@@ -82,7 +82,7 @@ class LocalArm:
             ConfigError: The duration is not a whole number of periods.
             PlantError: The simulation diverged.
         """
-        cycles = self.count_cycles(duration)
+        cycles = self._cycles.get(duration) or self.count_cycles(duration)
         if self.disturbance.is_active:
             log, q, dq = self._run_disturbed(target, cycles)
         else:
@@ -98,15 +98,13 @@ class LocalArm:
         Raises:
             ConfigError: Not a whole number.
         """
-        if known := self._cycles.get(duration):  # it is nearly always the same
-            return known
         cycles = round(duration / self._period)
         if cycles < 1 or abs(cycles * self._period - duration) > 1e-9:
             raise ConfigError(
                 f"duration is {duration} s, which is not a whole number of control "
                 f"periods of {self._period} s"
             )
-        self._cycles[duration] = cycles
+        self._cycles[duration] = cycles  # it is nearly always the same
         return cycles
 
     def _run_disturbed(
