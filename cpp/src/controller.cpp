@@ -211,7 +211,7 @@ void Controller::limit_by_qp(StepResult& result) noexcept {
   const Mat37 Jc = terms_.J.topRows<3>();
   const Vec3 djc = terms_.dJdq.head<3>();
   const bool is_ended = last_line_.cause() != EndCause::kNone;
-  const double rho = is_ended ? std::min(kEndRho, limits_.rho) : limits_.rho;
+  const double rho = is_ended ? kEndRho : limits_.rho;
   const QpResult qp = solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc,
                                 djc, bounds_.cl, bounds_.cu, h_, lo_, hi_, rho});
   result.a = qp.a + push_;

@@ -46,6 +46,7 @@ def test_every_file_with_a_class_of_its_name_is_a_tracker():
         ("delayed?delay", "could not convert string to float"),
         ("delayed?delay=", "could not convert string to float"),
         ("os:sep", "it takes none"),
+        ("builtins:int?real=1", "it takes none"),
         (":Camera", "no class 'Camera' in a module ''"),
         ("noisy?offset=x", "NAME.ARGUMENT=NUMBER"),
         ("no_module:Camera", "no class 'Camera' in a module 'no_module'"),

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from dovetail.learn.one_run import train_one
 from dovetail.learn.progress import (
+    LEARNED,
     WINDOW,
     EpisodeLog,
     EpisodeRow,
@@ -92,6 +93,7 @@ def test_a_training_tells_no_time_left_before_its_updates(small):
     train_one(config, told.append)
     steady = [s.is_steady for s in told if s.phase == "training"]
     assert steady == [False, False, False, False, True, True, True]
+    assert told[-1].phase == "done"  # there is nothing to evaluate
 
 
 @pytest.mark.parametrize("width", [80, 95, 130])
@@ -108,14 +110,15 @@ def test_the_bar_has_room_whatever_the_words(width):
     assert ("steps/s" in line, "reward" in line) == (width > 80, width > 95)
 
 
-def test_the_bar_of_a_run_that_has_learned_is_full():
+@pytest.mark.parametrize("phase", LEARNED)
+def test_the_bar_of_a_run_that_has_learned_is_full(phase):
     output = StringIO()
     console = Console(file=output, force_terminal=True, width=120, color_system=None)
     status = Status(400, 1.0, 45.0, 10.0, stage="test 299/300")
     with ProgressBar(1000, ["seed 0"], console) as bar:
         bar.show(0, status)
         assert "400/1000 steps" in describe(bar)
-        bar.show(0, status._replace(phase="evaluating"))
+        bar.show(0, status._replace(phase=phase))
         assert "400/400 steps" in describe(bar)
 
 
@@ -132,8 +135,9 @@ def test_the_status_line_says_how_far_the_run_is_from_its_end():
     assert line.endswith("settling 40 %, 100 steps/s, at most 2:00 min left")
     testing = describe_status(status._replace(phase="testing", rate=0.0), 16_000)
     assert testing.endswith("settling 40 %, testing")
-    over = describe_status(status._replace(phase="evaluating"), 16_000)
-    assert over == "success 95 %, reward 40.0, evaluating"
+    for phase in LEARNED:
+        over = describe_status(status._replace(phase=phase), 16_000)
+        assert over == f"success 95 %, reward 40.0, {phase}"
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])

@@ -16,6 +16,8 @@ from dovetail.files import write_atomic
 
 WINDOW = 50
 """Finished episodes behind the success rate and the reward that are shown."""
+LEARNED = ("evaluating", "done")
+"""Phases of a run that learns no more."""
 _SHORTEST_BAR = 15
 """Columns that a bar has at least; words give way to it."""
 _DROPPED = ("reward", "steps/s", "success")
@@ -189,7 +191,7 @@ class ProgressBar:
         is_terminal = self._console.is_terminal
         room = self._console.width - self._beside if is_terminal else None
         text = describe_status(status, self._total, room)
-        is_over = status.phase in ("evaluating", "done")  # perhaps before all steps
+        is_over = status.phase in LEARNED  # perhaps before all steps
         self._progress.update(
             self._tasks[index],
             completed=status.step,
@@ -222,7 +224,7 @@ def describe_status(status: Status, total: int, room: int | None = None) -> str:
     if not math.isnan(status.success):
         words.append(f"success {100 * status.success:.0f} %")
         words.append(f"reward {status.reward:.1f}")
-    if status.stage and status.phase not in ("evaluating", "done"):
+    if status.stage and status.phase not in LEARNED:
         words.append(status.stage)
     if status.phase != "training":
         words.append(status.phase)

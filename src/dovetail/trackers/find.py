@@ -195,6 +195,9 @@ def _by_name(text: str) -> Tracker:
 
 
 def _usual(make: object) -> dict[str, object]:
-    """Return the arguments of a class with their defaults."""
-    parameters = inspect.signature(make).parameters if callable(make) else {}
+    """Return the arguments of a class with their defaults; none where it does not tell."""
+    try:
+        parameters = inspect.signature(make).parameters if callable(make) else {}
+    except ValueError:  # of one that is written in C
+        return {}
     return {name: parameter.default for name, parameter in parameters.items()}
