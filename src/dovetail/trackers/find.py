@@ -195,7 +195,7 @@ def _by_name(text: str) -> Tracker:
 
 
 def _usual(make: object) -> dict[str, object]:
-    """Return the arguments of a class with their defaults; none where it does not tell."""
+    """Return the arguments of a class with their defaults, where it tells them."""
     try:
         parameters = inspect.signature(make).parameters if callable(make) else {}
     except ValueError:  # of one that is written in C
