@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from contact_attack import Attack, add_case, broken, plain
+from contact_attack import Attack, add_case, broken, is_excused, plain
 from contact_choices import POLICIES, RANGES, TASKS
 from contact_trial import SUSTAINED, Outcome
 
@@ -65,7 +65,7 @@ class Tally:
             self.failed[name] += value > limit
             self.worst[name] = sorted([*self.worst[name], (value, index)])[-LISTED:]
         if broken(outcome["worst"], self.span):
-            is_overpowered = outcome["worst"]["load"] > 1.0
+            is_overpowered = is_excused(outcome["worst"])
             (self.overpowered if is_overpowered else self.broken).append(index)
 
 

@@ -17,7 +17,9 @@ LIMITS = {
     "full": {"position": 0.02, "speed": 1.10, "contact": 5.0},
 }
 """What must hold in each range: no try above these, unless a spring is stronger than a
-motor: what moves the joint then is no limit's matter."""
+motor."""
+OVERPOWERED = {"position": 0.02, "speed": 1.2, "contact": 5.0}
+"""What must hold then: such a spring moves a joint, but is no excuse to run away."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,13 @@ def broken(worst: dict[str, float], span: str) -> dict[str, float]:
     """Return what exceeds the promises of a range, with its value."""
     limits = LIMITS[span].items()
     return {name: worst[name] for name, limit in limits if worst[name] > limit}
+
+
+def is_excused(worst: dict[str, float]) -> bool:
+    """Return whether a spring that is stronger than a motor explains what broke."""
+    if worst["load"] <= 1.0:
+        return False
+    return all(worst[name] <= limit for name, limit in OVERPOWERED.items())
 
 
 def plain(outcome: Outcome) -> dict[str, Any]:
