@@ -135,7 +135,10 @@ double under_push(double limit, double push, double v, double held,
   if (push <= 0.0) return limit - push;
   const double back = std::max(-limit, 0.0);  // what leads back inside
   const double braking = -brake_rate * std::max(v, 0.0) - held * (push + back);
-  return std::min(limit, std::max(limit - push, braking));
+  // On the way out, too: a joint that may not be slowed there, tied to a spring, has no
+  // damping in half of each swing, and any delay makes it grow.
+  const double damping = kDampingAway * brake_rate * std::max(-v, 0.0) * (1.0 - held);
+  return std::min(limit, std::max(limit - push, braking + damping));
 }
 
 }  // namespace dovetail

@@ -54,11 +54,15 @@ struct Interval {
                                            const BoundsParams& params,
                                            double push = 0.0) noexcept;
 
+/// Share of `brake_rate` that still damps a motion away from a limit against a push.
+inline constexpr double kDampingAway = 0.25;
+
 /// The most that may be asked for below `limit`, which bounds the sum with the push.
 ///
 /// A push away from the limit leaves more room. One towards it takes room, but only as
 /// braking: never below `-brake_rate v`, and at rest only by the share of the push that
-/// `held` allows. So the estimate of a contact cannot push the arm into it.
+/// `held` allows. So the estimate of a contact cannot push the arm into it. A motion away
+/// may still be slowed, by `kDampingAway` times that rate.
 /// \param v     speed towards the limit
 /// \param held  share of the push that may be held against at rest, 0 to 1
 [[nodiscard]] double under_push(double limit, double push, double v, double held,

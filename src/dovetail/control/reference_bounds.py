@@ -8,6 +8,9 @@ from dovetail.types import Array
 HOLD_WIDTH = 1e-3
 """Least way behind a margin on which a push comes to be held against [rad or m]."""
 
+_DAMPING_AWAY = 0.25
+"""Share of `brake_rate` that slows a motion away from a limit against a push."""
+
 RETURN_SPEED = 0.05
 """Of a wall that comes in from where the tool was outside of it at the start [m/s]."""
 
@@ -73,4 +76,5 @@ def under_push(
     if push <= 0.0 or not lim.passive:
         return limit - push
     braking = -lim.brake_rate * max(v, 0.0) - held * (push + max(-limit, 0.0))
-    return min(limit, max(limit - push, braking))
+    damping = _DAMPING_AWAY * lim.brake_rate * max(-v, 0.0) * (1.0 - held)
+    return min(limit, max(limit - push, braking + damping))
