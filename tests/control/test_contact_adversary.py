@@ -108,10 +108,10 @@ def test_after_an_end_no_wall_is_held_against_a_jam(adversary):
 
 
 def test_what_only_seemed_to_grow_is_looked_at_for_longer(adversary):
-    """Of three that rise for a second, one goes down again, and two are ended."""
+    """Of two that rise for a second, one goes down again, and one is ended."""
     grown = {
         index: adversary.Attack(period=0.005, seed=seed).run(index).worst["grown"]
-        for seed, index in ((34, 536), (21, 122), (40, 397))
+        for seed, index in ((34, 536), (40, 397))
     }
     assert grown[536] == 0.0
-    assert min(grown[122], grown[397]) > 0.1  # rad/s
+    assert grown[397] > 0.1  # rad/s
