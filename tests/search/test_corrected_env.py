@@ -76,7 +76,7 @@ def test_corrections_fade_away_so_that_the_script_is_alone_in_the_end():
         seen = env.remember(env.scaling.scale(np.zeros(len(env.scaling))))
         shares.append(float(seen[-1]))
     assert shares[0] == shares[CORRECTED_STEPS] == 1.0
-    assert 0.0 < shares[CORRECTED_STEPS + 40] < 1.0
+    assert 0.0 < shares[CORRECTED_STEPS + 20] < 1.0
     assert shares[-1] == 0.0
     script = script_of(seen)
     seen, *_ = env.step(np.full(6, 0.7, dtype=np.float32))

@@ -20,7 +20,7 @@ from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.observation import Column
 from dovetail.search.corner import CornerSearch
 
-CORRECTED_STEPS = 80
+CORRECTED_STEPS = 40
 """Policy steps in which corrections count in full; in as many more they fade away."""
 
 
