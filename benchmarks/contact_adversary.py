@@ -214,7 +214,7 @@ def parse(arguments: Sequence[str]) -> argparse.Namespace:
         action="append",
         default=[],
         metavar="NAME=NUMBER",
-        help="another number in LimitConfig, for experiments",
+        help="another number in LimitConfig or OscConfig, for experiments",
     )
     parser.add_argument(
         "--hold-on", type=float, default=0.0, help="[s] with the last Target, after 5 s"

@@ -67,10 +67,13 @@ def settings_of(
         EnvConfig.of(period=period, near_press=near_press),
         is_hardware=is_hardware,
     )
-    others: dict[str, Any] = {
-        name: type(vars(limits)[name])(number) for name, number in overrides
-    }
-    return osc, replace(limits, **others)
+    for name, number in overrides:
+        if name in vars(osc):
+            osc = replace(osc, **{name: number})
+        else:
+            kind: Any = type(vars(limits)[name])
+            limits = replace(limits, **{name: kind(number)})
+    return osc, limits
 
 
 @lru_cache(maxsize=16)
@@ -114,7 +117,7 @@ class Trial:
             period: Control period [s].
             seed: Of all that is random in it.
             is_hardware: Margins for an arm that is not as the model says.
-            overrides: Other numbers in LimitConfig.
+            overrides: Other numbers in LimitConfig or OscConfig.
         """
         self.choices, self.period = choices, period
         self.rng = np.random.default_rng(seed)

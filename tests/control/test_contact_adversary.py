@@ -18,6 +18,8 @@ PERIODS = [0.001, 0.002, 0.0025, 0.005]
 TIED = {"position": 0.0, "speed": 1.1, "contact": 5.0}
 """A spring of up to 1e5 N/m that stops one joint speeds up others quicker than a loop
 with delay can see: what holds then, unless the spring is stronger than a motor."""
+JERKY = (("error_clamp_rotation", 0.25),)
+"""The law with which the cases were found: jumps of a rotation saturate joints."""
 MODULES = (
     "contact_choices",
     "contact_scene",
@@ -54,12 +56,14 @@ def test_few_tries_in_the_proven_range_break_no_joint_limit(adversary, period):
         assert not broken(adversary, outcome, "proven", task), index
 
 
+@pytest.mark.parametrize("overrides", [(), JERKY], ids=["as it is", "jerky"])
 @pytest.mark.parametrize("case", CASES, ids=[case["name"] for case in CASES])
-def test_no_case_that_was_found_is_lost_again(adversary, case):
+def test_no_case_that_was_found_is_lost_again(adversary, case, overrides):
     attack = adversary.Attack(
         period=case["period"],
         span=case["span"],
         is_hardware=case["is_hardware"],
+        overrides=overrides,
         hold_on=case.get("hold_on", 0.0),
     )
     vector = np.array(case["vector"])
@@ -97,7 +101,8 @@ def test_what_an_earlier_controller_did_is_caught(adversary):
 
 def test_after_an_end_no_wall_is_held_against_a_jam(adversary):
     """It drove the joints of a stretched arm, 34 times too fast; now the arm rests."""
-    outcome = adversary.Attack(period=0.005, seed=2, hold_on=3.0).run(553)
+    attack = adversary.Attack(period=0.005, seed=2, overrides=JERKY, hold_on=3.0)
+    outcome = attack.run(553)
     worst, speeds = outcome.worst, outcome.trace[-100:, 8:15]
     assert outcome.counts["ended"]
     assert worst["position"] <= 0.0
@@ -110,8 +115,17 @@ def test_after_an_end_no_wall_is_held_against_a_jam(adversary):
 def test_what_only_seemed_to_grow_is_looked_at_for_longer(adversary):
     """Of two that rise for a second, one goes down again, and one is ended."""
     grown = {
-        index: adversary.Attack(period=0.005, seed=seed).run(index).worst["grown"]
+        index: adversary.Attack(period=0.005, seed=seed, overrides=JERKY)
+        .run(index)
+        .worst["grown"]
         for seed, index in ((34, 536), (40, 397))
     }
     assert grown[536] == 0.0
     assert grown[397] > 0.1  # rad/s
+
+
+def test_a_jump_of_the_rotation_saturates_no_joint(adversary):
+    """A strike took a joint to 1.04 of its speed while the tool was thrown round."""
+    for period in PERIODS:
+        worst = adversary.Attack(period=period, seed=34).run(142).worst
+        assert worst["speed"] < 0.8
