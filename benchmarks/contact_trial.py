@@ -67,13 +67,10 @@ def settings_of(
         EnvConfig.of(period=period, near_press=near_press),
         is_hardware=is_hardware,
     )
-    for name, number in overrides:
-        if name in vars(osc):
-            osc = replace(osc, **{name: number})
-        else:
-            kind: Any = type(vars(limits)[name])
-            limits = replace(limits, **{name: kind(number)})
-    return osc, limits
+    usual, given = vars(osc) | vars(limits), dict(overrides)
+    others: dict[str, Any] = {k: type(usual[k])(given[k]) for k in given}
+    law = {name: others.pop(name) for name in vars(osc).keys() & others.keys()}
+    return replace(osc, **law), replace(limits, **others)
 
 
 @lru_cache(maxsize=16)

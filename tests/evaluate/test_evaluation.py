@@ -4,8 +4,10 @@ import errno
 import json
 import os
 import shlex
+import shutil
 from dataclasses import fields, replace
 from io import StringIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -276,3 +278,16 @@ def test_either_file_or_the_bare_name_finds_a_policy(policy_file):
     bare = policy_file.with_suffix("")
     for path in (policy_file, policy_file.with_suffix(".json"), bare):
         assert find_policy(str(path)) == policy_file
+
+
+def test_the_folder_of_a_training_finds_its_policy(policy_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    run, unfinished = tmp_path / "run", tmp_path / "peg_square"
+    for folder in (run, unfinished):
+        folder.mkdir()
+    shutil.copy(policy_file, run / "policy.safetensors")
+    assert find_policy("run") == Path("run/policy.safetensors")
+    # A folder of a shipped policy's name is in nobody's way.
+    assert find_policy("peg_square").parent != unfinished
+    with pytest.raises(ConfigError, match=r"peg_square is a folder without policy\."):
+        find_policy(str(unfinished))

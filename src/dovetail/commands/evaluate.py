@@ -41,8 +41,8 @@ class Evaluate(EvaluationConfig):
     """Try a policy at three fixture poses; write table, figures, report and logs."""
 
     policy: Annotated[str, tyro.conf.Positional, tyro.conf.arg(metavar="POLICY")]
-    """Policy: a file (.safetensors or .json), or the name of a shipped one;
-    `dovetail export` makes one of a model.zip."""
+    """Policy: a file (.safetensors or .json), a training's folder, or the name of a
+    shipped one; `dovetail export` makes one of a model.zip."""
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""

@@ -26,7 +26,7 @@ class EvaluationConfig:
     """What to try, where, and how often."""
 
     policy: str
-    """Policy: a file (.safetensors or .json) or the name of a shipped one."""
+    """Policy: a file (.safetensors, .json), a training's folder or a shipped name."""
     env: str | None = None
     """Environment of the policy; needed for one of your own, MODULE:ID. A policy's file
     alone lets no module be imported."""

@@ -22,7 +22,7 @@ from dovetail.learn.checkpoint import (
 )
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.fine_tune import load_start, require_fit, start_from
-from dovetail.learn.policy import Policy
+from dovetail.learn.policy import RUN_POLICY, Policy
 from dovetail.learn.pretrain import pretrain
 from dovetail.learn.progress import (
     EpisodeLog,
@@ -34,7 +34,6 @@ from dovetail.learn.progress import (
 from dovetail.learn.run_folder import (
     CHECKPOINTS,
     EVALUATION,
-    POLICY,
     PROGRESS,
     TENSORBOARD,
     RunLock,
@@ -94,7 +93,7 @@ def train_one(
             phase = "evaluating" if config.eval_episodes else "done"
             report(summarise(rows, steps, 0.0)._replace(phase=phase))
             evaluation = _evaluate(policy, config, folder, model.get_env())
-    return TrainResult(folder / POLICY, evaluation, steps, wall_time)
+    return TrainResult(folder / RUN_POLICY, evaluation, steps, wall_time)
 
 
 class Prepared(NamedTuple):
@@ -190,7 +189,9 @@ def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> 
     from dovetail.learn.export import export_policy
 
     env = model.get_env().envs[0]
-    path = export_policy(model, config, env, wall_time=wall_time).save(folder / POLICY)
+    path = export_policy(model, config, env, wall_time=wall_time).save(
+        folder / RUN_POLICY
+    )
     return Policy.load(path)
 
 

@@ -23,6 +23,8 @@ FORMAT = "dovetail-policy"
 VERSIONS = (1, 2)
 """Versions that are read: 2 is 1 with a memory, and written only where there is one."""
 
+RUN_POLICY = "policy.safetensors"
+"""A training's policy in the folder of its run."""
 POLICY_FOLDER = Path(__file__).parent.parent / "policies"
 """Where the shipped policies are."""
 
@@ -307,16 +309,23 @@ def list_policies() -> tuple[str, ...]:
 
 
 def find_policy(name_or_path: str) -> Path:
-    """Return the path of a policy given as a file or by a shipped policy's name.
+    """Return the path of a policy: a file, a training's folder or a shipped one's name.
 
     Raises:
-        ConfigError: Neither; lists the shipped ones.
+        ConfigError: None of these; lists the shipped ones.
     """
     path = Path(name_or_path).expanduser()
     if any(file.is_file() for file in policy_files(path)):
         return policy_files(path)[0]
+    if (path / RUN_POLICY).is_file():
+        return path / RUN_POLICY
     if name_or_path in list_policies():
         return POLICY_FOLDER / f"{name_or_path}.safetensors"
+    if path.is_dir():
+        raise ConfigError(
+            f"{path} is a folder without {RUN_POLICY}, which a training writes at its "
+            "end: give the folder of one that has ended, or a policy's file"
+        )
     raise ConfigError(
         f"no policy {name_or_path!r}: there are no such files (NAME.safetensors "
         "and NAME.json), and the shipped policies are: "

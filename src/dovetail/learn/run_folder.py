@@ -23,7 +23,6 @@ CONFIG = "config.json"
 MODEL = "model.toml"
 PROGRESS = "progress.csv"
 EVALUATION = "evaluation.json"
-POLICY = "policy.safetensors"
 CHECKPOINTS = "checkpoints"
 TENSORBOARD = "tensorboard"
 

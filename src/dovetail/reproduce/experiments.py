@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dovetail.learn.policy import RUN_POLICY
 from dovetail.page import finite
 from dovetail.reproduce.settings import as_config
 from dovetail.reproduce.stage import Sitting
@@ -13,7 +14,7 @@ TWINS = "twins"
 """Folder of the twins in the results folder: copies, so that a change of the original
 does not mix two twins in one table."""
 RECORDING, FIT, RUN, EVALUATION = "recording", "fit", "run", "evaluation"
-MODEL, POLICY = "model.toml", "policy.safetensors"
+MODEL = "model.toml"
 
 
 def twin_file(root: Path, twin: str) -> Path:
@@ -130,7 +131,7 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 
     settings = dict(sitting.settings)
-    policy = sitting.of(settings.pop("policy_of")) / RUN / POLICY
+    policy = sitting.of(settings.pop("policy_of")) / RUN / RUN_POLICY
     twin = twin_file(sitting.root, settings.pop("twin"))
     settings = as_config(settings)
     out = sitting.folder / EVALUATION
