@@ -65,7 +65,7 @@ struct OscParams {
   Vec6 stiffness = Vec6::Constant(400.0);    ///< K per axis [1/s2]
   Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
   Vec6 force_damping = Vec6::Zero();         ///< D on force axes [1/s]; 0 is the paper
-  double error_clamp_rotation = 0.1;         ///< [rad]
+  double error_clamp_rotation = 0.15;        ///< [rad]
   double error_clamp_position = 0.1;         ///< [m]
   double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
   double f_clamp_angular = 200.0;  ///< largest |f*| per rotation axis [rad/s2]

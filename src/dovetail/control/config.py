@@ -77,7 +77,7 @@ class OscConfig:
         default_factory=_all(6, 0.0)
     )
     """Damping of force axes [1/s]; 0 is the paper: f* accelerates to the limits."""
-    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.1
+    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.15
     """Largest rotation error used [rad], so that a jump of theta is no torque step, and
     asks for no more than the joints can give: at 0.25 they swung the tool sideways."""
     error_clamp_position: Annotated[float, Range(1e-4, 2.0, "m")] = 0.1
