@@ -85,6 +85,27 @@ BOOST_AUTO_TEST_CASE(who_waits_goes_on_before_a_long_job_of_another_slot_ends) {
   pool.close();
 }
 
+BOOST_AUTO_TEST_CASE(who_has_little_to_do_between_slots_works_on_first) {
+  ThreadPool pool(8, 2);
+  std::atomic<int> begun = 0;
+  const auto job = [&begun](int) {
+    ++begun;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  };
+  const auto begin_all = [&] {
+    for (int slot = 0; slot < 8; ++slot) pool.begin(slot, job);
+  };
+  begin_all();
+  pool.finish(0);
+  BOOST_TEST(begun <= 4);  // nothing is known yet of what is between two slots
+  for (int slot = 1; slot < 8; ++slot) pool.finish(slot);
+  begun = 0;
+  begin_all();
+  pool.finish(0);
+  BOOST_TEST(begun >= 6);
+  for (int slot = 1; slot < 8; ++slot) pool.finish(slot);
+}
+
 BOOST_AUTO_TEST_CASE(jobs_of_two_slots_run_at_the_same_time) {
   ThreadPool pool(2, 2);
   std::atomic<int> begun = 0;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <exception>
@@ -37,7 +38,9 @@ class ThreadPool {
   void begin(int slot, Job job, int parts = 1);
 
   /// Returns when the slot's job is done; until then works on what still waits, a part
-  /// at a time: whoever waits goes on soon after the job is done.
+  /// at a time: whoever waits goes on soon after the job is done. Not as soon as it is
+  /// done while more waits than the other threads can do before the caller comes to the
+  /// last slot, by the times that jobs, and the caller between two slots, took so far.
   /// Rethrows what the job threw. Throws std::logic_error: none was begun.
   void finish(int slot);
 
@@ -46,19 +49,26 @@ class ThreadPool {
   void close() noexcept;
 
  private:
+  using Clock = std::chrono::steady_clock;
   enum class Stage { kIdle, kWaiting, kRunning, kDone };
   struct Slot {
     Job job;
     int part = 0, parts = 1;
+    double spent = 0.0;  // on its parts [s]
     std::atomic<Stage> stage = Stage::kIdle;
     std::exception_ptr error;
   };
 
   void work();
-  void run_next(std::unique_lock<std::mutex>& lock);
+  template <typename Condition>
+  void run_next(std::unique_lock<std::mutex>& lock, const Condition& may_leave);
+  bool is_behind() const noexcept;
 
   std::vector<Slot> slots_;
-  std::deque<int> waiting_;  // slots, in the order in which they were begun
+  std::deque<int> waiting_;           // slots, in the order in which they were begun
+  int unfinished_ = 0;                // slots begun and not finished
+  double job_ = 0.0, between_ = 0.0;  // means: of a job, between two slots [s]
+  Clock::time_point finished_{};      // the last slot; none since a begin: 0
   std::atomic<bool> is_closed_ = false, has_waiting_ = false;
   std::mutex mutex_;  // held by whoever changes any of the above
   std::condition_variable some_waiting_, some_done_;
