@@ -84,7 +84,8 @@ BOOST_AUTO_TEST_CASE(under_a_push_a_bound_brakes_and_does_no_more) {
     BOOST_REQUIRE(value <= limit);
     BOOST_REQUIRE(value >= std::min(limit, -params.brake_rate * std::max(v, 0.0)));
     const double slower = kDampingAway * params.brake_rate * std::max(-v, 0.0);
-    if (v <= 0.0) BOOST_REQUIRE(value == std::min(limit, std::max(limit - push, slower)));
+    if (v <= 0.0)
+      BOOST_REQUIRE(value == std::min(limit, std::max(limit - push, slower)));
     const double held = under_push(limit, push, v, 1.0, params.brake_rate);
     BOOST_REQUIRE(held <= value && held >= limit - push - 1e-12);
     const double away = under_push(limit, -push, v, 0.3, params.brake_rate);

@@ -61,8 +61,8 @@ inline constexpr double kDampingAway = 0.25;
 ///
 /// A push away from the limit leaves more room. One towards it takes room, but only as
 /// braking: never below `-brake_rate v`, and at rest only by the share of the push that
-/// `held` allows. So the estimate of a contact cannot push the arm into it. A motion away
-/// may still be slowed, by `kDampingAway` times that rate.
+/// `held` allows. So the estimate of a contact cannot push the arm into it. A motion
+/// away may still be slowed, by `kDampingAway` times that rate.
 /// \param v     speed towards the limit
 /// \param held  share of the push that may be held against at rest, 0 to 1
 [[nodiscard]] double under_push(double limit, double push, double v, double held,
