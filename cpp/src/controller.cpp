@@ -57,7 +57,7 @@ std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 Controller::Controller(const ChainParams& chain, const OscParams& osc,
                        const LimitParams& limits, const TaskSpec& task, double period)
     : chain_((check_chain(chain), chain)),
-      osc_((check_osc(osc), check_task(task), osc), task),
+      osc_((check_osc(osc), check_task(task), osc), task, period),
       limits_((check_limits(limits), limits)),
       period_((check_period(period), period)),
       joint_params_{limits.bounds,    period,         limits.kappa,

@@ -186,6 +186,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
   has_posture_ = false;
+  osc_.forget_turn();
   const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held();
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
@@ -221,6 +222,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
   result.flags = Flags{};
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   has_posture_ = false;
+  osc_.forget_turn();
 }
 
 /// Whether a joint stands within a limit's margin, or beyond.

@@ -62,6 +62,16 @@ void clamp_norm(Vector&& v, double limit) noexcept {
   if (length > limit) v *= limit / length;
 }
 
+/// Near half a turn both ways are about as long, and noise would turn one round: the
+/// way that was begun is gone on with, until the other one is clearly shorter (Mayhew
+/// et al. 2011). Both are rotation vectors [rad].
+Vec3 gone_on_with(const Vec3& way, const Vec3& begun) noexcept {
+  const double angle = way.norm();
+  const double near = M_PI - kNearHalfTurn;
+  const bool is_other = angle > near && begun.norm() > near && way.dot(begun) < 0.0;
+  return is_other ? Vec3(way * (1.0 - 2.0 * M_PI / angle)) : way;
+}
+
 /// U diag(w(s)/s) U^T of A, w fading from 1 to 0 below s0.
 Mat6 faded_inverse(const Mat6& A, double s0) noexcept {
   const Eigen::SelfAdjointEigenSolver<Mat6> eigen(A);
@@ -98,9 +108,9 @@ DesiredMotion desired_motion(const Target& target) noexcept {
   return motion;
 }
 
-OperationalSpace::OperationalSpace(const OscParams& params,
-                                   const TaskSpec& task) noexcept
-    : params_(params), task_(task) {
+OperationalSpace::OperationalSpace(const OscParams& params, const TaskSpec& task,
+                                   double period) noexcept
+    : params_(params), task_(task), period_(period) {
   for (int i = 0; i < 6; ++i) {
     const bool is_linear = i < 3;
     scale_[i] =
@@ -114,7 +124,8 @@ OperationalSpace::OperationalSpace(const OscParams& params,
 
 void OperationalSpace::reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   p_hold_ = p_hold;
-  turning_.setZero();
+  error_.setZero();
+  forget_turn();
   R_hold_ = quaternion(quat_hold).normalized().toRotationMatrix();
 }
 
@@ -136,18 +147,19 @@ Mat3 OperationalSpace::desired_rotation(const Mat3& R,
   return (rotation_from_vector(swing) * twist * quat_hold).toRotationMatrix();
 }
 
-/// The rotation from R to R_d. Near half a turn both ways are about as long, and noise
-/// would turn the error round: the way that was begun is gone on with, until the other
-/// one is clearly shorter (Mayhew et al. 2011).
-Vec3 OperationalSpace::rotation_error(const Mat3& R_d, const Mat3& R) noexcept {
-  Vec3 error = rotation_vector(R_d * R.transpose());
-  const double angle = error.norm();
-  const double near = M_PI - kNearHalfTurn;
-  if (angle > near && turning_.norm() > near && error.dot(turning_) < 0.0) {
-    error *= 1.0 - 2.0 * M_PI / angle;
-  }
-  turning_ = error;
-  return error;
+/// Where the desired rotation is on its way to the Target's. A rotation that jumped
+/// would ask for more than the joints can give, and what they lack is missed elsewhere.
+Vec4 OperationalSpace::turned_to(const DesiredMotion& wanted, const Mat3& R) noexcept {
+  const Quaterniond to = quaternion(wanted.quat_wxyz).normalized();
+  Quaterniond turn = has_turn_ ? quaternion(quat_turn_) : Quaterniond(R);
+  if (!has_turn_) way_.setZero();
+  has_turn_ = true;
+  way_ = gone_on_with(rotation_vector(to * turn.conjugate()), way_);
+  const double most = (params_.turn_speed + wanted.velocity.tail<3>().norm()) * period_;
+  const double angle = way_.norm();
+  turn = angle > most ? rotation_from_vector(way_ * (most / angle)) * turn : to;
+  turn.normalize();
+  return quat_turn_ = Vec4(turn.w(), turn.x(), turn.y(), turn.z());
 }
 
 Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
@@ -160,9 +172,10 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
     if (task_[i] == AxisMode::kHold) error[i] = p_hold_[i] - p[i];
   }
   if (is_impedance(task_[3]) || is_impedance(task_[4]) || is_impedance(task_[5])) {
-    const Vec3 e = rotation_error(desired_rotation(R, wanted.quat_wxyz), R);
+    const Mat3 R_d = desired_rotation(R, turned_to(wanted, R));
+    error_ = gone_on_with(rotation_vector(R_d * R.transpose()), error_);
     for (int i = 0; i < 3; ++i) {
-      if (is_impedance(task_[3 + i])) error[3 + i] = e[i];
+      if (is_impedance(task_[3 + i])) error[3 + i] = error_[i];
     }
   }
   clamp_norm(error.head<3>(), params_.error_clamp_position);

@@ -14,6 +14,8 @@ namespace {
 using enum AxisMode;
 
 constexpr int kStates = 300;
+constexpr double kPeriod = 0.005;
+constexpr double kAtOnce = 1e9;  // [rad/s]
 constexpr TaskSpec kAllForce = {kForce, kForce, kForce, kForce, kForce, kForce};
 constexpr TaskSpec kAllHold = {kHold, kHold, kHold, kHold, kHold, kHold};
 constexpr TaskSpec kScrew = {kFree, kFree, kForce, kHold, kHold, kHold};
@@ -67,7 +69,7 @@ BOOST_FIXTURE_TEST_SUITE(operational_space, Arm)
 BOOST_AUTO_TEST_CASE(away_from_singularities_the_task_gets_exactly_f_star) {
   int exact = 0;
   for (const TaskSpec& task : {kAllForce, kUsualTask, kScrew}) {
-    const OperationalSpace osc(OscParams{}, task);
+    const OperationalSpace osc(OscParams{}, task, kPeriod);
     for (int k = 0; k < kStates; ++k) {
       State state = draw();
       const Vec6 f_star = random_vector<Vec6>(random, 5.0);
@@ -83,7 +85,7 @@ BOOST_AUTO_TEST_CASE(away_from_singularities_the_task_gets_exactly_f_star) {
 }
 
 BOOST_AUTO_TEST_CASE(null_space_damping_never_adds_energy_and_eigenvalues_stay_in_0_1) {
-  const OperationalSpace osc(OscParams{}, kAllForce);
+  const OperationalSpace osc(OscParams{}, kAllForce, kPeriod);
   int faded = 0;
   for (int k = 0; k < kStates; ++k) {
     const double bend = k % 2 == 0 ? 2.9 : 0.05;  // small: near the stretched arm
@@ -102,7 +104,7 @@ BOOST_AUTO_TEST_CASE(null_space_damping_never_adds_energy_and_eigenvalues_stay_i
 BOOST_AUTO_TEST_CASE(the_posture_moves_no_axis_of_the_tool_free_ones_included) {
   int exact = 0;
   for (const TaskSpec& task : {kAllForce, kUsualTask, kScrew}) {
-    const OperationalSpace osc(OscParams{}, task);
+    const OperationalSpace osc(OscParams{}, task, kPeriod);
     for (int k = 0; k < kStates; ++k) {
       State state = draw();
       const Vec7 posture = random_vector(random, 20.0);
@@ -113,7 +115,7 @@ BOOST_AUTO_TEST_CASE(the_posture_moves_no_axis_of_the_tool_free_ones_included) {
       const Vec7 added = state.out.u0 - without;
       // Towards the posture, never from it: posture . N M posture >= 0.
       BOOST_TEST(added.dot(posture) > -1e-9);
-      OperationalSpace whole(OscParams{}, kAllForce);
+      OperationalSpace whole(OscParams{}, kAllForce, kPeriod);
       State all = state;
       all.evaluate(whole, Vec6::Zero());
       if (!all.out.exact) continue;
@@ -126,7 +128,7 @@ BOOST_AUTO_TEST_CASE(the_posture_moves_no_axis_of_the_tool_free_ones_included) {
 }
 
 BOOST_AUTO_TEST_CASE(the_way_back_to_a_posture_is_shortened) {
-  const OperationalSpace osc(OscParams{}, kAllForce);
+  const OperationalSpace osc(OscParams{}, kAllForce, kPeriod);
   const Vec7 near = random_vector(random, 0.1);
   BOOST_TEST((osc.posture_acceleration(-near, near) - 100.0 * near).norm() < 1e-12);
   const Vec7 far = Vec7::Constant(3.0);
@@ -136,7 +138,7 @@ BOOST_AUTO_TEST_CASE(the_way_back_to_a_posture_is_shortened) {
 
 BOOST_AUTO_TEST_CASE(task_inertia_is_symmetric_positive_and_bounded) {
   const OscParams params_osc;
-  const OperationalSpace osc(params_osc, kAllForce);
+  const OperationalSpace osc(params_osc, kAllForce, kPeriod);
   for (int k = 0; k < kStates; ++k) {
     State state(params, random_vector(random, k % 2 == 0 ? 2.9 : 0.05), Vec7::Zero());
     state.evaluate(osc, Vec6::Zero());
@@ -150,7 +152,7 @@ BOOST_AUTO_TEST_CASE(task_inertia_is_symmetric_positive_and_bounded) {
 
 BOOST_AUTO_TEST_CASE(fast_and_slow_inverse_meet_at_the_threshold) {
   // The fade must not make the torque jump: sweep the elbow through a singularity.
-  const OperationalSpace osc(OscParams{}, kAllForce);
+  const OperationalSpace osc(OscParams{}, kAllForce, kPeriod);
   const Vec6 f_star = Vec6::Constant(1.0);
   Vec7 q = tool_down_posture();
   Vec7 before = Vec7::Zero();
@@ -169,9 +171,10 @@ BOOST_AUTO_TEST_CASE(rotation_error_of_a_turn_about_z_is_that_turn) {
   OscParams osc_params;
   osc_params.damping_ratio.setZero();
   osc_params.error_clamp_rotation = 4.0;
+  osc_params.turn_speed = kAtOnce;
   osc_params.f_clamp_angular = 1e4;
   constexpr TaskSpec turn_only = {kFree, kFree, kFree, kHold, kHold, kPose};
-  OperationalSpace osc(osc_params, turn_only);
+  OperationalSpace osc(osc_params, turn_only, kPeriod);
   for (int k = 0; k < kStates; ++k) {
     const Mat3 R = random_rotation(random);
     const double angle = random_vector<Vec3>(random, 3.1)[0];
@@ -191,8 +194,9 @@ BOOST_AUTO_TEST_CASE(near_half_a_turn_the_way_that_was_begun_is_gone_on_with) {
   OscParams osc_params;
   osc_params.damping_ratio.setZero();
   osc_params.error_clamp_rotation = 4.0;
+  osc_params.turn_speed = kAtOnce;
   osc_params.f_clamp_angular = 1e4;
-  OperationalSpace osc(osc_params, {kFree, kFree, kFree, kHold, kHold, kPose});
+  OperationalSpace osc(osc_params, {kFree, kFree, kFree, kHold, kHold, kPose}, kPeriod);
   const auto error = [&](double angle) {  // asked for, of an arm that stands [rad]
     Target target;
     target.quat_wxyz_d = quat_of(about_z(angle));
@@ -214,12 +218,45 @@ BOOST_AUTO_TEST_CASE(near_half_a_turn_the_way_that_was_begun_is_gone_on_with) {
   }
 }
 
+BOOST_AUTO_TEST_CASE(a_rotation_that_jumps_is_turned_to_at_turn_speed) {
+  OscParams osc_params;
+  osc_params.error_clamp_rotation = 4.0;
+  osc_params.f_clamp_angular = 1e4;
+  OperationalSpace osc(osc_params, {kFree, kFree, kFree, kHold, kHold, kPose}, kPeriod);
+  const auto error = [&](double angle, double speed, double now = 0.0) {
+    Target target;
+    target.quat_wxyz_d = quat_of(about_z(angle));
+    target.velocity_d[5] = speed;
+    const Mat3 R = about_z(now);
+    const Vec6 f = osc.desired_acceleration(Vec3::Zero(), R, Vec6::Zero(), target);
+    return (f[5] - 40.0 * speed) / 400.0;  // D = 2 sqrt(K)
+  };
+  osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+  const double step = osc_params.turn_speed * kPeriod;
+  double turned = 0.0;
+  for (int k = 1; k < 150; ++k) {  // to and fro, and beside a speed of its own
+    const double speed = k < 50 ? 0.0 : -0.4;
+    const double to = k < 50 ? 0.2 : -0.3;
+    const double most = step - kPeriod * speed;
+    turned += std::clamp(to - turned, -most, most);
+    BOOST_TEST(std::abs(error(to, speed) - turned) < 1e-9);
+  }
+  BOOST_TEST(turned == -0.3);  // there
+  // Half a turn away the way that was begun is gone on with, whatever noise says.
+  osc.forget_turn();
+  for (int k = 1; k <= 60; ++k) {
+    const double noise = k % 2 == 0 ? 0.1 : -0.1;
+    BOOST_TEST(std::abs(error(M_PI + 0.5 + noise, 0.0, 0.5) - k * step) < 1e-9);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(tilt_is_held_about_both_axes_while_the_turn_is_free) {
   constexpr TaskSpec tilt = {kFree, kFree, kFree, kHold, kHold, kFree};
   OscParams osc_params;
   osc_params.error_clamp_rotation = 4.0;
+  osc_params.turn_speed = kAtOnce;
   osc_params.f_clamp_angular = 1e4;
-  OperationalSpace osc(osc_params, tilt);
+  OperationalSpace osc(osc_params, tilt, kPeriod);
   for (int k = 0; k < kStates; ++k) {
     const Mat3 R = random_rotation(random);
     osc.reset(Vec3::Zero(), quat_of(R));
@@ -236,7 +273,7 @@ BOOST_AUTO_TEST_CASE(tilt_is_held_about_both_axes_while_the_turn_is_free) {
 
 BOOST_AUTO_TEST_CASE(pose_axes_follow_the_target_and_hold_axes_the_latched_pose) {
   constexpr TaskSpec mixed = {kPose, kHold, kForce, kFree, kFree, kFree};
-  OperationalSpace osc(OscParams{}, mixed);
+  OperationalSpace osc(OscParams{}, mixed, kPeriod);
   osc.reset(Vec3(1.0, 2.0, 3.0), Vec4(1, 0, 0, 0));
   Target target;
   target.position_d = Vec3(1.01, 7.0, 7.0);
@@ -250,13 +287,13 @@ BOOST_AUTO_TEST_CASE(pose_axes_follow_the_target_and_hold_axes_the_latched_pose)
 
 BOOST_AUTO_TEST_CASE(errors_and_f_star_are_clamped) {
   const OscParams osc_params;
-  OperationalSpace hold(osc_params, kAllHold);
+  OperationalSpace hold(osc_params, kAllHold, kPeriod);
   hold.reset(Vec3(9.0, 0.0, 0.0), quat_of(about_z(3.0)));
   const Vec6 f =
       hold.desired_acceleration(Vec3::Zero(), Mat3::Identity(), Vec6::Zero(), Target{});
   BOOST_TEST(f[0] == osc_params.f_clamp_linear);
   BOOST_TEST(std::abs(f[5] - 400.0 * osc_params.error_clamp_rotation) < 1e-9);
-  OperationalSpace force(osc_params, kAllForce);
+  OperationalSpace force(osc_params, kAllForce, kPeriod);
   Target target;
   target.f_star.setConstant(-1e4);
   const Vec6 g =
@@ -268,7 +305,7 @@ BOOST_AUTO_TEST_CASE(errors_and_f_star_are_clamped) {
 BOOST_AUTO_TEST_CASE(force_damping_opposes_the_motion) {
   OscParams osc_params;
   osc_params.force_damping.setConstant(8.0);
-  OperationalSpace osc(osc_params, kAllForce);
+  OperationalSpace osc(osc_params, kAllForce, kPeriod);
   const Vec6 twist = random_vector<Vec6>(random, 0.3);
   const Vec6 f =
       osc.desired_acceleration(Vec3::Zero(), Mat3::Identity(), twist, Target{});
@@ -276,7 +313,7 @@ BOOST_AUTO_TEST_CASE(force_damping_opposes_the_motion) {
 }
 
 BOOST_AUTO_TEST_CASE(torque_depends_on_the_action_affinely) {
-  const OperationalSpace osc(OscParams{}, kAllForce);
+  const OperationalSpace osc(OscParams{}, kAllForce, kPeriod);
   for (int k = 0; k < kStates; ++k) {
     State state = draw();
     const Vec6 a = random_vector<Vec6>(random, 5.0);
@@ -291,7 +328,7 @@ BOOST_AUTO_TEST_CASE(torque_depends_on_the_action_affinely) {
 }
 
 BOOST_AUTO_TEST_CASE(turning_the_base_turns_f_star_and_leaves_the_torques) {
-  const OperationalSpace osc(OscParams{}, kAllForce);
+  const OperationalSpace osc(OscParams{}, kAllForce, kPeriod);
   for (int k = 0; k < kStates; ++k) {
     const Vec7 q = random_vector(random, 2.9);
     const Vec7 dq = random_vector(random, 1.0);
@@ -310,7 +347,7 @@ BOOST_AUTO_TEST_CASE(turning_the_base_turns_f_star_and_leaves_the_torques) {
 }
 
 BOOST_AUTO_TEST_CASE(scaling_all_masses_scales_the_torque) {
-  const OperationalSpace osc(OscParams{}, kAllForce);
+  const OperationalSpace osc(OscParams{}, kAllForce, kPeriod);
   ChainParams heavy = params;
   for (int i = 0; i < 7; ++i) {
     heavy.mass[i] *= 1.5;
@@ -332,7 +369,7 @@ BOOST_AUTO_TEST_CASE(without_f_star_force_axes_never_add_power) {
     for (int i = 3; i < 6; ++i) {
       if (task[i] != kForce) force_only[i] = kFree;
     }
-    const OperationalSpace osc(OscParams{}, force_only);
+    const OperationalSpace osc(OscParams{}, force_only, kPeriod);
     for (int k = 0; k < kStates; ++k) {
       State state(params, random_vector(random, k % 2 ? 2.9 : 0.05),
                   random_vector(random, 1.0));

@@ -101,7 +101,8 @@ BOOST_AUTO_TEST_CASE(the_path_of_a_target_moves_on_with_the_time_of_its_cycles) 
   const auto turned = [&](bool is_renewed) {
     Loop loop;
     loop.activate();
-    const Vec4 start = loop.order.target.quat_wxyz_d;
+    const Vec4 start = RestingArm().quat;
+    loop.order.target.quat_wxyz_d = start;
     loop.order.target.velocity_d[5] = rate;
     RigidPlant plant(chain, chain, {});
     plant.reset(loop.cabinet.q, Vec7::Zero());

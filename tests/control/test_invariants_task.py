@@ -165,7 +165,8 @@ def test_4_task_inertia_is_symmetric_positive_and_bounded(robot, far, rng, s0):
 
 def turned_by(robot, limits, q, quat):
     """The angle about z, times K, that the controller's torque turns the tool with."""
-    osc = {"stiffness": 20.0, "error_clamp_rotation": np.pi, "s0": 1e-4}
+    at_once = {"error_clamp_rotation": np.pi, "turn_speed": 1e4}
+    osc = {"stiffness": 20.0, "s0": 1e-4} | at_once
     target = _core.Target(quat_wxyz_d=quat)
     tau = torque(robot, limits, TASK, q, np.zeros(7), target, **osc)
     _, _, Minv, is_exact = model_at(robot, limits, q, TASK, s0=1e-4)

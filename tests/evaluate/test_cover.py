@@ -25,14 +25,14 @@ SCRIPT = EvaluationConfig(
 
 
 def test_the_table_says_who_found_it_and_how_fast(tmp_path):
-    cells = compare([("script", SCRIPT)], tmp_path / "out", QUIET, shifts=(0.0, 12.0))
-    assert [(cell.shift, cell.row.successes) for cell in cells] == [(0.0, 1), (12.0, 1)]
+    cells = compare([("script", SCRIPT)], tmp_path / "out", QUIET, shifts=(0.0, 30.0))
+    assert [(cell.shift, cell.row.successes) for cell in cells] == [(0.0, 1), (30.0, 1)]
     assert cells[0].row.steps_median < cells[1].row.steps_median
     written = json.loads((tmp_path / "out" / "cover.json").read_text())
-    assert [entry["moved_mm"] for entry in written] == [0.0, 12.0]
+    assert [entry["moved_mm"] for entry in written] == [0.0, 30.0]
     assert "1/1" in (tmp_path / "out" / "cover.html").read_text()
     figures = {path.parent.name for path in Path(tmp_path).rglob("search.png")}
-    assert figures == {"script-12-mm"}  # nothing is searched for where it is seen
+    assert figures == {"script-30-mm"}  # nothing is searched for where it is seen
 
 
 @pytest.mark.parametrize(

@@ -43,12 +43,18 @@ struct OscTerms {
 
 class OperationalSpace {
  public:
-  OperationalSpace(const OscParams& params, const TaskSpec& task) noexcept;
+  /// \param period  between two calls of desired_acceleration [s]
+  OperationalSpace(const OscParams& params, const TaskSpec& task,
+                   double period) noexcept;
 
   /// Latches the pose that `hold` axes keep and that `pose` rotations refer to.
   void reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
-  /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes.
+  /// The next desired rotation is turned to from where the tool is then.
+  void forget_turn() noexcept { has_turn_ = false; }
+
+  /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes. The desired rotation
+  /// turns to the Target's at `turn_speed` more than the Target's own speed.
   /// \param p, R, twist  measured TCP position [m], axes and velocity
   [[nodiscard]] Vec6 desired_acceleration(const Vec3& p, const Mat3& R,
                                           const Vec6& twist,
@@ -81,7 +87,7 @@ class OperationalSpace {
   const TaskSpec& task() const noexcept { return task_; }
 
  private:
-  Vec3 rotation_error(const Mat3& R_d, const Mat3& R) noexcept;
+  Vec4 turned_to(const DesiredMotion& wanted, const Mat3& R) noexcept;
   Mat3 desired_rotation(const Mat3& R, const Vec4& quat_wxyz) const noexcept;
   bool task_inertia(const Mat67& J, const Cholesky<7>& M_factor, const TaskSpec& task,
                     Mat6& Lambda) const noexcept;
@@ -90,10 +96,14 @@ class OperationalSpace {
   TaskSpec task_;
   Vec6 scale_;    // per row: 0 free, 1 linear, L angular
   Vec6 damping_;  // D per row [1/s]
+  double period_;
   bool has_free_ = false;
   Vec3 p_hold_ = Vec3::Zero();
   Mat3 R_hold_ = Mat3::Identity();
-  Vec3 turning_ = Vec3::Zero();  // the last rotation error [rad]
+  Vec3 error_ = Vec3::Zero();  // the last rotation error [rad]
+  bool has_turn_ = false;
+  Vec4 quat_turn_{1.0, 0.0, 0.0, 0.0};  // the desired rotation on its way
+  Vec3 way_ = Vec3::Zero();             // the last way left to the Target's [rad]
 };
 
 }  // namespace dovetail

@@ -65,11 +65,12 @@ struct OscParams {
   Vec6 stiffness = Vec6::Constant(400.0);    ///< K per axis [1/s2]
   Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
   Vec6 force_damping = Vec6::Zero();         ///< D on force axes [1/s]; 0 is the paper
-  double error_clamp_rotation = 0.15;        ///< [rad]
-  double error_clamp_position = 0.1;         ///< [m]
-  double f_clamp_linear = 30.0;              ///< largest |f*| per linear axis [m/s2]
-  double f_clamp_angular = 200.0;  ///< largest |f*| per rotation axis [rad/s2]
-  double k_null = 10.0;            ///< null-space damping k [1/s]
+  double error_clamp_rotation = 0.25;        ///< [rad]
+  double turn_speed = 1.0;  ///< of the desired rotation, where a Target's jumps [rad/s]
+  double error_clamp_position = 0.1;  ///< [m]
+  double f_clamp_linear = 30.0;       ///< largest |f*| per linear axis [m/s2]
+  double f_clamp_angular = 200.0;     ///< largest |f*| per rotation axis [rad/s2]
+  double k_null = 10.0;               ///< null-space damping k [1/s]
   /// Null-space stiffness towards the configuration where the task began [1/s2].
   double posture_stiffness = 50.0;
   double length_scale = 0.15;        ///< L, scales rotation rows [m/rad]

@@ -77,9 +77,11 @@ class OscConfig:
         default_factory=_all(6, 0.0)
     )
     """Damping of force axes [1/s]; 0 is the paper: f* accelerates to the limits."""
-    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.15
-    """Largest rotation error used [rad], so that a jump of theta is no torque step, and
-    asks for no more than the joints can give: at 0.25 they swung the tool sideways."""
+    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.25
+    """Largest rotation error used [rad], so that a jump of theta is no torque step."""
+    turn_speed: Annotated[float, Range(1e-2, 1e4, "rad/s")] = 1.0
+    """Speed at which the desired rotation turns to one that jumps [rad/s], beside the
+    Target's own: a jump saturates joints, which then lack what holds the other axes."""
     error_clamp_position: Annotated[float, Range(1e-4, 2.0, "m")] = 0.1
     """Largest position error used [m]."""
     f_clamp_linear: Annotated[float, Range(1e-3, 1e3, "m/s2")] = 30.0

@@ -62,6 +62,7 @@ class ReferenceController:
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
         self.r = np.zeros(7)
         self.posture: Array | None = None
+        self.turn: Array | None = None
         self.walls: tuple[Array, Array] | None = None
         self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
         self.last: tuple[Array, ...] | None = None
@@ -97,7 +98,8 @@ class ReferenceController:
             most = np.clip(HELD * lim.tau_max, HELD_LEAST, None)
             most = np.minimum(most, 0.5 * lim.tau_max)
             held = self.r / max(1.0, np.max(np.abs(self.r) / most))
-            self.posture, a0 = None, np.clip(spring - Minv @ held, lb, ub)
+            self.posture = self.turn = None
+            a0 = np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
@@ -172,9 +174,10 @@ class ReferenceController:
         """f* = action + xddot_d - D (xdot - xdot_d), + K e on pose and hold axes."""
         osc, quat = self.osc, poses.quat_from_matrix(R)
         p_path, quat_path, v_d, a_d = desired_motion(target)
+        turn = self.turned_to(quat_path, quat, v_d[3:])
         v_d, a_d = (self.modes != HOLD) * v_d, (self.modes != HOLD) * a_d
         p_d = np.where(self.modes[:3] == POSE, p_path, self.p_hold)
-        e_rot = poses.rotation_error(self.desired_rotation(quat, quat_path), quat)
+        e_rot = poses.rotation_error(self.desired_rotation(quat, turn), quat)
         e = self.is_servo * np.append(p_d - p, e_rot)
         clamps = np.array([osc.error_clamp_position, osc.error_clamp_rotation])
         lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
@@ -184,6 +187,15 @@ class ReferenceController:
         action = np.clip(asked, -most, most)
         drive = osc.stiffness * e + action + a_d
         return np.clip(drive - self.D * (twist - v_d), -most, most)
+
+    def turned_to(self, quat_d: Array, quat: Array, speed: Array) -> Array:
+        """Turn to the Target's rotation, by at most (turn_speed + |w_d|) dt."""
+        turn = quat if self.turn is None else self.turn
+        way = poses.rotation_error(poses.quat_normalized(quat_d), turn)
+        most = (self.osc.turn_speed + float(np.linalg.norm(speed))) * self.dt
+        way = way * min(1.0, most / max(float(np.linalg.norm(way)), 1e-12))
+        self.turn = poses.quat_multiply(poses.quat_from_vector(way), turn)
+        return self.turn
 
     def desired_rotation(self, quat: Array, quat_d: Array) -> Array:
         """Swing and twist about world z, each from the target, hold or measurement."""
