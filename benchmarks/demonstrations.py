@@ -5,7 +5,7 @@ and are corrected, tremor, pauses, an eye that is some tenths of a millimetre of
 says ten times per second where the tool is to go, as the gizmo of the cockpit does.
 
     python benchmarks/demonstrations.py --seeds 0 1 2
-    python benchmarks/demonstrations.py --pretrain 2000
+    python benchmarks/demonstrations.py --pretrain 2000 --every 500
     python benchmarks/demonstrations.py --only-show --out FOLDER
 
 A training counts as done at the first of its tests, every 1000 steps and without
@@ -212,6 +212,9 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
                 found += sum(one.success for one in play(policy, portion, stage))
                 tried += len(portion)
             tests.append((done, found))
+            if run.stop.is_due(done):  # the rate begins anew, as in a training
+                failed = tried - found
+                run.stop.is_passed(done, [[True] * found + [False] * failed])
             print(f"    step {done}: {found} of {tried}", flush=True)
 
     begin = time.process_time()
@@ -243,7 +246,7 @@ def main() -> None:
     parser.add_argument("--steps", type=int, default=TrainConfig.steps)
     parser.add_argument("--every", type=int, default=1000)
     parser.add_argument("--episodes", type=int, default=100)
-    parser.add_argument("--share", type=float, default=TrainConfig.teacher_share)
+    parser.add_argument("--share", type=float, help="as --teacher-share of a training")
     parser.add_argument("--pretrain", type=int, default=0, help="as of dovetail train")
     parser.add_argument("--only-show", action="store_true")
     parser.add_argument("--out", type=Path)
@@ -264,7 +267,7 @@ def main() -> None:
                 seed=seed,
                 steps=given.steps,
                 demos=demos,
-                teacher_share=given.share,
+                teacher_share=given.share if demos else None,
                 pretrain=given.pretrain if demos else 0,
                 threads=1,
             )

@@ -353,17 +353,19 @@ def test_pretraining_moves_the_networks_and_not_the_entropy_coefficient(logs):
 
 
 @pytest.mark.parametrize(
-    ("given", "steps"),
+    ("given", "steps", "share"),
     [
-        ({}, 0),
-        ({"demos": ("logs",)}, 0),
-        ({"demos": ("logs",), "pretrain": 7}, 7),
+        ({}, 0, 0.5),
+        ({"demos": ("logs",)}, 0, 0.5),
+        ({"demos": ("logs",), "pretrain": 7}, 7, 0.2),
+        ({"demos": ("logs",), "pretrain": 7, "teacher_share": 0.5}, 7, 0.5),
     ],
 )
-def test_what_is_learned_before_the_first_action_is_asked_for(given, steps):
+def test_what_is_learned_before_the_first_action_is_asked_for(given, steps, share):
     config = TrainConfig(**given)
-    assert config.pretrain == steps
-    assert ("--pretrain" in config.command()) == ("pretrain" in given)
+    assert (config.pretrain, config.teacher_share) == (steps, share)
+    for name, option in (("pretrain", "--pretrain"), ("teacher_share", "--teacher-s")):
+        assert (option in config.command()) == (name in given)
 
 
 @pytest.mark.parametrize(

@@ -77,8 +77,9 @@ class TrainConfig(LearnerSettings, Variation):
     chance; corner the scripted search, with noise; logs are as `demos`."""
     teacher_noise: float = 0.08
     """Standard deviation of the noise on a teacher's actions [1]."""
-    teacher_share: float = 0.5
-    """Share of every batch that is the teacher's and of `demos` [1]."""
+    teacher_share: float | None = None
+    """Share of every batch that is the teacher's and of `demos` [1]: 0.5, after
+    `pretrain` 0.2. What was learned from them already needs less of them."""
     steps: int = 60_000
     """Environment steps at most; see `until`."""
     until: float | None = None
@@ -154,6 +155,7 @@ class TrainConfig(LearnerSettings, Variation):
             "until": 1.0 if is_arm else 0.98,
             "updates_per_step": 2.0 if is_arm else 0.5,
             "learning_rate": 2e-3 if is_quick else 1e-3,
+            "teacher_share": 0.2 if self.pretrain else 0.5,
         }
 
     def _require_test(self) -> None:
@@ -196,7 +198,8 @@ class TrainConfig(LearnerSettings, Variation):
         self.require_used("correction", self.script is not None, "--script corner")
         self.require_used("teacher_noise", self.has_teacher, "--teacher corner")
         is_shown = self.has_teacher or self.logs
-        self.require_used("teacher_share", is_shown, "a teacher or --demos")
+        if not is_shown and self.teacher_share != self._usual()["teacher_share"]:
+            raise ConfigError("teacher_share is given, which needs a teacher or --demos")
         on_policy = self.algorithm == "ppo" and is_shown
         if on_policy or (self.has_teacher and self.from_policy):
             raise ConfigError(
@@ -345,8 +348,9 @@ class TrainConfig(LearnerSettings, Variation):
 
     def command(self) -> str:
         """Return the command line that trains with these settings."""
-        usual = {**self._usual(), **(SEARCHING if self.doubt > 0.0 else {})}
-        default = TrainConfig(env=self.env, **usual).to_json()
+        searching = SEARCHING if self.doubt > 0.0 else {}
+        default = TrainConfig(env=self.env, **searching).to_json()
+        default |= {k: v for k, v in self._usual().items() if k not in searching}
         default["env"] = TrainConfig.env
         words = ["dovetail", "train"]
         for name, value in self.to_json().items():

@@ -172,7 +172,8 @@ def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool)
     if arm is not None and not is_given and _may_be_robot(arm):
         raise ConfigError(
             f"{note}. The arm at {arm} may be a robot, which would touch and press "
-            "harder; say --accept-contact where that is wanted, or take another policy"
+            "harder; say --accept-contact where that is wanted, or take a policy or a "
+            "search that keeps to the defaults"
         )
     return note
 
