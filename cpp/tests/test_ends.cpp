@@ -143,6 +143,35 @@ BOOST_AUTO_TEST_CASE(a_joint_that_is_too_fast_is_braked_against_what_pushes_it) 
   BOOST_TEST(held.head<6>().norm() > 0.9 * r.head<6>().norm());
 }
 
+BOOST_AUTO_TEST_CASE(after_the_end_a_limit_takes_torque_of_its_own_joint_alone) {
+  // Torques of the others, which would keep their accelerations, loaded a spring at the
+  // tool until the arm ran away.
+  for (const double sign : {1.0, -1.0}) {
+    Arm arm;
+    Arm near;
+    (sign > 0.0 ? near.limits.q_max : near.limits.q_min)[2] = arm.q[2] + sign * 0.05;
+    Controller far_off = arm.controller();
+    Controller at_limit = near.controller();
+    arm.race(far_off);
+    near.race(at_limit);
+    Vec7 q = arm.q, dq = Vec7::Zero();
+    far_off.believe(q, dq);
+    at_limit.believe(q, dq);
+    Vec7 change = Vec7::Zero();
+    for (int k = 0; k < 200 && change.isZero(0.0); ++k) {
+      dq[2] = sign * std::min(0.03 * k, 0.6);
+      q += kPeriod * dq;
+      const StepResult free = far_off.step(q, dq, arm.target);
+      const StepResult kept = at_limit.step(q, dq, arm.target);
+      BOOST_REQUIRE(at_limit.state().implausible() == 0);
+      change = kept.tau - free.tau;
+    }
+    BOOST_TEST(sign * change[2] < -0.01);
+    change[2] = 0.0;
+    BOOST_TEST(change.norm() < 1e-9);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(after_the_end_limiters_are_passive_until_it_is_resumed) {
   limits.passive = false;
   Controller pinned = controller();
