@@ -78,8 +78,8 @@ class TrainConfig(LearnerSettings, Variation):
     teacher_noise: float = 0.08
     """Standard deviation of the noise on a teacher's actions [1]."""
     teacher_share: float | None = None
-    """Share of every batch that is the teacher's and of `demos` [1]: 0.5, after
-    `pretrain` 0.2. What was learned from them already needs less of them."""
+    """Share of each batch that was shown [1]: 0.5, after `pretrain` 0.2. The teacher
+    or `demos` show it; what was learned from them already needs less of them."""
     steps: int = 60_000
     """Environment steps at most; see `until`."""
     until: float | None = None
@@ -199,7 +199,7 @@ class TrainConfig(LearnerSettings, Variation):
         self.require_used("teacher_noise", self.has_teacher, "--teacher corner")
         is_shown = self.has_teacher or self.logs
         if not is_shown and self.teacher_share != self._usual()["teacher_share"]:
-            raise ConfigError("teacher_share is given, which needs a teacher or --demos")
+            raise ConfigError("teacher_share is given: it needs a teacher or --demos")
         on_policy = self.algorithm == "ppo" and is_shown
         if on_policy or (self.has_teacher and self.from_policy):
             raise ConfigError(
