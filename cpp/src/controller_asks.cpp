@@ -12,7 +12,6 @@ namespace {
 constexpr double kEndStiffness = 50.0;  // [1/s2]
 constexpr double kEndDamping = 15.0;    // [1/s]
 constexpr double kRestSpeed = 0.02;     // [rad/s]
-constexpr int kSweeps = 30;             // of Gauss and Seidel, for some joints at once
 
 // Of tau_max: the most of a disturbance that a hold acts against. A hold in contact is
 // an integrator that would push ever harder.
@@ -212,33 +211,18 @@ Vec7 Controller::held() const noexcept {
   return Minv_ * (disturbance_ / std::max(over, 1.0));
 }
 
-/// Within the joints' bounds, each kept by a torque of its own joint alone, as stops
-/// would (Gauss's principle). To keep the other joints' accelerations would take
-/// torques of theirs, too, which load a spring at the tool.
-Vec7 Controller::stopped_alone(const Vec7& wanted) const noexcept {
-  Vec7 a = wanted, force = Vec7::Zero();
-  for (int sweep = 0; sweep < kSweeps; ++sweep) {
-    for (int i = 0; i < kNumJoints; ++i) {
-      const double free = a[i] - Minv_(i, i) * force[i];
-      const double kept = std::clamp(free, bounds_.lb[i], bounds_.ub[i]);
-      const double now = (kept - free) / Minv_(i, i);
-      a += Minv_.col(i) * (now - force[i]);
-      force[i] = now;
-    }
-  }
-  return a;
-}
-
-/// Held where the motion ended, softly: what it was about is not known here.
+/// Held where the motion ended, softly: what it was about is not known here. Joints
+/// that cannot follow are stopped by the program, by torques of their own, as by stops
+/// (Gauss's principle). To cut them before it would keep the others' accelerations, by
+/// torques of theirs that load a spring at the tool.
 void Controller::follow_end(const Vec7& q, const Vec7& dq,
                             StepResult& result) noexcept {
   if (!is_at_rest_) {
     q_end_ = q;
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
-  const Vec7 wanted = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held();
+  result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held();
   result.flags = Flags{};
-  result.a0 = stopped_alone(wanted).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   has_posture_ = false;
   osc_.forget_turn();
 }

@@ -116,7 +116,6 @@ class Controller {
   void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;
   void mark_walls(unsigned upper, unsigned lower, Flags& flags) const noexcept;
   void stay(const Target& target, Vec6& f_star) noexcept;
-  Vec7 stopped_alone(const Vec7& wanted) const noexcept;
   void follow_end(const Vec7& q, const Vec7& dq, StepResult& result) noexcept;
   void limit(StepResult& result) noexcept;
   bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
