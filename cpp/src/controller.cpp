@@ -212,8 +212,12 @@ void Controller::limit_by_qp(StepResult& result) noexcept {
   const Vec3 djc = terms_.dJdq.head<3>();
   const bool is_ended = last_line_.cause() != EndCause::kNone;
   const double rho = is_ended ? kEndRho : limits_.rho;
-  const QpResult qp = solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc,
-                                djc, bounds_.cl, bounds_.cu, h_, lo_, hi_, rho});
+  // After an end a joint has its own motor alone. That others help one that is not
+  // strong enough is right in free space; what it touches they would only load.
+  const Vec7 beyond = Vec7::Constant(is_ended ? kInfinity : 0.0);
+  const QpResult qp =
+      solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc, djc, bounds_.cl,
+                bounds_.cu, h_, lo_ - beyond, hi_ + beyond, rho});
   result.a = qp.a + push_;
   result.a0 += push_;
   result.tau = qp.tau;
@@ -318,14 +322,15 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
 StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
   soften(result);
   const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
+  a_last_ = result.a;
   if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
     result.flags.unsafe = true;
+    a_last_ = Minv_ * (clipped - h_) + push_;  // what it will be, for the next sample
   }
   result.tau = clipped;
   result.flags.displaced = (result.a - result.a0).norm();
   dq_last_ = dq;
   tau_last_ = result.tau;
-  a_last_ = result.a;
   a0_last_ = result.a0;
   has_last_ = true;
   return result;

@@ -9,9 +9,10 @@ namespace dovetail {
 namespace {
 
 // After the last line: a hold that is stable with any delay there is.
-constexpr double kEndStiffness = 50.0;  // [1/s2]
-constexpr double kEndDamping = 15.0;    // [1/s]
-constexpr double kRestSpeed = 0.02;     // [rad/s]
+constexpr double kEndStiffness = 50.0;   // [1/s2]
+constexpr double kEndDamping = 15.0;     // [1/s]
+constexpr double kFreeBraking = 1000.0;  // beyond what the limits allow [1/s]
+constexpr double kRestSpeed = 0.02;      // [rad/s]
 
 // Of tau_max: the most of a disturbance that a hold acts against. A hold in contact is
 // an integrator that would push ever harder.
@@ -211,10 +212,11 @@ Vec7 Controller::held() const noexcept {
   return Minv_ * (disturbance_ / std::max(over, 1.0));
 }
 
-/// Held where the motion ended, softly: what it was about is not known here. Joints
-/// that cannot follow are stopped by the program, by torques of their own, as by stops
-/// (Gauss's principle). To cut them before it would keep the others' accelerations, by
-/// torques of theirs that load a spring at the tool.
+/// Held where the motion ended, softly: what it was about is not known here. A limit
+/// then takes work from the arm and gives none: it is a stop to its own joint, by a
+/// torque of that joint alone (Gauss's principle), and braking is free. Elsewhere it
+/// may take torques of other joints, and forbid a pushed joint to brake: both can load
+/// a spring at the tool, turn by turn.
 void Controller::follow_end(const Vec7& q, const Vec7& dq,
                             StepResult& result) noexcept {
   if (!is_at_rest_) {
@@ -223,6 +225,11 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq,
   }
   result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held();
   result.flags = Flags{};
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (is_behind(i, q[i])) continue;
+    bounds_.ub[i] += kFreeBraking * std::max(-dq[i], 0.0);
+    bounds_.lb[i] -= kFreeBraking * std::max(dq[i], 0.0);
+  }
   has_posture_ = false;
   osc_.forget_turn();
 }

@@ -112,6 +112,14 @@ def test_after_an_end_no_wall_is_held_against_a_jam(adversary):
     assert np.abs(speeds).max() < 0.05  # rad/s, in the last half second
 
 
+def test_after_an_end_no_other_joint_helps_a_weak_motor(adversary):
+    """They shook a jammed tool ever harder: 1.56 times too fast, 33 mrad past a limit."""
+    worst = adversary.Attack(period=0.005, seed=41, overrides=JERKY).run(664).worst
+    assert worst["grown"] == 0.0
+    assert worst["speed"] < 0.9
+    assert worst["position"] < 0.015  # rad: more than the motor's torque is on it
+
+
 def test_what_only_seemed_to_grow_is_looked_at_for_longer(adversary):
     """Of two that rise for a second, one goes down again, and one is ended."""
     grown = {
