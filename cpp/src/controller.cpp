@@ -358,7 +358,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     update_walls(since);
     update_bounds(q, dq);
     if (is_ended) {
-      follow_end(q, dq, result);
+      follow_end(q, dq, since, result);
     } else if (target.joint_mode) {
       follow_joints(q, dq, target, result);
     } else {
@@ -376,9 +376,10 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
         }
         joint_params_.passive = wall_params_.passive = true;
         is_at_rest_ = false;
+        dq_end_ = dq;
         update_model(q, dq);
         update_bounds(q, dq);
-        follow_end(q, dq, result);
+        follow_end(q, dq, since, result);
         limit(result);
       }
       result = finish(dq, result);

@@ -13,6 +13,7 @@ constexpr double kEndStiffness = 50.0;   // [1/s2]
 constexpr double kEndDamping = 15.0;     // [1/s]
 constexpr double kFreeBraking = 1000.0;  // beyond what the limits allow [1/s]
 constexpr double kRestSpeed = 0.02;      // [rad/s]
+constexpr double kEndQuickest = 40.0;    // of speeds that are damped: 6 Hz [1/s]
 
 // Of tau_max: the most of a disturbance that a hold acts against. A hold in contact is
 // an integrator that would push ever harder.
@@ -217,13 +218,14 @@ Vec7 Controller::held() const noexcept {
 /// torque of that joint alone (Gauss's principle), and braking is free. Elsewhere it
 /// may take torques of other joints, and forbid a pushed joint to brake: both can load
 /// a spring at the tool, turn by turn.
-void Controller::follow_end(const Vec7& q, const Vec7& dq,
+void Controller::follow_end(const Vec7& q, const Vec7& dq, double elapsed,
                             StepResult& result) noexcept {
   if (!is_at_rest_) {
     q_end_ = q;
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
-  result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq - held();
+  dq_end_ += (1.0 - std::exp(-kEndQuickest * elapsed)) * (dq - dq_end_);
+  result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq_end_ - held();
   result.flags = Flags{};
   for (int i = 0; i < kNumJoints; ++i) {
     if (is_behind(i, q[i])) continue;

@@ -116,7 +116,8 @@ class Controller {
   void mark_joints(unsigned upper, unsigned lower, Flags& flags) const noexcept;
   void mark_walls(unsigned upper, unsigned lower, Flags& flags) const noexcept;
   void stay(const Target& target, Vec6& f_star) noexcept;
-  void follow_end(const Vec7& q, const Vec7& dq, StepResult& result) noexcept;
+  void follow_end(const Vec7& q, const Vec7& dq, double elapsed,
+                  StepResult& result) noexcept;
   void limit(StepResult& result) noexcept;
   bool is_explained(const Target& target, const Vec7& dq, const StepResult& result,
                     double elapsed) noexcept;
@@ -167,6 +168,7 @@ class Controller {
   double limiter_power_ = 0.0;  // of what is cut from f* [W]
   bool is_at_rest_ = false;     // after the end
   Vec7 q_end_ = Vec7::Zero();
+  Vec7 dq_end_ = Vec7::Zero();  // its speed since, without what is too quick to damp
 
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally
