@@ -85,7 +85,7 @@ def test_a_folder_of_something_else_is_not_written_to(tmp_path, settings, quiet)
 
 def test_a_hole_that_leaves_no_free_air_is_refused(tmp_path, settings, quiet):
     config = RecordConfig(out=tmp_path / "log", fixture=(0.6, 0, 0.2, 0), **settings)
-    with pytest.raises(ConfigError, match=r"mouth is 0.2 m high.*allow-contact"):
+    with pytest.raises(ConfigError, match=r"ends at z = 0.2 m.*allow-contact"):
         record(config, quiet)
     assert not config.out.exists()
 

@@ -6,8 +6,10 @@ from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.ranges import in_count
 from dovetail.types import Array
 
+EXCITED = "XYZ:force A:pose BC:hold"
+"""How the axes are driven, whatever the task: an arm is identified, not a task."""
 AXES = 4
-"""Commanded axes of the task XYZ:force A:pose BC:hold."""
+"""Commanded axes of it."""
 FREQUENCIES = (0.8, 1.2, 1.6, 2.4, 3.2)
 """Frequencies of the excitation [Hz]: whole periods in 50 steps, so that the tool
 stays near its start, and at most a third of the policy's Nyquist frequency, 10 Hz."""

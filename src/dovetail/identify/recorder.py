@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -22,10 +22,11 @@ from dovetail.control.target_columns import TARGET_UNITS, target_row
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.registered import make_task
+from dovetail.envs.workspace import require_inside
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.files import require_writable, write_atomic
-from dovetail.identify.excitation import EXCITATION, excitation
+from dovetail.identify.excitation import EXCITATION, EXCITED, excitation
 from dovetail.identify.measured_delay import measure_delay
 from dovetail.identify.recording import (
     DESCRIPTION,
@@ -35,26 +36,19 @@ from dovetail.identify.recording import (
     read_description,
     sequence_path,
 )
+from dovetail.identify.starts import plan_starts, start_box
 from dovetail.plants.plant import COLUMN
-from dovetail.poses import Pose, quat_about_z, tool_down
-from dovetail.robots.robot import Robot
+from dovetail.robots.find import find_robot
+from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import TaskOptions, option_types, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
-from dovetail.workcell.workcell import WALLS
 
 CONTACT_FORCE = 0.1
 """Contact force from which the held part counts as in contact [N]."""
 PLAY = 0.002
 """Distance from the block that counts as contact where no force is measured [m]."""
-START_HEIGHT, START_HEIGHT_MAX = 0.18, 0.22
-"""Lowest height of a start [m], and how far it may go up to keep off a high fixture."""
-ELBOW = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-"""Joints that turn the elbow about the line from shoulder to wrist [1]."""
-FREE_AIR = 0.08
-"""Height of the lowest start over the fixture's mouth [m]; motions go down 0.05 m."""
-DEFAULT_FIXTURE = (0.60, 0.0, 0.09, 0.0)
-"""Where the fixture is put: x y z [m] of its frame, yaw [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +66,8 @@ class RecordConfig:
     steps: int = 50
     """Policy steps of 50 ms of each."""
     fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes."""
+    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Left out,
+    it is put where the task says."""
     f_scale: float = 8.0
     """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
     0.2 m/s of the 0.25 m/s allowed."""
@@ -107,12 +102,10 @@ def record(
     actions = excitation(config.seed, config.sequences, config.steps)
     address = parse_address(config.arm)
     _require_fixture(config, can_place=address.places_fixture)
-    x, y, z, yaw = config.fixture or DEFAULT_FIXTURE
-    fixture = (x, y, z, yaw)
     usual = RecordConfig.period
     asked = None if config.period == usual else config.period
-    height = _start_height(config, z)
-    task = make_task(config.env, config.task_options)
+    task = replace(make_task(config.env, config.task_options), axes=EXCITED)
+    place = _place(task, config)
     settings = EnvConfig.of(
         robot=config.robot,
         period=address.control_period(asked, usual),
@@ -121,43 +114,34 @@ def record(
         force_damping=config.force_damping,
         near_press=LimitConfig.near_press,  # none: the motions are as they were drawn
     )
+    cell = task.workcell(find_robot(config.robot))
+    box = start_box(cell, place.pose(), may_touch=config.allow_contact)
     env = ContactEnv(task, config.arm, settings)
     with closing(env):
         _require_fixture(config, can_place=env.places_fixture)
+        require_inside(task, cell, env.arm, place.pose())
         if starts is None:
-            robot = env.arm.facts.robot
-            starts = plan_starts(
-                robot, config.seed, config.sequences, height, fixture[3]
-            )
-        metadata = _describe(config, env, fixture, starts)
+            robot, count = env.arm.facts.robot, config.sequences
+            starts = plan_starts(task, robot, config.seed, count, place, box)
+        metadata = _describe(config, env, place, starts)
         if not _is_begun(config.out, metadata):
-            _begin(env, config.out, metadata, console)
+            _begin(env, config.out, metadata, place, console)
         left = [
             n
             for n in range(config.sequences)
             if not sequence_path(config.out, n).is_file()
         ]
         for number in track(left, f"recording {config.arm}", console=console):
-            _play(env, config, metadata, number, starts[number], actions[number])
+            _play(env, config, metadata, place, number, actions[number])
     return Recording.load(config.out)
 
 
-def _start_height(config: RecordConfig, mouth: float) -> float:
-    """Return the lowest height of a start over a fixture's mouth [m].
-
-    Raises:
-        ConfigError: The walls leave too little air above the fixture.
-    """
-    height = max(START_HEIGHT, mouth + FREE_AIR)
-    if height <= START_HEIGHT_MAX:
-        return height
-    if config.allow_contact:
-        return START_HEIGHT
-    raise ConfigError(
-        f"the fixture's mouth is {mouth:g} m high: the motions need {FREE_AIR:g} m of "
-        f"free air above it, below the wall at {WALLS[1][2]:g} m; put the block at "
-        f"{START_HEIGHT_MAX - FREE_AIR:g} m or lower, or give --allow-contact"
-    )
+def _place(task: Task, config: RecordConfig) -> FixturePose:
+    """Return where the fixture is, or is put."""
+    usual = task.recording_pose or task.trial_poses[0]
+    if config.fixture is None:
+        return usual
+    return FixturePose.given(config.fixture, usual.facing)
 
 
 def _require_fixture(config: RecordConfig, *, can_place: bool) -> None:
@@ -169,38 +153,10 @@ def _require_fixture(config: RecordConfig, *, can_place: bool) -> None:
         )
 
 
-def plan_starts(
-    robot: Robot, seed: int, count: int, height: float, yaw: float
-) -> list[Vec7]:
-    """Return a start for each sequence: tool down, high in the workspace [rad].
-
-    Tool position, rotation about the vertical and elbow differ from one to the next,
-    so that gravity acts on the joints from different sides.
-
-    Args:
-        robot: The arm, tool included.
-        seed: Seed of the recording.
-        count: Number of starts.
-        height: Lowest height of a start [m].
-        yaw: Rotation about the vertical in the middle of the starts [rad].
-    """
-    starts = []
-    for number in range(count):
-        rng = np.random.default_rng([seed, number, 1])
-        x, y, z = rng.uniform((0.50, -0.11, height), (0.70, 0.11, height + 0.04))
-        turn = yaw + rng.uniform(-0.15, 0.15)
-        pose = Pose(np.array([x, y, z]), tool_down(turn))
-        swivel = rng.uniform(-1.0, 1.0)
-        q_seed = robot.posture("down") + swivel * ELBOW
-        q_seed[6] = -turn
-        starts.append(robot.inverse_kinematics(pose, q_seed))
-    return starts
-
-
 def _describe(
     config: RecordConfig,
     env: ContactEnv,
-    fixture: tuple[float, float, float, float],
+    place: FixturePose,
     starts: Sequence[Vec7],
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
@@ -215,7 +171,7 @@ def _describe(
         "arm_model": config.robot,
         "task": str(env.axes),
         "period": facts.period,
-        "fixture": list(fixture),
+        "fixture": [place.x, place.y, place.z, place.theta],
         "arm": config.arm,
         "commands": {
             "f_scale": action.f_scale,
@@ -266,11 +222,15 @@ def _is_begun(folder: Path, metadata: dict[str, Any]) -> bool:
 
 
 def _begin(
-    env: ContactEnv, folder: Path, metadata: dict[str, Any], console: Console
+    env: ContactEnv,
+    folder: Path,
+    metadata: dict[str, Any],
+    place: FixturePose,
+    console: Console,
 ) -> None:
     """Measure and say the arm's delay, and write the description."""
     q_start = np.array(metadata["q_start"][0])
-    delay = measure_delay(env, q_start, _fixture(metadata))
+    delay = measure_delay(env, q_start, place.pose())
     colour, status = ("green", "ok") if delay.judged.is_within else ("red", "broken")
     console.print(
         f"[{colour}]{status}[/] delay {delay.judged.text}",
@@ -287,21 +247,16 @@ def _begin(
     write_atomic(folder / DESCRIPTION, json.dumps(metadata | facts, indent=1) + "\n")
 
 
-def _fixture(metadata: dict[str, Any]) -> Pose:
-    x, y, z, yaw = metadata["fixture"]
-    return Pose(np.array([x, y, z]), quat_about_z(yaw))
-
-
 def _play(
     env: ContactEnv,
     config: RecordConfig,
     metadata: dict[str, Any],
+    place: FixturePose,
     number: int,
-    q_start: Vec7,
     actions: Array,
 ) -> None:
     """Play one sequence and write its log."""
-    fixture = _fixture(metadata)
+    fixture, q_start = place.pose(), np.array(metadata["q_start"][number])
     seed = config.seed * 1000 + number
     env.reset(seed=seed, options={"fixture": fixture, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}

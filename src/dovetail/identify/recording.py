@@ -32,10 +32,11 @@ from dovetail.identify.log_checks import (
 )
 from dovetail.identify.old_targets import targets_of_actions
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
-from dovetail.poses import Pose, quat_about_z
+from dovetail.poses import Pose
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.robots.robot import Robot
 from dovetail.strangers import require_trusted
+from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
@@ -111,8 +112,7 @@ class Recording:
     @property
     def fixture(self) -> Pose:
         """Where the fixture was."""
-        x, y, z, yaw = self.metadata["fixture"]
-        return Pose(np.array([x, y, z]), quat_about_z(yaw))
+        return _fixture(self.metadata)
 
     def settings(self) -> tuple[OscConfig, LimitConfig]:
         """Return law and limits of the controller that played the motions."""
@@ -269,6 +269,12 @@ def _cell(metadata: dict[str, Any]) -> Workcell:
     return _task(metadata).workcell(robot)
 
 
+def _fixture(metadata: dict[str, Any]) -> Pose:
+    """Return where the fixture was; its facing is its task's."""
+    facing = _task(metadata).trial_poses[0].facing
+    return FixturePose.given(metadata["fixture"], facing).pose()
+
+
 def _read_sequence(
     path: Path, number: int, metadata: dict[str, Any], robot: Robot
 ) -> Sequence:
@@ -305,6 +311,5 @@ def _old_targets(
 ) -> Array:
     names = [name for name in episode.columns if name.startswith("action")]
     actions = np.column_stack([episode[name] for name in names])[firsts]
-    x, y, z, yaw = metadata["fixture"]
-    fixture = Pose(np.array([x, y, z]), quat_about_z(yaw))
-    return targets_of_actions(actions, _task(metadata).goal(fixture), metadata)
+    goal = _task(metadata).goal(_fixture(metadata))
+    return targets_of_actions(actions, goal, metadata)

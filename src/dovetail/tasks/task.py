@@ -82,6 +82,8 @@ class Task(ABC):
     trial_poses: ClassVar[tuple[FixturePose, ...]]
     """Where the fixture stands when a policy is tried; the first one's facing is that
     of a place which a user gives."""
+    recording_pose: ClassVar[FixturePose | None] = None
+    """Where the fixture stands while an arm is identified; None is the first one."""
 
     @abstractmethod
     def held(self) -> Part:

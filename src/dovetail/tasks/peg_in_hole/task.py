@@ -55,6 +55,8 @@ class PegInHole(IntoOpening):
         FixturePose("C", 0.64, -0.01, 0.115, 0.20),
     )
     """The three hole poses of the transfer table: x, y, z and theta all differ."""
+    recording_pose: ClassVar[FixturePose] = FixturePose("aside", 0.60, 0.0, 0.09, 0.0)
+    """In the middle of the walls, and low."""
 
     def __post_init__(self) -> None:
         """Refuse a peg or a clearance that cannot be built."""

@@ -66,6 +66,10 @@ class RailClip(IntoOpening):
         FixturePose("C", 0.89, -0.005, 0.415, 0.0, FACING_ROBOT),
     )
     """Where the slot's mouth is when a policy is tried; its axis is the world's -x."""
+    recording_pose: ClassVar[FixturePose] = FixturePose(
+        "aside", 0.90, 0.0, 0.40, 0.0, FACING_ROBOT
+    )
+    """As far away as the tool goes: nearer to the robot joint 4 is at its limit."""
 
     def held(self) -> Part:
         """Return the clip; its end face is the TCP."""
