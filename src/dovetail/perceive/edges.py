@@ -1,10 +1,11 @@
 """Corners of markers where the lines along their edges meet.
 
 Along the normal of an edge the grey value falls from the white paper to the black
-border. Where it falls is the mean of its slope over the normal; a line is fitted
-through these points, and two lines meet in a corner.
+border. Where it passes the middle between the two is a point of the edge; a line is
+fitted through these points, and two lines meet in a corner.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -19,11 +20,19 @@ _INSET = 0.14
 _TAPS = np.arange(-8, 9) / 8.0
 """Where the grey value is taken along a normal, in half windows."""
 _CELLS = 8
-_WINDOW = 0.75
+_WINDOW = 1.0
 """Half of what is looked at along a normal, in cells of the marker."""
 _NARROW = 1.5
 _CONTRAST = 12.0
 """Smallest step from paper to border [grey values]."""
+_PURE = 20.0
+"""Share of a marker's points with black behind the border, or wide paper before it, at
+least [%]."""
+_T = np.linspace(3.0, 0.0, 31)
+_HALF = np.vectorize(lambda t: 0.5 * math.erfc(t / math.sqrt(2.0)))
+_SHINE = 2.0 * _HALF(_T), _HALF(2.0 * _T)
+"""Between two blurred edges 2 t deviations apart: how bright the darkest place is, and
+what the far one adds at the near one [of the contrast]."""
 _SHARE = 0.6
 """Share of an edge's points that must lie on one line."""
 _OFF = 0.6
@@ -94,13 +103,42 @@ def _find_once(picture: NDArray[np.uint8], corners: Array) -> Edges:
     reach = (window * out)[:, :, None, None] * _TAPS[:, None]
     place = (middle[:, :, :, None] + reach).astype(np.float32)
     grey = _sample(picture, place)  # (markers, 4, points, taps)
-    slope = np.maximum(np.diff(grey, axis=3), 0.0)  # outwards it gets brighter
-    weight = slope**2
-    total = weight.sum(axis=3)
-    taps = (_TAPS[1:] + _TAPS[:-1]) / 2.0
-    shift = (weight @ taps) / np.maximum(total, 1e-9) * window
+    crossing, is_crossed = _crossing(grey)
+    shift = crossing * window
     rise = grey.max(axis=3) - grey.min(axis=3)
-    return _meet(middle, out, shift, rise > _CONTRAST, along)
+    return _meet(middle, out, shift, is_crossed & (rise > _CONTRAST), along)
+
+
+def _crossing(grey: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return where grey values pass the middle between paper and border.
+
+    A border that is few pixels wide is never quite black, where a white cell is behind
+    it; that moves the middle, too, by `_SHINE` of how bright its darkest place is. So
+    does the dark behind a strip of paper.
+
+    Args:
+        grey: Along the normals, outwards, shape (markers, 4, points, taps).
+
+    Returns:
+        Where, in half windows, and whether at all, each of shape (markers, 4, points).
+    """
+    darkest, brightest = grey.min(axis=3), grey[..., _TAPS.size // 2 :].max(axis=3)
+    black, white = (
+        np.percentile(ends.reshape(len(grey), -1), share, axis=1)[:, None, None]
+        for ends, share in ((darkest, _PURE), (brightest, 100.0 - _PURE))
+    )
+    contrast = np.maximum(white - black, 1e-9)
+    middle = (
+        0.5
+        + np.interp((darkest - black) / contrast, *_SHINE)
+        - np.interp((white - brightest) / contrast, *_SHINE)
+    )
+    above = grey - (black + contrast * middle)[..., None]
+    passes = (above[..., :-1] < 0.0) & (above[..., 1:] >= 0.0)
+    last = passes.shape[3] - 1 - passes[..., ::-1].argmax(axis=3)[..., None]
+    here, there = (np.take_along_axis(above, last + i, 3)[..., 0] for i in (0, 1))
+    share = here / np.minimum(here - there, -1e-9)
+    return _TAPS[last[..., 0]] + share / 8.0, passes.any(axis=3)
 
 
 def _sample(picture: NDArray[np.uint8], place: NDArray[np.float32]) -> Array:
