@@ -1,18 +1,21 @@
 """Settings refuse what cannot be trained, and name the field."""
 
 import shlex
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import pytest
 
 from dovetail.commands.task_flags import parse
+from dovetail.control.ranges import ranges_of
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import register_task
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.env_settings import ENV_FIELDS
+from dovetail.learn.env_settings import ENV_FIELDS, EnvSettings
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.peg_in_hole.task import PegInHole
+
+_NUMBERS = (int, float, int | None, float | None)
 
 
 @pytest.mark.parametrize(
@@ -20,7 +23,7 @@ from dovetail.tasks.peg_in_hole.task import PegInHole
     [
         ("algorithm", "sarsa", "known: sac, ppo, ddpg, td3, tqc, crossq"),
         ("steps", 0, "steps is 0; allowed: 1 to"),
-        ("gamma", 1.0, "gamma is 1.0; allowed: 0 to"),
+        ("gamma", 1.0, "gamma is 1; allowed: 0 to 0.99999"),
         ("net", (), "net is"),
         ("ent_coef", "auto_zero", "ent_coef is 'auto_zero'"),
         ("ent_coef", "-1", "ent_coef is '-1'"),
@@ -134,3 +137,18 @@ def test_the_command_says_only_what_was_asked_for(change):
     words = TrainConfig(**change, steps=500).command().split()
     assert len(words) == 4 + 2 * len(change)
     assert "--steps" in words
+
+
+def test_every_number_of_a_training_has_a_range_with_its_unit():
+    """Written beside the field; those of the environment are the environment's."""
+    others = {f.name for f in fields(EnvSettings)} | {"random_gravity"}
+    kinds = {f.name: f.type for f in fields(TrainConfig) if f.name not in others}
+    ranges = ranges_of(TrainConfig)
+    bare = {name for name, kind in kinds.items() if kind in _NUMBERS}
+    assert bare == set()
+    assert len(ranges) == 28
+    assert ranges["doubt"].unit == "m"
+    with pytest.raises(ConfigError, match=r"doubt is 0.06 m; allowed: 0 to 0.05 m"):
+        TrainConfig(doubt=0.06)
+    with pytest.raises(ConfigError, match=r"steps is 1.5; give a whole number: 1 to"):
+        TrainConfig(steps=1.5)

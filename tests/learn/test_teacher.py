@@ -190,7 +190,7 @@ def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"doubt": 0.06}, "doubt is 0.06; allowed: 0 to 0.05"),
+        ({"doubt": 0.06}, "doubt is 0.06 m; allowed: 0 to 0.05 m"),
         ({"tracker": "noisy"}, "doubt and the tracker noisy exclude each other"),
         ({"algorithm": "ppo"}, "give --teacher none"),
         ({"teacher_share": 1.1}, "teacher_share"),

@@ -51,7 +51,7 @@ def test_of_several_options_every_pair_is_there():
     ("change", "words"),
     [
         ({"doubt": 0.0}, "doubt_turn is 0.05 rad and doubt 0 m"),
-        ({"doubt_turn": 0.6}, "doubt_turn is 0.6; allowed: 0 to 0.5"),
+        ({"doubt_turn": 0.6}, "doubt_turn is 0.6 rad; allowed: 0 to 0.5 rad"),
         ({"num_envs": 1}, "2 values of peg to 1 environments"),
         (
             {"vary": "peg=square,triangle&clearance=0.001,0.002"},

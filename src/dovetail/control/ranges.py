@@ -77,14 +77,15 @@ def in_count(name: str, value: Any, low: int, high: int, unit: str) -> int:
     Raises:
         ConfigError: Not a whole number, or out of range.
     """
+    allowed = f"{low} to {high}" if unit == "1" else f"{low} to {high} {unit}"
     try:
         count = operator.index(value)
     except TypeError as error:
         raise ConfigError(
-            f"{name} is {value!r}; give a whole number: {low} to {high} {unit}"
+            f"{name} is {value!r}; give a whole number: {allowed}"
         ) from error
     if not low <= count <= high:
-        raise ConfigError(f"{name} is {count}; allowed: {low} to {high} {unit}")
+        raise ConfigError(f"{name} is {count}; allowed: {allowed}")
     return count
 
 
@@ -95,13 +96,14 @@ def in_range(name: str, value: Any, allowed: Range) -> Any:
         ConfigError: Not numbers, a wrong shape, or an element out of its range.
     """
     labels, unit = allowed.labels, allowed.unit
+    said = "" if unit == "1" else f" {unit}"
     elements = value if isinstance(value, (list, tuple)) else [value]
     for i, element in enumerate(elements):
         if isinstance(element, (str, bool)):
             part = f"{name}[{labels[i]}]" if i < len(labels) else name
             raise ConfigError(
                 f"{part} is {element!r}, which is no number; allowed: {allowed.low:g} "
-                f"to {allowed.high:g} {unit}"
+                f"to {allowed.high:g}{said}"
             )
     try:
         array = np.array(value, dtype=float)
@@ -116,8 +118,8 @@ def in_range(name: str, value: Any, allowed: Range) -> Any:
         if not allowed.low <= x <= allowed.high:  # false for nan, too
             element = f"{name}[{labels[i]}]" if labels else name
             raise ConfigError(
-                f"{element} is {x:g} {unit}; "
-                f"allowed: {allowed.low:g} to {allowed.high:g} {unit}"
+                f"{element} is {x:g}{said}; "
+                f"allowed: {allowed.low:g} to {allowed.high:g}{said}"
             )
     if not labels:
         return float(array)

@@ -10,13 +10,14 @@ import tyro
 
 from dovetail.arms.address import parse_address
 from dovetail.control.period import format_period, require_period
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
 from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.evaluate.transfer import wilson_interval
-from dovetail.learn.learner_settings import LEARNER_RANGES, LearnerSettings
+from dovetail.learn.learner_settings import LearnerSettings
 from dovetail.learn.model_file import ModelFile
 from dovetail.learn.searching import SEARCHING
 from dovetail.learn.variation import Variation
@@ -75,33 +76,33 @@ class TrainConfig(LearnerSettings, Variation):
     teacher: str = "none"
     """Who acts in the first `learning_starts` steps: none, corner, or logs. None is
     chance; corner the scripted search, with noise; logs are as `demos`."""
-    teacher_noise: float = 0.08
+    teacher_noise: Annotated[float, Range(0.0, 1.0, "1")] = 0.08
     """Standard deviation of the noise on a teacher's actions [1]."""
-    teacher_share: float | None = None
+    teacher_share: Annotated[float | None, Range(0.0, 1.0, "1")] = None
     """Share of each batch that was shown [1]: 0.5, after `pretrain` 0.2. The teacher
     or `demos` show it; what was learned from them already needs less of them."""
-    steps: int = 60_000
+    steps: Annotated[int, Range(1, 1e9, "steps")] = 60_000
     """Environment steps at most; see `until`."""
-    until: float | None = None
+    until: Annotated[float | None, Range(0.0, 1.0, "1")] = None
     """Success that ends the run before `steps` [1]: 0.98, on an arm 1 (never).
     It is the lower end of the Wilson 95 % interval over `test_episodes`. An arm's time
     would go into the tests."""
-    test_episodes: int = 300
+    test_episodes: Annotated[int, Range(1, 1e6, "episodes")] = 300
     """Episodes of a test, without exploration; see `until`."""
-    settle: int = 8000
+    settle: Annotated[int, Range(1, 1e9, "steps")] = 8000
     """Steps in which the rate falls once nine of ten episodes succeed.
     Then the first test is made, and others after half as many steps each."""
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**31 - 1, "1")] = 0
     """Seed of everything random, with `seeds` of the first run."""
-    seeds: int = 1
+    seeds: Annotated[int, Range(1, 1000, "runs")] = 1
     """Runs with seeds seed, seed + 1, ..., as many at once as cores."""
-    threads: int = 0
+    threads: Annotated[int, Range(0, 256, "threads")] = 0
     """Threads that simulate them, with MuJoCo only; 0 is one for each core. These are
     the cores that this process may use, shared by `seeds`. What is learnt is the same
     with any number."""
-    checkpoint_interval: int = 5000
+    checkpoint_interval: Annotated[int, Range(1, 1e9, "steps")] = 5000
     """Steps between checkpoints: the most that a kill can lose."""
-    eval_episodes: int = 200
+    eval_episodes: Annotated[int, Range(0, 1e6, "episodes")] = 200
     """Episodes of the evaluation at the end; 0 leaves it out."""
 
     def __post_init__(self) -> None:
@@ -109,10 +110,7 @@ class TrainConfig(LearnerSettings, Variation):
         if self.out is not None:
             object.__setattr__(self, "out", Path(self.out))
         self._fill_in()
-        for name, (low, high) in _RANGES.items():
-            value = vars(self)[name]
-            if not low <= value <= high:
-                raise ConfigError(f"{name} is {value}; allowed: {low:g} to {high:g}")
+        check_ranges(self)
         object.__setattr__(self, "period", require_period(self.period, "period"))
         self.require_learner()
         split_settings(self.task_class, self.given())
@@ -378,23 +376,3 @@ def _flat(settings: dict[str, Any]) -> dict[str, Any]:
         elif name != "model":
             flat[name] = value
     return flat
-
-
-_RANGES: dict[str, tuple[float, float]] = {
-    **LEARNER_RANGES,
-    "steps": (1, 1e9),
-    "seed": (0, 2**31 - 1),
-    "seeds": (1, 1000),
-    "num_envs": (1, 256),
-    "threads": (0, 256),
-    "doubt": (0.0, 0.05),
-    "doubt_turn": (0.0, 0.5),
-    "teacher_noise": (0.0, 1.0),
-    "teacher_share": (0.0, 1.0),
-    "until": (0.0, 1.0),
-    "test_episodes": (1, 1e6),
-    "settle": (1, 1e9),
-    "force_weight": (0.0, 1e3),
-    "checkpoint_interval": (1, 1e9),
-    "eval_episodes": (0, 1e6),
-}

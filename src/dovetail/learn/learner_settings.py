@@ -1,8 +1,9 @@
 """The learning algorithm of a training and its settings."""
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Annotated, Literal, get_args
 
+from dovetail.control.ranges import Range
 from dovetail.errors import ConfigError
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
@@ -13,31 +14,31 @@ ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 class LearnerSettings:
     """How a policy is learned from what was done."""
 
-    num_envs: int = 16
+    num_envs: Annotated[int, Range(1, 256, "environments")] = 16
     """Environments stepped by one process; on an arm always 1. They are stepped at the
     same time where `threads` says so, in turn otherwise."""
     algorithm: Algorithm = "sac"
     """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
-    updates_per_step: float | None = None
+    updates_per_step: Annotated[float | None, Range(0.01, 64.0, "1")] = None
     """Gradient steps per environment step (not ppo): 0.5, on an arm 2. An arm's steps
     take more time than what is learned from them."""
-    n_steps: int = 3
+    n_steps: Annotated[int, Range(1, 100, "steps")] = 3
     """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
     the bonus faster from the fixture to the way there."""
-    gamma: float = 0.97
+    gamma: Annotated[float, Range(0.0, 0.99999, "1")] = 0.97
     """Discount per 50 ms step [1]. It looks as far ahead as an insertion takes: with
     0.99 the critic has to tell millimetres apart in sums over a whole episode."""
-    learning_rate: float | None = None
+    learning_rate: Annotated[float | None, Range(1e-7, 1.0, "1")] = None
     """Step size of Adam [1]: 2e-3 for sac, 1e-3 on an arm or from a policy. It is 1e-3
     for the other algorithms, too."""
-    final_rate: float = 0.1
+    final_rate: Annotated[float, Range(1e-3, 1.0, "1")] = 0.1
     """Share of it at the end, reached from the middle on [1]. The last policy is the
     one that is kept, so it must not be a lucky or unlucky one."""
-    batch_size: int = 256
+    batch_size: Annotated[int, Range(2, 65536, "transitions")] = 256
     """Transitions per gradient step."""
-    policy_delay: int = 2
+    policy_delay: Annotated[int, Range(1, 100, "steps")] = 2
     """Gradient steps of the critics for one of the actor (sac)."""
-    tau: float = 0.01
+    tau: Annotated[float, Range(1e-6, 1.0, "1")] = 0.01
     """Share by which a target follows its critic per gradient step [1].
     Not ppo and crossq."""
     net: tuple[int, ...] = (128, 128)
@@ -46,32 +47,27 @@ class LearnerSettings:
     """Layer normalisation in the critic (not ppo). It diverges on the bonus without."""
     ent_coef: str = "auto_0.1"
     """Entropy coefficient (sac, tqc, crossq), or auto_START. That adapts it."""
-    reward_scale: float = 5.0
+    reward_scale: Annotated[float, Range(1e-6, 1e6, "1")] = 5.0
     """Factor on the reward inside training. What is reported is unscaled."""
-    force_weight: float = 0.0
+    force_weight: Annotated[float, Range(0.0, 1e3, "1/N")] = 0.0
     """Weight of contact force in the reward [1/N]; 0 is the paper."""
-    learning_starts: int = 1000
+    learning_starts: Annotated[int, Range(0, 1e9, "steps")] = 1000
     """Random actions before the first gradient step (not ppo). See `from`."""
-    pretrain: int = 0
+    pretrain: Annotated[int, Range(0, 1e6, "steps")] = 0
     """Gradient steps from demonstrations alone, before the first action. After them the
     policy's own actions take the place of random ones."""
-    exploration_noise: float = 0.1
+    exploration_noise: Annotated[float, Range(0.0, 2.0, "1")] = 0.1
     """Standard deviation of the actions' noise (ddpg, td3) [1]."""
-    rollout_steps: int = 512
+    rollout_steps: Annotated[int, Range(2, 1e6, "steps")] = 512
     """Steps per environment between two updates (ppo)."""
 
     def require_learner(self) -> None:
-        """Refuse an algorithm, networks or an entropy coefficient that cannot be.
+        """Refuse networks or an entropy coefficient that cannot be.
 
         Raises:
             ConfigError: Names the setting and what is allowed.
         """
         object.__setattr__(self, "net", tuple(int(width) for width in self.net))
-        if self.algorithm not in ALGORITHMS:
-            raise ConfigError(
-                f"algorithm {self.algorithm!r} is unknown; known: "
-                f"{', '.join(ALGORITHMS)}"
-            )
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         self.entropy_coefficient()
@@ -100,20 +96,3 @@ class LearnerSettings:
                 "number, each above 0, e.g. auto_0.1"
             )
         return self.ent_coef if self.ent_coef.startswith("auto") else value
-
-
-LEARNER_RANGES: dict[str, tuple[float, float]] = {
-    "updates_per_step": (0.01, 64),
-    "n_steps": (1, 100),
-    "gamma": (0.0, 0.99999),
-    "learning_rate": (1e-7, 1.0),
-    "final_rate": (1e-3, 1.0),
-    "batch_size": (2, 65536),
-    "policy_delay": (1, 100),
-    "tau": (1e-6, 1.0),
-    "reward_scale": (1e-6, 1e6),
-    "exploration_noise": (0.0, 2.0),
-    "rollout_steps": (2, 1e6),
-    "learning_starts": (0, 1e9),
-    "pretrain": (0, 1e6),
-}

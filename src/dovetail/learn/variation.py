@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dovetail.control.ranges import Range
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.tasks.options import parse_values
@@ -20,12 +21,12 @@ class Variation(EnvSettings):
     """Option of the task and a value for each environment in turn, NAME=A,B.
     Of several, NAME=A,B&NAME=C,D, every pair in turn. The policy's file names the
     values that the task has."""
-    doubt: float = 0.0
+    doubt: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Largest distance of the fixture from where it is believed [m]. In each
     episode it is another; the policy is not told, reward and success are by the truth.
     On the command line it gives other options other defaults: see learn/searching.py.
     A search tilts the part, so that the task must let it."""
-    doubt_turn: float = 0.0
+    doubt_turn: Annotated[float, Range(0.0, 0.5, "rad")] = 0.0
     """Largest turn of the fixture from what is believed [rad].
     It is about the vertical; a doubt must be given, too."""
 
