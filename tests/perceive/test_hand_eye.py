@@ -108,6 +108,17 @@ def test_pictures_and_poses_out_of_step_are_named(shift, word):
         calibrate(moved[1:-1], LENS, "flange")
 
 
+def test_shuffled_poses_are_named():
+    made = views(count=14)
+    order = np.random.default_rng(3).permutation(14)
+    shuffled = [
+        view._replace(flange=made[j].flange)
+        for view, j in zip(made, order, strict=True)
+    ]
+    with pytest.raises(ConfigError, match="pictures and poses do not belong together"):
+        calibrate(shuffled, LENS, "flange")
+
+
 @pytest.mark.parametrize("size", [0.97, 1.02])
 def test_a_print_of_another_size_is_measured_by_the_arm(size):
     with pytest.raises(ConfigError, match="of the size that is said") as raised:

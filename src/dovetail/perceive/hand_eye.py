@@ -41,6 +41,8 @@ _SCALE_MIN, _SCALE_SIGMAS = 0.004, 4.0
 """From when on a print has another size than said: share, and standard deviations."""
 _OUT_OF_STEP, _TURN_NOISE = 4.0, 0.02
 """How many times worse the turns agree than one picture later; and least [rad]."""
+_NOT_PAIRED = 0.1
+"""How much these turns may differ at all [rad]: a wrong lens gives less."""
 _ITERATIONS = 12
 _GO_LEAVE_ONE_OUT, _GO_INTERVAL, _GO_PIXELS = 1e-3, 1e-3, 1.0
 
@@ -217,6 +219,13 @@ def _require_in_step(mounts: Sequence[Pose], boards: Sequence[Pose]) -> None:
                 "pictures and poses are out of step: each picture fits the pose "
                 f"{word} its own; pair them again; let the arm stand for each picture"
             )
+    if now > _NOT_PAIRED:
+        raise ConfigError(
+            f"pictures and poses do not belong together: between two pictures arm and "
+            f"board turn by amounts that differ by {now:.2f} rad (median); up to "
+            f"{_NOT_PAIRED:g} is expected: are the lines of the poses in the order of "
+            "the pictures, the angles in radians, and is it this arm?"
+        )
 
 
 def _mismatch(mounts: Sequence[Pose], boards: Sequence[Pose]) -> float:
