@@ -28,6 +28,11 @@ DEVELOP := $(VENV)/.set-up-develop
 USE := $(VENV)/.set-up-use
 SET_UP := $(if $(wildcard $(DEVELOP)),$(DEVELOP),$(USE))
 
+# One test loads a data set with packages that do not fit those of the others: a folder
+# that only its own process has on the path.
+LEROBOT := $(VENV)/lerobot
+LEROBOT_PINS := tests/learn/lerobot.txt
+
 SETTINGS := pyproject.toml constraints.txt CMakeLists.txt
 CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
@@ -58,7 +63,7 @@ fuzz: $(DEVELOP)
 	$(BUILD)/sanitized/fuzz_fri $(FUZZ_INPUTS) $(FUZZ_SEED)
 
 # pytest comes last: its closing line says how many tests passed.
-test-python: $(DEVELOP)
+test-python: $(DEVELOP) $(LEROBOT)/.set-up
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
 
 lint: $(DEVELOP)
@@ -108,4 +113,9 @@ $(USE): $(SETTINGS) $(CPP) $(PACKAGE) | $(BIN)/python
 
 $(DEVELOP): $(SETTINGS) $(CPP) | $(BIN)/python
 	$(PIP) install -c constraints.txt $(NATIVE) -e '.[$(EXTRAS)]'
+	@touch $@
+
+$(LEROBOT)/.set-up: $(LEROBOT_PINS) | $(BIN)/python
+	rm -rf $(LEROBOT)
+	$(PIP) install --no-deps --target $(LEROBOT) -r $(LEROBOT_PINS)
 	@touch $@

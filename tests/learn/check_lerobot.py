@@ -1,7 +1,7 @@
 """Load a folder with the package lerobot-dataset, and say what it found, as JSON.
 
-It runs in an interpreter of its own: the package asks for an older OpenCV than the
-camera here does.
+It runs in a process of its own, with the folder of the package on its path: that asks
+for an older OpenCV than the camera here does.
 """
 
 import json
