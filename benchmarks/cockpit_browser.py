@@ -43,9 +43,14 @@ def open_browser() -> Any:
         options.add_argument(f"--{switch}")
     service = webdriver.ChromeService(shutil.which("chromedriver"))
     browser = webdriver.Chrome(options=options, service=service)
-    size = {"width": WIDTH, "height": HEIGHT, "deviceScaleFactor": 1, "mobile": False}
-    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
+    set_size(browser, WIDTH, HEIGHT)
     return browser
+
+
+def set_size(browser: Any, width: int, height: int) -> None:
+    """Give the page's window a size [pixels]."""
+    size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
 
 
 def wait_for(what: Callable[[], Any], timeout: float = 30.0) -> Any:

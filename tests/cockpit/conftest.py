@@ -1,4 +1,4 @@
-"""A session on the ideal plant, four times as fast as real time."""
+"""Sessions on the ideal plant: four times as fast as real time, or in a browser."""
 
 import importlib
 import sys
@@ -9,7 +9,10 @@ import pytest
 
 from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.pace import SPEED_MAX
+from dovetail.cockpit.page import Page
+from dovetail.cockpit.server import open_server
 from dovetail.cockpit.session import Session
+from extras import need
 
 BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
 PLAIN = {"tare": False}
@@ -51,3 +54,33 @@ def make_session(tmp_path: Path):
 @pytest.fixture
 def session(make_session):
     return make_session()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    need("viser")
+    need("selenium")
+    driven = from_benchmarks("cockpit_browser")
+    if why := driven.missing():
+        pytest.skip(why)
+    browser = driven.open_browser()
+    yield browser
+    browser.quit()
+
+
+@pytest.fixture(scope="module")
+def cockpit(browser, tmp_path_factory):
+    """A session, its page and its server, open in the browser."""
+    logs = tmp_path_factory.mktemp("logs")
+    choice = Choice(policy="peg_square", settings={"tare": False})
+    server = open_server(0)
+    session = Session(choice, logs=logs)
+    page = Page(server, session)
+    browser.get(f"http://{server.get_host()}:{server.get_port()}")
+    driven = from_benchmarks("cockpit_browser")
+    driven.wait_for(lambda: driven.button(browser, "STOP") and server.get_clients())
+    yield session, server
+    browser.get("about:blank")
+    page.close()
+    session.close()
+    server.stop()

@@ -1,16 +1,11 @@
 """The pages in a real browser: what a person presses, drags and sees."""
 
 import numpy as np
-import pytest
 
-from dovetail.cockpit.choice import Choice
-from dovetail.cockpit.page import Page
 from dovetail.cockpit.recorded import Recorded
 from dovetail.cockpit.replay_page import ReplayPage
 from dovetail.cockpit.server import open_server
-from dovetail.cockpit.session import Session
 from dovetail.poses import matrix_from_quat
-from extras import need
 
 from .conftest import from_benchmarks
 
@@ -18,34 +13,6 @@ driven = from_benchmarks("cockpit_browser")
 button, on_screen, picture = driven.button, driven.on_screen, driven.picture
 press, wait_for = driven.press, driven.wait_for
 ESCAPE = "\ue00c"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    need("viser")
-    need("selenium")
-    if why := driven.missing():
-        pytest.skip(why)
-    browser = driven.open_browser()
-    yield browser
-    browser.quit()
-
-
-@pytest.fixture(scope="module")
-def cockpit(browser, tmp_path_factory):
-    """A session, its page and its server, open in the browser."""
-    logs = tmp_path_factory.mktemp("logs")
-    choice = Choice(policy="peg_square", settings={"tare": False})
-    server = open_server(0)
-    session = Session(choice, logs=logs)
-    page = Page(server, session)
-    browser.get(f"http://{server.get_host()}:{server.get_port()}")
-    wait_for(lambda: button(browser, "STOP") and server.get_clients())
-    yield session, server
-    browser.get("about:blank")
-    page.close()
-    session.close()
-    server.stop()
 
 
 def is_drawn(seen):
@@ -68,6 +35,15 @@ def test_stop_comes_first_and_the_scene_is_not_empty(browser, cockpit):
     orange = picture(browser)
     is_arm = (orange[:, :, 0] > 150) & (orange[:, :, 2] < 110)
     assert is_arm.mean() > 0.05
+
+
+def test_no_number_beside_a_plot_is_cut_off(browser, cockpit):
+    tops = browser.execute_script(
+        "return Object.values(window.__viserTestpoints.uplots)"
+        ".map(p => p.chart.bbox.top / devicePixelRatio)"
+    )
+    assert len(tops) == 4
+    assert min(tops) >= 6.0  # half the height of a number
 
 
 def test_keys_start_pause_step_and_stop(browser, cockpit):

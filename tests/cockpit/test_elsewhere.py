@@ -1,5 +1,7 @@
 """An arm that another process owns: the page shows it, and nothing is lost with it."""
 
+import time
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,32 @@ def service():
         yield server
 
 
+def offered(session):
+    """What the page of a session offers of what a simulation's page does."""
+    need("viser")
+    server = open_server(0)
+    page = Page(server, session)
+    page.close()
+    server.stop()
+    return page.panel.top.offered
+
+
+def test_the_page_of_a_simulation_offers_to_pause_step_and_pace_it(session):
+    assert offered(session) == ("Start", "Pause", "Step", "Reset", "Speed")
+
+
+def test_a_simulation_behind_grpc_is_paced_and_not_paused(make_session, service):
+    session = make_session(place=f"grpc://{service.address}")
+    session.reset()
+    session.start()
+    session.pause()
+    session.pace.speed = 0.25
+    wait_until(lambda: session.moment is not None and session.status.mode == "running")
+    begin, stamp = time.monotonic(), session.moment.stamp
+    wait_until(lambda: session.moment.stamp > stamp + 0.2)
+    assert time.monotonic() - begin > 0.5
+
+
 def test_the_page_of_an_arm_that_has_not_moved_yet_is_drawn_and_then_shows_it(
     make_session, service
 ):
@@ -39,6 +67,7 @@ def test_the_page_of_an_arm_that_has_not_moved_yet_is_drawn_and_then_shows_it(
     assert session.moment is None
     server = open_server(0)
     page = Page(server, session)
+    assert page.panel.top.offered == ("Start", "Reset", "Speed")
     wait_until(lambda: page.frames > 10)
     assert session.status.mode == "stopped"
     session.reset()
@@ -89,6 +118,7 @@ def test_a_cabinet_that_ends_while_the_arm_is_held_is_told_without_a_step(
         session = make_session(place=place, fixture=(0.6, 0.0, 0.1, 0.0))
         session.reset()
         wait_until(lambda: session.status.mode == "held", timeout=20.0)
+        assert offered(session) == ("Start", "Reset")
         cabinet.close()
         wait_until(lambda: session.status.mode == "stopped")
     assert "the held arm follows no more" in session.status.note

@@ -70,10 +70,10 @@ class Page:
         light(server.scene)
         self._version = session.version
         self._scene = CellScene(server.scene, session.core.cell)
+        server.gui.main_panel.dock_right()  # before it: a panel is docked above
+        server.gui.main_panel.set_width(320)
         self.panel = ControlPanel(server, session, self._seat)
         """The controls beside the picture."""
-        server.gui.main_panel.dock_right()
-        server.gui.main_panel.set_width(320)
         panel = server.gui.add_panel()
         with panel.add_tab("Live"):
             self._plots = LivePlots(server.gui, PLOTS, COLUMNS)

@@ -1,6 +1,5 @@
-"""The controls beside the picture: stop first, then everything else."""
+"""The controls beside the picture; those that are always in view are above them."""
 
-import html
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -10,19 +9,11 @@ from dovetail.cockpit.seat import Seat
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import Moment, Status
 from dovetail.cockpit.toggle import Toggle
+from dovetail.cockpit.top_panel import TopPanel
 from dovetail.learn.policy import list_policies
 
 if TYPE_CHECKING:
     import viser
-
-_SPEEDS = {"1/4": 0.25, "1/2": 0.5, "real time": 1.0, "x 2": 2.0}
-_COLOURS = {
-    "running": "#0b7a75",
-    "led": "#0b7a75",
-    "stopped": "#d9261f",
-    "paused": "#b06f00",
-}
-_STOP_RED = (201, 30, 24)
 
 
 class ControlPanel:
@@ -39,34 +30,13 @@ class ControlPanel:
             seat: Who may drive it; a stop is everybody's.
         """
         self._server, self._session, self._seat = server, session, seat
-        gui = server.gui
-        stop = gui.add_button("STOP  (Esc)", color=_STOP_RED)
-        stop.on_click(lambda _: session.stop())
-        self._status = gui.add_html("")
-        actions: dict[str, Callable[[], None]] = {
-            "Start": session.start,
-            "Pause": self._toggle_pause,
-            "Step": session.step,
-            "Reset": session.reset,
-        }
-        row = gui.add_button_group("", tuple(actions))
-        row.on_click(self._driven(lambda event: actions[event.target.value]()))
-        speed = gui.add_button_group("Speed", tuple(_SPEEDS))
-        speed.on_click(self._driven(self._set_speed))
-        self._add_keys(actions)
+        self.top = TopPanel(server, session, seat, self._driven)
+        """What is always in view."""
         self._add_lead()
         if session.can_touch:
             self._add_touch()
         self._add_choice()
         self._add_display()
-
-    def _add_keys(self, actions: dict[str, Callable[[], None]]) -> None:
-        gui = self._server.gui
-        key = gui.add_command("Stop: hold the arm", hotkey="escape")
-        key.on_trigger(lambda _: self._session.stop())
-        for name, letter in zip(actions, ("G", "P", "N", "R"), strict=True):
-            command = gui.add_command(name, hotkey=letter)
-            command.on_trigger(self._driven(lambda _, name=name: actions[name]()))
 
     def _add_lead(self) -> None:
         gui, session = self._server.gui, self._session
@@ -181,35 +151,10 @@ class ControlPanel:
             lambda event: self._session.choose(change(event.target.value))
         )
 
-    def _toggle_pause(self) -> None:
-        self._session.pause(self._session.status.mode != "paused")
-
-    def _set_speed(self, event: Any) -> None:
-        self._session.pace.speed = _SPEEDS[event.target.value]
-
     # -- shown ------------------------------------------------------------------------
 
     def show(self, moment: Moment | None, status: Status, viewers: int) -> None:
         """Say what the loop is doing."""
-        colour = _COLOURS.get(status.mode, "#444444")
-        lines = [
-            f"<div style='font-size:1.35em;font-weight:700;color:{colour}'>"
-            f"{status.mode}{' &#10003;' if status.success else ''}</div>"
-        ]
-        facts = [f"{100.0 * status.rate:.0f} % of its speed"]
-        if moment is not None:
-            facts.insert(0, f"{moment.stamp:.1f} s")
-            facts.insert(1, f"depth {1e3 * moment.depth:.1f} mm")
-        driver = self._seat.driver
-        facts.append("nobody drives" if driver is None else f"viewer {driver} drives")
-        facts.append(f"{viewers} watch" if viewers != 1 else "1 watches")
-        if status.showing:
-            facts.append(status.showing)
         if self._mouse.is_on != self._session.guide.has_mouse:
             self._mouse.show(self._session.guide.has_mouse)  # there was none, say
-        lines.append(f"<div>{' &middot; '.join(facts)}</div>")
-        if status.note:
-            lines.append(f"<div><b>{html.escape(status.note)}</b></div>")
-        content = "<div style='padding:0 .8em'>" + "".join(lines) + "</div>"
-        if content != self._status.content:
-            self._status.content = content
+        self.top.show(moment, status, viewers)

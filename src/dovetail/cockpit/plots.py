@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 _COLOURS = ("#d9261f", "#1a5abe", "#f0961a", "#0b7a75", "#8a4fbf", "#7a8087")
 _HIGH, _LOW = 122, 92
 """Heights of a plot with a legend, and without [pixels]."""
+_AROUND = (9, 12, 0, 0)
+"""Room above, right, below and left of a plot [pixels]: half a number of an axis."""
 
 
 class LivePlots:
@@ -53,6 +55,7 @@ class LivePlots:
                 scales={"x": uplot.Scale(time=False, auto=True)},
                 legend=uplot.Legend(show=len(lines) > 1, live=False),
                 height=_HIGH if len(lines) > 1 else _LOW,
+                padding=_AROUND,
             )
             self._plots.append((plot, [columns.index(column) for column in chosen]))
 

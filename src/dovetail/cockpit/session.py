@@ -177,6 +177,16 @@ class Session:
         """Whether the arm can be pulled and its fixture dragged."""
         return is_simulated(self._core.arm)
 
+    @property
+    def can_pause(self) -> bool:
+        """Whether time can stand still, and go on by a step."""
+        return self.can_touch
+
+    @property
+    def can_pace(self) -> bool:
+        """Whether it can go slower or faster than the wall's time."""
+        return not self._core.arm.facts.is_real_time
+
     def say(self, note: str) -> None:
         """Tell everybody something."""
         self._note = note
@@ -305,13 +315,13 @@ class Session:
         self._is_running = False
 
     def _pause(self, paused: bool) -> None:
-        self._is_paused = paused and self.can_touch
+        self._is_paused = paused and self.can_pause
         self._steps_left = 0
         self.pace.begin()
 
     def _step_once(self) -> None:
-        self._is_paused = self.can_touch
-        self._steps_left = 1 if self.can_touch else 0
+        self._is_paused = self.can_pause
+        self._steps_left = 1 if self.can_pause else 0
 
     def _demonstrate(self) -> None:
         if self.diary.folder is None:

@@ -1,0 +1,142 @@
+"""The panel that is always in view: STOP first, what the loop does, start and pace."""
+
+import html
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Literal
+
+from dovetail.cockpit.seat import Seat
+from dovetail.cockpit.session import Session
+from dovetail.cockpit.snapshot import Moment, Status
+
+if TYPE_CHECKING:
+    import viser
+
+_SPEEDS = {"1/4": 0.25, "1/2": 0.5, "real time": 1.0, "x 2": 2.0}
+_COLOURS = {
+    "running": "#0b7a75",
+    "led": "#0b7a75",
+    "stopped": "#d9261f",
+    "paused": "#b06f00",
+}
+_STOP_RED = (201, 30, 24)
+_KEYS: Mapping[str, Literal["G", "P", "N", "R"]] = {
+    "Start": "G",
+    "Pause": "P",
+    "Step": "N",
+    "Reset": "R",
+}
+# In a narrow window all panels are sections of one sheet. The one that holds this stays
+# at the window's top, before notes of the browser, and has no header that closes it.
+_ON_TOP = """<style class="on-top">
+@media (max-width: 36em) {
+  div:has(> div > style.on-top) {
+    position: fixed; top: 0; left: 0; right: 0;
+    background: var(--mantine-color-body); box-shadow: 0 0 1em rgba(0, 0, 0, 0.2);
+  }
+  .mantine-Paper-root:has(style.on-top) { z-index: 1000 !important; }
+  [role=button][aria-label$=" panel Drive"] { display: none !important; }
+}
+</style>"""
+# The browser keeps keys for a field that has the focus: a choice, or its own search.
+# Escape leaves the field, and is then pressed on the page, where it is the stop.
+_ESCAPE = """<img alt="" src="data:," style="display: none" onerror="
+if (!window.escapeStops) {
+  window.escapeStops = true;
+  window.addEventListener('keydown', (event) => {
+    if (event.key !== 'Escape' || !event.target.matches('input, textarea, select'))
+      return;
+    event.target.blur();
+    document.documentElement.dispatchEvent(new KeyboardEvent(
+      'keydown', {key: 'Escape', code: 'Escape', bubbles: true}));
+  }, true);
+}">"""
+
+Callback = Callable[[Any], None]
+
+
+class TopPanel:
+    """Stays where it is while the controls below it are scrolled."""
+
+    def __init__(
+        self,
+        server: "viser.ViserServer",
+        session: Session,
+        seat: Seat,
+        driven: Callable[[Callback], Callback],
+    ) -> None:
+        """Add it above the main panel, which is docked.
+
+        Args:
+            server: The page's.
+            session: What is driven.
+            seat: Says who drives.
+            driven: Makes a callback the driver's alone; a stop is everybody's.
+        """
+        self._server, self._session, self._seat = server, session, seat
+        self._driven = driven
+        panel = server.gui.add_panel(order=-1.0)
+        with panel.add_tab("Drive"):
+            server.gui.add_html(_ON_TOP + _ESCAPE)
+            stop = server.gui.add_button("STOP  (Esc)", color=_STOP_RED)
+            stop.on_click(lambda _: session.stop())
+            self._status = server.gui.add_html("")
+            self._add_actions()
+        panel.dock_above(server.gui.main_panel)
+        panel.expand()
+
+    def _add_actions(self) -> None:
+        """Add what can be done with this arm, and its keys."""
+        gui, session = self._server.gui, self._session
+        actions = _actions(session)
+        self.offered = (*actions, *(("Speed",) if session.can_pace else ()))
+        """Names of what can be done with this arm."""
+        row = gui.add_button_group("", tuple(actions))
+        row.on_click(self._driven(lambda event: actions[event.target.value]()))
+        if session.can_pace:
+            speed = gui.add_button_group("Speed", tuple(_SPEEDS))
+            speed.on_click(self._driven(self._set_speed))
+        key = gui.add_command("Stop: hold the arm", hotkey="escape")
+        key.on_trigger(lambda _: session.stop())
+        for name in actions:
+            command: Any = gui.add_command(name, hotkey=_KEYS[name])
+            command.on_trigger(self._driven(lambda _, name=name: actions[name]()))
+
+    def _set_speed(self, event: Any) -> None:
+        self._session.pace.speed = _SPEEDS[event.target.value]
+
+    def show(self, moment: Moment | None, status: Status, viewers: int) -> None:
+        """Say what the loop is doing."""
+        colour = _COLOURS.get(status.mode, "#444444")
+        lines = [
+            f"<div style='font-size:1.35em;font-weight:700;color:{colour}'>"
+            f"{status.mode}{' &#10003;' if status.success else ''}</div>"
+        ]
+        facts = [f"{100.0 * status.rate:.0f} % of its speed"]
+        if moment is not None:
+            facts.insert(0, f"{moment.stamp:.1f} s")
+            facts.insert(1, f"depth {1e3 * moment.depth:.1f} mm")
+        driver = self._seat.driver
+        facts.append("nobody drives" if driver is None else f"viewer {driver} drives")
+        facts.append(f"{viewers} watch" if viewers != 1 else "1 watches")
+        if status.showing:
+            facts.append(status.showing)
+        lines.append(f"<div>{' &middot; '.join(facts)}</div>")
+        if status.note:
+            lines.append(f"<div><b>{html.escape(status.note)}</b></div>")
+        content = "<div style='padding:0 .8em'>" + "".join(lines) + "</div>"
+        if content != self._status.content:
+            self._status.content = content
+
+
+def _actions(session: Session) -> Mapping[str, Callable[[], None]]:
+    """Return what starts, pauses and resets: only a simulation's time can stand."""
+
+    def toggle_pause() -> None:
+        session.pause(session.status.mode != "paused")
+
+    standing = {"Pause": toggle_pause, "Step": session.step}
+    return {
+        "Start": session.start,
+        **(standing if session.can_pause else {}),
+        "Reset": session.reset,
+    }

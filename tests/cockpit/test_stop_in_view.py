@@ -1,0 +1,75 @@
+"""STOP is in view and Escape stops, whatever a person scrolled or clicked before."""
+
+import pytest
+
+from .conftest import from_benchmarks
+
+driven = from_benchmarks("cockpit_browser")
+ESCAPE = "\ue00c"
+SIZES = {"wide": (driven.WIDTH, driven.HEIGHT), "narrow": (420, 800)}
+
+
+@pytest.fixture(params=SIZES)
+def sized(request, browser, cockpit):
+    """The page in a window of a size, with everything unfolded."""
+    driven.set_size(browser, *SIZES[request.param])
+    driven.wait_for(lambda: driven.button(browser, "STOP"))
+    unfold(browser)
+    yield browser
+    driven.set_size(browser, *SIZES["wide"])
+    driven.wait_for(lambda: driven.button(browser, "STOP"))
+
+
+def unfold(browser):
+    """Open the folders that are closed."""
+    for name, inside in (("What runs", "Tare"), ("Show", "Walls")):
+        if driven.button(browser, inside) is None:
+            xpath = f"//*[normalize-space(text())='{name}']"
+            folder = browser.find_element("xpath", xpath)
+            browser.execute_script("arguments[0].click()", folder)
+            driven.wait_for(lambda inside=inside: driven.button(browser, inside))
+
+
+def is_on_top(browser, element):
+    """Whether an element's middle is in the window, with nothing before it."""
+    return browser.execute_script(
+        "const r = arguments[0].getBoundingClientRect();"
+        "const e = document.elementFromPoint(r.x + r.width / 2, r.y + r.height / 2);"
+        "return e !== null && arguments[0].contains(e)",
+        element,
+    )
+
+
+def test_stop_stays_in_view_while_the_panels_are_scrolled(sized):
+    last = driven.button(sized, "Forces")
+    assert is_on_top(sized, driven.button(sized, "STOP"))
+    assert not is_on_top(sized, last)
+    sized.execute_script("arguments[0].scrollIntoView()", last)
+    driven.wait_for(lambda: is_on_top(sized, last))
+    assert is_on_top(sized, driven.button(sized, "STOP"))
+    assert is_on_top(sized, driven.button(sized, "Start"))
+
+
+def test_escape_stops_whatever_was_clicked_before(browser, cockpit, monkeypatch):
+    from selenium.common.exceptions import WebDriverException
+
+    session, _ = cockpit
+    stops = []
+    monkeypatch.setattr(session, "stop", lambda: stops.append(True))
+    unfold(browser)
+    clicked = {}
+    for control in 2 * browser.find_elements("css selector", "button, input"):
+        try:
+            kind = control.tag_name
+            if control in clicked and control.text:
+                continue
+            control.click()  # one opens the browser's own settings, and closes them
+        except WebDriverException:  # not shown now
+            continue
+        clicked[control] = kind
+        before = len(stops)
+        driven.press(browser, ESCAPE)
+        driven.wait_for(lambda before=before: len(stops) > before, timeout=5.0)
+    kinds = list(clicked.values())
+    assert kinds.count("input") >= 8
+    assert kinds.count("button") >= 24
