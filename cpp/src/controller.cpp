@@ -309,7 +309,12 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
                               const StepResult& result, double elapsed) noexcept {
   const bool is_new = !has_last_ || !is_same(target, target_last_);
   target_last_ = target;
-  const Vec7 explained = is_new ? Vec7(result.a0 - a0_last_) : Vec7(Vec7::Zero());
+  Vec7 explained = Vec7::Zero();
+  if (is_new) explained = (result.a0 - a0_last_).cwiseAbs();
+  if (is_new && !target.joint_mode) {
+    const Vec6 turn = task_terms_.Lambda * osc_.turn_to_come();
+    explained += (Minv_ * (task_terms_.J.transpose() * turn)).cwiseAbs();
+  }
   // Less braking than was asked for is no drive: the arm must be driven, too.
   const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
   const double driven = dq.dot(result.tau - h_);

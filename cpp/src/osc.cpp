@@ -195,6 +195,17 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
   return f;
 }
 
+Vec6 OperationalSpace::turn_to_come() const noexcept {
+  Vec3 way = way_;
+  clamp_norm(way, params_.error_clamp_rotation);
+  Vec6 f = Vec6::Zero();
+  for (int i = 3; i < 6; ++i) {
+    if (task_[i] == AxisMode::kPose)
+      f[i] = scale_[i] * params_.stiffness[i] * way[i - 3];
+  }
+  return f;
+}
+
 Vec7 OperationalSpace::joint_acceleration(const Vec7& q, const Vec7& dq,
                                           const Vec7& q_d) const noexcept {
   const double K = params_.joint_stiffness;

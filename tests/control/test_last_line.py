@@ -5,12 +5,18 @@ What it sees of one joint's motion is tested in cpp/tests/test_last_line.cpp.
 
 from collections import deque
 
+import gymnasium
 import numpy as np
 import pytest
 
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.unwrapped import require_contact_env
+from dovetail.learn.policy import Policy, find_policy
+from dovetail.learn.policy_env import known_env_id, policy_settings
+from dovetail.plants.plant import FLAG_MASK
+from dovetail.poses import quat_from_vector, quat_multiply
 
 TASK = "XYZ:force ABC:hold"
 DELAY = 0.010  # s
@@ -68,6 +74,35 @@ def test_an_estimate_that_is_too_quick_for_the_delay_is_ended(robot, q_home, per
     pose = robot.tool_pose(loop.plant.read()[0])
     loop.controller.reset(loop.plant.read()[0], pose.position, pose.quat_wxyz)
     assert loop.controller.end[0] == "none"
+
+
+@pytest.mark.parametrize("period", [1e-3, 5e-3])
+def test_a_target_whose_rotation_jumps_to_and_fro_explains_the_swing(
+    robot, q_home, period
+):
+    """It is turned to at `turn_speed`, not at once."""
+    limits = LimitConfig.for_period(robot, period, x_min=-2.0, x_max=2.0)
+    osc = OscConfig.for_period(period, force_damping=[40.0] * 3 + [0.0] * 3)
+    controller = make_controller(robot, osc, limits, "XYZ:force ABC:pose", period)
+    plant = _core.RigidPlant(
+        robot.chain(), damping=limits.damping, armature=limits.armature
+    )
+    plant.reset(q_home, np.zeros(7))
+    pose = robot.tool_pose(q_home)
+    controller.reset(q_home, pose.position, pose.quat_wxyz)
+    target = _core.Target()
+    target.position_d = pose.position
+    swings = 0.0
+    for action in range(60):
+        turn = quat_from_vector((-1) ** action * np.array([0.0, 0.0, 0.1]))  # rad
+        target.quat_wxyz_d = quat_multiply(turn, pose.quat_wxyz)
+        for _ in range(round(0.05 / period)):
+            q, dq = plant.read()
+            result = controller.step(q, dq, target)
+            assert not result.flags.ended, controller.end
+            plant.apply(result.tau, period)
+            swings = max(swings, float(abs(dq[6] / robot.dq_max[6])))
+    assert 2.0 * swings > 0.105  # a swing that the last line would count
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
@@ -175,3 +210,19 @@ def test_a_tare_that_changes_explains_what_it_changes(robot, q_home):
         result = controller.step(*plant.read(), target)
         assert not result.flags.ended, controller.end
         plant.apply(result.tau, period)
+
+
+def test_a_try_whose_policy_turned_the_peg_to_and_fro_is_not_ended():
+    """It leaned on the rim, told 2 mm and 0.05 rad beside: 0.30 of 0.29 rad/s."""
+    policy = Policy.load(find_policy("peg_near"))
+    settings = policy_settings(policy.metadata) | {"fall_back": 0.0, "twin": "medium"}
+    settings |= {"tracker": "late?bias=0.002&turn=0.05", "max_steps": 100}
+    env = require_contact_env(gymnasium.make(known_env_id(policy.metadata), **settings))
+    fixture = env.task.trial_poses[0].pose()
+    observation, _ = env.reset(seed=1754190249, options={"fixture": fixture})
+    done = False
+    while not done:
+        observation, _, ended, cut, _ = env.step(policy(observation))
+        assert not env.state.flags & FLAG_MASK["ended"]
+        done = ended or cut
+    env.close()

@@ -60,6 +60,10 @@ class OperationalSpace {
                                           const Vec6& twist,
                                           const Target& target) noexcept;
 
+  /// What the turn that is left will ask for, in rows as OscTerms::f has them: beside
+  /// what is asked at once it is what a Target changes.
+  [[nodiscard]] Vec6 turn_to_come() const noexcept;
+
   /// u0 = J^T Lambda (f* - dJ dq) + N M (posture - k dq) and what it is made of. The
   /// posture acts where no row of the whole tool is moved, those of free axes included.
   /// \param terms   chain at the model's configuration
