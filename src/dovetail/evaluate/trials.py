@@ -26,7 +26,7 @@ from dovetail.episode import Episode
 from dovetail.errors import ArmError, UnprovenWarning
 from dovetail.evaluate.outcome import Outcome
 from dovetail.learn.policy import Actor
-from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.search.script import CornerScript
 from dovetail.tasks.fixture_pose import FixturePose
@@ -41,6 +41,10 @@ SEED_MAX = 2**63 - 1
 _BEFORE = ("tare", "motion_ended")
 """Why a try may end before it begins, and the next one be tried: the tool did not
 follow the tare's lead, or the cabinet ended the motion meanwhile."""
+_LAST_LINE = (
+    "the controller's last line ended the motion: it saw an oscillation, growing energy "
+    "or a speed that no Target explains (docs/safety.md)"
+)
 CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
 
@@ -147,7 +151,9 @@ class Trialist:
                 episode.append(blocks[-1], steps, action, float(reward), raw)
                 steps += 1
                 violations += int(info["limit_violations"])
-                done = ended or cut
+                if self._core.state.flags & FLAG_MASK["ended"]:
+                    stopped, said = "last_line", _LAST_LINE
+                done = ended or cut or bool(stopped)
             episode.metadata[SUCCESS] = bool(info["success"]) and not stopped
         film_error = self._show(film, job)
         log = "" if file is None else file.name
