@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from dovetail.cli import run
+from dovetail.envs.registered import find_cell
 from dovetail.perceive.camera import Camera, Lens, load_camera
+from dovetail.perceive.simulated import Simulated
+from dovetail.plants.twin import load_twin
 from dovetail.poses import quat_from_vector
+from dovetail.trackers.find import Site, find_tracker
+
+from .scene import PLACE, beside
 
 LENS = Lens.ideal(640, 480, 600.0)
 
@@ -68,11 +74,11 @@ def test_hand_eye_moves_the_simulated_arm_and_says_how_sure_it_is(
     assert "stays" in capsys.readouterr().err
 
 
-def test_hand_eye_of_a_device_wants_a_folder(file, tmp_path, capsys):
+def test_hand_eye_of_a_device_wants_an_arm_or_a_folder(file, tmp_path, capsys):
     text = file.read_text().replace('"simulated"', '"device:0"')
     file.write_text(text)
     assert camera("hand-eye", file, "--out", tmp_path / "out.toml") == 2
-    assert "give their --folder" in " ".join(capsys.readouterr().err.split())
+    assert "give the --arm that is to go" in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize(
@@ -83,6 +89,11 @@ def test_hand_eye_of_a_device_wants_a_folder(file, tmp_path, capsys):
         ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,x,0,0,0\n", "line 2: could not"),
         ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,nan,0,0,0\n", "line 2: an angle"),
         ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,0,0,0,0\n", "0.png is no picture"),
+        (
+            "picture,q1,q2,q3,q4,q5,q6,q7\n0.png,5,40,-3,-90,9,45,0\n",
+            "line 2: q4 is -90 rad; the joint goes from -2.09 to 2.09 rad: these are "
+            "degrees instead of radians",
+        ),
     ],
 )
 def test_a_wrong_folder_says_what_it_needs(file, tmp_path, capsys, table, words):
@@ -103,15 +114,77 @@ def test_watch_says_where_the_fixture_is(opengl, file, capsys):
     assert "+-" in said
 
 
-def test_watch_draws_what_the_twin_of_the_calibration_sees(
-    opengl, file, tmp_path, capsys
+@pytest.fixture(scope="module")
+def calibrated(opengl, tmp_path_factory):
+    """A calibration with twin medium, whose camera is 27 mm from where is believed."""
+    folder = tmp_path_factory.mktemp("calibrated")
+    (folder / "beside.toml").write_text(beside(at=(0.95, -0.25, 0.42)).to_toml())
+    out, kept = folder / "out.toml", folder / "kept"
+    words = ["--twin", "medium", "--out", out, "--keep", kept, "--count", "10"]
+    assert camera("hand-eye", folder / "beside.toml", *words) == 0
+    return out
+
+
+def test_a_calibration_knows_the_twin_that_it_was_made_with(calibrated, capsys):
+    file = load_camera(calibrated)
+    assert file.twin == "medium"
+    assert file.as_it_is() == load_camera(calibrated.parent / "beside.toml")
+    for words in ((), ("--twin", "medium")):
+        assert camera("watch", calibrated, "--count", "1", *words) == 0
+        x, y = map(
+            float, re.search(r"x (\S+) y (\S+) ", capsys.readouterr().out).groups()
+        )
+        assert abs(x - 600.0) < 1.0  # 20 mm beside without the twin
+        assert abs(y) < 1.0
+    tracker = find_tracker(str(calibrated), Site(cell=find_cell()))
+    tracker.reset(PLACE, 0)
+    seen = tracker.estimate().pose.position
+    tracker.close()
+    assert np.linalg.norm(seen - PLACE.position) < 1e-3
+
+
+def test_a_twin_that_has_the_camera_elsewhere_is_refused(calibrated, tmp_path, capsys):
+    other = tmp_path / "other.toml"
+    text = load_twin("medium").to_toml()
+    other.write_text(re.sub(r"position_error = .*", "position_error = [0, 0, 0]", text))
+    assert camera("watch", calibrated, "--count", "1", "--twin", other) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "was calibrated with twin medium" in said
+    assert "hand-eye" in said
+    exact = tmp_path / "exact.toml"
+    exact.write_text(calibrated.read_text().replace("?twin=medium", ""))
+    assert camera("watch", exact, "--count", "1", "--twin", "medium") == 2
+    assert "calibrated with no twin" in " ".join(capsys.readouterr().err.split())
+
+
+def test_pictures_of_a_twin_are_no_go_without_its_name(calibrated, tmp_path, capsys):
+    folder, first = calibrated.parent / "kept", calibrated.parent / "beside.toml"
+    out = tmp_path / "again.toml"
+    assert camera("hand-eye", first, "--folder", folder, "--out", out) == 1
+    assert "mm from where it is without a twin" in capsys.readouterr().out
+    assert not out.exists()
+    words = ("--folder", folder, "--out", out, "--twin", "medium")
+    assert camera("hand-eye", first, *words) == 0
+    assert load_camera(out).source == load_camera(calibrated).source
+
+
+@pytest.mark.parametrize("source", ["device:0", "simulated"])
+def test_watch_says_that_a_camera_is_not_calibrated(
+    opengl, monkeypatch, file, capsys, source
 ):
-    out = tmp_path / "out.toml"
-    assert camera("hand-eye", file, "--twin", "medium", "--out", out) == 0
-    capsys.readouterr()
-    assert camera("watch", out, "--count", "1", "--twin", "medium") == 0
-    x = float(re.search(r"1: x (\S+) ", capsys.readouterr().out)[1])
-    assert abs(x - 600.0) < 2.0  # 20 mm beside without the twin
+    file.write_text(file.read_text().replace('"simulated"', f'"{source}"'))
+    twin = find_twin_camera(source)
+    shown = Simulated(load_camera(file), find_cell(), twin)
+    monkeypatch.setattr("dovetail.perceive.open_source.open_source", lambda *_: shown)
+    words = ("--twin", "medium") if source == "simulated" else ()
+    assert camera("watch", file, "--count", "4", *words) == 0
+    said = capsys.readouterr().out
+    assert "this camera is not calibrated" in said
+    assert re.search(r": in the camera x \S+ y \S+ z [23]\d\d", said)
+
+
+def find_twin_camera(source):
+    return load_twin("medium").camera if source == "simulated" else None
 
 
 def test_a_twin_without_a_simulated_camera_is_refused(file, tmp_path, capsys):
@@ -121,7 +194,7 @@ def test_a_twin_without_a_simulated_camera_is_refused(file, tmp_path, capsys):
     assert "the pictures are of device:0" in capsys.readouterr().err
     words = ("--folder", tmp_path, "--twin", "medium", "--out", tmp_path / "out.toml")
     assert camera("hand-eye", device, *words) == 2
-    assert "leave them out" in capsys.readouterr().err
+    assert "twin is given, and the pictures are of" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ from rich.console import Console
 
 from dovetail.arms.address import parse_address
 from dovetail.arms.fri_address import FriAddress
+from dovetail.commands.asking import ask
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
 from dovetail.control.proven import DECLARED, unproven
@@ -92,8 +93,8 @@ class Doctor:
         address = parse_address(text)
         declared = self._declared()
         if isinstance(address, FriAddress):
-            ask = None if self.yes else _ask
-            return run_arm_checks(address, ask, declared, self.robot)
+            asks = None if self.yes else ask
+            return run_arm_checks(address, asks, declared, self.robot)
         period = require_period(self.period, "--period")
         plant = address.make_plant(find_cell(robot=self.robot))
         if plant is None:
@@ -111,7 +112,7 @@ class Doctor:
             load_camera(file),
             None if self.arm is None else parse_address(self.arm),
             find_cell(robot=self.robot),
-            None if self.yes else _ask,
+            None if self.yes else ask,
             require_period(self.period, "--period"),
         )
 
@@ -126,13 +127,3 @@ class Doctor:
         if problems:
             raise ConfigError(f"declared: {'; '.join(problems)}")
         return declared
-
-
-def _ask(question: str) -> bool:
-    """Ask at the terminal; an empty answer goes on, anything else ends the checks."""
-    try:
-        return input(f"{question}. Enter goes on, n ends: ").strip() == ""
-    except EOFError as error:
-        raise ConfigError(
-            "nobody answers: run the doctor in a terminal, or with --yes"
-        ) from error

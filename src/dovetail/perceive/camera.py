@@ -6,7 +6,7 @@ what it is mounted on, the world or the arm's flange.
 """
 
 import tomllib
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -19,6 +19,7 @@ from dovetail.poses import Pose, quat_normalized
 from dovetail.types import Array, Mat33
 
 PIXELS = Range(16, 20_000, "pixels")
+_TWIN = "?twin="
 _AXES = tuple("xyz")
 _SIX = tuple(f"{what} {axis}" for what in ("shift", "turn") for axis in _AXES)
 
@@ -100,7 +101,8 @@ class Camera:
     """Age of a picture when it can be used [s]."""
     source: str = "simulated"
     """Where pictures come from: simulated, device:NUMBER or folder:PATH. Of a simulated
-    camera that was calibrated, simulated:PATH: the file of the camera as it is."""
+    camera that was calibrated, simulated:PATH?twin=NAME: the file of what was believed
+    of it, and the twin whose file says in what it differs from that."""
     board: Board = field(default_factory=Board)
     """What is looked for."""
     made_by: str = ""
@@ -131,13 +133,40 @@ class Camera:
         """Whether its pictures are drawn."""
         return self.source.partition(":")[0] == "simulated"
 
+    @property
+    def twin(self) -> str:
+        """The twin with which a simulated camera was calibrated; empty is none."""
+        return self.source.partition(_TWIN)[2] if self.is_simulated else ""
+
+    @property
+    def is_calibrated(self) -> bool:
+        """Whether somebody has measured its place: no calibration is without doubt."""
+        return any(self.deviation)
+
+    def calibrated_from(self, path: Path, twin: str | None) -> "Camera":
+        """Return the camera with the source from which it can be drawn again.
+
+        Args:
+            path: The file of what was believed of a simulated camera.
+            twin: Twin of the calibration, a name or the path of a file.
+        """
+        if not self.is_simulated:
+            return self
+        first = self.source.partition(_TWIN)[0].partition(":")[2]
+        source = f"simulated:{first or path.expanduser().absolute()}"
+        if twin is not None:
+            is_file = Path(twin).suffix == ".toml"
+            name = Path(twin).expanduser().absolute() if is_file else twin
+            source += f"{_TWIN}{name}"
+        return replace(self, source=source)
+
     def as_it_is(self) -> "Camera":
         """Return the simulated camera that this file is a calibration of, or itself.
 
         Raises:
             ConfigError: Its file is not there, or is of no simulated camera.
         """
-        _, _, path = self.source.partition(":")
+        path = self.source.partition(_TWIN)[0].partition(":")[2]
         if not path:
             return self
         camera = load_camera(path)
@@ -146,7 +175,7 @@ class Camera:
                 f"camera file {path} is to be of a simulated camera and has the source "
                 f"{camera.source!r}"
             )
-        return camera
+        return replace(camera, mount=self.mount)
 
     def covariance(self) -> Array:
         """Return that of position [m] and rotation vector [rad], shape (6, 6)."""
@@ -154,17 +183,22 @@ class Camera:
         R = np.array(self.correlation) if self.correlation else np.eye(6)
         return R * np.outer(scale, scale)
 
-    def require_calibrated(self) -> None:
+    def require_calibrated(self, *, is_exact: bool = False) -> None:
         """Refuse a camera whose place nobody has measured.
+
+        Args:
+            is_exact: Whether it is simulated, and just where its file says.
 
         Raises:
             ConfigError: The deviations are all 0, which no calibration gives.
         """
-        if not any(self.deviation) and not self.is_simulated:
-            raise ConfigError(
-                "this camera is not calibrated: its deviations are 0; run `dovetail "
-                "camera hand-eye` and use the file that it writes"
-            )
+        if self.is_calibrated or (is_exact and self.source == "simulated"):
+            return
+        raise ConfigError(
+            "this camera is not calibrated: its deviations are 0; run `dovetail camera "
+            "hand-eye`, of a simulated camera with the same --twin, and use the file "
+            "that it writes"
+        )
 
     def to_toml(self) -> str:
         """Write the camera as the text of a file that `load_camera` reads."""

@@ -14,19 +14,28 @@ from dovetail.files import write_atomic
 from dovetail.perceive.opencv import opencv
 from dovetail.perceive.rehearsal import Shot
 from dovetail.perceive.sources import read_picture
+from dovetail.robots.robot import Robot
+from dovetail.types import Vec7
 
 POSES = "poses.csv"
 """The file with a line for each picture."""
 COLUMNS = ("picture", *(f"q{i}" for i in range(1, 8)))
 """Its columns: the picture's file, joint angles [rad]."""
 
+_BEYOND = 0.1
+"""How far a measured angle may lie outside of the joint's limits [rad]."""
 
-def read_shots(folder: Path) -> Iterator[Shot]:
+
+def read_shots(folder: Path, robot: Robot) -> Iterator[Shot]:
     """Yield the pictures of a folder with their configurations.
 
+    Args:
+        folder: With pictures and `POSES`.
+        robot: The arm, whose joints have limits.
+
     Raises:
-        ConfigError: No such folder, no table of poses, or a line that is none; names
-            the line.
+        ConfigError: No such folder, no table of poses, a line that is none, or angles
+            that no joint has, as in degrees; names the line.
     """
     table = folder / POSES
     try:
@@ -48,7 +57,23 @@ def read_shots(folder: Path) -> Iterator[Shot]:
             raise ConfigError(f"{table}, line {number}: {error}") from error
         if not all(map(math.isfinite, q)):
             raise ConfigError(f"{table}, line {number}: an angle is not finite")
+        _require_joints(q, robot, f"{table}, line {number}")
         yield Shot(read_picture(folder / Path(row["picture"]).name), q)
+
+
+def _require_joints(q: Vec7, robot: Robot, where: str) -> None:
+    """Refuse angles that are far beyond the joints' limits."""
+    outside = np.maximum(robot.q_min - q, q - robot.q_max)
+    i = int(outside.argmax())
+    if outside[i] <= _BEYOND:
+        return
+    words = "see whether the columns are in order"
+    if (np.radians(q) >= robot.q_min).all() and (np.radians(q) <= robot.q_max).all():
+        words = "these are degrees instead of radians: multiply by pi / 180"
+    raise ConfigError(
+        f"{where}: q{i + 1} is {q[i]:g} rad; the joint goes from {robot.q_min[i]:.2f} "
+        f"to {robot.q_max[i]:.2f} rad: {words}"
+    )
 
 
 def keep_shots(shots: Iterable[Shot], folder: Path) -> Iterator[Shot]:

@@ -36,7 +36,7 @@ _IN_FLANGE = Pose(
     quat_from_matrix(np.array([[1.0, 0, 0], [0, 0, 1.0], [0, -1.0, 0]])),
 )
 """A board that the tool holds: its face looks along the flange's y."""
-_TRIES = 60
+_TRIES = 400
 
 
 class Shot(NamedTuple):
@@ -68,7 +68,7 @@ def shoot(
     source = Simulated(camera, cell, twin)
     try:
         for number in range(count):
-            q = _reachable(camera, cell, rng)
+            q = reachable(camera, cell, rng)
             board = board_of(camera, cell, q)
             yield Shot(source.still(q, FIXTURE, board, seed + number), q)
     finally:
@@ -81,7 +81,7 @@ def viewpoint(camera: Camera, cell: Workcell, seed: int = 0) -> Vec7:
     Raises:
         ConfigError: The arm reaches none.
     """
-    return _reachable(camera, cell, np.random.default_rng(seed))
+    return reachable(camera, cell, np.random.default_rng(seed))
 
 
 def board_of(camera: Camera, cell: Workcell, q: Vec7) -> Pose:
@@ -91,17 +91,36 @@ def board_of(camera: Camera, cell: Workcell, q: Vec7) -> Pose:
     return compose(cell.robot.tool_pose(q), _IN_FLANGE)
 
 
-def _reachable(camera: Camera, cell: Workcell, rng: np.random.Generator) -> Vec7:
-    """Draw a configuration in which the camera looks at the board."""
+def reachable(
+    camera: Camera,
+    cell: Workcell,
+    rng: np.random.Generator,
+    margin: float | None = None,
+) -> Vec7:
+    """Draw a configuration [rad] in which the camera looks at the board.
+
+    Args:
+        camera: What is believed of it.
+        cell: Its robot, tool and walls.
+        rng: Of the draw.
+        margin: How far inside of every wall the tool stays [m], for an arm that moves.
+            None is one that is put there: it may be above the highest wall.
+
+    Raises:
+        ConfigError: The arm reaches none.
+    """
     robot = cell.loaded_robot()
     tool = compose(
         inverse(cell.robot.tool_pose(np.zeros(7))), robot.tool_pose(np.zeros(7))
     )
     low, high = (np.array(wall) for wall in cell.walls)
+    if margin is None:
+        high[2] = np.inf
+    low, high = low + (margin or 0.0), high - (margin or 0.0)
     for _ in range(_TRIES):
         draw = _above if camera.mount == "flange" else _before
         tip = compose(draw(camera, rng), tool)
-        is_inside = (low <= tip.position).all() and (tip.position[:2] <= high[:2]).all()
+        is_inside = (low <= tip.position).all() and (tip.position <= high).all()
         if not is_inside or tip.position[2] < FIXTURE.position[2] + _CLEAR:
             continue
         try:

@@ -51,6 +51,16 @@ class TwinCamera:
     """Light of a lamp's reflection on the board, at a place drawn for each try [grey
     values]."""
 
+    @property
+    def misplaced(self) -> tuple[float, ...]:
+        """Errors of lens and place, which a calibration has to find; 0 is exact."""
+        return (
+            self.focal_error,
+            *self.centre_error,
+            *self.position_error,
+            *self.rotation_error,
+        )
+
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
         check_ranges(self, "twin camera")

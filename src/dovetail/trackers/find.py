@@ -138,6 +138,8 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
             f"the pictures of camera {name} are simulated, and this arm is not: give "
             "the file another source, device:NUMBER or folder:PATH"
         )
+    is_exact = site.twin is None or not any(site.twin.misplaced)
+    camera.require_calibrated(is_exact=is_exact)
     source = open_source(camera, site.cell, site.twin)
     return MarkerTracker(camera, source, site.cell.robot)
 

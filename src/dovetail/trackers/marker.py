@@ -32,11 +32,7 @@ class MarkerTracker:
             camera: What is known of it.
             source: Its pictures.
             robot: The bare arm, for a camera on its flange.
-
-        Raises:
-            ConfigError: Nobody has calibrated it.
         """
-        camera.require_calibrated()
         self.camera, self.source = camera, source
         self.detector = Detector(camera.board, camera.lens, camera.edge_noise)
         self._robot = robot

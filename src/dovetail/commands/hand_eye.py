@@ -1,0 +1,233 @@
+"""`dovetail camera hand-eye`: find where a camera sits, by the poses of an arm."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import tyro
+from rich.console import Console
+from rich.progress import track
+
+from dovetail.arms.address import parse_address
+from dovetail.arms.arm_address import ArmAddress
+from dovetail.commands.asking import ask
+from dovetail.commands.camera_result import decide, now
+from dovetail.control.ranges import in_count
+from dovetail.control.task_spec import TaskSpec
+from dovetail.envs.arm_setup import build_arm
+from dovetail.envs.registered import find_cell
+from dovetail.errors import ConfigError
+from dovetail.files import claim_output_folder, require_new
+from dovetail.plants.twin import load_twin
+from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+
+if TYPE_CHECKING:
+    from dovetail.perceive.camera import Camera
+    from dovetail.perceive.detect import Detector
+    from dovetail.perceive.hand_eye import HandEye, View
+    from dovetail.perceive.rehearsal import Shot
+
+_PICTURES_MAX = 1000
+_ROUNDING = 1e-3
+"""How far a simulated camera may be found from its place, beyond what is told [m]."""
+_MOVED = (
+    "The arm will go through {count} poses, slowly and inside its walls, and stand in "
+    "each for a picture; {held}, and nothing else is to be in its way"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraHandEye:
+    """Find where a camera sits, and say how sure that is: go or no-go."""
+
+    camera: Annotated[Path, tyro.conf.Positional]
+    """Camera file with the lens, and its place, roughly: from there the poses are
+    drawn, but with --folder."""
+    out: Path = Path("calibrated.toml")
+    """Camera file to write; not overwritten."""
+    folder: Path | None = None
+    """Pictures with poses.csv: the picture's file, then q1 to q7 [rad]. Default an arm
+    goes through poses inside its limits."""
+    arm: str | None = None
+    """Arm that goes there: twin:NAME, fri://HOST:PORT, grpc://HOST:PORT. Default a
+    simulated one that stands in each pose at once, of a simulated camera."""
+    approach: bool = False
+    """Let an arm behind fri:// go to the first pose from afar, slowly."""
+    yes: bool = False
+    """Ask nothing before a real arm is moved."""
+    mount: str | None = None
+    """What the camera is fixed to: world (the board is on the flange) or flange.
+    Default what its file says."""
+    twin: str | None = None
+    """Twin whose file says what the simulated camera has wrong. It is written into the
+    calibrated file. With --folder: that with which the pictures were taken."""
+    robot: str = DEFAULT_ROBOT
+    """Which robot the arm is: one of dovetail's, or MODULE:FUNCTION of your own."""
+    count: int = 20
+    """Pictures that are taken."""
+    seed: int = 0
+    """Of the poses."""
+    keep: Path | None = None
+    """Folder, new or empty, for the pictures and poses.csv: --folder takes it."""
+
+    def run(self, console: Console) -> int:
+        """Calibrate, and write where it is good enough."""
+        from dovetail.perceive.camera import load_camera
+        from dovetail.perceive.detect import Detector
+        from dovetail.perceive.hand_eye import calibrate
+
+        file, camera = require_new(self.out), load_camera(self.camera)
+        if self.mount is not None:
+            if self.mount not in ("world", "flange"):
+                raise ConfigError(f"mount is {self.mount!r}; known: world, flange")
+            camera = replace(camera, mount=self.mount)
+        if self.twin is not None and not camera.is_simulated:
+            raise ConfigError(
+                f"twin is given, and the pictures are of {camera.source}; leave it out"
+            )
+        address = None if self.arm is None else parse_address(self.arm)
+        twin = self.twin or (address and address.twin) or camera.twin or None
+        detector = Detector(camera.board, camera.lens, camera.edge_noise)
+        views = self._views(
+            detector, self._shots(camera, address, twin, console), console
+        )
+        found = calibrate(views, camera.lens, camera.mount)
+        print_hand_eye(console, found, len(views))
+        objections = found.objections()
+        camera = camera.calibrated_from(self.camera, twin)
+        if camera.is_simulated:
+            objections += self._elsewhere(camera, found)
+        return decide(console, objections, file, _placed(camera, found))
+
+    def _shots(
+        self,
+        camera: "Camera",
+        address: ArmAddress | None,
+        twin: str | None,
+        console: Console,
+    ) -> "Iterable[Shot]":
+        from dovetail.perceive.hand_eye import VIEWS_MIN
+        from dovetail.perceive.recorded import keep_shots, read_shots
+
+        if self.folder is not None:
+            if self.keep is not None or address is not None:
+                raise ConfigError(
+                    "folder has pictures that were taken: --keep and --arm are for "
+                    "taking them; leave them out"
+                )
+            return read_shots(self.folder, find_robot(self.robot))
+        if address is None and not camera.is_simulated:
+            raise ConfigError(
+                f"the camera's source is {camera.source}: give the --arm that is to go "
+                "through poses, or take pictures in 20 poses and give their --folder"
+            )
+        in_count("count", self.count, VIEWS_MIN, _PICTURES_MAX, "pictures")
+        if address is None:
+            shots = self._rehearsed(camera, twin)
+        else:
+            shots = self._taken(camera, address, twin)
+        if self.keep is not None:
+            shots = keep_shots(shots, claim_output_folder(self.keep))
+        return track(shots, "poses", total=self.count, console=console)
+
+    def _rehearsed(self, camera: "Camera", twin: str | None) -> "Iterator[Shot]":
+        from dovetail.perceive.rehearsal import shoot
+
+        errors = None if twin is None else load_twin(twin).camera
+        cell = find_cell(robot=self.robot)
+        return shoot(camera.as_it_is(), cell, errors, self.count, self.seed)
+
+    def _taken(
+        self, camera: "Camera", address: ArmAddress, twin: str | None
+    ) -> "Iterator[Shot]":
+        from dovetail.perceive.arm_shots import TASK, take_shots
+
+        if self.approach:
+            address = parse_address(address.with_approach())
+        if not (address.is_here or self.yes):
+            holds = "holds the board" if camera.mount == "world" else "is empty"
+            question = _MOVED.format(count=self.count, held=f"the tool {holds}")
+            if not ask(question):
+                raise ConfigError("the arm was not moved; nothing is written")
+        errors = None if twin is None else load_twin(twin).camera
+        cell = find_cell(robot=self.robot)
+        arm = build_arm(address, cell, TaskSpec.parse(TASK))
+        try:
+            yield from take_shots(camera, arm, cell, errors, self.count, self.seed)
+        finally:
+            arm.close()
+
+    def _views(
+        self, detector: "Detector", shots: "Iterable[Shot]", console: Console
+    ) -> "list[View]":
+        from dovetail.perceive.detect import Blind, explain
+        from dovetail.perceive.hand_eye import View
+
+        robot, views = find_robot(self.robot), []
+        for number, shot in enumerate(shots, 1):
+            seen = detector.find(shot.picture)
+            if isinstance(seen, Blind):
+                reason = explain(detector, shot.picture, seen)
+                console.print(f"picture {number}: {reason}", soft_wrap=True)
+                continue
+            flange = robot.tool_pose(shot.q)
+            views.append(View(flange, seen.pose, seen.corners, seen.points))
+        return views
+
+    def _elsewhere(self, camera: "Camera", found: "HandEye") -> list[str]:
+        """Object to a simulated camera that is not where its twin has it."""
+        from dovetail.perceive.open_source import twin_of
+        from dovetail.perceive.simulated import true_camera
+        from dovetail.plants.twin_camera import TwinCamera
+
+        true = true_camera(camera.as_it_is(), twin_of(camera, None) or TwinCamera())
+        gap = np.abs(found.camera.position - true.pose.position)
+        if (gap <= 2.0 * found.interval + _ROUNDING).all():
+            return []
+        whose = f"with twin {camera.twin}" if camera.twin else "without a twin"
+        return [
+            f"the pictures say that the camera is {1e3 * np.linalg.norm(gap):.1f} mm "
+            f"from where it is {whose}: give the --twin with which they were taken"
+        ]
+
+
+def print_hand_eye(console: Console, found: "HandEye", count: int) -> None:
+    """Say what was found, and how sure.
+
+    Args:
+        console: Where to.
+        found: The calibration.
+        count: Of how many pictures.
+    """
+    at = ", ".join(
+        f"{1e3 * x:.2f} +- {1e3 * d:.2f}"
+        for x, d in zip(found.camera.position, found.interval, strict=True)
+    )
+    console.print(
+        f"camera in the {found.mount}: {at} mm (95 %)\n"
+        f"{count} pictures, corners {found.error:.3f} pixels off; a picture left out "
+        f"is {1e3 * found.leave_one_out_rms:.3f} mm from where the others say (RMS), "
+        f"{1e3 * found.leave_one_out.max():.3f} mm at worst\n"
+        f"the print has {100 * found.scale:.2f} +- "
+        f"{196 * found.scale_deviation:.2f} % of its size",
+        highlight=False,
+        soft_wrap=True,
+    )
+
+
+def _placed(camera: "Camera", found: "HandEye") -> "Camera":
+    """Return the camera with the place that was found."""
+    deviation = np.sqrt(np.diag(found.covariance))
+    correlation = found.covariance / np.outer(deviation, deviation)
+    return replace(
+        camera,
+        mount=found.mount,
+        position=tuple(found.camera.position.tolist()),
+        rotation=tuple(found.camera.quat_wxyz.tolist()),
+        deviation=tuple(deviation.tolist()),
+        correlation=tuple(tuple(row) for row in correlation.tolist()),
+        made_by="dovetail camera hand-eye",
+        made_on=now(),
+    )
