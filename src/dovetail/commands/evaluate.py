@@ -24,6 +24,7 @@ GROUPS: Groups = {
     ),
     "what is made harder": (
         *("fixture_shift", "cover", "fixture_speed", "push", "start", "search"),
+        "fall_back",
     ),
     "the tries and their results": (
         "tries",

@@ -41,6 +41,7 @@ GROUPS: Groups = {
             "position_range",
         ),
         *("force_damping", "tare", "scheme", "script", "correction"),
+        "fall_back",
     ),
     "near contact": ("near_distance", "near_speed", "near_press", "force_weight"),
     "learning algorithm": (

@@ -23,6 +23,9 @@ FORCE_DAMPING = 40.0
 """Damping of force axes [1/s]."""
 _NEAR = Range(0.0, 1.0, "m")
 _SHARE = Range(0.0, 1.0, "1")
+_TIME = Range(0.0, 3600.0, "s")
+FALL_BACK = "dovetail.search.fall_back_env:FallBackEnv"
+"""Environment in which a script takes over from an action that does not succeed."""
 SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
 """Scripts that an action may correct, and the environment in which it does."""
 
@@ -48,13 +51,22 @@ class ActionConfig:
     None is the action alone."""
     correction: float = 0.5
     """How much of an action is added to what the script does [1]."""
+    fall_back: float = 0.0
+    """Time of an episode after which the corner search acts in the action's place [s];
+    0 is never."""
 
     def __post_init__(self) -> None:
-        """Refuse a script that is not there, and a correction out of range."""
+        """Refuse a script that is not there, and a number out of range."""
         if self.script is not None and self.script not in SCRIPTS:
             known = ", ".join(SCRIPTS)
             raise ConfigError(f"script {self.script!r} is unknown; known: {known}")
         in_range("correction", self.correction, _SHARE)
+        in_range("fall_back", self.fall_back, _TIME)
+        if self.script is not None and self.fall_back:
+            raise ConfigError(
+                f"fall_back is {self.fall_back:g} s with script {self.script!r}, whose "
+                "corrections fade: it acts alone in the end; leave fall_back out"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,7 @@ import gymnasium
 
 from dovetail.arms.arm import Arm
 from dovetail.envs.batch_vector_env import BatchVectorEnv
-from dovetail.envs.config import SCRIPTS, SECTION_OF, EnvConfig
+from dovetail.envs.config import FALL_BACK, SCRIPTS, SECTION_OF, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
@@ -78,9 +78,16 @@ def make_env(
     if isinstance(tracker, str):
         base, tracker = base.having(tracker=tracker), None
     whole = base.having(**rest)
-    script = whole.action.script
-    env = ContactEnv if script is None else _named(SCRIPTS[script])
-    return env(kind(**own), arm, whole, tracker=tracker, render_mode=render_mode)
+    return _kind(whole)(
+        kind(**own), arm, whole, tracker=tracker, render_mode=render_mode
+    )
+
+
+def _kind(config: EnvConfig) -> type[ContactEnv]:
+    """Return the class of the environment whose actions mean what a config says."""
+    if config.action.script is not None:
+        return _named(SCRIPTS[config.action.script])
+    return _named(FALL_BACK) if config.action.fall_back else ContactEnv
 
 
 vars(make_env)["metadata"] = ContactEnv.metadata

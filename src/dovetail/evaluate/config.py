@@ -70,6 +70,9 @@ class EvaluationConfig:
     search: Search = "none"
     """corner: the scripted corner search acts in place of the policy. It feels for the
     opening with a corner of the tilted part."""
+    fall_back: float | None = None
+    """The corner search takes over after this time of a try [s]; 0 is never. Default
+    what the policy's file says."""
     tare: bool = True
     """Measure before each try the weight that gravity compensation misses. It is taken
     off what the policy commands; not where the policy was trained with --no-tare."""
@@ -150,9 +153,18 @@ def environment_options(
     options["tare"] = config.tare and options.get("tare", True)
     if config.search != "none":
         options |= SCRIPT_SETTINGS
-    if config.max_steps is not None:
-        options["max_steps"] = config.max_steps
-    return options
+    return options | _episode(config)
+
+
+def _episode(config: EvaluationConfig) -> dict[str, Any]:
+    """Return what is asked of an episode's course."""
+    if config.search != "none" and config.fall_back:
+        raise ConfigError(
+            f"fall_back is {config.fall_back:g} s, but with --search {config.search} "
+            "the search acts from the start; give one of the two"
+        )
+    asked = {"fall_back": config.fall_back, "max_steps": config.max_steps}
+    return {name: value for name, value in asked.items() if value is not None}
 
 
 def _trained_robot(

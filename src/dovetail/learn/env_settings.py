@@ -67,6 +67,9 @@ class EnvSettings:
     steps are the script's alone."""
     correction: float = USUAL.action.correction
     """How much of an action is added to what the script does [1]."""
+    fall_back: float = USUAL.action.fall_back
+    """Time after which the corner search takes over from the policy [s]; 0 is never.
+    It does where the policy is used: a training is of the policy alone."""
     tare: bool = True
     """Measure before each episode the weight that gravity compensation misses. It is
     taken off what the policy commands: in training with `model`, `randomise_dynamics`
@@ -109,6 +112,11 @@ class EnvSettings:
     def env_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the environment, as JSON knows them."""
         return self.given() | self.own()
+
+    def policy_env(self) -> dict[str, Any]:
+        """Return the settings with which the policy is used, as JSON knows them."""
+        more = {"fall_back": self.fall_back} if self.fall_back else {}
+        return self.env_options() | more
 
     def given(self) -> dict[str, Any]:
         """Return the settings of the environment that are given."""

@@ -37,7 +37,7 @@ def export_policy(
     metadata = {
         **bare.metadata,
         "env_id": config.env,
-        "env": config.env_options(),
+        "env": config.policy_env(),
         **describe_spaces(env),
         "provenance": {
             "command": config.command(),

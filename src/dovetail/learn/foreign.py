@@ -84,7 +84,7 @@ def make_policy(
     metadata = {
         "network": network,
         "env_id": settings.env,
-        "env": settings.env_options(),
+        "env": settings.policy_env(),
         **describe_spaces(env),
         "provenance": {
             **(provenance or {}),

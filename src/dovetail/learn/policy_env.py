@@ -55,6 +55,7 @@ TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
     **dict.fromkeys(("period", "f_scale_angular"), _NUMBER),
     **dict.fromkeys(("near_speed", "near_press", "near_distance"), _NUMBER),
     **dict.fromkeys(("theta_range", "position_range", "correction"), _NUMBER),
+    "fall_back": _NUMBER,
     "tare": _SWITCH,
     "also": _WORDS,
     "recall": _COUNTS,

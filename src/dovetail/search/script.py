@@ -17,6 +17,7 @@ SCRIPT_SETTINGS: Mapping[str, Any] = {
     "force_damping": 40.0,
     "max_steps": 400,
     "script": None,
+    "fall_back": 0.0,
 }
 """Settings of the environment with which the script was tried."""
 
