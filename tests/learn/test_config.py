@@ -1,5 +1,6 @@
 """Settings refuse what cannot be trained, and name the field."""
 
+import json
 import shlex
 from dataclasses import dataclass, fields, replace
 
@@ -10,10 +11,13 @@ from dovetail.control.ranges import ranges_of
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import register_task
 from dovetail.errors import ConfigError
+from dovetail.learn.algorithms import make_vec_env
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.env_settings import ENV_FIELDS, EnvSettings
+from dovetail.learn.run_folder import require_run, settings_of
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.tasks.rail_clip.task import RailClip
 
 _NUMBERS = (int, float, int | None, float | None)
 
@@ -152,3 +156,32 @@ def test_every_number_of_a_training_has_a_range_with_its_unit():
         TrainConfig(doubt=0.06)
     with pytest.raises(ConfigError, match=r"steps is 1.5; give a whole number: 1 to"):
         TrainConfig(steps=1.5)
+
+
+def test_a_fixed_goal_is_where_the_tasks_policies_are_tried_first():
+    for task in (PegInHole, RailClip):
+        env = f"dovetail/{task.__name__}-v0"
+        usual = task.trial_poses[0]
+        place = TrainConfig(env=env, fixed_goal=True).fixed_place
+        assert place is not None
+        assert place[1:] == usual[1:]
+    assert TrainConfig().fixed_place is None
+    given = TrainConfig(fixed_goal=True, fixture=(0.6, 0.0, 0.1, 0.0))
+    assert given.fixture == (0.6, 0.0, 0.1, 0.0)
+
+
+def test_a_fixed_goal_that_is_left_out_can_be_trained_for():
+    """It was a place of the peg's cell: the rail clip's walls refused it."""
+    config = TrainConfig(env="dovetail/RailClip-v0", fixed_goal=True, num_envs=1)
+    envs = make_vec_env(config)
+    envs.reset()
+    envs.close()
+
+
+def test_a_run_of_an_older_version_has_a_place_that_nothing_asked_for(tmp_path):
+    older = TrainConfig().to_json() | {"hole": [0.6, 0.0, 0.1, 0.0]}
+    del older["fixture"]
+    (tmp_path / "config.json").write_text(json.dumps(older))
+    again = TrainConfig(**settings_of(tmp_path), out=tmp_path, resume=True)
+    assert again.fixture is None
+    require_run(again)

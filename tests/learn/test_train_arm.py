@@ -34,6 +34,7 @@ def on_arm(small):
         ({"arm": f"{FRI}?speed=1"}, "unknown keys: speed"),
         ({"arm": FRI, "fixed_goal": True, "seeds": 2}, "there is one arm"),
         ({"arm": FRI, "fixed_goal": True, "force_weight": 0.1}, "needs 0"),
+        ({"arm": FRI, "fixed_goal": True}, "say where it is with --fixture X Y Z YAW"),
         ({"fixture": (0.6, 0.01, 0.1, 0.0)}, "needs --fixed-goal"),
     ],
 )

@@ -117,13 +117,14 @@ def test_trainings_use_one_recipe_and_write_all_settings_down():
     assert default["until"] == 1.0
     default["hole"] = default.pop("fixture")
     assert settings == {k: v for k, v in default.items() if v is not None}
-    assert as_config(settings)["fixture"] == (0.6, 0.0, 0.1, 0.0)
+    assert "hole" not in settings  # another one in each episode
 
 
 def test_the_training_on_the_twin_itself_has_one_hole_pose_and_no_simulation():
     settings = by_name(config())["train-on-twin-seed-0"].settings
     assert settings["twin"] == "medium"
     assert settings["fixed_goal"] is True
+    assert as_config(settings)["fixture"] == (0.6, 0.0, 0.1, 0.0)
     assert "plant" not in settings
 
 

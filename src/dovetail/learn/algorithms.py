@@ -12,7 +12,6 @@ from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.demonstrations import fill, load_demonstrations, rows_of
 from dovetail.learn.teacher import Teacher, taught
-from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.reward import RewardConfig
 
 ACTOR_SHARE = 0.1
@@ -90,9 +89,8 @@ def make_vec_env(config: TrainConfig) -> Any:
         env = gym.make(config.env, disable_env_checker=True, **given)
         if config.randomise_dynamics:
             env = RandomDynamics(env, config.dynamics_randomisation)
-        if config.fixed_goal:
-            facing = config.task_class.trial_poses[0].facing
-            env = FixedFixture(env, FixturePose.given(config.fixture, facing).pose())
+        if (place := config.fixed_place) is not None:
+            env = FixedFixture(env, place.pose())
         return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
     makers = [partial(make, index) for index in range(config.num_envs)]

@@ -23,11 +23,11 @@ from dovetail.learn.searching import SEARCHING
 from dovetail.learn.variation import Variation
 from dovetail.paths_option import some_paths
 from dovetail.robots.find import find_robot
+from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.trackers.find import require_tracker
 
 _NOT_COMPARED = ("out", "resume", "threads")
 _OPTIONS = {"from_policy": "from"}
-_CENTRE = (0.60, 0.0, 0.10, 0.0)
 _USUAL = DynamicsRandomisation()
 
 
@@ -63,8 +63,9 @@ class TrainConfig(LearnerSettings, Variation):
     than 0.15 m or 0.5 rad; it goes up, across and down."""
     fixed_goal: bool = False
     """Keep the fixture where `fixture` says, for an arm that cannot move it."""
-    fixture: tuple[float, float, float, float] = _CENTRE
-    """Place of its mouth: x y z [m], yaw [rad], world axes. Needs `fixed_goal`."""
+    fixture: tuple[float, float, float, float] | None = None
+    """Place of its frame: x y z [m], yaw [rad], world axes. Needs `fixed_goal`; default
+    the first pose in which the task's policies are tried."""
     from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
     """Policy to start from: a file, or the name of a shipped one. For the first
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
@@ -116,8 +117,7 @@ class TrainConfig(LearnerSettings, Variation):
         split_settings(self.task_class, self.given())
         find_robot(self.robot)
         require_tracker(self.tracker)
-        object.__setattr__(self, "fixture", tuple(map(float, self.fixture)))
-        if self.fixture != _CENTRE and not self.fixed_goal:
+        if self.fixture is not None and not self.fixed_goal:
             raise ConfigError("fixture is given, which needs --fixed-goal")
         if self.from_policy is not None and self.algorithm == "crossq":
             raise ConfigError(
@@ -126,6 +126,8 @@ class TrainConfig(LearnerSettings, Variation):
             )
         if self.arm is not None:
             self._require_arm(self.arm)
+        if (place := self.fixed_place) is not None:
+            object.__setattr__(self, "fixture", place[1:5])
         self._require_test()
         self._require_batch()
         self._require_dynamics()
@@ -194,6 +196,8 @@ class TrainConfig(LearnerSettings, Variation):
                 "--teacher corner or none, and one of sac, tqc, crossq, td3 and ddpg"
             )
         self.require_used("correction", self.script is not None, "--script corner")
+        if self.fall_back:
+            require_searchable(TaskSpec.parse(self.env_options()["task"]))
         self.require_used("teacher_noise", self.has_teacher, "--teacher corner")
         is_shown = self.has_teacher or self.logs
         if not is_shown and self.teacher_share != self._usual()["teacher_share"]:
@@ -304,6 +308,19 @@ class TrainConfig(LearnerSettings, Variation):
                 f"force_weight is {self.force_weight:g}, but FRI does not measure "
                 "contact force; needs 0"
             )
+        if not arm.places_fixture and self.fixture is None:
+            raise ConfigError(
+                f"the arm at {text} cannot move the fixture: say where it is with "
+                "--fixture X Y Z YAW [m, rad]"
+            )
+
+    @property
+    def fixed_place(self) -> FixturePose | None:
+        """Where the fixture stays; None where each episode draws it."""
+        if not self.fixed_goal:
+            return None
+        usual = self.task_class.trial_poses[0]
+        return FixturePose.given(self.fixture or usual[1:5], usual.facing)
 
     def for_seed(self, seed: int) -> "TrainConfig":
         """Return the run of one of several seeds, in its own sub-folder."""

@@ -132,7 +132,10 @@ def _read_config(folder: Path) -> dict[str, Any]:
         settings = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(settings, dict):
             raise ValueError("it holds no table")
-        return {"fixture" if k == once else k: v for k, v in settings.items()}
+        settings = {"fixture" if k == once else k: v for k, v in settings.items()}
+        if not settings.get("fixed_goal"):  # older versions write a place all the same
+            settings.pop("fixture", None)
+        return settings
     except FileNotFoundError as error:
         raise ConfigError(
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
