@@ -23,6 +23,7 @@ from dovetail.learn.searching import SEARCHING
 from dovetail.learn.variation import Variation
 from dovetail.paths_option import some_paths
 from dovetail.robots.find import find_robot
+from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.trackers.find import require_tracker
 
@@ -196,8 +197,8 @@ class TrainConfig(LearnerSettings, Variation):
                 "--teacher corner or none, and one of sac, tqc, crossq, td3 and ddpg"
             )
         self.require_used("correction", self.script is not None, "--script corner")
-        if self.fall_back:
-            require_searchable(TaskSpec.parse(self.env_options()["task"]))
+        can_tilt = self.env_options()["task"] == SCRIPT_SETTINGS["task"]
+        self.require_used("fall_back", can_tilt, f"--task '{SCRIPT_SETTINGS['task']}'")
         self.require_used("teacher_noise", self.has_teacher, "--teacher corner")
         is_shown = self.has_teacher or self.logs
         if not is_shown and self.teacher_share != self._usual()["teacher_share"]:
