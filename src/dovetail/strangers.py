@@ -7,8 +7,9 @@ file that somebody sent may not choose it.
 import importlib
 import os
 import re
+import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from dovetail.errors import ConfigError
 TRUSTED = "DOVETAIL_TRUST"
 """Environment variable: modules that files may name, with commas between them. It
 reaches the processes that a command starts."""
-_NAMED = re.compile(r"--(?:env|robot|tracker)[= ]([A-Za-z_][\w.]*):")
+OPTIONS = ("env", "robot", "tracker")
+"""Options that may name a module."""
+_NAMED = re.compile(rf"--(?:{'|'.join(OPTIONS)})[= ]([A-Za-z_][\w.]*):")
 
 
 def import_names(module: str) -> dict[str, Any]:
@@ -46,13 +49,22 @@ def trust_typed(words: Sequence[str]) -> None:
         trust(module)
 
 
-def require_trusted(source: object, name: str, value: object) -> str:
+def named_modules(settings: Mapping[str, Any]) -> list[str]:
+    """Return the options that name a module in these settings, as they are typed."""
+    named = {name: settings[name] for name in OPTIONS if ":" in settings[name]}
+    return [word for name, value in named.items() for word in (f"--{name}", value)]
+
+
+def require_trusted(
+    source: object, name: str, value: object, *, is_option: bool = False
+) -> str:
     """Return a name that a file chooses, of dovetail's or of a module that is trusted.
 
     Args:
         source: The file, for the message.
         name: Which of its keys.
         value: What it holds.
+        is_option: The command that reads the file has an option of this name.
 
     Raises:
         ConfigError: It is no text, or code that nobody has said is to be run.
@@ -61,8 +73,9 @@ def require_trusted(source: object, name: str, value: object) -> str:
         raise ConfigError(f"{source} is damaged: {name} is {value!r}, which is no name")
     module, colon, _ = value.partition(":")
     if colon and module not in os.environ.get(TRUSTED, "").split(","):
+        given = f"give --{name} {shlex.quote(value)}, or " if is_option else ""
         raise ConfigError(
             f"{source}: {name} is {value!r}, which imports and runs the module "
-            f"{module!r}; if you trust it, set {TRUSTED}={module}"
+            f"{module!r}; if you trust it, {given}set {TRUSTED}={module}"
         )
     return value

@@ -1,17 +1,24 @@
 """`dovetail train --resume --out FOLDER`: everything else is the run's own."""
 
+import io
 import json
+import shlex
+import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from dovetail.cli import run
 from dovetail.commands.train import defaults
 from dovetail.errors import ConfigError, PlantError
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.one_run import announce
 from dovetail.learn.run_folder import open_run
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
+from dovetail.strangers import TRUSTED, trust_typed
 from dovetail.tasks.options import TaskOptions
 
 from .conftest import SMALL
@@ -123,3 +130,26 @@ def test_two_trainings_without_a_folder_have_one_each(
     assert config.out.name.startswith(f"{name}-20")
     given = replace(config, out=tmp_path / "mine")
     assert place_run(given) is given
+
+
+def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, small):
+    """A run's folder alone lets no module be imported; the command line does."""
+    example = Path(__file__).parents[2] / "examples" / "06_ring_over_post.py"
+    shutil.copy(example, tmp_path / "resumed_ring.py")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(TRUSTED, "")
+    ring = "resumed_ring:RingOverPost-v0"
+    config = replace(small, env=ring, task_options=TaskOptions())
+    again = begin(config)
+    with pytest.raises(ConfigError, match=f"if you trust it, give --env {ring}, or"):
+        defaults(again)
+    console = Console(file=io.StringIO(), record=True, width=400)
+    announce(console, config, config.folder)
+    words = shlex.split(console.export_text().partition("short: ")[2])
+    assert words[:2] == ["dovetail", "train"]
+    assert words[-2:] == ["--env", ring]
+    trust_typed(words)
+    read = defaults(words)
+    assert read is not None
+    assert read.env == ring
+    assert read.resume

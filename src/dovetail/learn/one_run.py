@@ -43,6 +43,7 @@ from dovetail.learn.run_folder import (
 from dovetail.learn.sbx_model import num_updates
 from dovetail.learn.stop import Stop
 from dovetail.learn.tester import Tester, stage_of
+from dovetail.strangers import named_modules
 
 
 class TrainResult(NamedTuple):
@@ -58,9 +59,11 @@ class TrainResult(NamedTuple):
     """Training time over all sittings [s]."""
 
 
-def announce(console: Console, folder: Path) -> None:
+def announce(console: Console, config: TrainConfig, folder: Path) -> None:
     """Say where a run is and how it goes on, before anything can end it."""
-    command = shlex.join(["dovetail", "train", "--resume", "--out", str(folder)])
+    own = named_modules(vars(config))  # a run's folder alone lets none be imported
+    words = ["dovetail", "train", "--resume", "--out", str(folder), *own]
+    command = shlex.join(words)
     console.print(
         f"training in {folder}\n  if it is cut short: {command}",
         soft_wrap=True,

@@ -15,7 +15,7 @@ from dovetail.files import (
     write_atomic,
 )
 from dovetail.learn.config import TrainConfig
-from dovetail.strangers import require_trusted
+from dovetail.strangers import OPTIONS, require_trusted
 from dovetail.tasks.options import gather_options, option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 
@@ -48,9 +48,9 @@ def settings_of(folder: Path) -> dict[str, Any]:
         ConfigError: There is no run, or its config.json is damaged.
     """
     content, kinds = _read_config(folder), get_type_hints(TrainConfig)
-    for name in ("env", "robot", "tracker"):
+    for name in OPTIONS:
         if name in content:
-            require_trusted(folder / CONFIG, name, content[name])
+            require_trusted(folder / CONFIG, name, content[name], is_option=True)
     task = task_class(content.get("env", DEFAULT_ENV))
     kinds |= {name: kind | None for name, kind in option_types(task).items()}
     settings = {

@@ -56,7 +56,7 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
     ):
         _result(pool.submit(_try, runs[0]), runs[0])
         folder = open_run(config)
-        announce(console, folder)
+        announce(console, config, folder)
         futures = [pool.submit(_train, i, run) for i, run in enumerate(runs)]
         _show(channel, futures, bar)
     results = [_result(future, run) for future, run in zip(futures, runs, strict=True)]

@@ -38,5 +38,5 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
     if config.seeds > 1:
         return train_seeds(config, console)
     with ProgressBar(config.steps, [f"seed {config.seed}"], console) as bar:
-        begin = partial(announce, console)
+        begin = partial(announce, console, config)
         return [train_one(config, lambda status: bar.show(0, status), begin)]
