@@ -18,6 +18,7 @@ LAYERS = (
         "poses",
         "errors",
         "files",
+        "mujoco_gl",
         "paths_option",
         "page",
         "durations",

@@ -1,14 +1,17 @@
 """Train contact-rich manipulation in simulation, transfer it to a robot, inside limits.
 
 Importing the package registers the Gymnasium environments by name only; nothing heavy
-is loaded before one of them is made.
+is loaded before one of them is made, but where `mujoco_gl` has to load MuJoCo itself.
 """
 
 from importlib.metadata import version
 
 import gymnasium
 
+from dovetail.mujoco_gl import import_without_drawing
 from dovetail.tasks.shipped import TASKS
+
+import_without_drawing()
 
 __version__ = version("dovetail")
 """Version of the installed package; its one home is pyproject.toml."""

@@ -111,7 +111,8 @@ def _check_extra(extra: str) -> Check:
 
 def _check_pictures() -> str:
     """Say what draws, and draw."""
-    from dovetail.view.gl_context import LIBRARIES, find_backend, open_context
+    from dovetail.mujoco_gl import LIBRARIES
+    from dovetail.view.gl_context import find_backend, open_context
 
     name = find_backend()
     open_context(8, 8).free()

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from dovetail import mujoco_gl
 from dovetail.arms.arm import ArmState
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
@@ -135,7 +136,7 @@ def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
 
 
 def test_without_opengl_the_packages_are_named(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: None)
+    monkeypatch.setattr(mujoco_gl.ctypes.util, "find_library", lambda name: None)
     with pytest.raises(MissingDependencyError, match="libegl1 libgl1-mesa-dri"):
         find_backend()
     out = tmp_path / "none"
@@ -150,7 +151,7 @@ def test_a_driver_that_fails_ends_a_command_before_its_first_try(
     def fail(width, height):
         raise ArithmeticError("EGL_NOT_INITIALIZED")  # PyOpenGL has errors of its own
 
-    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    monkeypatch.setattr(mujoco_gl.ctypes.util, "find_library", lambda name: name)
     broken = SimpleNamespace(GLContext=fail)
     modules = SimpleNamespace(import_module=lambda name: broken)
     monkeypatch.setattr(gl_context, "importlib", modules)
@@ -167,7 +168,7 @@ def test_a_driver_that_fails_ends_a_command_before_its_first_try(
 
 
 def test_the_backend_that_is_asked_for_is_taken(monkeypatch):
-    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    monkeypatch.setattr(mujoco_gl.ctypes.util, "find_library", lambda name: name)
     monkeypatch.setattr(gl_context, "draws", lambda name: True)
     assert find_backend() == "egl" or "MUJOCO_GL" in gl_context.os.environ
     monkeypatch.setenv("MUJOCO_GL", "osmesa")
@@ -180,7 +181,7 @@ def test_the_backend_that_is_asked_for_is_taken(monkeypatch):
 )
 def test_what_draws_is_found_by_trying(working, taken, monkeypatch):
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setattr(gl_context.ctypes.util, "find_library", lambda name: name)
+    monkeypatch.setattr(mujoco_gl.ctypes.util, "find_library", lambda name: name)
     monkeypatch.setattr(gl_context, "draws", lambda name: name in working)
     assert find_backend() == taken
 

@@ -52,6 +52,8 @@ class _Begun(NamedTuple):
 class MujocoPlant:
     """The workcell in MuJoCo: torque control, gravity compensated inside."""
 
+    _begun: _Begun | None = None  # of the class: a plant that was not built ends, too
+
     def __init__(
         self,
         cell: Workcell,
@@ -73,7 +75,6 @@ class MujocoPlant:
 
         from dovetail import _core
 
-        self._begun: _Begun | None = None
         engine: Any = mujoco  # its stubs do not name what the package re-exports
         self._mujoco = engine
         self._core = _core

@@ -1,6 +1,5 @@
 """An OpenGL context without a screen: EGL, or OSMesa where there is no EGL."""
 
-import ctypes.util
 import importlib
 import os
 import subprocess
@@ -9,9 +8,8 @@ from functools import cache
 from typing import Protocol
 
 from dovetail.errors import MissingDependencyError
+from dovetail.mujoco_gl import LIBRARIES, PACKAGES, asked_backend, is_here
 
-LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
-"""Ways to draw without a screen, the faster one first, and the library of each."""
 _TRY = "import mujoco.{0} as gl; c = gl.GLContext(8, 8); c.make_current(); c.free()"
 _TRY_TIMEOUT = 30.0  # s
 
@@ -35,19 +33,26 @@ def find_backend() -> str:
     one does not draw, it is the second one.
 
     Raises:
-        MissingDependencyError: Neither library is there; names the Debian packages.
+        MissingDependencyError: Neither library is there, or not the one that is asked
+            for; names the Debian packages.
     """
-    asked = os.environ.get("MUJOCO_GL", "").lower()
+    asked = asked_backend()
     names = [asked] if asked in LIBRARIES else list(LIBRARIES)
-    found = [name for name in names if ctypes.util.find_library(LIBRARIES[name])]
+    found = [name for name in names if is_here(name)]
     if len(found) > 1 and not draws(found[0]) and draws(found[1]):
         return found[1]
     if found:
         return found[0]
+    if asked in LIBRARIES:
+        raise MissingDependencyError(
+            f"MUJOCO_GL is {asked}, and {LIBRARIES[asked]} is not here: install it "
+            f"(Debian: apt install {PACKAGES[asked]}), unset MUJOCO_GL, or leave the "
+            "pictures out"
+        )
     raise MissingDependencyError(
         "pictures need OpenGL without a screen, and neither EGL nor OSMesa is here; "
-        "install EGL (Debian: apt install libegl1 libgl1-mesa-dri) or OSMesa (apt "
-        "install libosmesa6), or leave the video out"
+        f"install EGL (Debian: apt install {PACKAGES['egl']}) or OSMesa (apt "
+        f"install {PACKAGES['osmesa']}), or leave the video out"
     )
 
 
