@@ -7,11 +7,11 @@ import pytest
 
 from dovetail.cockpit.shutter import Shutter
 from dovetail.envs.registered import find_cell, make_env
-from dovetail.errors import TrackerError
+from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.simulated import Simulated
 from dovetail.perceive.sources import Frame
 from dovetail.plants.twin_camera import TwinCamera
-from dovetail.poses import rotation_error
+from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.trackers.late import Late
 from dovetail.trackers.marker import MarkerTracker
@@ -45,6 +45,7 @@ def test_an_environment_is_told_what_the_camera_sees(file):
 
 CELL = find_cell()
 Q = CELL.robot.posture("down")
+ASIDE = np.array([-1.2, 0.0, 0.0, -1.0, 0.0, 0.5, 0.0])
 
 
 def state(stamp):
@@ -110,6 +111,53 @@ def test_an_unplugged_camera_holds_the_arm(picture, monkeypatch):
     source.is_unplugged = True
     with pytest.raises(TrackerError, match="unplugged"):
         env.step(np.zeros(4, dtype=np.float32))
+    assert stopped == [True]
+    env.close()
+
+
+def stopping(monkeypatch, source, **camera):
+    """An environment whose camera shows what a test chooses, and whether it stopped."""
+    tracker = MarkerTracker(beside(**camera), source, CELL.robot)
+    env = make_env(PegInHole, tracker=tracker)
+    stopped = []
+    monkeypatch.setattr(env.arm, "stop", lambda: stopped.append(True))
+    return env, stopped
+
+
+def test_a_picture_of_another_size_in_motion_stops_the_arm(picture, monkeypatch):
+    source = Shown(picture)
+    env, stopped = stopping(monkeypatch, source)
+    env.reset(seed=0, options={"fixture": PLACE})
+    source.picture = picture[::2, ::2]
+    with pytest.raises(ConfigError, match="320 x 240 pixels and the camera was"):
+        env.step(np.zeros(4, dtype=np.float32))
+    assert stopped == [True]
+    env.close()
+
+
+@pytest.mark.parametrize(
+    ("shift", "tilt", "words"),
+    [
+        ((0.0, 0.0, 0.05), 0.0, r"z = 0\.1[45]\d+ m; allowed: 0\.079\d to 0\.120\d m"),
+        ((0.0, 0.0, -0.03), 0.0, r"z = 0\.07\d+ m; allowed"),
+        ((0.0, 0.0, 0.0), 0.3, r"tilted by 0\.(29|30)\d* rad; allowed: up to 0\.15"),
+        ((0.05, -0.24, 0.0), 0.0, r"y = -0\.24\d+ m, outside the workspace"),
+    ],
+)
+def test_a_board_where_the_fixture_cannot_stand_stops_the_arm(
+    opengl, monkeypatch, shift, tilt, words
+):
+    at = Pose(
+        PLACE.position + shift,
+        quat_multiply(quat_from_vector(np.array([tilt, 0.0, 0.0])), PLACE.quat_wxyz),
+    )
+    drawn = Simulated(beside(focal=450.0), CELL)
+    source = Shown(drawn.still(ASIDE, at, at, 0))
+    drawn.close()
+    env, stopped = stopping(monkeypatch, source, focal=450.0)
+    with pytest.raises(TrackerError, match=words) as raised:
+        env.reset(seed=0, options={"fixture": PLACE})
+    assert "is the board on another part" in str(raised.value)
     assert stopped == [True]
     env.close()
 

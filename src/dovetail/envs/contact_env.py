@@ -27,8 +27,9 @@ from dovetail.envs.workspace import (
     require_columns,
     require_inside,
     require_placed,
+    require_plausible,
 )
-from dovetail.errors import ConfigError, TrackerError
+from dovetail.errors import ConfigError
 from dovetail.poses import Pose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Task
@@ -351,7 +352,9 @@ class ContactEnv(
         try:
             self.tracker.update(self.fixture, self.state)
             estimate = self.tracker.estimate()
-        except TrackerError:
+            if estimate.covariance is not None:  # it was seen
+                require_plausible(self.task, self.cell, self.fixture, estimate)
+        except Exception:  # of a tracker of one's own, too
             self.arm.stop()  # nobody knows where to go
             raise
         pose, velocity = self._velocity.follow(estimate, self.state.stamp)

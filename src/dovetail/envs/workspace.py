@@ -1,13 +1,28 @@
 """Whether an arm is built for the task, and the fixture stands where it may work."""
 
+import math
 from collections.abc import Sequence
+
+import numpy as np
 
 from dovetail.arms.arm import Arm
 from dovetail.control.task_spec import TaskSpec
-from dovetail.errors import ConfigError
-from dovetail.poses import Pose
+from dovetail.errors import ConfigError, TrackerError
+from dovetail.poses import Pose, matrix_from_quat
 from dovetail.tasks.task import Task
+from dovetail.trackers.tracker import Estimate
 from dovetail.workcell.workcell import Workcell
+
+_SIGMAS = 2.0
+_HEIGHT = 0.020
+"""How far a fixture may stand above or below where it is said to be [m]: there is room
+for a hand measurement, and no part is that flat."""
+_TILT = 0.15
+"""How far it may be tilted against that [rad]."""
+_ADVICE = (
+    "is the board on another part, bent, or the camera moved? put the board round the "
+    "opening, calibrate again, or say where the fixture is"
+)
 
 
 def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
@@ -35,6 +50,55 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
                     f"{low[i] + margin:g} to {high[i] - margin:g} m; move the "
                     f"{cell.fixture.name}{_margin_advice(margin)}"
                 )
+
+
+def require_plausible(
+    task: Task, cell: Workcell, told: Pose, estimate: Estimate
+) -> None:
+    """Refuse a fixture that is seen where it cannot stand.
+
+    A board on another part has the right markers. It is told by its height, by its
+    tilt, and by where the tool would have to go. An estimate without a covariance was
+    not seen, and is not judged.
+
+    Args:
+        task: Its places.
+        cell: Its fixture and walls.
+        told: Where the fixture is said to be: its height and its normal are taken.
+        estimate: What was seen; twice its deviations are allowed on top.
+
+    Raises:
+        TrackerError: Names what is off, its value, what is allowed and what to do.
+    """
+    if estimate.covariance is None:
+        return
+    pose, doubt = estimate.pose, _SIGMAS * np.sqrt(np.diag(estimate.covariance))
+    what = f"the {cell.fixture.name} is seen"
+    height, reach = float(pose.position[2]), _HEIGHT + float(doubt[2])
+    if abs(height - told.position[2]) > reach:
+        low, high = told.position[2] - reach, told.position[2] + reach
+        raise TrackerError(
+            f"{what} at z = {height:.4f} m; allowed: {low:.4f} to {high:.4f} m, round "
+            f"where it is said to be; {_ADVICE}"
+        )
+    normal, own = (matrix_from_quat(p.quat_wxyz)[:, 2] for p in (pose, told))
+    tilt, most = (
+        math.acos(min(float(normal @ own), 1.0)),
+        _TILT + float(doubt[3:].max()),
+    )
+    if tilt > most:
+        raise TrackerError(
+            f"{what} tilted by {tilt:.3f} rad; allowed: up to {most:.3f} rad; {_ADVICE}"
+        )
+    low, high = (np.array(wall) for wall in cell.walls)
+    for place, point in task.places(pose).items():
+        outside = np.maximum(low - point, point - high) - doubt[:3]
+        i = int(outside.argmax())
+        if outside[i] > 0.0:
+            raise TrackerError(
+                f"{what} where its {place} has {'xyz'[i]} = {point[i]:.4f} m, outside "
+                f"the workspace; allowed: {low[i]:g} to {high[i]:g} m; {_ADVICE}"
+            )
 
 
 def require_placed(task: Task, cell: Workcell, arm: Arm) -> None:
