@@ -12,7 +12,7 @@ from dovetail.arms.arm import Arm, ArmState
 from dovetail.doctor import Check
 from dovetail.errors import TrackerError
 from dovetail.perceive.camera import Camera
-from dovetail.perceive.detect import Blind, Detector, Sight
+from dovetail.perceive.detect import Blind, Detector, Sight, explain
 from dovetail.perceive.edges import edge_width
 from dovetail.perceive.felt_delay import LONGEST, fit_delay
 from dovetail.perceive.sources import Frame, ImageSource
@@ -79,7 +79,9 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
     detector = Detector(camera.board, lens, camera.edge_noise)
     sights = [detector.find(frame.picture) for frame in frames]
     seen = [i for i, sight in enumerate(sights) if isinstance(sight, Sight)]
-    reason = next((s.words for s in sights if isinstance(s, Blind)), "")
+    looks = zip(frames, sights, strict=True)
+    blind = ((f.picture, s) for f, s in looks if isinstance(s, Blind))
+    reason = next((explain(detector, *look) for look in blind), "")
     share = len(seen) / len(frames)
     words = f"seen in {len(seen)} of {len(frames)} pictures, at least {SEEN:.0%}"
     is_seen = share >= SEEN

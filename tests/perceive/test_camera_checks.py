@@ -134,6 +134,9 @@ def test_a_camera_that_shows_something_else_is_told_so(watched):
     other = by_name(replace(CAMERA, board=Board(first_id=8)), watched)
     assert other["board"].status == "broken"
     assert "seen in 0 of" in other["board"].detail
+    flipped = [f._replace(picture=f.picture[:, ::-1].copy()) for f in watched.frames]
+    mirrored = by_name(CAMERA, replace(watched, frames=flipped[:5]))
+    assert "the picture is mirrored" in mirrored["board"].detail
     assert by_name(CAMERA, Watched())["camera"].status == "broken"
 
 

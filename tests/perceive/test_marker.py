@@ -101,6 +101,14 @@ def test_a_board_that_was_never_seen_is_an_error(picture):
         tracker.estimate()
 
 
+def test_a_mirrored_picture_is_named(picture):
+    source = Shown(np.ascontiguousarray(picture[:, ::-1]))
+    tracker = MarkerTracker(beside(), source, CELL.robot)
+    tracker.reset(PLACE, 0)
+    with pytest.raises(TrackerError, match="the picture is mirrored: switch"):
+        tracker.estimate()
+
+
 def test_an_unplugged_camera_holds_the_arm(picture, monkeypatch):
     env = make_env(PegInHole)
     source = Shown(picture)

@@ -3,11 +3,12 @@
 from collections import deque
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.arms.arm import ArmState
 from dovetail.errors import TrackerError
 from dovetail.perceive.camera import Camera
-from dovetail.perceive.detect import Blind, Detector, Sight
+from dovetail.perceive.detect import Blind, Detector, Sight, explain
 from dovetail.perceive.sources import Frame, ImageSource
 from dovetail.poses import Pose, compose, matrix_from_quat
 from dovetail.robots.robot import Robot
@@ -38,6 +39,7 @@ class MarkerTracker:
         self._robot = robot
         self._past: deque[tuple[float, Vec7]] = deque()
         self._seen: Estimate | None = None
+        self._unseen: tuple[NDArray[np.uint8], Blind] | None = None
         self._stamp = self._now = 0.0
         self.reason = "no picture was taken"
         """Why the newest picture gave no pose; empty where it did."""
@@ -45,7 +47,7 @@ class MarkerTracker:
     def reset(self, fixture: Pose, seed: int) -> None:
         """Forget, and look before the arm goes to its start."""
         self._past.clear()
-        self._seen, self._now = None, 0.0
+        self._seen, self._unseen, self._now = None, None, 0.0
         frame = self.source.reset(fixture, seed)
         if frame is not None and (frame.q is not None or self.camera.mount == "world"):
             self._take(frame)
@@ -71,8 +73,11 @@ class MarkerTracker:
             TrackerError: The board has not been seen in this episode.
         """
         if self._seen is None:
+            why = self.reason
+            if self._unseen is not None:
+                why = explain(self.detector, *self._unseen)
             raise TrackerError(
-                f"the camera has not seen the board in this episode: {self.reason}"
+                f"the camera has not seen the board in this episode: {why}"
             )
         return self._seen._replace(age=self._now - self._stamp)
 
@@ -83,9 +88,9 @@ class MarkerTracker:
     def _take(self, frame: Frame) -> None:
         sight = self.detector.find(frame.picture)
         if isinstance(sight, Blind):
-            self.reason = sight.words
+            self.reason, self._unseen = sight.words, (frame.picture, sight)
             return
-        self.reason = ""
+        self.reason, self._unseen = "", None
         self._stamp = self._now - frame.age
         q = self._q_at(self._stamp) if frame.q is None else frame.q
         self._seen = locate(self.camera, sight, self._robot, q)
