@@ -13,7 +13,7 @@ from rich.console import Console
 
 import dovetail
 from dovetail.commands.help_page import help_page
-from dovetail.errors import DovetailError, UnprovenWarning
+from dovetail.errors import ConfigError, DovetailError, UnprovenWarning
 from dovetail.strangers import trust_typed
 
 COMMANDS = {
@@ -44,6 +44,9 @@ _WITH_TASK = (
     *("cockpit", "record"),
 )
 """Of them those that have options of the task, for which it has to be found."""
+
+_OFFERS_ARM = ("serve", "cabinet")
+"""Those that offer an arm, and know nothing of who tells where the fixture is."""
 
 _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
 """What the standard output fails with: a full device, a reader that has gone."""
@@ -105,6 +108,12 @@ def _run_command(name: str, words: list[str]) -> int:
         meant = f"did you mean {near[0]}? " if near else ""
         raise DovetailError(
             f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
+        )
+    if name in _OFFERS_ARM and any(w.partition("=")[0] == "--tracker" for w in words):
+        raise ConfigError(
+            f"{name} offers an arm; the camera is on the side of the policy: give "
+            "--tracker to `dovetail evaluate` or `dovetail train` with the address of "
+            "this arm"
         )
     warnings.simplefilter("ignore", UnprovenWarning)  # a command says it itself
     trust_typed(words)

@@ -215,6 +215,15 @@ def test_a_policy_for_the_rail_clip_is_trained_and_then_evaluated(tmp_path, caps
     assert "for a fixture that opens upwards" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", [("--tracker", "c.toml"), ("--tracker=c.toml",)])
+@pytest.mark.parametrize("command", ["serve", "cabinet"])
+def test_who_offers_an_arm_says_where_a_tracker_belongs(capsys, command, words):
+    assert run([command, *words]) == 2
+    said = capsys.readouterr().err
+    assert f"{command} offers an arm; the camera is on the side of the policy" in said
+    assert "dovetail evaluate" in said
+
+
 def test_the_command_runs_as_a_program_without_the_learning_stack():
     code = (
         "import sys; from dovetail.cli import run; code = run(['twin', 'list']);"
