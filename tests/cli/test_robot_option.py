@@ -1,10 +1,21 @@
 """`--robot` of the doctor and of the demo: the arm that stands there is that one."""
 
 import json
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dovetail.cli import run
+from dovetail.envs.registered import make_task
+from dovetail.errors import UnprovenWarning
+from dovetail.identify.parameters import nominal_model
+from dovetail.identify.recording import Recording
+from dovetail.identify.replay import Replay
+from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.strangers import trust
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 OWN = """
 from dataclasses import replace
@@ -17,7 +28,11 @@ def weak():
 
 def own():
     return replace(iiwa14(), name="own")
+
+def single():
+    return replace(own(), inertia_set="nominal", inertia_sets={})
 """
+LACK = "the twin's inertia set 'lbr' is of another robot: in its place 'nominal' of own"
 
 
 @pytest.fixture(autouse=True)
@@ -45,3 +60,43 @@ def test_the_demo_tries_on_the_robot_that_is_named(tmp_path, capsys):
     assert "cli_own_arm:own" in json.dumps(report["config"])
     assert run(["demo", "--robot", "kr16"]) == 2
     assert "known: iiwa14" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [["demo"], ["evaluate", "peg_square"]])
+def test_a_robot_without_the_twins_inertia_set_is_tried_with_its_own(
+    command, tmp_path, capsys
+):
+    words = [*command, "--robot", "cli_own_arm:single", "--twin", "medium"]
+    assert run([*words, "--tries", "1", "--out", "demo"]) == 0
+    told = capsys.readouterr()
+    assert LACK in told.out
+    assert "dovetail twin show NAME > mine.toml" in told.out
+    report = json.loads((tmp_path / "demo" / "report.json").read_text())
+    assert LACK in report["note"]
+
+
+def test_it_is_said_where_the_arm_is_recorded_and_the_fit_takes_it_too(
+    capsys, tmp_path
+):
+    words = ["identify", "record", "--robot", "cli_own_arm:single", "--steps", "4"]
+    assert run([*words, "--sequences", "1", "--out", "log"]) == 0
+    assert LACK in capsys.readouterr().out
+    trust("cli_own_arm")
+    replay = Replay(Recording.load("log"))
+    assert np.isfinite(replay.rms(nominal_model()))
+    replay.close()
+
+
+def test_nothing_is_said_of_a_robot_that_has_it(capsys):
+    words = ["identify", "record", "--robot", "cli_own_arm:own", "--steps", "4"]
+    assert run([*words, "--sequences", "1", "--out", "log"]) == 0
+    assert "inertia set" not in capsys.readouterr().out
+
+
+def test_in_python_it_is_a_warning():
+    robot = replace(iiwa14(), inertia_set="nominal", inertia_sets={})
+    cell = make_task(DEFAULT_ENV, {}).workcell(robot)
+    with pytest.warns(UnprovenWarning, match="'nominal' of"):
+        plant = TwinPlant(load_twin("medium"), cell)
+    assert plant.dynamics.inertia == "nominal"
+    plant.close()

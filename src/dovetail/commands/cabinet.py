@@ -31,7 +31,7 @@ from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
-from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_ENV
 
@@ -123,6 +123,10 @@ class Cabinet:
         if self.realtime:
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
+        if self.plant is None:
+            lack = load_twin(self.twin or "medium").lacks(find_robot(self.robot))
+            if lack:
+                console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
         for text in find_unproven(config, faults, plant.command_delay):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         server = None

@@ -84,7 +84,7 @@ class Cockpit:
 
         require_writable(logs, "--logs")
         choice = self.choice()
-        warn_of_twin(console, None, choice.place)
+        warn_of_twin(console, None, choice.place, self.robot)
         session = Session(choice, logs=logs, fixture=self.fixture)
         try:
             server = open_server(self.port)

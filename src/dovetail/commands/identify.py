@@ -23,7 +23,7 @@ class IdentifyRecord(RecordConfig):
 
     def run(self, console: Console) -> int:
         """Record, and say what to do with it."""
-        warn_of_twin(console, None, self.arm)
+        warn_of_twin(console, None, self.arm, self.robot)
         recording = record(self, console)
         cycles = sum(len(s.log) for s in recording.sequences)
         console.print(

@@ -81,7 +81,7 @@ class Serve:
 
         address = _address(self)
         builder = _builder(self, address)
-        warn_of_twin(console, self.twin, self.arm)
+        warn_of_twin(console, self.twin, self.arm, self.robot)
         try:
             server = ArmServer(builder, self.listen, files, notify)
         except BaseException:

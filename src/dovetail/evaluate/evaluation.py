@@ -26,6 +26,7 @@ from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.origin import (
     command_line,
     describe_settings,
+    lacking_inertia,
     name_ground,
     other_period,
     provenance,
@@ -42,6 +43,7 @@ from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_yes
 from dovetail.learn.spaces import require_spaces
+from dovetail.robots.robot import Robot
 from dovetail.search.script import CornerScript
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.renderer import Renderer
@@ -82,7 +84,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     env_id = known_env_id(policy.metadata, config.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
-        task = require_contact_env(env).task
+        core = require_contact_env(env)
+        task, robot = core.task, core.cell.robot
         folder = claim_output_folder(config.out or dated_folder("results"))
         logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
@@ -110,7 +113,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         title=title,
         ground=name_ground(config),
         period=options["period"],
-        note=_notes(lax, config, options["period"], policy.metadata, outcomes),
+        note=_notes(lax, config, options["period"], policy.metadata, outcomes, robot),
         rows=rows,
         outcomes=outcomes,
         config=describe_settings(replace(config, out=folder), options, poses),
@@ -146,11 +149,12 @@ def _notes(
     period: float,
     policy: Mapping[str, Any],
     outcomes: Sequence[Outcome],
+    robot: Robot,
 ) -> str:
     """Return what a reader of the numbers must know; empty for nothing."""
     notes = (lax, other_period(period, policy), shared_engine(config, policy))
     films = (o.film_error for o in outcomes)
-    return "; ".join(filter(None, (*notes, *films)))
+    return "; ".join(filter(None, (*notes, lacking_inertia(config, robot), *films)))
 
 
 def _print(report: Report, said: str, is_tared: bool, console: Console) -> None:

@@ -16,6 +16,7 @@ from dovetail.evaluate.config import EvaluationConfig
 from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
+from dovetail.robots.robot import Robot
 from dovetail.tasks.fixture_pose import FixturePose
 
 
@@ -67,6 +68,12 @@ def other_period(period: float, policy: Mapping[str, Any]) -> str:
         f"the control period is {1e3 * period:g} ms, the policy's training had "
         f"{1e3 * trained:g} ms; its steps are {1e3 * POLICY_PERIOD:g} ms at both"
     )
+
+
+def lacking_inertia(config: EvaluationConfig, robot: Robot) -> str:
+    """Say that the twin's inertia set is of another robot; empty where it is not."""
+    twin = _address(config).twin
+    return load_twin(twin).lacks(robot) if twin else ""
 
 
 def describe_settings(

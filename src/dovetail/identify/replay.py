@@ -61,7 +61,7 @@ class Replay:
         Raises:
             PlantError: The simulation diverged.
         """
-        self._plant.configure(model.dynamics())
+        self._plant.configure(model.on(self.recording.cell.robot).dynamics())
         self._plant.attach_channel(
             _core.Channel(
                 delay=model.command_delay,

@@ -7,13 +7,14 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 
 import difflib
 import tomllib
-from dataclasses import MISSING, dataclass, fields
+import warnings
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Self
 
 from dovetail.control.proven import unproven
 from dovetail.control.ranges import Range, check_ranges, ranges_of
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, UnprovenWarning
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import (
     ARMATURE,
@@ -34,6 +35,7 @@ from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
+    from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
 TWIN_FOLDER = Path(__file__).parent.parent / "twins"
@@ -105,6 +107,21 @@ class TwinConfig:
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
         return DynamicsConfig(**{name: vars(self)[name] for name in _DYNAMICS})
+
+    def on(self, robot: "Robot") -> Self:
+        """Return the twin of a robot: with its own inertia set where it lacks this."""
+        return replace(self, inertia=robot.inertia_set) if self.lacks(robot) else self
+
+    def lacks(self, robot: "Robot") -> str:
+        """Say that a robot has not the twin's inertia set; empty where it has."""
+        own = robot.inertia_set
+        if self.inertia in (own, *robot.inertia_sets):
+            return ""
+        return (
+            f"the twin's inertia set {self.inertia!r} is of another robot: in its "
+            f"place {own!r} of {robot.name} is taken; a file that says so: dovetail "
+            f"twin show NAME > mine.toml, there inertia = {own!r}, --twin mine.toml"
+        )
 
     def unproven(self) -> dict[str, str]:
         """Say by field what lies outside that for which the limits were shown to hold.
@@ -240,7 +257,9 @@ class TwinPlant(WrappedPlant[DrivenPlant]):
         """
         from dovetail import _core
 
-        self.config = config
+        if lack := config.lacks(cell.robot):
+            warnings.warn(lack, UnprovenWarning, stacklevel=2)
+        self.config = config = config.on(cell.robot)
         name, widened = engine or config.engine, cell.widened(config.clearance_offset)
         super().__init__(make_plant(name, widened, config.dynamics()))
         self.plant.attach_channel(
