@@ -59,7 +59,7 @@ class Train(TrainConfig):
 
     def run(self, console: Console) -> int:
         """Train and say what came out and where it is."""
-        warn_of_twin(console, self.model, self.arm)
+        warn_of_twin(console, self.model, self.arm, self.robot)
         for result in train(self, console):
             console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0
