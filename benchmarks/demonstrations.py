@@ -5,7 +5,7 @@ and are corrected, tremor, pauses, an eye that is some tenths of a millimetre of
 says ten times per second where the tool is to go, as the gizmo of the cockpit does.
 
     python benchmarks/demonstrations.py --seeds 0 1 2
-    python benchmarks/demonstrations.py --pretrain 2000 --every 500
+    python benchmarks/demonstrations.py --every 500 --pretrain 0
     python benchmarks/demonstrations.py --only-show --out FOLDER
 
 A training counts as done at the first of its tests, every 1000 steps and without
@@ -247,7 +247,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1000)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--share", type=float, help="as --teacher-share of a training")
-    parser.add_argument("--pretrain", type=int, default=0, help="as of dovetail train")
+    parser.add_argument("--pretrain", type=int, help="as of dovetail train")
     parser.add_argument("--only-show", action="store_true")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args()
@@ -268,7 +268,7 @@ def main() -> None:
                 steps=given.steps,
                 demos=demos,
                 teacher_share=given.share if demos else None,
-                pretrain=given.pretrain if demos else 0,
+                pretrain=given.pretrain if demos else None,
                 threads=1,
             )
             found = steps_to_learn(config, given.every, given.episodes)

@@ -247,6 +247,7 @@ TINY = {
     "num_envs": 2,
     "threads": 1,
     "eval_episodes": 0,
+    "pretrain": 0,
 }
 
 
@@ -356,12 +357,16 @@ def test_pretraining_moves_the_networks_and_not_the_entropy_coefficient(logs):
     ("given", "steps", "share"),
     [
         ({}, 0, 0.5),
-        ({"demos": ("logs",)}, 0, 0.5),
+        ({"demos": ("logs",)}, 2000, 0.2),
+        ({"demos": ("logs",), "pretrain": 0}, 0, 0.5),
+        ({"demos": ("logs",), "from_policy": "peg_square"}, 0, 0.5),
         ({"demos": ("logs",), "pretrain": 7}, 7, 0.2),
         ({"demos": ("logs",), "pretrain": 7, "teacher_share": 0.5}, 7, 0.5),
     ],
 )
-def test_what_is_learned_before_the_first_action_is_asked_for(given, steps, share):
+def test_much_is_learned_from_demonstrations_before_the_first_action(
+    given, steps, share
+):
     config = TrainConfig(**given)
     assert (config.pretrain, config.teacher_share) == (steps, share)
     for name, option in (("pretrain", "--pretrain"), ("teacher_share", "--teacher-s")):

@@ -73,8 +73,8 @@ class TrainConfig(LearnerSettings, Variation):
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
     demos: Annotated[tuple[str, ...], some_paths("--demos")] = ()
-    """Episode logs, or folders of them, whose steps are in every batch. They are a
-    person's or anybody's, of the same task, robot and meaning of an action."""
+    """Episode logs, or folders of them, whose steps are in every batch: see `pretrain`.
+    A person's or anybody's, of the same task, robot and meaning of an action."""
     teacher: str = "none"
     """Who acts in the first `learning_starts` steps: none, corner, or logs. None is
     chance; corner the scripted search, with noise; logs are as `demos`."""
@@ -152,11 +152,14 @@ class TrainConfig(LearnerSettings, Variation):
         """Return what depends on other settings."""
         is_arm = self.arm is not None
         is_quick = self.algorithm == "sac" and not is_arm and self.from_policy is None
+        first = 2000 if self.demos and self.from_policy is None else 0
+        asked = first if self.pretrain is None else self.pretrain
         return {
+            "pretrain": first,
             "until": 1.0 if is_arm else 0.98,
             "updates_per_step": 2.0 if is_arm else 0.5,
             "learning_rate": 2e-3 if is_quick else 1e-3,
-            "teacher_share": 0.2 if self.pretrain else 0.5,
+            "teacher_share": 0.2 if asked else 0.5,
         }
 
     def _require_test(self) -> None:

@@ -53,9 +53,10 @@ class LearnerSettings:
     """Weight of contact force in the reward [1/N]; 0 is the paper."""
     learning_starts: Annotated[int, Range(0, 1e9, "steps")] = 1000
     """Random actions before the first gradient step (not ppo). See `from`."""
-    pretrain: Annotated[int, Range(0, 1e6, "steps")] = 0
-    """Gradient steps from demonstrations alone, before the first action. After them the
-    policy's own actions take the place of random ones."""
+    pretrain: Annotated[int | None, Range(0, 1e6, "steps")] = None
+    """Gradient steps from demonstrations alone, before the first action: 2000 with
+    `demos`, 0 without or from a policy. After them the policy's own actions take the
+    place of random ones."""
     exploration_noise: Annotated[float, Range(0.0, 2.0, "1")] = 0.1
     """Standard deviation of the actions' noise (ddpg, td3) [1]."""
     rollout_steps: Annotated[int, Range(2, 1e6, "steps")] = 512
@@ -77,6 +78,11 @@ class LearnerSettings:
         """Gradient steps after a step of all environments."""
         ratio = self.updates_per_step or 0.0
         return max(1, round(self.num_envs * ratio))
+
+    @property
+    def first_updates(self) -> int:
+        """Gradient steps before the first action."""
+        return self.pretrain or 0
 
     @property
     def full_rate(self) -> float:
