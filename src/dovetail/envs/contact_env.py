@@ -16,6 +16,7 @@ from dovetail.envs.commands import CommandMap, require_same
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
+from dovetail.envs.lookout import look_from_above
 from dovetail.envs.observation import Layout, sight
 from dovetail.envs.pictures import EpisodePictures
 from dovetail.envs.recall import Recall
@@ -232,6 +233,7 @@ class ContactEnv(
             self._seeds = np.random.default_rng([_STREAM, seed])
             self.arm.seed(seed)
         self.tracker.reset(fixture, int(self._seeds.integers(1 << 31)))
+        look_from_above(self.tracker, self.arm, self.task, fixture)
         self._velocity.reset()
         self.state = self.arm.reset(q, fixture)
         self.steps = 0

@@ -82,8 +82,13 @@ class Simulated:
         self._past.clear()
 
     def reset(self, fixture: Pose, seed: int) -> Frame | None:
-        """Return a picture with the arm in its usual posture, over the table."""
+        """Return a picture with the arm in its usual posture, over the table.
+
+        A camera on the flange gives none: the arm has to take it to where it sees.
+        """
         self._begin(seed)
+        if self.camera.mount == "flange":
+            return None
         q = self._cell.robot.posture("down")
         still = _Moment(0.0, q, fixture)
         picture = self._expose(still, still, self._rng(self._last))

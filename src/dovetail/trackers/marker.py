@@ -41,6 +41,7 @@ class MarkerTracker:
         self._seen: Estimate | None = None
         self._unseen: tuple[NDArray[np.uint8], Blind] | None = None
         self._stamp = self._now = 0.0
+        self._seed = 0
         self.reason = "no picture was taken"
         """Why the newest picture gave no pose; empty where it did."""
 
@@ -48,9 +49,21 @@ class MarkerTracker:
         """Forget, and look before the arm goes to its start."""
         self._past.clear()
         self._seen, self._unseen, self._now = None, None, 0.0
+        self._seed = seed
         frame = self.source.reset(fixture, seed)
-        if frame is not None and (frame.q is not None or self.camera.mount == "world"):
+        if frame is not None and not self.is_on_arm:
             self._take(frame)
+
+    @property
+    def is_on_arm(self) -> bool:
+        """Whether the camera is on the flange."""
+        return self.camera.mount == "flange"
+
+    def rewind(self, fixture: Pose) -> None:
+        """Go on in an episode whose time begins at 0 again, with what was seen."""
+        self._past.clear()
+        self._stamp, self._now = self._stamp - self._now, 0.0
+        self.source.reset(fixture, self._seed)
 
     def update(self, fixture: Pose, state: ArmState) -> None:
         """Look at the newest picture.

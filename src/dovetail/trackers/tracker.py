@@ -1,6 +1,6 @@
 """Where the fixture is, as far as the environment may know."""
 
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 from dovetail.arms.arm import ArmState
 from dovetail.poses import Pose
@@ -55,6 +55,29 @@ class ClosableTracker(Protocol):
     def close(self) -> None:
         """Give it back; harmless when repeated."""
         ...
+
+
+@runtime_checkable
+class ArmTracker(Tracker, Protocol):
+    """A tracker that may look from the arm: from a camera on its flange."""
+
+    @property
+    def is_on_arm(self) -> bool:
+        """Whether it does: the environment then takes it to above the fixture first."""
+        ...
+
+    def rewind(self, fixture: Pose) -> None:
+        """Go on in an episode whose time begins at 0 again, with what was seen.
+
+        Args:
+            fixture: Its true pose.
+        """
+        ...
+
+
+def is_on_arm(tracker: Tracker) -> TypeGuard[ArmTracker]:
+    """Say whether a tracker looks from the arm."""
+    return isinstance(tracker, ArmTracker) and tracker.is_on_arm
 
 
 def close_tracker(tracker: Tracker) -> None:
