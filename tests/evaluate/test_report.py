@@ -1,18 +1,23 @@
 """The report stands alone, and says what it must."""
 
+import io
 import json
 import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.report import Report
+from dovetail.evaluate.terminal import run_shown
 from dovetail.evaluate.transfer import summarise
 from dovetail.tasks.peg_in_hole.geometry import HoleBlock, Peg, hole_outline
 from dovetail.tasks.peg_in_hole.task import PegInHole
+from dovetail.tasks.rail_clip.task import RailClip
+from dovetail.tasks.task import Task
 
 PNG = b"\x89PNG\r\n\x1a\n"
 
@@ -58,6 +63,25 @@ def test_json_holds_rows_and_tries_and_is_strict(report):
     assert content["rows"][0]["interval"] == pytest.approx([0.2065, 1.0], abs=1e-4)
     assert content["tries"][0]["log"] == "0.npz"
     assert "path" not in content["tries"][0]
+
+
+@pytest.mark.parametrize("word", ["succeeded", "clipped on"])
+def test_a_success_has_the_tasks_own_word(report, word):
+    page = replace(report, done_word=word).to_html({"Paths": PNG})
+    assert f"</span>{word} on twin medium" in page
+    assert "inserted" not in page
+
+
+def test_the_bar_counts_successes_by_the_tasks_own_word(report):
+    out = io.StringIO()
+    console = Console(file=out, force_terminal=True, width=100)
+    run_shown(iter(report.outcomes), 2, "title", ["A", "B"], "stacked", console)
+    assert "1 stacked" in out.getvalue()
+
+
+def test_what_goes_into_an_opening_is_inserted_and_other_tasks_succeed():
+    assert (PegInHole.done_word, RailClip.done_word) == ("inserted", "inserted")
+    assert Task.done_word == "succeeded"
 
 
 def test_html_needs_nothing_from_outside(report):

@@ -93,7 +93,7 @@ def _describe(result: TrainResult, config: TrainConfig) -> str:
         low, high = result.evaluation["wilson_95"]
         place = f"on {config.arm}" if config.arm else "in the training simulation"
         lines.append(
-            f"  {successes}/{episodes} inserted {place} "
+            f"  {successes}/{episodes} {config.task_class.done_word} {place} "
             f"(Wilson 95 %: {100 * low:.1f}-{100 * high:.1f} %)"
         )
     own = ["--env", config.env] if ":" in config.env else []

@@ -107,7 +107,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         )
         title = _title(file.stem, task, config, options["period"])
         names = [pose.name for pose in poses]
-        outcomes = run_shown(trials, len(jobs), title, names, console)
+        outcomes = run_shown(trials, len(jobs), title, names, task.done_word, console)
     rows = summarise(outcomes, names)
     report = Report(
         title=title,
@@ -116,6 +116,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         note=_notes(lax, config, options["period"], policy.metadata, outcomes, robot),
         rows=rows,
         outcomes=outcomes,
+        done_word=task.done_word,
         config=describe_settings(replace(config, out=folder), options, poses),
         policy=policy.metadata,
         provenance=provenance(started),
@@ -217,7 +218,13 @@ def write_report(
         LogError: The disk is full or the folder is not writable.
     """
     labels = [row.label for row in report.rows[:-1]]
-    paths = draw_paths(report.outcomes, labels, outline=outline, title=report.title)
+    paths = draw_paths(
+        report.outcomes,
+        labels,
+        outline=outline,
+        title=report.title,
+        done_word=report.done_word,
+    )
     captions = {"Paths of the tool": paths}
     files = [write_atomic(folder / "paths.png", paths)]
     if searched is not None:

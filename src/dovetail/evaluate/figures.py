@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from dovetail.evaluate.outcome import Outcome
-from dovetail.tasks.task import Outline
+from dovetail.tasks.task import Outline, Task
 
-INSERTED = "#0b7a75"
+DONE = "#0b7a75"
 MISSED = "#d1495b"
 _BLOCK = "#e9e4da"
 _INK = "#4a4640"
@@ -25,6 +25,7 @@ def draw_paths(
     *,
     outline: Outline | None,
     title: str,
+    done_word: str = Task.done_word,
 ) -> bytes:
     """Draw the tool's path of every try, one column per pose of the fixture.
 
@@ -36,6 +37,7 @@ def draw_paths(
         labels: Names of the fixture's poses.
         outline: Of the fixture; None draws the paths alone.
         title: Line above the figure: what was tried on what.
+        done_word: What a success is called.
 
     Returns:
         A PNG file.
@@ -46,8 +48,8 @@ def draw_paths(
     for column, label in enumerate(labels):
         tries = [outcome for outcome in outcomes if outcome.pose == column]
         top, side = grid[0, column], grid[1, column]
-        inserted = sum(outcome.success for outcome in tries)
-        top.set_title(f"pose {label}: {inserted}/{len(tries)}", fontsize=10)
+        done = sum(outcome.success for outcome in tries)
+        top.set_title(f"pose {label}: {done}/{len(tries)}", fontsize=10)
         if outline is not None:
             _draw_fixture(top, side, outline)
         for outcome in tries:
@@ -55,7 +57,7 @@ def draw_paths(
                 continue  # the arm ended it before the first step
             path = 1e3 * outcome.path
             style = {
-                "color": INSERTED if outcome.success else MISSED,
+                "color": DONE if outcome.success else MISSED,
                 "linewidth": 0.8,
                 "alpha": 0.65,
             }
@@ -68,7 +70,7 @@ def draw_paths(
     for axes in grid[1]:
         axes.set_xlabel("x in the fixture's frame [mm]", fontsize=8)
     _fit(grid, outcomes)
-    _add_legend(figure)
+    _add_legend(figure, done_word)
     return _png(figure)
 
 
@@ -110,10 +112,10 @@ def _fit(grid: Any, outcomes: Sequence[Outcome]) -> None:
             axes.spines[["top", "right"]].set_visible(False)
 
 
-def _add_legend(figure: Any) -> None:
+def _add_legend(figure: Any, done_word: str) -> None:
     handles = [
-        Line2D([], [], color=INSERTED, label="inserted"),
-        Line2D([], [], color=MISSED, label="not inserted"),
+        Line2D([], [], color=DONE, label=done_word),
+        Line2D([], [], color=MISSED, label=f"not {done_word}"),
         Line2D([], [], color=_INK, marker="o", ls="", markersize=3, label="start"),
     ]
     figure.legend(
@@ -144,7 +146,7 @@ def draw_forces(outcomes: Sequence[Outcome]) -> bytes:
         ]
         everything = np.array(split[0] + split[1] or [0.0])
         bins = np.linspace(0.0, max(1.0, 1.05 * everything.max()), 25)
-        axes.hist(split, bins, stacked=True, color=[INSERTED, MISSED])
+        axes.hist(split, bins, stacked=True, color=[DONE, MISSED])
         p95 = np.percentile(everything, 95)
         axes.axvline(p95, color=_INK, linewidth=1, linestyle="--")
         title = f"95 % of the tries below {p95:.1f} N" if measured else "not measured"

@@ -8,6 +8,7 @@ from typing import Any
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.transfer import COLUMNS, Row, cells
 from dovetail.page import facts, figure, finite, page, table, text
+from dovetail.tasks.task import Task
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +27,8 @@ class Report:
     """Every try."""
     note: str = ""
     """What to keep in mind when reading the table; may be empty."""
+    done_word: str = Task.done_word
+    """What a success is called."""
     config: Mapping[str, Any]
     """The evaluation's settings."""
     policy: Mapping[str, Any]
@@ -61,8 +64,8 @@ class Report:
         low, high = total.interval
         lead = (
             f'<p class="lead"><span class="rate">{total.successes}/{total.tries}'
-            f"</span>inserted on {text(self.ground)} at a control period of "
-            f"{1e3 * self.period:g} ms; the true rate is between "
+            f"</span>{text(self.done_word)} on {text(self.ground)} at a control period "
+            f"of {1e3 * self.period:g} ms; the true rate is between "
             f"{100 * low:.1f} % and {100 * high:.1f} % (Wilson 95 %).</p>"
         )
         parts = [

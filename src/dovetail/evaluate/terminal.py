@@ -24,12 +24,13 @@ def run_shown(
     count: int,
     title: str,
     names: list[str],
+    done_word: str,
     console: Console,
 ) -> list[Outcome]:
     """Run the tries under a progress bar; if they are cut short, show what there is."""
     outcomes: list[Outcome] = []
     try:
-        _collect(trials, count, outcomes, console)
+        _collect(trials, count, outcomes, done_word, console)
     except (DovetailError, KeyboardInterrupt):
         if outcomes:
             rows = summarise(outcomes, names[: outcomes[-1].pose + 1])
@@ -41,21 +42,25 @@ def run_shown(
 
 
 def _collect(
-    trials: Iterator[Outcome], count: int, outcomes: list[Outcome], console: Console
+    trials: Iterator[Outcome],
+    count: int,
+    outcomes: list[Outcome],
+    done_word: str,
+    console: Console,
 ) -> None:
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[inserted]} inserted"),
+        TextColumn("{task.fields[done]} " + done_word),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
         console=console,
     ) as progress:
-        bar = progress.add_task("tries", total=count, inserted=0)
+        bar = progress.add_task("tries", total=count, done=0)
         for outcome in trials:
             outcomes.append(outcome)
-            progress.update(bar, advance=1, inserted=sum(o.success for o in outcomes))
+            progress.update(bar, advance=1, done=sum(o.success for o in outcomes))
 
 
 def render_table(rows: Sequence[Row]) -> Table:

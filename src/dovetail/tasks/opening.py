@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from dovetail.control.ranges import Range, in_range
 from dovetail.errors import ConfigError
@@ -40,6 +40,9 @@ class IntoOpening(Task):
 
     clearance: float
     """Gap between held part and fixture on each side [m]."""
+
+    done_word: ClassVar[str] = "inserted"
+    """The part is in the opening, deep enough."""
 
     @abstractmethod
     def depths(self) -> tuple[float, float]:

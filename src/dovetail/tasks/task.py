@@ -73,6 +73,8 @@ class Task(ABC):
     fixture_word: ClassVar[str] = "fixture"
     """What command lines and older files may call the fixture: where it is "slot",
     `--slot` and `--slot-shift` are `--fixture` and `--fixture-shift`."""
+    done_word: ClassVar[str] = "succeeded"
+    """What tables and figures say of a try that was a success: "inserted", say."""
     posture: ClassVar[str] = "down"
     """The robot's posture in which inverse kinematics starts: down or forward."""
     walls: ClassVar[Walls] = WALLS
