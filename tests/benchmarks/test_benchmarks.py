@@ -70,6 +70,7 @@ TINY = {
         "lockstep",
     ),
     "period_table": ("--tries 1 --twin none --period 5ms --push 0", "| none"),
+    "rendering": ("--frames 5", "ratio"),
     "resting_noise": ("--period 0.005 --plants mujoco", "mujoco"),
     "standing_still": ("--minutes 0.001 --twin none", "tool"),
     "robosuite_osc": ("FOLDER", ""),
