@@ -143,6 +143,20 @@ def test_a_calibration_knows_the_twin_that_it_was_made_with(calibrated, capsys):
     assert np.linalg.norm(seen - PLACE.position) < 1e-3
 
 
+@pytest.mark.parametrize("twin", ["easy", "hard"])
+def test_the_camera_of_each_twin_is_wrong_and_can_be_calibrated(
+    calibrated, tmp_path, capsys, twin
+):
+    first, out = calibrated.parent / "beside.toml", tmp_path / "out.toml"
+    assert camera("hand-eye", first, "--twin", twin, "--out", out) == 0
+    gap = np.subtract(load_camera(out).position, load_camera(first).position)
+    assert np.linalg.norm(gap) > 5e-3
+    capsys.readouterr()
+    assert camera("watch", out, "--count", "1") == 0
+    x, y = map(float, re.search(r"x (\S+) y (\S+) ", capsys.readouterr().out).groups())
+    assert np.hypot(x - 600.0, y) < 0.5
+
+
 def test_a_twin_that_has_the_camera_elsewhere_is_refused(calibrated, tmp_path, capsys):
     other = tmp_path / "other.toml"
     text = load_twin("medium").to_toml()

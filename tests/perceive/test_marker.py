@@ -10,6 +10,7 @@ from dovetail.envs.registered import find_cell, make_env
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.simulated import Simulated
 from dovetail.perceive.sources import Frame
+from dovetail.plants.twin import load_twin
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -191,6 +192,31 @@ def test_a_closed_environment_holds_no_camera(picture, wrap):
 )
 def test_each_error_of_a_twins_camera_moves_what_is_seen(opengl, errors, low, high):
     source = Simulated(beside(), CELL, TwinCamera(**errors))
+    tracker = MarkerTracker(beside(), source, CELL.robot)
+    tracker.reset(PLACE, 0)
+    gap = np.linalg.norm(tracker.estimate().pose.position - PLACE.position)
+    source.close()
+    assert low <= gap <= high
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "low", "high"),
+    [
+        ("focal_error", 0.02, 5e-3, 3e-2),
+        ("centre_error", (6.0, 0.0), 2e-3, 1e-2),
+        ("position_error", (0.004, 0.0, 0.0), 3e-3, 5e-3),
+    ],
+)
+def test_a_twins_file_has_each_of_these_errors_alone(
+    opengl, tmp_path, key, value, low, high
+):
+    path = tmp_path / "own.toml"
+    text = load_twin("easy").to_toml().partition("[camera]")[0]
+    told = list(value) if isinstance(value, tuple) else value
+    path.write_text(f"{text}[camera]\n{key} = {told}\n")
+    errors = load_twin(path).camera
+    assert any(errors.misplaced)
+    source = Simulated(beside(), CELL, errors)
     tracker = MarkerTracker(beside(), source, CELL.robot)
     tracker.reset(PLACE, 0)
     gap = np.linalg.norm(tracker.estimate().pose.position - PLACE.position)

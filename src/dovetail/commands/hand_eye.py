@@ -30,8 +30,9 @@ if TYPE_CHECKING:
     from dovetail.perceive.rehearsal import Shot
 
 _PICTURES_MAX = 1000
-_ROUNDING = 1e-3
-"""How far a simulated camera may be found from its place, beyond what is told [m]."""
+_ROUNDING = 3e-3
+"""How far a simulated camera may be found from its place, beyond what is told [m]: a
+wrong lens shifts it."""
 _MOVED = (
     "The arm will go through {count} poses, slowly and inside its walls, and stand in "
     "each for a picture; {held}, and nothing else is to be in its way"
