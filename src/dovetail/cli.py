@@ -120,7 +120,12 @@ def _run_command(name: str, words: list[str]) -> int:
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
     prog = f"dovetail {name}"
+    groups = vars(module).get("GROUPS")
+    is_page = groups is not None and bool({"-h", "--help"} & set(words))
     if name not in _WITH_TASK:
+        if is_page:
+            print(help_page(settings, name, groups))
+            raise SystemExit(0)
         words = ["--help" if word == "--help-all" else word for word in words]
         return tyro.cli(settings, args=words, prog=prog).run(make_console())
     from dovetail.commands.task_flags import describe_options, find_task, parse
@@ -128,7 +133,7 @@ def _run_command(name: str, words: list[str]) -> int:
     find = vars(module).get("defaults")  # of what the words continue
     found = find(words) if find else None
     task = find_task(words, found and found.env)
-    if (groups := vars(module).get("GROUPS")) and {"-h", "--help"} & set(words):
+    if is_page:
         print(help_page(settings, name, groups, describe_options(task)))
         raise SystemExit(0)
     words = ["--help" if word == "--help-all" else word for word in words]

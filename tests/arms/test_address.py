@@ -119,6 +119,8 @@ def test_certificates_are_files(tmp_path):
         ("", "known addresses: mujoco, bullet, twin:NAME, fri://HOST:PORT"),
         ("gazebo", "arm 'gazebo' is unknown"),
         ("twin:", "arm 'twin:' is unknown"),
+        ("twin:medium?period=1ms", "give 'twin:medium' and options in their place, as"),
+        ("mujoco?period=1ms", "'period=1ms', which are for addresses on a network"),
         ("http://x:1", "grpc://HOST:PORT"),
         ("fri://", "give fri://HOST:PORT"),
         ("fri://0.0.0.0:0", "port 1 to 65535"),

@@ -24,7 +24,7 @@ def shown(name, capsys, option="--help"):
 
 
 def test_the_commands_with_many_options_have_groups():
-    assert {"train", "evaluate", "cabinet"} <= set(GROUPED)
+    assert {"demo", "export", "train", "evaluate", "cabinet"} <= set(GROUPED)
 
 
 @pytest.mark.parametrize("name", GROUPED)
@@ -62,6 +62,13 @@ def test_the_page_says_names_values_and_defaults(capsys, monkeypatch):
     assert any(line.startswith("--[no-]tare Measure") for line in lines)
     assert "learning algorithm" in lines
     assert shown("evaluate", capsys)[0] == "usage: dovetail evaluate POLICY [OPTIONS]"
+
+
+@pytest.mark.parametrize("name", ["demo", "export"])
+def test_a_value_that_may_be_left_out_is_said_in_words(name, capsys):
+    text = "\n".join(shown(name, capsys))
+    assert "None" not in text
+    assert "--robot NAME" in text
 
 
 def test_everything_is_said_with_help_all(capsys):

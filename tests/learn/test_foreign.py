@@ -250,6 +250,14 @@ def test_a_file_that_is_no_model_is_one_message(content, tmp_path):
         read_actor(path)
 
 
+def test_a_model_that_is_not_there_is_said_so(tmp_path, capsys):
+    for path in (tmp_path / "missing.zip", tmp_path):
+        assert run(["export", str(path)]) == 2
+        error = capsys.readouterr().err
+        assert f"there is no file {path}: give the model.zip that" in error
+        assert "Errno" not in error
+
+
 def test_export_writes_a_policy_beside_the_model(tmp_path, rng, capsys):
     path = saved(random_model("sbx.PPO", rng), tmp_path)
     assert run(["export", str(path), "--peg", "round", "--clearance", "0.001"]) == 0

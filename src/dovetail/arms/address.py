@@ -1,5 +1,7 @@
 """Where an arm is, in one word: `mujoco`, `twin:medium`, `fri://0.0.0.0:30200`, ..."""
 
+from pathlib import Path
+
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.grpc_address import GrpcAddress
@@ -24,6 +26,7 @@ def parse_address(text: str) -> ArmAddress:
         ConfigError: Unknown scheme or key (lists the known ones), or a value out of
             range.
     """
+    _require_no_keys(text)
     if text in PLANTS:
         return PlantAddress(text=text, engine=text)
     if text.startswith("twin:") and len(text) > len("twin:"):
@@ -32,3 +35,18 @@ def parse_address(text: str) -> ArmAddress:
     if separator and scheme in NETWORK:
         return NETWORK[scheme](text)
     raise ConfigError(f"arm {text!r} is unknown; known addresses: {', '.join(SCHEMES)}")
+
+
+def _require_no_keys(text: str) -> None:
+    """Refuse keys behind a simulation's address, which has none.
+
+    Raises:
+        ConfigError: Says which option of the command takes their place.
+    """
+    name, mark, keys = text.partition("?")
+    is_here = name in PLANTS or name.startswith("twin:")
+    if mark and is_here and not Path(text.removeprefix("twin:")).is_file():
+        raise ConfigError(
+            f"arm {text!r} has the keys {keys!r}, which are for addresses on a network "
+            f"(fri://, grpc://); give {name!r} and options in their place, as --period"
+        )

@@ -6,6 +6,7 @@ from pathlib import Path
 from rich.console import Console
 
 from dovetail.commands.evaluate import print_files
+from dovetail.commands.help_page import Groups
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
 from dovetail.evaluate.cover import compare
@@ -13,6 +14,11 @@ from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
 from dovetail.tasks.shipped import DEFAULT_POLICY, TRUSTING_POLICY
 
+GROUPS: Groups = {
+    "what is tried": ("policy", "tries", "cover"),
+    "where": ("twin", "tracker", "robot", "period"),
+    "the results": ("out", "video", "workers"),
+}
 SEARCHING_POLICY = "search_square"
 """The shipped policy that learned to search."""
 

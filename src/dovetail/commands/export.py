@@ -9,10 +9,23 @@ import gymnasium
 import tyro
 from rich.console import Console
 
+from dovetail.commands.help_page import Groups
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.foreign import import_file
 from dovetail.learn.policy import policy_files
+
+GROUPS: Groups = {
+    "the model and its policy": ("model", "out"),
+    "task": ("env", "task_options", "task", "max_steps"),
+    "where it was trained": ("plant", "robot", "tracker", "period"),
+    "what the policy sees and does": (
+        *("stack", "also", "recall", "f_scale", "f_scale_angular", "theta_range"),
+        *("position_range", "force_damping", "tare", "scheme", "script", "correction"),
+        "fall_back",
+    ),
+    "near contact": ("near_distance", "near_speed", "near_press"),
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +46,11 @@ class Export(EnvSettings):
     def run(self, console: Console) -> int:
         """Export, and say what to do next."""
         model = self.model.expanduser()
+        if not model.is_file():
+            raise ConfigError(
+                f"there is no file {model}: give the model.zip that model.save wrote; "
+                "a training of dovetail has its policy already, policy.safetensors"
+            )
         out = model.with_suffix("") if self.out is None else self.out.expanduser()
         for file in policy_files(out):
             if file.exists():
