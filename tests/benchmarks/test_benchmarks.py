@@ -45,7 +45,10 @@ TINY = {
     "adversary": ("--cycles 200 --period 0.005", "cycles"),
     "bad_samples": ("--spikes 2 --period 0.005 --plants mujoco", "Nm"),
     "batch": ("--turns 1 --steps 8 --cores 1 --envs 2", "one environment"),
-    "camera": ("--pictures 6 --width 640 --plantings 2 --poses 8", "image to pose"),
+    "camera": (
+        "--pictures 6 --width 640 --calibrations 1 --plantings 2 --poses 8",
+        "to pose",
+    ),
     "cabinet_rate": ("--plant mujoco --seconds 0.1", "periods/s"),
     "cockpit": ("--seconds 1 --moves 2 --clicks 2 --garbage 200", "load"),
     "contact_adversary": ("--cycles 20 --period 0.005 --quiet", "cycles"),

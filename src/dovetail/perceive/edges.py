@@ -25,9 +25,9 @@ _WINDOW = 1.0
 _NARROW = 1.5
 _CONTRAST = 12.0
 """Smallest step from paper to border [grey values]."""
-_PURE = 20.0
+_PURE = 0.2
 """Share of a marker's points with black behind the border, or wide paper before it, at
-least [%]."""
+least."""
 _T = np.linspace(3.0, 0.0, 31)
 _HALF = np.vectorize(lambda t: 0.5 * math.erfc(t / math.sqrt(2.0)))
 _SHINE = 2.0 * _HALF(_T), _HALF(2.0 * _T)
@@ -123,9 +123,10 @@ def _crossing(grey: Array) -> tuple[Array, NDArray[np.bool_]]:
         Where, in half windows, and whether at all, each of shape (markers, 4, points).
     """
     darkest, brightest = grey.min(axis=3), grey[..., _TAPS.size // 2 :].max(axis=3)
+    few = round(_PURE * 4 * _POINTS)
     black, white = (
-        np.percentile(ends.reshape(len(grey), -1), share, axis=1)[:, None, None]
-        for ends, share in ((darkest, _PURE), (brightest, 100.0 - _PURE))
+        np.partition(ends.reshape(len(grey), -1), rank, axis=1)[:, rank, None, None]
+        for ends, rank in ((darkest, few), (brightest, -few))
     )
     contrast = np.maximum(white - black, 1e-9)
     middle = (
