@@ -39,7 +39,7 @@ def beside_the_ring(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("place", [(0.60, 0.0, 0.09, 0.0), (0.58, 0.03, 0.12, 0.3)])
 def test_starts_of_the_usual_task_are_those_of_older_recordings(place):
-    """Bit for bit, by the formula of version 0.4 with its numbers."""
+    """Bit for bit: the formula with its numbers, as it was."""
     cell, given = find_cell(), FixturePose.given(place)
     robot, height = cell.loaded_robot(), max(0.18, place[2] + 0.08)
     task = make_task(DEFAULT_ENV, {})
