@@ -7,6 +7,7 @@ import pytest
 
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, TrackerError
+from dovetail.perceive.board import Board
 from dovetail.perceive.camera import load_camera
 from dovetail.perceive.open_source import open_source
 from dovetail.perceive.sources import Device, Folder
@@ -76,6 +77,17 @@ def test_an_uncalibrated_camera_is_refused(tmp_path):
 def test_a_simulated_camera_is_refused_for_a_robot(tmp_path):
     with pytest.raises(ConfigError, match="simulated, and this arm is not"):
         find_tracker(str(write(tmp_path)), site(is_simulated=False))
+
+
+def test_a_board_that_is_on_another_part_is_refused(tmp_path, opengl):
+    for part in ("post", "hole"):
+        file = write(tmp_path, beside(board=Board(part=part)))
+        assert load_camera(file).board.part == part
+        if part == "hole":
+            find_tracker(str(file), site()).close()
+            continue
+        with pytest.raises(ConfigError, match="is on a post, and this task's fixture"):
+            find_tracker(str(file), site())
 
 
 def test_training_takes_the_cameras_delay_rate_and_error_without_pictures(tmp_path):

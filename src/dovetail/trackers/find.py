@@ -138,6 +138,12 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
             f"the pictures of camera {name} are simulated, and this arm is not: give "
             "the file another source, device:NUMBER or folder:PATH"
         )
+    part, own = camera.board.part, site.cell.fixture.name
+    if part not in ("", own):
+        raise ConfigError(
+            f"the board of camera {name} is on a {part}, and this task's fixture is a "
+            f"{own}: take the camera file of that, or correct part in its [board]"
+        )
     is_exact = site.twin is None or not any(site.twin.misplaced)
     camera.require_calibrated(is_exact=is_exact)
     source = open_source(camera, site.cell, site.twin)
