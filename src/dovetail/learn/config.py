@@ -357,6 +357,8 @@ class TrainConfig(LearnerSettings, Variation):
         mine = _flat(self.to_json())
         usual = TrainConfig(env=self.env).to_json()
         other = _flat(usual) | _flat(other)  # from before an option
+        if not other["fixed_goal"]:
+            other["fixture"] = None  # older versions write a place all the same
         for name in {**mine, **other}:
             if mine.get(name) != other.get(name):
                 raise ConfigError(

@@ -67,6 +67,8 @@ def settings_of(folder: Path) -> dict[str, Any]:
                 f"{folder / CONFIG} is damaged: {name} is {str(value)[:80]!r}, which "
                 "is no such setting; start a new run"
             )
+    if not settings.get("fixed_goal"):  # older versions write a place all the same
+        settings.pop("fixture", None)
     return gather_options(settings, task)
 
 
@@ -132,10 +134,7 @@ def _read_config(folder: Path) -> dict[str, Any]:
         settings = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(settings, dict):
             raise ValueError("it holds no table")
-        settings = {"fixture" if k == once else k: v for k, v in settings.items()}
-        if not settings.get("fixed_goal"):  # older versions write a place all the same
-            settings.pop("fixture", None)
-        return settings
+        return {"fixture" if k == once else k: v for k, v in settings.items()}
     except FileNotFoundError as error:
         raise ConfigError(
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
