@@ -302,11 +302,6 @@ class TrainConfig(LearnerSettings, Variation):
                 f"seeds is {self.seeds}, but there is one arm at {text}; train one "
                 "seed after the other, each with its own --out"
             )
-        if not arm.places_fixture and not self.fixed_goal:
-            raise ConfigError(
-                f"the arm at {text} cannot move the fixture: add --fixed-goal and say "
-                "where it is with --fixture X Y Z YAW [m, rad]"
-            )
         if self.force_weight > 0.0 and not arm.measures_contact:
             raise ConfigError(
                 f"force_weight is {self.force_weight:g}, but FRI does not measure "
@@ -314,8 +309,8 @@ class TrainConfig(LearnerSettings, Variation):
             )
         if not arm.places_fixture and self.fixture is None:
             raise ConfigError(
-                f"the arm at {text} cannot move the fixture: say where it is with "
-                "--fixture X Y Z YAW [m, rad]"
+                f"the arm at {text} cannot move the fixture: add --fixed-goal and say "
+                "where it is with --fixture X Y Z YAW [m, rad]"
             )
 
     @property
