@@ -33,5 +33,6 @@ def test_generating_again_gives_the_same_bytes(tmp_path):
 
 def test_the_message_has_every_field_of_a_robot():
     in_message = {field.name for field in pb.RobotModel.DESCRIPTOR.fields}
-    here = {"postures", "inertia_set", "inertia_sets"}  # of no use to the controller
+    # Of no use to the controller.
+    here = {"postures", "inertia_set", "inertia_sets", "drawn"}
     assert in_message == {f.name for f in fields(Robot)} - here

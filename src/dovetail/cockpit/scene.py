@@ -6,7 +6,7 @@ import numpy as np
 
 from dovetail.poses import Pose, quat_from_matrix
 from dovetail.types import Array, Vec3, Vec7
-from dovetail.view.cell_model import cell_spec
+from dovetail.view.cell_model import LAST_DRAWN, cell_spec
 from dovetail.view.marks import (
     BELIEVED_COLOUR,
     BESIDE,
@@ -63,8 +63,8 @@ class CellScene:
         self._believed: viser.FrameHandle | None = None
         if has_believed:
             self._believed = scene.add_frame(f"{name}/believed", show_axes=False)
-        for geom in range(self._model.ngeom):
-            self._add_geom(geom)
+        for geom in np.flatnonzero(self._model.geom_group <= LAST_DRAWN):
+            self._add_geom(int(geom))
         self._low, self._high = (np.array(wall) for wall in cell.walls)
         self._add_marks()
 

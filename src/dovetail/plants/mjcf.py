@@ -1,13 +1,11 @@
 """Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
-import importlib.util
 import math
-from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
 from dovetail.poses import quat_from_matrix, quat_multiply
+from dovetail.robots.drawn import Drawn, geom_xml, mesh_xml
 from dovetail.robots.robot import Robot
 from dovetail.workcell.parts import Primitive
 from dovetail.workcell.workcell import TABLE, Workcell
@@ -21,9 +19,10 @@ from dovetail.workcell.workcell import TABLE, Workcell
 _SOLREF = "0.002 1"
 _SOLIMP = "0.95 0.99 0.0001 0.5 2"
 
+_ORANGE, _GREY = (0.85, 0.5, 0.2, 1.0), (0.35, 0.37, 0.40, 1.0)
 _HEADER = """\
 <mujoco model="dovetail">
-  <compiler angle="radian" autolimits="true"{meshdir}/>
+  <compiler angle="radian" autolimits="true"/>
   <option integrator="implicitfast" cone="elliptic" jacobian="dense" solver="Newton"
           iterations="100" ls_iterations="100" tolerance="1e-8" impratio="10">
     <flag autoreset="disable" island="disable" sensor="disable" actuation="disable"
@@ -34,7 +33,8 @@ _HEADER = """\
   <default>
     <geom condim="3" solref="{solref}" solimp="{solimp}"/>
     <default class="visual"><geom contype="0" conaffinity="0" group="1"/></default>
-    <default class="tool"><geom contype="1" conaffinity="0" mass="0"/></default>
+    <default class="tool"><geom contype="1" conaffinity="0" mass="0"/>
+      <default class="hidden"><geom group="3"/></default></default>
     <default class="world"><geom contype="0" conaffinity="1"/></default>
   </default>
 {assets}  <worldbody>
@@ -53,32 +53,34 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     Args:
         robot: The arm with its tool.
         cell: What stands around it.
-        visual_meshes: Draw an iiwa 14 with pybullet_data's meshes where that package
-            is installed; capsules otherwise. Never used for collisions.
+        visual_meshes: Draw arm and tool as the files say that they have, and a link
+            that has none as a capsule. Never used for collisions.
     """
-    is_iiwa = robot.name.startswith("iiwa14")
-    meshes = _mesh_folder() if visual_meshes and is_iiwa else None
-    lines = [_table(), *_fixture(cell), *_links(robot, cell, meshes)]
-    assets = _assets(cell, meshes)
-    header = _HEADER.format(
-        solref=_SOLREF,
-        solimp=_SOLIMP,
-        assets=assets,
-        meshdir=f" meshdir={quoteattr(str(meshes))}" if meshes else "",
-    )
+    looks = _Looks(robot, cell) if visual_meshes else _Looks(None, None)
+    lines = [_table(), *_fixture(cell), *_links(robot, cell, looks)]
+    header = _HEADER.format(solref=_SOLREF, solimp=_SOLIMP, assets=_assets(cell, looks))
     return header + "\n".join(lines) + "\n  </worldbody>\n</mujoco>\n"
 
 
-def _mesh_folder() -> Path | None:
-    """Find pybullet_data's iiwa meshes without importing PyBullet."""
-    spec = importlib.util.find_spec("pybullet_data")
-    if spec is None or not spec.submodule_search_locations:
-        return None
-    folder = Path(spec.submodule_search_locations[0]) / "kuka_iiwa" / "meshes"
-    return folder if (folder / "link_7.stl").exists() else None
+class _Looks:
+    """What base, links and tool are drawn as, each file under a name of its own."""
+
+    def __init__(self, robot: Robot | None, cell: Workcell | None) -> None:
+        """Number everything that is drawn; nothing of None."""
+        self.links: list[dict[str, Drawn]] = [
+            {f"link{i}_{k}": one for k, one in enumerate(parts)}
+            for i, parts in enumerate(robot.drawn if robot else ((),) * 8)
+        ]
+        tool = () if cell is None else cell.tool.drawn
+        self.tool = {f"tool_{k}": one for k, one in enumerate(tool)}
+
+    def assets(self) -> list[str]:
+        """Return an asset for each."""
+        every = [*self.links, self.tool]
+        return [mesh_xml(name, one) for part in every for name, one in part.items()]
 
 
-def _assets(cell: Workcell, meshes: Path | None) -> str:
+def _assets(cell: Workcell, looks: _Looks) -> str:
     lines = []
     shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
     for part in (part for part in shapes if part.kind == "prism"):
@@ -90,8 +92,7 @@ def _assets(cell: Workcell, meshes: Path | None) -> str:
         ]
         vertices = "  ".join(_numbers(corner) for corner in corners)
         lines.append(f'    <mesh name="{part.name}" vertex="{vertices}"/>')
-    if meshes is not None:
-        lines += [f'    <mesh file="link_{i}.stl"/>' for i in range(8)]
+    lines += [f"    {asset}" for asset in looks.assets()]
     if not lines:
         return ""
     return "  <asset>\n" + "\n".join(lines) + "\n  </asset>\n"
@@ -110,9 +111,9 @@ def _fixture(cell: Workcell) -> list[str]:
     ]
 
 
-def _links(robot: Robot, cell: Workcell, meshes: Path | None) -> list[str]:
+def _links(robot: Robot, cell: Workcell, looks: _Looks) -> list[str]:
     """Write the serial chain; the tool is geoms of the last link."""
-    lines = [_link_visual(0, robot, meshes)]
+    lines = [_link_visual(0, robot, looks)]
     for i in range(7):
         pad = "    " + "  " * i
         pos = _numbers(robot.origin_position[i])
@@ -120,8 +121,9 @@ def _links(robot: Robot, cell: Workcell, meshes: Path | None) -> list[str]:
         lines.append(f'{pad}<body name="link{i + 1}" pos="{pos}" quat="{quat}">')
         lines.append(f"{pad}  {_inertial(robot, i)}")
         lines.append(f'{pad}  <joint name="A{i + 1}" type="hinge" axis="0 0 1"/>')
-        lines.append(f"{pad}  {_link_visual(i + 1, robot, meshes)}")
+        lines.append(f"{pad}  {_link_visual(i + 1, robot, looks)}")
     flange = _pose(robot.flange_position, robot.flange_rotation)
+    hidden = {part.name for part in cell.tool.primitives} if looks.tool else set()
     for part in cell.tool_primitives():
         T_flange = np.eye(4)
         T_flange[:3, :3], T_flange[:3, 3] = robot.flange_rotation, robot.flange_position
@@ -129,7 +131,11 @@ def _links(robot: Robot, cell: Workcell, meshes: Path | None) -> list[str]:
         quat = quat_from_matrix(robot.flange_rotation)
         quat = quat_multiply(quat, part.quat_wxyz)
         placed = part._replace(position=position, quat_wxyz=quat)
-        lines.append("                  " + _geom(placed, "tool"))
+        group = "hidden" if part.name in hidden else "tool"
+        lines.append("                  " + _geom(placed, group))
+    for name, one in looks.tool.items():
+        placed = one.seen_from(robot.flange_position, robot.flange_rotation)
+        lines.append("                  " + geom_xml(name, placed, _GREY))
     lines.append(f'                  <body name="flange" {flange}>')
     tool = _pose(robot.tool_position, robot.tool_rotation)
     lines.append(f'                    <site name="tcp" size="0.003" {tool}/></body>')
@@ -145,13 +151,10 @@ def _inertial(robot: Robot, i: int) -> str:
     )
 
 
-def _link_visual(link: int, robot: Robot, meshes: Path | None) -> str:
-    """Draw a link by its mesh, or by a capsule to the next joint."""
-    if meshes is not None:
-        return (
-            f'<geom class="visual" type="mesh" mesh="link_{link}" '
-            f'rgba="0.85 0.5 0.2 1"/>'
-        )
+def _link_visual(link: int, robot: Robot, looks: _Looks) -> str:
+    """Draw a link by its meshes, or by a capsule to the next joint."""
+    if meshes := looks.links[link]:
+        return "".join(geom_xml(name, one, _ORANGE) for name, one in meshes.items())
     end = robot.origin_position[link] if link < 7 else robot.flange_position
     radius = 0.06 if link < 5 else 0.045
     if np.linalg.norm(end) < 1e-6:  # MuJoCo builds no capsule without a length

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.errors import ConfigError
+from dovetail.robots.drawn import Drawn, read_drawn
 from dovetail.robots.inertia import merge_bodies
 from dovetail.types import Array, Mat33, Vec3
 
@@ -43,7 +44,7 @@ def load_robot(
     """
     import mujoco
 
-    model, limits = _compile(path, root)
+    model, limits, shapes = _compile(path, root)
     names = _joint_names(model, path, joints)
     ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in names]
     data = mujoco.MjData(model)
@@ -73,11 +74,14 @@ def load_robot(
         "tau_max": _limit(
             "tau_max", tau_max, names, limits["effort"] or _motor_limits(model), path
         ),
+        "drawn": _drawn(model, data, ids, frames, shapes),
     }
 
 
-def _compile(path: Path, root: str) -> "tuple[mujoco.MjModel, dict[str, dict]]":
-    """Compile the file; for a URDF also read the limits that MuJoCo drops."""
+def _compile(
+    path: Path, root: str
+) -> "tuple[mujoco.MjModel, dict[str, dict], dict[str, list[Drawn]]]":
+    """Compile the file; for a URDF also read limits that MuJoCo drops, and shapes."""
     import mujoco
 
     limits: dict[str, dict[str, float]] = {"velocity": {}, "effort": {}}
@@ -92,12 +96,13 @@ def _compile(path: Path, root: str) -> "tuple[mujoco.MjModel, dict[str, dict]]":
         )
     try:
         if root == "mujoco":
-            return mujoco.MjModel.from_xml_path(str(path)), limits
+            return mujoco.MjModel.from_xml_path(str(path)), limits, {}
+        shapes = read_drawn(tree.getroot(), path)
         _prepare_urdf(tree.getroot(), limits)
         options = ET.SubElement(tree.getroot(), "mujoco")
         ET.SubElement(options, "compiler", fusestatic="false", strippath="true")
         text = ET.tostring(tree.getroot(), encoding="unicode")
-        return mujoco.MjModel.from_xml_string(text), limits
+        return mujoco.MjModel.from_xml_string(text), limits, shapes
     except ValueError as error:
         raise ConfigError(f"MuJoCo cannot load {path}: {error}") from error
 
@@ -183,6 +188,39 @@ def _relative(frames: list[tuple[Vec3, Mat33]]) -> list[tuple[Vec3, Mat33]]:
     ]
 
 
+def _owners(model: "mujoco.MjModel", ids: list[int]) -> dict[int, int]:
+    """Return with which of the seven joints each body moves; the base with none."""
+    moved = {int(model.jnt_bodyid[joint]): i for i, joint in enumerate(ids)}
+    owners: dict[int, int] = {}
+    for body in range(1, model.nbody):  # a parent comes before its children
+        parent = int(model.body_parentid[body])
+        owner = moved.get(body, owners.get(parent))
+        if owner is not None:
+            owners[body] = owner
+    return owners
+
+
+def _drawn(
+    model: "mujoco.MjModel",
+    data: "mujoco.MjData",
+    ids: list[int],
+    frames: list[tuple[Vec3, Mat33]],
+    shapes: "Mapping[str, Sequence[Drawn]]",
+) -> tuple[tuple[Drawn, ...], ...]:
+    """Put what is drawn into the frames of the base and of the seven joints."""
+    bodies = {model.body(i).name: i for i in range(model.nbody)}
+    owners = _owners(model, ids)
+    drawn: list[list[Drawn]] = [[] for _ in (None, *ids)]
+    for link, parts in shapes.items():
+        body = bodies.get(link, 0)  # the base is the world
+        at, axes = data.xpos[body], data.xmat[body].reshape(3, 3)
+        joint = owners.get(body)
+        p, R = (np.zeros(3), np.eye(3)) if joint is None else frames[joint]
+        seen = [part.seen_from(R.T @ (at - p), R.T @ axes) for part in parts]
+        drawn[0 if joint is None else joint + 1] += seen
+    return tuple(tuple(parts) for parts in drawn)
+
+
 def _links(
     model: "mujoco.MjModel",
     data: "mujoco.MjData",
@@ -190,18 +228,15 @@ def _links(
     frames: list[tuple[Vec3, Mat33]],
 ) -> tuple[Array, Array, Array]:
     """Collect the bodies that move with each joint, in that joint's frame."""
-    owner = {int(model.jnt_bodyid[joint]): i for i, joint in enumerate(ids)}
+    owners = _owners(model, ids)
     parts: list[list[tuple[float, Vec3, Mat33]]] = [[] for _ in ids]
     for body in range(1, model.nbody):
-        link = body
-        while link > 0 and link not in owner:
-            link = int(model.body_parentid[link])
-        if link > 0:
-            p, R = frames[owner[link]]
+        if body in owners:
+            p, R = frames[owners[body]]
             axes = R.T @ data.ximat[body].reshape(3, 3)
             inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T
             part = (float(model.body_mass[body]), R.T @ (data.xipos[body] - p), inertia)
-            parts[owner[link]].append(part)
+            parts[owners[body]].append(part)
     merged = [merge_bodies(*bodies) for bodies in parts]
     mass = np.array([m for m, _, _ in merged])
     return mass, np.array([c for _, c, _ in merged]), np.array([i for *_, i in merged])

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dovetail.robots.drawn import Drawn, bullet_file
 from dovetail.robots.robot import InertiaSet, Robot
 from dovetail.types import Array
 
@@ -122,7 +123,16 @@ def iiwa14(inertia: str = "drake") -> Robot:
         postures=_POSTURES,
         inertia_set="drake",
         inertia_sets={"drake": drake, "pybullet": pybullet, "lbr": lbr},
+        drawn=_drawn(),
     ).with_inertia(inertia)
+
+
+def _drawn() -> tuple[tuple[Drawn, ...], ...]:
+    """Return pybullet_data's meshes, whose frames are our links'."""
+    files = [bullet_file("kuka_iiwa", "meshes", f"link_{i}.stl") for i in range(8)]
+    return tuple(
+        () if file is None else (Drawn(file, np.zeros(3), np.eye(3)),) for file in files
+    )
 
 
 def _diagonal(moments: tuple[tuple[float, ...], ...]) -> Array:

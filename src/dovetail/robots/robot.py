@@ -14,6 +14,7 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_from_matrix
+from dovetail.robots.drawn import Drawn
 from dovetail.robots.inertia import merge_bodies, require_inertia
 from dovetail.robots.kinematics import solve_pose
 from dovetail.types import JOINTS, Array, Mat33, Vec3, Vec7
@@ -27,7 +28,7 @@ GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s2]."""
 NOMINAL = "nominal"
 """Name of the inertia set of a robot that has one only."""
-_NO_ARRAYS = ("name", "postures", "inertia_set", "inertia_sets", "payload")
+_NO_ARRAYS = ("name", "postures", "inertia_set", "inertia_sets", "payload", "drawn")
 _SHAPES: Mapping[str, tuple[int, ...]] = {
     "origin_position": (7, 3),
     "origin_rotation": (7, 3, 3),
@@ -138,6 +139,9 @@ class Robot:
     """Other published sets of the same arm, by name; see `with_inertia`."""
     payload: Payload | None = None
     """What the flange carries; it is already merged into mass, com and inertia."""
+    drawn: tuple[tuple[Drawn, ...], ...] = ((),) * 8
+    """What base and links are drawn as, in their frames; a link of none as a plain
+    body. Of this machine: it does not go over a wire."""
 
     def __post_init__(self) -> None:
         for name, shape in array_shapes().items():

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dovetail.poses import quat_about_z
+from dovetail.poses import matrix_from_quat, quat_about_z
+from dovetail.robots.drawn import Drawn, bullet_file
 from dovetail.types import Vec4
 from dovetail.workcell.parts import Primitive
 
@@ -32,6 +33,8 @@ class Tool:
     """Flange to the TCP along the flange's z [m]."""
     rotation: Vec4
     """Rotation (wxyz) of the TCP's frame in the flange frame."""
+    drawn: tuple[Drawn, ...] = ()
+    """What it is drawn as, in the flange frame; with none, its shapes are drawn."""
 
 
 def wsg50(
@@ -70,5 +73,27 @@ def wsg50(
         for name, sign in (("finger_left", -1.0), ("finger_right", 1.0))
     ]
     return Tool(
-        name="wsg50", primitives=(body, *fingers), length=length, rotation=MOUNT
+        name="wsg50",
+        primitives=(body, *fingers),
+        length=length,
+        rotation=MOUNT,
+        drawn=_wsg50_drawn(opening, end),
     )
+
+
+def _wsg50_drawn(opening: float, end: float) -> tuple[Drawn, ...]:
+    """Return pybullet_data's gripper, opened so far, its fingers ending there [m]."""
+    names = ("WSG50_110.stl", "GUIDE_WSG50_110.stl", "WSG-FMF.stl")
+    found = [bullet_file("gripper", "meshes", name) for name in names]
+    body, guide, finger = found
+    if body is None or guide is None or finger is None:
+        return ()
+    turn = matrix_from_quat(MOUNT)
+    drawn = [Drawn(body, np.zeros(3), turn, rgba=_RGBA)]
+    for side in (np.eye(3), np.diag([-1.0, -1.0, 1.0])):
+        # Both files in mm; the finger's inner face is at x = 3, its end at z = 130.5.
+        for file, z in ((guide, 0.0), (finger, end - 0.1305)):
+            at = np.array([-opening / 2.0 - 0.003, 0.0, z])
+            one = Drawn(file, side @ at, side, (1e-3, 1e-3, 1e-3), _RGBA)
+            drawn.append(one.seen_from(np.zeros(3), turn))
+    return tuple(drawn)
