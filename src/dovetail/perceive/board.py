@@ -38,7 +38,7 @@ class Board:
     thickness: Annotated[float, Range(0.0, 0.02, "m")] = 0.0002
     """Height of the printed face above the fixture's frame [m]: paper and glue."""
     part: str = ""
-    """What it is glued to, by the fixture's name, as hole; empty is not said. With
+    """What it is glued to, by the name of the fixture; empty is not said. With
     another task it is refused."""
 
     def __post_init__(self) -> None:
