@@ -11,8 +11,10 @@ from dovetail.perceive.board import Board
 from dovetail.perceive.camera import load_camera
 from dovetail.perceive.open_source import open_source
 from dovetail.perceive.sources import Device, Folder
+from dovetail.plants.twin import load_twin
 from dovetail.trackers.find import Site, find_tracker
 from dovetail.trackers.late import Late
+from dovetail.trackers.tracker import close_tracker
 
 from .scene import PLACE, beside
 
@@ -70,8 +72,18 @@ def test_an_uncalibrated_camera_is_refused(tmp_path):
     (tmp_path / "pictures").mkdir()
     (tmp_path / "pictures" / "0.png").touch()
     camera = beside(source=f"folder:{tmp_path / 'pictures'}")
-    with pytest.raises(ConfigError, match="not calibrated"):
-        find_tracker(str(write(tmp_path, camera)), site())
+    file = str(write(tmp_path, camera))
+    for text in (file, f"{file}?images=0"):
+        with pytest.raises(ConfigError, match="not calibrated"):
+            find_tracker(text, site())
+
+
+@pytest.mark.parametrize("query", ["", "?images=0"])
+def test_a_simulated_camera_is_exact_without_a_twin_alone(tmp_path, query):
+    file, twin = f"{write(tmp_path)}{query}", load_twin("medium").camera
+    close_tracker(find_tracker(file, site()))
+    with pytest.raises(ConfigError, match=r"not calibrated.*with the same --twin"):
+        find_tracker(file, site(twin=twin))
 
 
 def test_a_simulated_camera_is_refused_for_a_robot(tmp_path):

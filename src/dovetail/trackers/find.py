@@ -122,6 +122,8 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
     from dovetail.perceive.camera import load_camera
 
     camera = load_camera(name)
+    is_exact = site.twin is None or not any(site.twin.misplaced)
+    camera.require_calibrated(is_exact=is_exact)
     if not _wants_images(f"{name}?{query}", query):
         shift, turn = camera.deviation[:3], camera.deviation[3:]
         return Late(
@@ -144,8 +146,6 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
             f"the board of camera {name} is on a {part}, and this task's fixture is a "
             f"{own}: take the camera file of that, or correct part in its [board]"
         )
-    is_exact = site.twin is None or not any(site.twin.misplaced)
-    camera.require_calibrated(is_exact=is_exact)
     source = open_source(camera, site.cell, site.twin)
     return MarkerTracker(camera, source, site.cell.robot)
 
