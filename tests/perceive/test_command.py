@@ -1,6 +1,7 @@
 """`dovetail camera` writes what it is sure of, and nothing over anything."""
 
 import re
+import shutil
 
 import numpy as np
 import pytest
@@ -72,6 +73,22 @@ def test_hand_eye_moves_the_simulated_arm_and_says_how_sure_it_is(
     np.testing.assert_allclose(load_camera(again).position, found.position, atol=1e-12)
     assert camera(*words[:4]) == 2
     assert "stays" in capsys.readouterr().err
+
+
+def test_a_shuffled_table_of_poses_is_named(calibrated, tmp_path, capsys):
+    first, folder = calibrated.parent / "beside.toml", calibrated.parent / "kept"
+    lines = (folder / "poses.csv").read_text().splitlines()
+    shuffled, out = tmp_path / "shuffled", tmp_path / "out.toml"
+    shutil.copytree(folder, shuffled)
+    names = [line.partition(",")[0] for line in lines[1:]]
+    poses = [line.partition(",")[2] for line in lines[1:]]
+    moved = [poses[i] for i in (3, 7, 1, 9, 0, 5, 8, 2, 6, 4)]
+    rows = [f"{name},{pose}" for name, pose in zip(names, moved, strict=True)]
+    (shuffled / "poses.csv").write_text("\n".join([lines[0], *rows]) + "\n")
+    words = ("--folder", shuffled, "--twin", "medium", "--out", out)
+    assert camera("hand-eye", first, *words) == 2
+    assert "pictures and poses do not belong together" in capsys.readouterr().err
+    assert not out.exists()
 
 
 def test_hand_eye_of_a_device_wants_an_arm_or_a_folder(file, tmp_path, capsys):

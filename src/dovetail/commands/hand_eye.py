@@ -100,7 +100,9 @@ class CameraHandEye:
         camera = camera.calibrated_from(self.camera, twin)
         if camera.is_simulated:
             objections += self._elsewhere(camera, found)
-        return decide(console, objections, file, _placed(camera, found))
+        # What is no-go may be no camera at all: its doubts are out of any range.
+        placed = camera if objections else _placed(camera, found)
+        return decide(console, objections, file, placed)
 
     def _shots(
         self,
