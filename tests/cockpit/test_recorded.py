@@ -54,6 +54,35 @@ def test_a_fixture_of_an_evaluation_stands_where_the_try_had_it(write, env):
     )
 
 
+def test_a_log_that_tells_of_neither_belief_nor_pull_is_drawn_without(write):
+    recorded = Recorded.load(write({}))
+    assert recorded.seen(0.1) is None
+    np.testing.assert_array_equal(recorded.pull(0.1), 0.0)
+
+
+def test_belief_and_pull_are_the_last_that_was_noted(write):
+    file = write({})
+    begin = float(Episode.load(file)["time"][0])
+    metadata = {
+        "believed_path [s, m, wxyz]": [
+            [begin, 0.6, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0],
+            [begin + 0.1, 0.6, 0.02, 0.1, 1.0, 0.0, 0.0, 0.0],
+        ],
+        "pull_path [s, N]": [[begin, 0.0, 0.0, 0.0], [begin + 0.05, 0.0, 7.0, 0.0]],
+    }
+    recorded = Recorded.load(write(metadata))
+    for time, y, force in ((0.0, 0.0, 0.0), (0.06, 0.0, 7.0), (0.15, 0.02, 7.0)):
+        assert recorded.seen(time).position[1] == pytest.approx(y)
+        assert recorded.pull(time)[1] == pytest.approx(force)
+
+
+@pytest.mark.parametrize("key", ["believed_path [s, m, wxyz]", "pull_path [s, N]"])
+@pytest.mark.parametrize("rows", ["x", [[1, 2]], [[0.0] * 7 + [float("inf")]]])
+def test_a_belief_or_pull_that_is_no_table_is_refused(write, key, rows):
+    with pytest.raises(LogError, match="its"):
+        Recorded.load(write({key: rows}))
+
+
 def test_an_unmeasured_force_is_the_estimated_one(write, env, tmp_path):
     episode = Episode.load(write({}))
     measured = Recorded.load(tmp_path / "log.npz")

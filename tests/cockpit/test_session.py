@@ -10,6 +10,8 @@ import pytest
 from dovetail.cockpit.choice import NOBODY, Choice, build
 from dovetail.cockpit.hand import DRAG_SPEED, PULL_MAX
 from dovetail.cockpit.recorded import Recorded
+from dovetail.cockpit.replay_page import ReplayPage
+from dovetail.cockpit.server import open_server
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import PolicyError
@@ -230,6 +232,34 @@ def test_each_reset_begins_a_log_and_says_where_the_fixture_went(session):
     before, after = first.fixtures[0][1].position, first.fixtures[-1][1].position
     np.testing.assert_allclose(after - before, [0.005, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(second.fixtures[0][1].position, after)
+
+
+def test_what_was_believed_and_pulled_is_drawn_again_in_the_replay(session):
+    need("viser")
+    session.cover(True)
+    session.reset()
+    simulate(session, 0.1)
+    begin = session.moment.fixture.position
+    session.drag(begin + np.array([0.0, 0.02, 0.0]), 0.0)
+    session.pull(session.moment.position + np.array([0.0, 0.0, 0.05]))
+    simulate(session, 0.4)
+    session.close()
+    recorded = Recorded.load(session.diary.files[-1])
+    end = recorded.end
+    np.testing.assert_allclose(recorded.seen(end).position, begin)
+    assert recorded.at(end)[2].position[1] > begin[1] + 0.015
+    assert recorded.pull(0.0)[2] == 0.0
+    assert recorded.pull(end)[2] > 5.0
+    server = open_server(0)
+    page = ReplayPage(server, (recorded,))
+    (scene,) = page.scenes
+    assert not scene.pull.visible
+    page.seek(end)
+    wait_until(lambda: scene.pull.visible)
+    assert scene.believed.visible
+    np.testing.assert_allclose(scene.believed.position, begin)
+    page.close()
+    server.stop()
 
 
 def test_a_log_that_cannot_be_written_is_told_and_the_arm_goes_on(

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dovetail.arms.arm import ArmState
+from dovetail.cockpit.snapshot import Moment
 from dovetail.envs.log_facts import FIRST, SUCCESS
 from dovetail.episode import OBSERVED, Episode
 from dovetail.errors import LogError
@@ -22,10 +23,18 @@ CYCLES_MAX = 120_000
 """Control cycles in one file: about 40 MB; the next file goes on."""
 FIXTURE = "fixture_path [s, m, wxyz]"
 """Key of the metadata: rows of time, position and rotation where the fixture moved."""
+BELIEVED = "believed_path [s, m, wxyz]"
+"""The same of where it was believed."""
+PULL = "pull_path [s, N]"
+"""Key of the metadata: rows of time and force where a hand's pull changed."""
 SHOWN = "demonstration"
 """Key of the metadata: finished or unfinished, where it is a person's."""
 DEMONSTRATIONS = "demonstrations"
 """Folder of demonstrations, in that of the logs."""
+
+
+def _no_paths() -> dict[str, list[list[float]]]:
+    return {FIXTURE: [], BELIEVED: [], PULL: []}
 
 
 class Diary:
@@ -49,7 +58,7 @@ class Diary:
         self._episode: Episode | None = None
         self._about: dict[str, Any] = {}
         self._observed: Sequence[str] = OBSERVED
-        self._fixture: list[list[float]] = []
+        self._paths = _no_paths()
         self._idle = self._number = 0
         self._is_worth = False
         self._newest: Path | None = None
@@ -76,7 +85,7 @@ class Diary:
         """
         self.end()
         self._about, self._observed = dict(about), observed
-        self._fixture = []
+        self._paths = _no_paths()
         self._idle = 0
         self._newest = None
         self._open()
@@ -96,13 +105,24 @@ class Diary:
         if self.folder:
             self._episode = Episode(metadata=self._about, observed=self._observed)
         self._is_worth = False
-        self._fixture = self._fixture[-1:]
+        self._paths = {key: rows[-1:] for key, rows in self._paths.items()}
 
-    def follow(self, stamp: float, fixture: Pose) -> None:
-        """Note where the fixture is at a time [s], where that has changed."""
-        row = [*fixture.position.tolist(), *fixture.quat_wxyz.tolist()]
-        if not self._fixture or self._fixture[-1][1:] != row:
-            self._fixture.append([stamp, *row])
+    def follow(self, stamp: float, fixture: Pose, moment: Moment | None = None) -> None:
+        """Note where the fixture is at a time [s], where that has changed.
+
+        Args:
+            stamp: Of the episode.
+            fixture: Where it truly is.
+            moment: What the page shows: where it is believed, and the pull.
+        """
+        now = {FIXTURE: [*fixture.position, *fixture.quat_wxyz]}
+        if moment is not None:
+            now[BELIEVED] = [*moment.seen.position, *moment.seen.quat_wxyz]
+            now[PULL] = [*moment.pull]
+        for key, values in now.items():
+            row, rows = [float(value) for value in values], self._paths[key]
+            if not rows or rows[-1][1:] != row:
+                rows.append([stamp, *row])
 
     def add(
         self,
@@ -157,7 +177,7 @@ class Diary:
         is_shown, self.is_demonstration = self.is_demonstration, False
         if episode is None or self.folder is None or not self._is_worth:
             return
-        episode.metadata |= {FIXTURE: self._fixture, SUCCESS: success}
+        episode.metadata |= {**self._paths, SUCCESS: success}
         folder = self.folder
         if is_shown:
             episode.metadata[SHOWN] = "finished" if success else "unfinished"

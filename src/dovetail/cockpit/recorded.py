@@ -4,14 +4,14 @@ A log comes from somebody else: it may name one of dovetail's tasks and robots, 
 module, which only whoever replays it may name.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from dovetail.cockpit.diary import FIXTURE
+from dovetail.cockpit.diary import BELIEVED, FIXTURE, PULL
 from dovetail.envs.log_facts import CELL
 from dovetail.envs.registered import make_task, task_class
 from dovetail.episode import Episode
@@ -27,6 +27,7 @@ COLUMNS = ("time", "force", "torque", "speed", "reward", "apart")
 """Time since the log's begin [s], contact force [N], largest joint torque [Nm], speed
 of the TCP [m/s], reward [1], distance of the TCP from the other log's [mm]."""
 _POINTS = 600  # of a curve
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,6 +53,10 @@ class Recorded:
     """`COLUMNS` of some cycles, shape (points, columns)."""
     fixtures: tuple[tuple[float, Pose], ...]
     """Where the fixture was, from which time on [s]."""
+    believed: tuple[tuple[float, Pose], ...]
+    """Where it was believed, likewise; empty where the log does not say."""
+    pulls: tuple[tuple[float, Vec3], ...]
+    """Force of a hand's pull [N], world axes, likewise."""
 
     @classmethod
     def load(
@@ -94,6 +99,8 @@ class Recorded:
             is_estimated=bool(np.isnan(columns["fx"]).all()),
             curves=_curves(columns, time),
             fixtures=_fixtures(path, episode.metadata, float(stamp[0]), first),
+            believed=_believed(path, episode.metadata, float(stamp[0])),
+            pulls=_pulls(path, episode.metadata, float(stamp[0])),
         )
 
     @property
@@ -107,11 +114,15 @@ class Recorded:
         Before the first cycle they are the first one's, after the last the last one's.
         """
         row = self._row(time)
-        fixture = self.fixtures[0][1]
-        for begin, pose in self.fixtures:
-            if begin <= time:
-                fixture = pose
-        return self.q[row], self.force[row], fixture
+        return self.q[row], self.force[row], _latest(self.fixtures, time)
+
+    def seen(self, time: float) -> Pose | None:
+        """Return where the fixture was believed at a time [s]; None is unknown."""
+        return _latest(self.believed, time) if self.believed else None
+
+    def pull(self, time: float) -> Vec3:
+        """Return the force of a hand's pull at a time [s], world axes [N]."""
+        return _latest(self.pulls, time) if self.pulls else np.zeros(3)
 
     def path(self, time: float) -> Array:
         """Return where the TCP was until a time [m], shape (points, 3)."""
@@ -135,6 +146,15 @@ class Recorded:
             curves[:, -1] = np.hypot(curves[:, -1], 1e3 * (own - their))
         curves[curves[:, 0] > other.end, -1] = np.nan
         return curves
+
+
+def _latest(changes: Sequence[tuple[float, T]], time: float) -> T:
+    """Return what holds at a time [s]: the last change before it, or the first."""
+    found = changes[0][1]
+    for begin, value in changes:
+        if begin <= time:
+            found = value
+    return found
 
 
 def _stack(columns: Mapping[str, Array], *names: str) -> Array:
@@ -176,14 +196,43 @@ def _named(what: str, asked: str | None, told: Any, usual: str) -> str:
     return asked or told
 
 
+def _rows(path: Path, metadata: Mapping[str, Any], key: str, width: int) -> Array:
+    """Return the rows of a path that a log holds; none where it does not."""
+    try:
+        rows = np.array(metadata.get(key, []), dtype=float).reshape(-1, width)
+    except (TypeError, ValueError) as error:
+        raise LogError(f"the log {path}: its {key!r} is no table: {error}") from error
+    if not np.isfinite(rows).all():
+        raise LogError(f"the log {path}: a number of its {key!r} is not finite")
+    return rows
+
+
+def _believed(
+    path: Path, metadata: Mapping[str, Any], begin: float
+) -> tuple[tuple[float, Pose], ...]:
+    return tuple(_poses(_rows(path, metadata, BELIEVED, 8), begin))
+
+
+def _pulls(
+    path: Path, metadata: Mapping[str, Any], begin: float
+) -> tuple[tuple[float, Vec3], ...]:
+    rows = _rows(path, metadata, PULL, 4)
+    return tuple((float(row[0]) - begin, row[1:]) for row in rows)
+
+
+def _poses(table: Any, begin: float) -> list[tuple[float, Pose]]:
+    """Return rows of time, position and rotation as poses, by the time since begin."""
+    rows = np.array(table, dtype=float).reshape(-1, 8)
+    return [(float(row[0]) - begin, Pose(row[1:4], row[4:8])) for row in rows]
+
+
 def _fixtures(
     path: Path, metadata: Mapping[str, Any], begin: float, first: FixturePose
 ) -> tuple[tuple[float, Pose], ...]:
     """Return where the fixture was; where the log does not say, the task's first."""
     try:
         if FIXTURE in metadata:
-            rows = np.array(metadata[FIXTURE], dtype=float).reshape(-1, 8)
-            poses = [(float(r[0]) - begin, Pose(r[1:4], r[4:8])) for r in rows]
+            poses = _poses(metadata[FIXTURE], begin)
         elif "fixture_pose" in metadata:
             poses = [(0.0, FixturePose(**metadata["fixture_pose"]).pose())]
         elif "fixture" in metadata:

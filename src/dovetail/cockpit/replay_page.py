@@ -44,16 +44,17 @@ class ReplayPage:
         self._is_ended = threading.Event()
         light(server.scene)
         shifts = [_APART * (i - 0.5 * (len(logs) - 1)) for i in range(len(logs))]
-        self._scenes = [
+        self.scenes = [
             CellScene(
                 server.scene,
                 log.cell,
                 name=f"/log{i}",
                 shift=np.array([0.0, shift, 0.0]),
-                has_believed=False,
+                has_believed=bool(log.believed),
             )
             for i, (log, shift) in enumerate(zip(logs, shifts, strict=True))
         ]
+        """The cells that are drawn, one for each log."""
         for log, shift in zip(logs, shifts, strict=True):
             server.scene.add_label(
                 f"/name/{log.name}{shift:+g}", log.name, position=(0.0, shift, 1.25)
@@ -142,10 +143,10 @@ class ReplayPage:
 
     def _draw_frame(self, now: float) -> None:
         words = []
-        for log, scene in zip(self._logs, self._scenes, strict=True):
+        for log, scene in zip(self._logs, self.scenes, strict=True):
             q, force, fixture = log.at(now)
-            scene.place(q, fixture)
-            scene.point(force, np.zeros(3))
+            scene.place(q, fixture, log.seen(now))
+            scene.point(force, log.pull(now))
             scene.trace(log.path(now))
             size = float(np.linalg.norm(force))
             told = "no force known" if np.isnan(size) else f"{size:.1f} N"

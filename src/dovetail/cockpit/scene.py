@@ -60,9 +60,10 @@ class CellScene:
             for i in range(1, self._model.nbody)
         }
         self._fixture = self._model.body("fixture").id
-        self._believed: viser.FrameHandle | None = None
+        self.believed: viser.FrameHandle | None = None
+        """Where the fixture is believed."""
         if has_believed:
-            self._believed = scene.add_frame(f"{name}/believed", show_axes=False)
+            self.believed = scene.add_frame(f"{name}/believed", show_axes=False)
         for geom in np.flatnonzero(self._model.geom_group <= LAST_DRAWN):
             self._add_geom(int(geom))
         self._low, self._high = (np.array(wall) for wall in cell.walls)
@@ -90,7 +91,7 @@ class CellScene:
         self._scene.add_mesh_simple(
             f"{parent}/geom{geom}", color=colour, opacity=opacity, **about
         )
-        if body == self._fixture and self._believed is not None:
+        if body == self._fixture and self.believed is not None:
             self._scene.add_mesh_simple(
                 f"{self._name}/believed/geom{geom}",
                 color=BELIEVED_COLOUR,
@@ -147,9 +148,9 @@ class CellScene:
         self._mujoco.mj_kinematics(self._model, data)
         for i, frame in self._bodies.items():
             frame.position, frame.wxyz = data.xpos[i], data.xquat[i]
-        if self._believed is not None and seen is not None:
-            self._believed.position, self._believed.wxyz = seen
-            self._believed.visible = is_elsewhere(seen, fixture)
+        if self.believed is not None and seen is not None:
+            self.believed.position, self.believed.wxyz = seen
+            self.believed.visible = is_elsewhere(seen, fixture)
 
     def point(self, force: Vec3, pull: Vec3) -> None:
         """Draw the contact force and the hand's pull [N], world axes, at the tool."""

@@ -269,7 +269,7 @@ class Session:
         is_idle = not (self._is_running or self.hand.is_busy or self._was_led)
         if is_shown or not self.diary.is_demonstration:
             self.diary.add(core.state, self._step, self._reward, info, is_idle=is_idle)
-        self.diary.follow(core.state.stamp, core.fixture)
+        self.diary.follow(core.state.stamp, core.fixture, self.moment)
         if done and self._is_acting:
             self.diary.end(success=True)
             self._is_success = True
@@ -363,7 +363,7 @@ class Session:
             self._arm.stop()
         self.trace.clear()
         self._see(core.state, core.fixture)
-        self.diary.follow(core.state.stamp, core.fixture)
+        self.diary.follow(core.state.stamp, core.fixture, self.moment)
 
     def _rebuild(self, choice: Choice) -> None:
         before = self._env
