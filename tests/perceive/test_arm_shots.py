@@ -1,17 +1,23 @@
 """A calibration by any arm that goes through poses, as to the start of an episode."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from arms.loopback import lockstep_address
 from dovetail.cli import run
 from dovetail.control.task_spec import TaskSpec
-from dovetail.envs.arm_setup import build_arm
+from dovetail.envs.arm_setup import build_arm, make_settings
+from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import TrackerError
 from dovetail.perceive.arm_shots import TASK, take_shots
 from dovetail.perceive.camera import load_camera
+from dovetail.perceive.detect import Detector, Sight
 from dovetail.perceive.rehearsal import FIXTURE
+from dovetail.perceive.simulated import Simulated
+from dovetail.plants.find import make_plant
 from dovetail.plants.twin import TwinPlant, load_twin
 
 from .scene import beside
@@ -102,3 +108,20 @@ def test_where_no_picture_comes_the_arm_is_stopped(file, monkeypatch):
         next(take_shots(load_camera(file), arm, cell, None, 6, 0))
     assert stopped == [arm]
     arm.close()
+
+
+def test_an_arm_behind_a_service_goes_through_its_poses(opengl, monkeypatch):
+    served = pytest.importorskip("arms.served_arm", exc_type=ImportError)
+    cell, spec = find_cell(), TaskSpec.parse(TASK)
+    osc, limits = make_settings(cell, EnvConfig.of())
+    plant = make_plant("mujoco", cell)
+    plant.reset(cell.robot.posture("down"), FIXTURE)
+    arm = served.ServedArm(plant, cell.loaded_robot(), osc, limits, spec, 0.005)
+    drawn = Simulated(beside(), cell)
+    monkeypatch.setattr("dovetail.perceive.arm_shots.open_source", lambda *_: drawn)
+    camera = replace(beside(), source="device:0")
+    shots = list(take_shots(camera, arm, cell, None, 2, 0))
+    arm.close()
+    detector = Detector(camera.board, camera.lens)
+    assert all(isinstance(detector.find(shot.picture), Sight) for shot in shots)
+    assert np.abs(shots[0].q - shots[1].q).max() > 0.1
