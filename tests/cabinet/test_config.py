@@ -71,7 +71,7 @@ def test_whole_milliseconds_are_periods(period_ms):
         ({"restart_delay": -1.0}, "restart_delay is -1 s"),
         ({"stiffness": (1.0,) * 6}, "stiffness has shape (6,); give 7 values"),
         ({"stiffness": (-1.0,) * 7}, "stiffness[A1] is -1 Nm/rad"),
-        ({"damping": (0.0,) * 6 + (1.5,)}, "damping[A7] is 1.5 1; allowed: 0 to 1"),
+        ({"damping": (0.0,) * 6 + (1.5,)}, "damping[A7] is 1.5; allowed: 0 to 1"),
         ({"transformations": ("a",) * 6}, "6 transformations; FRI carries 5 at most"),
         ({"transformations": ("a", "a")}, "transformation 'a' is registered twice"),
         ({"transformations": ("x" * 64,)}, "has 64 bytes; allowed are 1 to 63"),

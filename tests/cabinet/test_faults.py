@@ -54,17 +54,17 @@ def test_faults_are_read_together_and_none_is_none():
         ("los=0.1", "fault 'los' is unknown; known faults: loss, duplicate, reorder"),
         ("loss", "loss has no value"),
         ("loss=", "loss has no value"),
-        ("loss=2", "loss is '2'; give a share from 0 to 1"),
-        ("loss=-0.1", "from 0 to 1"),
-        ("loss=nan", "from 0 to 1"),
-        ("loss=much", "from 0 to 1"),
+        ("loss=2", "fault loss is 2; allowed: 0 to 1"),
+        ("loss=-0.1", "loss is -0.1; allowed: 0 to 1"),
+        ("loss=nan", "loss is nan; allowed: 0 to 1"),
+        ("loss=much", "loss is 'much', which is no number"),
         ("loss=0.1,loss=0.2", "given twice"),
         ("delay=3", "give a number and its unit"),
-        ("delay=2s", "delay is 2s; allowed is 0 to 1 s"),
-        ("jitter=-1ms", "allowed is 0 to 1 s"),
+        ("delay=2s", "delay is 2 s; allowed: 0 to 1 s"),
+        ("jitter=-1ms", "jitter is -0.001 s; allowed: 0 to 1 s"),
         ("quality=bad", "known: poor, fair, good, excellent"),
-        ("stop=4", "whole number from 1 to 3"),
-        ("values=7.5", "whole number from 0 to 14"),
+        ("stop=4", "stop is 4; allowed: 1 to 3"),
+        ("values=7.5", "values is '7.5'; give a whole number"),
         ("direction=up", "known: both, to_client, from_client"),
     ],
 )
@@ -177,3 +177,8 @@ def test_a_direction_leaves_the_other_alone():
     assert link.is_idle
     link.configure(FaultConfig(loss=1.0, direction="from_client"), "from_client")
     assert not link.is_idle
+
+
+def test_faults_that_are_made_in_python_are_checked_too():
+    with pytest.raises(ConfigError, match=r"fault delay is 3 s; allowed: 0 to 1 s"):
+        FaultConfig(delay=3.0)

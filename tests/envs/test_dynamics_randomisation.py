@@ -128,7 +128,7 @@ def test_a_range_that_cannot_be_is_refused_by_name(settings, words):
 
 def test_ranges_that_lead_out_of_an_arms_are_refused_before_any_episode():
     dynamics = DynamicsConfig(mass_scale=(9.0,) * 7)
-    with pytest.raises(ConfigError, match=r"mass_scale\[A1\] is 10.8 1; allowed:"):
+    with pytest.raises(ConfigError, match=r"mass_scale\[A1\] is 10.8; allowed:"):
         make(USUAL, dynamics=dynamics)
 
 

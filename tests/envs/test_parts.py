@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
 
+from dovetail.control.ranges import ranges_of
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import CommandMap
+from dovetail.envs.config import ActionConfig, EnvConfig
 from dovetail.envs.observation import (
     USUAL_GROUPS,
     Layout,
@@ -195,3 +197,10 @@ def test_the_true_hole_is_never_late():
     hole = sample_hole(np.random.default_rng(0), RandomisationConfig())
     tracker.reset(hole, 0)
     assert tracker.estimate() == (hole, 0.0, None)
+
+
+@pytest.mark.parametrize("name", ["f_scale_angular", "theta_range", "position_range"])
+def test_a_scale_is_checked_before_there_is_an_arm(name):
+    allowed = ranges_of(ActionConfig)[name]
+    with pytest.raises(ConfigError, match=rf"{name} is .* {allowed.unit}; allowed: 0"):
+        EnvConfig.of(**{name: 2.0 * allowed.high})

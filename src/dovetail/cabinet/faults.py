@@ -8,50 +8,57 @@ was started: ``2s loss=0.1`` and then ``5s none``. Lines may have a # comment.
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from dovetail.cabinet.protocol import Quality, SafetyState
+from dovetail.control.ranges import Range, check_ranges, ranges_of
 from dovetail.durations import parse_duration
 from dovetail.errors import ConfigError
 
 DIRECTIONS = ("both", "to_client", "from_client")
+Share = Annotated[float, Range(0.0, 1.0, "1")]
+"""A share of the datagrams."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FaultConfig:
     """Faults that act together; the defaults are none."""
 
-    loss: float = 0.0
+    loss: Share = 0.0
     """Share of datagrams that are lost [1]."""
-    duplicate: float = 0.0
+    duplicate: Share = 0.0
     """Share that arrive twice [1]."""
-    reorder: float = 0.0
+    reorder: Share = 0.0
     """Share that arrive after the next one [1]."""
-    corrupt: float = 0.0
+    corrupt: Share = 0.0
     """Share in which bytes are changed [1]; 1.x has no checksum of its own, so that
     a changed command may be obeyed."""
-    truncate: float = 0.0
+    truncate: Share = 0.0
     """Share that are cut short [1]."""
-    delay: float = 0.0
+    delay: Annotated[float, Range(0.0, 1.0, "s")] = 0.0
     """Time that every datagram takes [s], each way."""
-    jitter: float = 0.0
+    jitter: Annotated[float, Range(0.0, 1.0, "s")] = 0.0
     """Largest further time, uniformly distributed [s]."""
     direction: Literal["both", "to_client", "from_client"] = "both"
     """Which way the faults above act."""
-    freeze: float = 0.0
+    freeze: Annotated[float, Range(0.0, 60.0, "s")] = 0.0
     """Time for which the cabinet stands still, once [s]."""
     quality: Quality | None = None
     """Quality that the cabinet claims, whatever it sees."""
-    stop_at: float | None = None
+    stop_at: Annotated[float | None, Range(0.0, 1e6, "s")] = None
     """Time after which the safety controller stops the arm, once [s]."""
-    stop: int = SafetyState.STOP_1
+    stop: Annotated[int, Range(1, 3, "1")] = SafetyState.STOP_1
     """Which stop that is, 1 to 3 as on the wire."""
-    stop_time: float = 0.5
+    stop_time: Annotated[float, Range(0.0, 3600.0, "s")] = 0.5
     """How long the safety controller then keeps the arm stopped [s]."""
-    values: int = 7
+    values: Annotated[int, Range(0, 14, "values")] = 7
     """Joint values in each array of the messages; a real cabinet sends 7."""
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**32 - 1, "1")] = 0
     """Start of the random numbers."""
+
+    def __post_init__(self) -> None:
+        """Refuse a number out of its range."""
+        check_ranges(self, "fault")
 
     @property
     def touches_link(self) -> bool:
@@ -72,41 +79,28 @@ class FaultConfig:
         return ",".join(parts) or "none"
 
 
+_RANGES = ranges_of(FaultConfig)
 _PROBABILITIES = ("loss", "duplicate", "reorder", "corrupt", "truncate")
-_TIMES = {
-    "delay": 1.0,
-    "jitter": 1.0,
-    "freeze": 60.0,
-    "stop_at": 1e6,
-    "stop_time": 3600.0,
-}
-_WHOLE = {"stop": (1, 3), "values": (0, 14), "seed": (0, 2**32 - 1)}
+_TIMES = tuple(name for name, allowed in _RANGES.items() if allowed.unit == "s")
+_WHOLE = ("stop", "values", "seed")
 
 
-def _probability(name: str, text: str) -> float:
+def _number(name: str, text: str) -> float:
     try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
-        raise ConfigError(f"fault {name} is {text!r}; give a share from 0 to 1")
-    return value
+        return float(text)
+    except ValueError as error:
+        raise ConfigError(f"fault {name} is {text!r}, which is no number") from error
 
 
 def _time(name: str, text: str) -> float:
-    value = parse_duration(text, f"fault {name}")
-    if not 0.0 <= value <= _TIMES[name]:
-        raise ConfigError(f"fault {name} is {text}; allowed is 0 to {_TIMES[name]:g} s")
-    return value
+    return parse_duration(text, f"fault {name}")
 
 
 def _whole(name: str, text: str) -> int:
-    low, high = _WHOLE[name]
-    if not text.isdecimal() or not low <= int(text) <= high:
-        raise ConfigError(
-            f"fault {name} is {text!r}; give a whole number from {low} to {high}"
-        )
-    return int(text)
+    try:
+        return int(text)
+    except ValueError as error:
+        raise ConfigError(f"fault {name} is {text!r}; give a whole number") from error
 
 
 def _quality(name: str, text: str) -> Quality:
@@ -123,7 +117,7 @@ def _direction(name: str, text: str) -> str:
 
 
 _READERS: dict[str, Callable[[str, str], Any]] = {
-    **dict.fromkeys(_PROBABILITIES, _probability),
+    **dict.fromkeys(_PROBABILITIES, _number),
     **dict.fromkeys(_TIMES, _time),
     **dict.fromkeys(_WHOLE, _whole),
     "quality": _quality,

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.ranges import Range, in_range
+from dovetail.control.ranges import Range, in_range, ranges_of
 from dovetail.control.task_spec import AXES, FORCE, MODES, POSE, TaskSpec
+from dovetail.envs.config import ActionConfig
 from dovetail.errors import ConfigError
 from dovetail.types import Vec3, Vec4, Vec6
 
@@ -19,12 +20,11 @@ ACTION_AXES = ("X", "Y", "Z", "A", "B", "C")
 """Order of the action's numbers; axes that the policy does not command are skipped."""
 
 _TRANSLATION = ("X", "Y", "Z")
-_SETTINGS = {
+_RANGES = {
     "f_scale": Range(0.0, 100.0, "m/s2", _TRANSLATION),
-    "f_scale_angular": Range(0.0, 1000.0, "rad/s2"),
-    "theta_range": Range(0.0, math.pi, "rad"),
-    "position_range": Range(0.0, 1.0, "m"),
+    **ranges_of(ActionConfig),
 }
+"""What a setting of an action may be: f_scale is one number, or three."""
 
 
 def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, float]:
@@ -95,7 +95,7 @@ class CommandMap:
             "theta_range": theta_range,
             "position_range": position_range,
         }
-        given = {name: in_range(name, given[name], _SETTINGS[name]) for name in given}
+        given = {name: in_range(name, given[name], _RANGES[name]) for name in given}
         f_scales = dict(zip("XYZ", given["f_scale"].tolist(), strict=True))
         scales = {
             (FORCE, False): given["f_scale_angular"],

@@ -4,13 +4,14 @@
 their short names, which are those of the command line; `flat` gives them back.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.ranges import Range, in_count, in_range
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
@@ -21,9 +22,6 @@ F_SCALE = 4.0
 """f* at action 1 on X Y Z [m/s2]."""
 FORCE_DAMPING = 40.0
 """Damping of force axes [1/s]."""
-_NEAR = Range(0.0, 1.0, "m")
-_SHARE = Range(0.0, 1.0, "1")
-_TIME = Range(0.0, 3600.0, "s")
 FALL_BACK = "dovetail.search.fall_back_env:FallBackEnv"
 """Environment in which a script takes over from an action that does not succeed."""
 SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
@@ -36,11 +34,11 @@ class ActionConfig:
 
     f_scale: float | tuple[float, ...] = F_SCALE
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
-    f_scale_angular: float = 20.0
+    f_scale_angular: Annotated[float, Range(0.0, 1000.0, "rad/s2")] = 20.0
     """f* at action 1 on A B C [rad/s2]."""
-    theta_range: float = 0.2
+    theta_range: Annotated[float, Range(0.0, math.pi, "rad")] = 0.2
     """Rotation at action 1 on pose axes A B C [rad]."""
-    position_range: float = 0.05
+    position_range: Annotated[float, Range(0.0, 1.0, "m")] = 0.05
     """Displacement at action 1 on pose axes X Y Z [m]."""
     force_damping: float | tuple[float, ...] = FORCE_DAMPING
     """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
@@ -49,9 +47,9 @@ class ActionConfig:
     script: str | None = None
     """Script that acts, corrected by the action: corner, see `search.corrected_env`;
     None is the action alone."""
-    correction: float = 0.5
+    correction: Annotated[float, Range(0.0, 1.0, "1")] = 0.5
     """How much of an action is added to what the script does [1]."""
-    fall_back: float = 0.0
+    fall_back: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
     """Time of an episode after which the corner search acts in the action's place [s];
     0 is never."""
 
@@ -60,8 +58,7 @@ class ActionConfig:
         if self.script is not None and self.script not in SCRIPTS:
             known = ", ".join(SCRIPTS)
             raise ConfigError(f"script {self.script!r} is unknown; known: {known}")
-        in_range("correction", self.correction, _SHARE)
-        in_range("fall_back", self.fall_back, _TIME)
+        check_ranges(self)
         if self.script is not None and self.fall_back:
             raise ConfigError(
                 f"fall_back is {self.fall_back:g} s with script {self.script!r}, whose "
@@ -78,13 +75,12 @@ class ApproachConfig:
     near_press: float = 1.5
     """Largest f* towards the fixture there [m/s2], tare not counted: times the
     effective mass, about 10 kg, it is the force of standing on the rim."""
-    near_distance: float = 0.01
+    near_distance: Annotated[float, Range(0.0, 1.0, "m")] = 0.01
     """How far above the fixture's surface that begins [m]."""
 
     def __post_init__(self) -> None:
         """Refuse a distance out of range."""
-        near = in_range("near_distance", self.near_distance, _NEAR)
-        object.__setattr__(self, "near_distance", near)
+        check_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +130,7 @@ class PlaceConfig:
 class EpisodeConfig:
     """How an episode begins and ends."""
 
-    max_steps: int = 200
+    max_steps: Annotated[int, Range(1, 1_000_000, "steps")] = 200
     """Episode length [policy steps of 50 ms]."""
     tare: bool = False
     """Measure at each reset, in free air, the f* that holds the weight which the arm's
@@ -142,7 +138,7 @@ class EpisodeConfig:
 
     def __post_init__(self) -> None:
         """Refuse a length that is none."""
-        in_count("max_steps", self.max_steps, 1, 1_000_000, "steps")
+        check_ranges(self)
 
 
 @dataclass(frozen=True, kw_only=True)
