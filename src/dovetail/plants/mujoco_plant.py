@@ -66,7 +66,7 @@ class MujocoPlant:
         Args:
             cell: What stands in it.
             dynamics: Physics; the default is the robot model's.
-            visual_meshes: Draw the arm with meshes where pybullet_data is installed.
+            visual_meshes: Draw arm and tool by the meshes that they have.
 
         Raises:
             PlantError: MuJoCo's version is not the one the loop was compiled against.

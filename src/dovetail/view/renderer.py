@@ -93,8 +93,7 @@ class Renderer:
         """Open a context and load the cell; `close` gives both back.
 
         Args:
-            cell: What is drawn. The iiwa's meshes are pybullet_data's, where that is
-                installed; every other link is a capsule.
+            cell: What is drawn, by meshes where these are: see `cell_spec`.
             width: Of the picture [pixels].
             height: Of the picture [pixels].
             plate: A print that is drawn, too; it touches nothing.
