@@ -73,7 +73,7 @@ class TrainConfig(LearnerSettings, Variation):
     their rate, and goes back to the one whose episodes went best if its own go badly.
     The best one is what the run ends with."""
     demos: Annotated[tuple[str, ...], some_paths("--demos")] = ()
-    """Episode logs, or folders of them, whose steps are in every batch: see `pretrain`.
+    """Episode logs, or folders of them, whose steps are in every batch. See `pretrain`.
     A person's or anybody's, of the same task, robot and meaning of an action."""
     teacher: str = "none"
     """Who acts in the first `learning_starts` steps: none, corner, or logs. None is

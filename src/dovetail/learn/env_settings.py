@@ -68,7 +68,7 @@ class EnvSettings:
     correction: float = USUAL.action.correction
     """How much of an action is added to what the script does [1]."""
     fall_back: float = USUAL.action.fall_back
-    """Time after which the corner search takes over from the policy [s]; 0 is never.
+    """Time after which the corner search takes over [s]; 0 is never.
     It does where the policy is used: a training is of the policy alone."""
     tare: bool = True
     """Measure before each episode the weight that gravity compensation misses. It is

@@ -54,9 +54,9 @@ class LearnerSettings:
     learning_starts: Annotated[int, Range(0, 1e9, "steps")] = 1000
     """Random actions before the first gradient step (not ppo). See `from`."""
     pretrain: Annotated[int | None, Range(0, 1e6, "steps")] = None
-    """Gradient steps from demonstrations alone, before the first action: 2000 with
-    `demos`, 0 without or from a policy. After them the policy's own actions take the
-    place of random ones."""
+    """Gradient steps from demonstrations alone, before the first action.
+    2000 with `demos`, 0 without or from a policy. After them the policy's own actions
+    take the place of random ones."""
     exploration_noise: Annotated[float, Range(0.0, 2.0, "1")] = 0.1
     """Standard deviation of the actions' noise (ddpg, td3) [1]."""
     rollout_steps: Annotated[int, Range(2, 1e6, "steps")] = 512
