@@ -113,7 +113,7 @@ def test_after_an_end_no_wall_is_held_against_a_jam(adversary):
 
 
 def test_after_an_end_no_other_joint_helps_a_weak_motor(adversary):
-    """They shook a jammed tool ever harder: 1.56 times too fast, 33 mrad past a limit."""
+    """They shook a jammed tool ever harder: 1.56 times too fast, 33 mrad past."""
     worst = adversary.Attack(period=0.005, seed=41, overrides=JERKY).run(664).worst
     assert worst["grown"] == 0.0
     assert worst["speed"] < 0.9

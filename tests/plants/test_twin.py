@@ -149,7 +149,11 @@ def written(tmp_path, change):
         ("command_delay = 0.0", "command_delay = 3.0", "allowed: 0 to 0.1 s"),
         ('inertia = "drake"', 'inertia = "kuka"', "drake, pybullet, lbr"),
         ('engine = "mujoco"', 'engine = "ode"', "known: mujoco, bullet"),
-        ("mass_scale = [1.02", "mass_scale = [-1.0", r"mass_scale\[A1\] is -1; allowed"),
+        (
+            "mass_scale = [1.02",
+            "mass_scale = [-1.0",
+            r"mass_scale\[A1\] is -1; allowed",
+        ),
         (
             "coulomb = [0.1, ",
             "coulomb = [",
