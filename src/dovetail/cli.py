@@ -12,7 +12,7 @@ import tyro
 from rich.console import Console
 
 import dovetail
-from dovetail.commands.help_page import help_page
+from dovetail.commands.help_page import Groups, help_page
 from dovetail.errors import ConfigError, DovetailError, UnprovenWarning
 from dovetail.strangers import trust_typed
 
@@ -120,8 +120,8 @@ def _run_command(name: str, words: list[str]) -> int:
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
     prog = f"dovetail {name}"
-    groups = vars(module).get("GROUPS")
-    is_page = groups is not None and bool({"-h", "--help"} & set(words))
+    groups: Groups = vars(module).get("GROUPS", {})
+    is_page = bool(groups and {"-h", "--help"} & set(words))
     if name not in _WITH_TASK:
         if is_page:
             print(help_page(settings, name, groups))
