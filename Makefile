@@ -117,5 +117,5 @@ $(DEVELOP): $(SETTINGS) $(CPP) | $(BIN)/python
 
 $(LEROBOT)/.set-up: $(LEROBOT_PINS) | $(BIN)/python
 	rm -rf $(LEROBOT)
-	$(PIP) install --no-deps --target $(LEROBOT) -r $(LEROBOT_PINS)
-	@touch $@
+	$(PIP) install --no-deps --target $(LEROBOT) -r $(LEROBOT_PINS) && touch $@ \
+	|| { rm -rf $(LEROBOT); echo "without $(LEROBOT): its one test is skipped"; }

@@ -3,6 +3,7 @@
 import ctypes.util
 import importlib
 import os
+import sys
 
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
 """Ways to draw without a screen, the faster one first, and the library of each."""
@@ -12,7 +13,8 @@ _NAME = "MUJOCO_GL"
 _OFF = "disabled"  # MuJoCo then looks for nothing that draws
 _OTHERS = (
     *("", "disable", _OFF, "off", "false", "0", "enable", "enabled", "on", "true"),
-    *("1", "glfw", "glx", "wgl", "cgl"),
+    *("1", "glfw"),
+    *{"linux": ("glx",), "darwin": ("cgl",), "win32": ("wgl",)}.get(sys.platform, ()),
 )
 
 

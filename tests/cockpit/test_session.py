@@ -286,3 +286,22 @@ def test_a_simulated_camera_tells_where_the_fixture_is(opengl, make_session, tmp
     assert session.status.mode == "held"
     error = session.moment.seen.position - session.moment.fixture.position
     assert 0.0 < np.linalg.norm(error) < 0.005
+
+
+def test_a_camera_on_the_arm_looks_from_above_first(opengl, make_session):
+    """Its shutter hid that it is on the arm, and a page asked before it had looked."""
+    need("cv2")
+    file = Path(__file__).parents[2] / "examples" / "flange.toml"
+    session = make_session(policy=NOBODY, settings={**PLAIN, "tracker": str(file)})
+    error = session.moment.seen.position - session.moment.fixture.position
+    assert 0.0 < np.linalg.norm(error) < 0.005
+
+
+def test_a_policy_that_waited_for_its_start_has_its_whole_time(make_session):
+    session = make_session(policy="peg_near", settings={**PLAIN, "fall_back": 0.5})
+    core = session._core
+    wait_until(lambda: core.is_searching)  # the arm is held, and time passes
+    session.start()
+    wait_until(lambda: session.status.mode == "running")
+    assert not core.is_searching
+    wait_until(lambda: core.is_searching)

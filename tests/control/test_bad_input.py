@@ -250,7 +250,7 @@ def test_every_setting_is_refused_by_name_in_python_too(robot, config):
         assert ranges, f"{config.__name__}.{f.name} has no Range"
         for index, number, bad in spoilt(values[f.name], NO_NUMBERS):
             element = f.name + "".join(rf"\[{ranges[0].labels[i]}\]" for i in index)
-            says = rf"{element} is {number:g} .*allowed"
+            says = rf"{element} is {number:g}.*allowed"
             with pytest.raises(ConfigError, match=says):
                 config(**{**values, f.name: bad})
 

@@ -22,8 +22,8 @@ CYCLES = 10
 
 
 def known(log):
-    """The state of an arm of which nobody asks but its log."""
-    return ArmState(*[np.zeros(3)] * 9, log=log)
+    """The state of an arm of which nobody asks but its log and flags."""
+    return ArmState(*[np.zeros(3)] * 9, log=log)._replace(flags=0)
 
 
 class FallingEnv(ContactEnv):

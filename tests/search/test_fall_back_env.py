@@ -136,5 +136,24 @@ def test_evaluate_takes_the_policys_time_or_its_own():
         environment_options(both, metadata)
 
 
-def test_a_log_says_that_a_script_took_over():
-    assert describe_cell(made())[ACTION]["script"] == "corner from 1 s on"
+def test_a_log_tells_what_was_done():
+    env = made()
+    env.reset(seed=4)
+    for step in range(30):
+        env.step(DOWN)
+        is_own = step * POLICY_PERIOD < AFTER
+        assert np.array_equal(env.done_for(DOWN), DOWN) == is_own
+    assert describe_cell(env)[ACTION]["script"] == "none"
+
+
+def test_a_policy_that_begins_late_has_its_whole_time():
+    env = made()
+    env.reset(seed=4)
+    for _ in range(30):
+        env.step(NOTHING)  # an arm that waits in the cockpit, say
+    assert env.is_searching
+    env.begin_acting()
+    for _ in range(round(AFTER / POLICY_PERIOD)):
+        assert not env.is_searching
+        env.step(DOWN)
+    assert env.is_searching

@@ -1,5 +1,6 @@
 """Arm and gripper are drawn by meshes where these are, and move as without them."""
 
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 
@@ -129,3 +130,20 @@ def test_a_mesh_is_found_below_its_package_or_beside_the_urdf(tmp_path):
         found = meshes._find_file(name, urdf)
         assert found is not None
         assert found.resolve() == file
+
+
+def test_what_a_urdf_says_in_short_or_cannot_be_drawn_is_no_refusal(tmp_path):
+    """A scale of one number and a colour of three ended the reading of the arm."""
+    square = np.zeros(1, dtype=[("n", "<f4", 3), ("v", "<f4", 9), ("a", "<u2")])
+    square["v"] = [0, 0, 0, 1, 0, 0, 0, 1, 0]
+    head = b"\0" * 80 + (1).to_bytes(4, "little")
+    (tmp_path / "good.stl").write_bytes(head + square.tobytes())
+    (tmp_path / "text.stl").write_text("solid a\nendsolid a\n")
+    (tmp_path / "bad.obj").write_text("v 0 0 0\nf 1 x 2\n")
+    visual = '<visual><geometry><mesh filename="{}" scale="0.001"/></geometry></visual>'
+    files = "".join(visual.format(f) for f in ("good.stl", "text.stl", "bad.obj"))
+    colour = '<material name="grey"><color rgba="1 1 1"/></material>'
+    text = f'<robot name="r">{colour}<link name="a">{files}</link></robot>'
+    (only,) = meshes.read_drawn(ET.fromstring(text), tmp_path / "r.urdf")["a"]
+    assert only.file.name == "good.stl"
+    assert only.scale == (0.001, 0.001, 0.001)

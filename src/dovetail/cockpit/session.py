@@ -305,6 +305,7 @@ class Session:
         if self._is_success or not self._is_ready:
             self._begin()
         self._arm.clear()
+        self._core.begin_acting()
         self._note = ""
         self._started = self._core.state.stamp
         self._is_paused = False

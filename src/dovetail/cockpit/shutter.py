@@ -3,7 +3,7 @@
 from dovetail.arms.arm import ArmState
 from dovetail.poses import Pose
 from dovetail.trackers.covered import Covered
-from dovetail.trackers.tracker import Estimate, Tracker, close_tracker
+from dovetail.trackers.tracker import Estimate, Tracker, close_tracker, is_on_arm
 
 
 class Shutter:
@@ -13,6 +13,7 @@ class Shutter:
         """Take the tracker that sees while the camera is free."""
         self._tracker = tracker
         self._covered: Covered | None = None
+        self._is_up = False  # a camera on the arm looks from above, covered later
         self.is_covered = False
         """What the person wants; it holds from the next look on."""
 
@@ -20,12 +21,24 @@ class Shutter:
         """Start an episode; a covered camera has seen where the fixture stands now."""
         self._tracker.reset(fixture, seed)
         self._covered = None
-        if self.is_covered:
+        self._is_up = self.is_on_arm
+        if self.is_covered and not self._is_up:
             self._cover()
+
+    @property
+    def is_on_arm(self) -> bool:
+        """Whether the camera is on the flange."""
+        return is_on_arm(self._tracker)
+
+    def rewind(self, fixture: Pose) -> None:
+        """Go on in an episode, with what was seen from above."""
+        if is_on_arm(self._tracker):
+            self._tracker.rewind(fixture)
+        self._is_up = False
 
     def update(self, fixture: Pose, state: ArmState) -> None:
         """Look, or let time pass."""
-        if self.is_covered and self._covered is None:
+        if self.is_covered and self._covered is None and not self._is_up:
             self._cover()
         elif not self.is_covered:
             self._covered = None

@@ -6,6 +6,7 @@ import numpy as np
 
 from dovetail.arms.arm import ArmFacts, ArmState
 from dovetail.envs.contact_env import ContactEnv
+from dovetail.errors import TrackerError
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec3, Vec4, Vec7
@@ -76,7 +77,10 @@ def moment_of(
         pull: Force of the hand's spring [N].
         work: What the slice took to compute [s].
     """
-    seen = core.tracker.estimate().pose
+    try:
+        seen = core.tracker.estimate().pose
+    except TrackerError:  # a camera on the arm, on its way to look: where it is said
+        seen = fixture
     goal = core.task.goal(seen)
     return Moment(
         stamp=state.stamp,

@@ -158,7 +158,8 @@ class CameraHandEye:
         cell = find_cell(robot=self.robot)
         arm = build_arm(address, cell, TaskSpec.parse(TASK))
         try:
-            yield from take_shots(camera, arm, cell, errors, self.count, self.seed)
+            taken = camera.as_it_is() if camera.is_simulated else camera
+            yield from take_shots(taken, arm, cell, errors, self.count, self.seed)
         finally:
             arm.close()
 

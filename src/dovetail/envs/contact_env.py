@@ -313,6 +313,13 @@ class ContactEnv(
         self._begun = action
         return self._target
 
+    def begin_acting(self) -> None:
+        """Be told that whoever acts begins to, in the middle of an episode, too."""
+
+    def done_for(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return what the last step did for an action, as a log tells it."""
+        return action
+
     def slide_fixture(self, velocity: Vec3) -> None:
         """Let the fixture move at a velocity [m/s], world axes, in the steps to come.
 

@@ -113,5 +113,8 @@ class Led(gymnasium.Wrapper):
         taken = action if led is None else led
         self._core.is_led = led is not None
         seen, reward, ended, cut, info = self.env.step(taken)
-        told = {"is_intervention": led is not None, "action": taken}
+        told = {
+            "is_intervention": led is not None,
+            "action": self._core.done_for(taken),
+        }
         return seen, reward, ended, cut, info | told

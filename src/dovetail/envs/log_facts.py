@@ -6,7 +6,6 @@ from typing import Any
 import gymnasium
 
 from dovetail.envs.commands import per_axis
-from dovetail.envs.config import ActionConfig
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.types import Array
 
@@ -25,8 +24,7 @@ def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
 
     Under `CELL` its name, robot and plain task settings; under `ACTION` the axes, the
     value at action 1 [m/s2, rad/s2, m, rad], the damping of force axes [1/s], the
-    reward's weight of force [1/N] and the script that an action corrects, or that takes
-    over from it.
+    reward's weight of force [1/N] and the script that an action corrects.
     """
     core = require_contact_env(env)
     task = {f.name: vars(core.task)[f.name] for f in fields(core.task)}
@@ -37,16 +35,10 @@ def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
         "scale": [float(value) for value in core.commands.scale],
         "force_damping": list(per_axis("", core.config.action.force_damping)),
         "force_weight": core.task.reward.force_weight,
-        "script": _script(core.config.action),
+        "script": core.config.action.script or "none",
     }
     robot = core.config.place.robot
     return {CELL: {"env_id": name, "robot": robot, "task": plain}, ACTION: action}
-
-
-def _script(action: ActionConfig) -> str:
-    if action.fall_back:
-        return f"corner from {action.fall_back:g} s on"
-    return action.script or "none"
 
 
 def observed_columns(env: gymnasium.Env) -> tuple[str, ...]:

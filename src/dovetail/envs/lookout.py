@@ -47,10 +47,10 @@ def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> No
             tracker.update(fixture, state)
             if _has_seen(tracker, state):
                 break
+        tracker.rewind(fixture)
     except Exception:
         arm.stop()
         raise
-    tracker.rewind(fixture)
 
 
 def lookout(arm: Arm, task: Task, fixture: Pose) -> Vec7:

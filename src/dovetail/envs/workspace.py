@@ -83,7 +83,7 @@ def require_plausible(
         )
     normal, own = (matrix_from_quat(p.quat_wxyz)[:, 2] for p in (pose, told))
     tilt, most = (
-        math.acos(min(float(normal @ own), 1.0)),
+        math.acos(float(np.clip(normal @ own, -1.0, 1.0))),
         _TILT + float(doubt[3:].max()),
     )
     if tilt > most:

@@ -148,10 +148,11 @@ class Trialist:
                 blocks.append(self._core.state.log)
                 film.add(self._core.state, self._core.fixture, self._core.believed)
                 raw = info["observation_raw"]
-                episode.append(blocks[-1], steps, action, float(reward), raw)
+                done_for = self._core.done_for(action)
+                episode.append(blocks[-1], steps, done_for, float(reward), raw)
                 steps += 1
                 violations += int(info["limit_violations"])
-                if self._core.state.flags & FLAG_MASK["ended"]:
+                if int(self._core.state.flags) & FLAG_MASK["ended"]:
                     stopped, said = "last_line", _LAST_LINE
                 done = ended or cut or bool(stopped)
             episode.metadata[SUCCESS] = bool(info["success"]) and not stopped

@@ -25,7 +25,7 @@ _ADVICE = {
     "axes": "record or train with the same --task",
     "scale": "give f_scale, f_scale_angular, theta_range and position_range as there",
     "force_damping": "give --force-damping as there",
-    "script": "some of what it did was a script's; leave the log out",
+    "script": "its actions correct a script's; leave the log out",
     "force_weight": "its rewards are others; train with --force-weight as there",
 }
 

@@ -71,12 +71,13 @@ def _go_through(
     for number in range(count):
         q = reachable(camera, cell, rng, margin=margin)
         state = arm.reset(q, FIXTURE)
-        source.reset(board_of(camera, cell, state.q), seed + number)
         try:
-            yield _stand(arm, source, camera, cell, state)
-        except TrackerError:
+            source.reset(board_of(camera, cell, state.q), seed + number)
+            shot = _stand(arm, source, camera, cell, state)
+        except Exception:
             arm.stop()
             raise
+        yield shot
 
 
 def _stand(

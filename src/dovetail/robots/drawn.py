@@ -19,6 +19,8 @@ from dovetail.types import Array, Mat33, Vec3
 
 KINDS = (".stl", ".obj", ".msh")
 """Files that MuJoCo reads."""
+_MOST_FACES = 200_000
+"""Of an STL file."""
 Rgba = tuple[float, float, float, float]
 
 
@@ -56,7 +58,7 @@ def bullet_file(*parts: str) -> Path | None:
 def read_drawn(robot: ET.Element, path: Path) -> dict[str, list[Drawn]]:
     """Return what the links of a URDF are drawn as, by their names, in their frames.
 
-    A file that is not here is left out.
+    What is not here, or cannot be drawn, is left out: a plain body is in its place.
 
     Args:
         robot: Root of the URDF.
@@ -79,17 +81,17 @@ def _read_one(
 ) -> Drawn | None:
     mesh = visual.find("geometry/mesh")
     file = None if mesh is None else _find_file(str(mesh.get("filename")), path)
-    if mesh is None or file is None:
+    if mesh is None or file is None or not _can_draw(file):
         return None
     origin = visual.find("origin")
     place = {} if origin is None else origin.attrib
     material = visual.find("material")
     name = None if material is None else material.get("name")
-    x, y, z = _three(mesh.get("scale", "1 1 1"))
+    x, y, z = np.broadcast_to(_numbers(mesh.get("scale", "1 1 1")), 3)
     return Drawn(
         file,
-        _three(place.get("xyz", "0 0 0")),
-        _from_rpy(_three(place.get("rpy", "0 0 0"))),
+        _numbers(place.get("xyz", "0 0 0")),
+        _from_rpy(_numbers(place.get("rpy", "0 0 0"))),
         (float(x), float(y), float(z)),
         colours.get(name or ""),
     )
@@ -115,12 +117,26 @@ def _colour(material: ET.Element) -> Rgba | None:
     colour = material.find("color")
     if colour is None:
         return None
-    r, g, b, a = (float(part) for part in str(colour.get("rgba")).split())
-    return r, g, b, a
+    r, g, b, *a = _numbers(colour.get("rgba", "0.7 0.7 0.7")).tolist()
+    return r, g, b, a[0] if a else 1.0
 
 
-def _three(text: str) -> Array:
+def _numbers(text: str) -> Array:
     return np.array([float(part) for part in text.split()])
+
+
+def _can_draw(file: Path) -> bool:
+    """Say whether MuJoCo reads a file: of STL the binary kind, and not too large."""
+    if file.suffix.lower() == ".stl":
+        with file.open("rb") as stream:
+            count = int.from_bytes(stream.read(84)[80:], "little")
+        return 0 < count <= _MOST_FACES and file.stat().st_size == 84 + 50 * count
+    if file.suffix.lower() == ".obj":
+        try:
+            return 'face=""' not in _obj_content(file)
+        except ValueError:
+            return False
+    return True
 
 
 def _from_rpy(angles: Array) -> Mat33:

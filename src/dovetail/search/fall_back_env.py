@@ -15,7 +15,7 @@ class FallBackEnv(ContactEnv):
     """Does what is asked for `fall_back` seconds, then what the corner search does.
 
     The search begins from where the part is then, on any arm. A person who leads is
-    asked on: a person's action is done as it is.
+    asked on: a person's action is done as it is, and its time does not count.
 
     Raises:
         ConfigError: The search cannot act here; see `CornerSearch`.
@@ -24,25 +24,39 @@ class FallBackEnv(ContactEnv):
     def _prepare(self) -> None:
         super()._prepare()
         self._search = CornerSearch(self)
+        self.begin_acting()
+
+    def begin_acting(self) -> None:
+        """Give the policy its whole time from now on."""
+        self._acted = 0  # policy steps
+        self._has_searched = False  # in the last step
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
         """Start an episode; see `ContactEnv.reset`."""
-        self._search.reset()
+        self.begin_acting()
         return super().reset(seed=seed, options=options)
 
     @property
     def is_searching(self) -> bool:
         """Whether the next step is the search's."""
-        is_late = self.steps * POLICY_PERIOD >= self.config.action.fall_back
+        is_late = self._acted * POLICY_PERIOD >= self.config.action.fall_back
         return is_late and not self.is_led
 
     def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
         """Do what a step does before its control cycles; see `ContactEnv`."""
-        asked = self.commands.usable(action)
-        if self.is_searching:
+        asked, is_searching = self.commands.usable(action), self.is_searching
+        if is_searching:
+            if not self._has_searched:
+                self._search.reset()
             asked = self._search(asked)
         target = super().begin_step(asked)
+        self._acted += not self.is_led
+        self._has_searched = is_searching
         self._begun = action
         return target
+
+    def done_for(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return what the last step did: the search's action where that acted."""
+        return self._action if self._has_searched else action
