@@ -146,12 +146,8 @@ class ContactEnv(
         self.render_mode = render_mode
         self._pictures = EpisodePictures(self.cell, render_mode, self.metadata)
         self.axes = TaskSpec.parse(task.axes)
-        self.arm = build_arm(
-            self.config.place.arm if arm is None else arm,
-            self.cell,
-            self.axes,
-            self.config,
-        )
+        given = self.config.place.arm if arm is None else arm
+        self.arm = build_arm(given, self.cell, self.axes, self.config)
         site = Site.of(self.cell, self.config.place.twin, self.arm)
         self.tracker = tracker or find_tracker(self.config.observation.tracker, site)
         self.commands = CommandMap(
@@ -216,8 +212,7 @@ class ContactEnv(
             )
         fixture = self.task.draw_fixture(self.np_random)
         if options.get("fixture") is not None:
-            given = (np.asarray(part, dtype=float) for part in options["fixture"])
-            fixture = Pose(*given)
+            fixture = Pose(*(np.asarray(p, dtype=float) for p in options["fixture"]))
         else:
             require_placed(self.task, self.cell, self.arm)
         require_inside(self.task, self.cell, self.arm, fixture)
