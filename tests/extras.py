@@ -6,6 +6,7 @@ EXTRA_OF = {
     "cmaes": "identify",
     "plotly": "identify",
     "cv2": "camera",
+    "fast_simplification": "view",
     "grpc": "rpc",
     "grpc_tools": "test",
     "pinocchio": "test",
@@ -17,6 +18,7 @@ EXTRA_OF = {
     "ray": "cluster",
     "sbx": "learn",
     "selenium": "test",
+    "trimesh": "view",
     "viser": "view",
 }
 """The extra of pyproject.toml that installs a module."""

@@ -12,6 +12,7 @@ from dovetail.cockpit.plots import LivePlots
 from dovetail.cockpit.recorded import COLUMNS, Recorded
 from dovetail.cockpit.scene import CellScene
 from dovetail.cockpit.server import light
+from dovetail.cockpit.slow_browser import DRAW_LESS
 
 if TYPE_CHECKING:
     import viser
@@ -69,6 +70,7 @@ class ReplayPage:
 
     def _add_controls(self) -> None:
         gui = self._server.gui
+        gui.add_html(DRAW_LESS)
         self._play = gui.add_button("Play / pause  (P)")
         self._play.on_click(lambda _: self.play(not self._is_playing))
         key = gui.add_command("Play / pause", hotkey="P")

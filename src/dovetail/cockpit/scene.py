@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dovetail.cockpit.slow_browser import fewer_triangles
 from dovetail.poses import Pose, quat_from_matrix
 from dovetail.types import Array, Vec3, Vec7
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
@@ -200,7 +201,7 @@ def triangles(mujoco: Any, model: Any, geom: int) -> tuple[Array, Array, bool]:
         begin, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
         vertices = np.array(model.mesh_vert[first : first + count], dtype=float)
         triangles = np.array(model.mesh_face[begin : begin + faces])
-        return vertices, triangles, bool(count > 100)
+        return *fewer_triangles(vertices, triangles), bool(count > 100)
     if kind == kinds.mjGEOM_BOX:
         shape = creation.box(extents=2.0 * size)
     elif kind == kinds.mjGEOM_SPHERE:

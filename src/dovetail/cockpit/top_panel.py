@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from dovetail.cockpit.seat import Seat
 from dovetail.cockpit.session import Session
+from dovetail.cockpit.slow_browser import DRAW_LESS
 from dovetail.cockpit.snapshot import Moment, Status
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ class TopPanel:
         self._driven = driven
         panel = server.gui.add_panel(order=-1.0)
         with panel.add_tab("Drive"):
-            server.gui.add_html(_ON_TOP + _ESCAPE)
+            server.gui.add_html(_ON_TOP + _ESCAPE + DRAW_LESS)
             stop = server.gui.add_button("STOP  (Esc)", color=_STOP_RED)
             stop.on_click(lambda _: session.stop())
             self._status = server.gui.add_html("")

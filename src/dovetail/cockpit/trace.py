@@ -11,7 +11,7 @@ COLUMNS = ("time", "force", "pull", "reward", "work", *USED)
 policy step [1], what a slice took to compute [ms], limits used [%]."""
 ROWS = 1200
 """How many moments are kept: 12 s of slices."""
-_PATH = 4  # every so many rows a point of the path is taken
+_APART = 0.002  # [m] between two points of the path, about
 
 
 class Trace:
@@ -54,4 +54,8 @@ class Trace:
 
     def path(self) -> Array:
         """Return where the tool's end was [m], shape (points, 3)."""
-        return self._places[self._indices()][::_PATH]
+        places = self._places[self._indices()]
+        cells = np.round(places / _APART)
+        has_moved = np.ones(len(places), dtype=bool)
+        has_moved[1:] = (np.diff(cells, axis=0) != 0.0).any(axis=1)
+        return places[has_moved]

@@ -1,0 +1,74 @@
+"""What lets a browser without a GPU keep up: it draws by the processor.
+
+There a picture takes as long as its triangles and its points, and while one is drawn
+the mouse waits.
+"""
+
+import numpy as np
+
+from dovetail.types import Array
+
+_SHARE, _FEW = 0.2, 250
+"""Of a mesh's triangles these are drawn; a mesh of so many is drawn whole."""
+
+# Asks the page's own store for half the points each way, takes out a quad that fills the
+# window for a background which nothing here sets, and leaves out every other picture of
+# 60 a second: viser draws as many as it can, and then the mouse stands in a queue. Another
+# version of viser may have no such store: then the pictures are fewer, and nothing else.
+DRAW_LESS = """<img alt="" src="data:," style="display: none" onerror="
+(function draw_less(tries) {
+  const settings = window.__viserTestpoints?.devSettings;
+  const background = window.__viserMutable?.backgroundMaterial;
+  const canvas = document.querySelector('canvas[data-engine]');
+  if (!settings || !background || !canvas) {
+    if (tries > 0) setTimeout(draw_less, 200, tries - 1);
+    return;
+  }
+  const gl = canvas.getContext('webgl2');
+  const names = gl?.getExtension('WEBGL_debug_renderer_info');
+  const name = names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : '';
+  if (!/SwiftShader|llvmpipe|softpipe|Basic Render/i.test(name)) return;
+  background.visible = false;
+  if (settings.get().fixedDpr === null)
+    settings.set({fixedDpr: 0.5 * window.devicePixelRatio});
+  const ask = window.requestAnimationFrame.bind(window);
+  const cancel = window.cancelAnimationFrame.bind(window);
+  const again = new Map();
+  let last = 0;
+  window.requestAnimationFrame = (draw) => {
+    const id = ask(function wait(now) {
+      again.delete(id);
+      if (now > last && now - last < 25) { again.set(id, ask(wait)); return; }
+      last = now;
+      draw(now);
+    });
+    return id;
+  };
+  window.cancelAnimationFrame = (id) => {
+    cancel(again.get(id) ?? id);
+    again.delete(id);
+  };
+})(300)">"""
+"""HTML for any panel; a browser with a GPU draws as before."""
+
+
+def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
+    """Return nearly the same surface with fewer triangles.
+
+    Quadric error metrics (Garland and Heckbert 1997).
+
+    Args:
+        vertices: [m], shape (vertices, 3).
+        faces: Numbers of each triangle's vertices, shape (faces, 3).
+    """
+    if len(faces) <= _FEW:
+        return vertices, faces
+    from fast_simplification import simplify
+
+    count = max(_FEW, int(_SHARE * len(faces)))
+    points, triangles = simplify(
+        np.asarray(vertices, dtype=np.float32),
+        np.asarray(faces, dtype=np.int32),
+        target_count=count,
+    )
+    return points.astype(float), triangles
