@@ -1,12 +1,12 @@
-"""What a browser that draws by the processor is given: less to draw, the same to see."""
+"""What a browser that draws by the processor gets: less to draw, the same to see."""
 
 import mujoco
 import numpy as np
 import pytest
 
 from dovetail.cockpit.scene import triangles
-from dovetail.cockpit.slow_browser import fewer_triangles
 from dovetail.cockpit.session import Session
+from dovetail.cockpit.slow_browser import fewer_triangles
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
 from extras import need
 
@@ -48,7 +48,7 @@ def test_the_whole_cell_is_few_triangles_and_no_vertex_moves_far(session: Sessio
         first = model.mesh_vertadr[mesh]
         whole = model.mesh_vert[first : first + model.mesh_vertnum[mesh]]
         size = np.ptp(whole, axis=0)
-        np.testing.assert_allclose(np.ptp(vertices, axis=0), size, atol=0.005)
+        np.testing.assert_allclose(np.ptp(vertices, axis=0), size, atol=0.008)
     assert drawn < 8000
 
 
