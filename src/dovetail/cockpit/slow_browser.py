@@ -12,8 +12,8 @@ _SHARE, _FEW = 0.2, 250
 """Of a mesh's triangles these are drawn; a mesh of so many is drawn whole."""
 
 # Asks the page's own store for half the points each way, takes out a quad that fills
-# the window for a background which nothing here sets, and leaves out every other picture
-# of 60 a second: viser draws as many as it can, and then the mouse stands in a queue.
+# the window for a background which nothing sets, and leaves out every other picture of
+# 60 a second: viser draws as many as it can, and then the mouse stands in a queue.
 # Another version of viser may have no such store: then pictures are fewer, no more.
 DRAW_LESS = """<img alt="" src="data:," style="display: none" onerror="
 (function draw_less(tries) {
