@@ -102,8 +102,13 @@ class CornerSearch:
         self._damping = np.array(per_axis("", env.config.action.force_damping))
         self._scale = np.array(env.commands.scale)
         near_speed = env.config.approach.near_speed
+        self._fast_from = env.config.approach.near_distance + _NEAR
+        """Height above the surface from which the arm is not slow [m]."""
         self._slide_speed = min(self.config.slide_speed, near_speed)
         """What the arm does at most; what lacks of more would be taken for friction."""
+        most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
+        self._air_speed = min(self.config.speed, most)
+        """What an action asks for at most."""
         self.reset()
 
     def _without_wedging(self, play: float) -> float:
@@ -219,14 +224,17 @@ class CornerSearch:
         """Go through free air to where the path begins."""
         c = self.config
         way = self._path[0] - self._corner
-        way[2] = c.over - self._corner[2]
-        if np.abs(way).max() < _NEAR:
+        beside = float(np.abs(way[:2]).max())
+        # Near the surface the arm is slow: what is far beside goes there above it.
+        height = c.over if beside < _BESIDE else max(c.over, self._fast_from)
+        way[2] = height - self._corner[2]
+        if max(beside, abs(way[2])) < _NEAR:
             self._begin(self._touch)
         if self._corner[2] < 0.6 * c.over:  # perhaps beside the fixture: up first
             way = np.array([0.0, 0.0, way[2] + _NEAR])
         velocity = way / _RESPONSE
         most = float(np.abs(velocity).max())
-        force = self._towards(velocity * min(1.0, c.speed / max(most, 1e-9)))
+        force = self._towards(velocity * min(1.0, self._air_speed / max(most, 1e-9)))
         # What is deep in the opening, or beside the fixture, comes out upright.
         return force, c.tilt if self._end[2] > self._surface - _DEEP else 0.0
 

@@ -14,8 +14,8 @@ class CornerSearchConfig:
     tilt: Annotated[float, Range(0.05, 0.5, "rad")] = 0.2
     """Turn of the part that puts one corner lowest [rad]: it falls in by about 0.14
     of the opening's width."""
-    speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.1
-    """Speed through free air [m/s]."""
+    speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.15
+    """Speed through free air [m/s], as far as an action asks for it."""
     over: Annotated[float, Range(0.001, 0.1, "m")] = 0.004
     """Height of the corner above the surface on the way there [m]."""
     touch_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.025

@@ -13,7 +13,7 @@ SCRIPT_SETTINGS: Mapping[str, Any] = {
     "task": SEARCH_AXES,
     "near_speed": 0.05,
     "theta_range": 0.3,
-    "f_scale": 4.0,
+    "f_scale": 6.0,
     "force_damping": 40.0,
     "max_steps": 400,
     "script": None,
