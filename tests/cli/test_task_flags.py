@@ -89,8 +89,9 @@ def test_what_a_task_works_out_itself_is_no_setting():
 
 
 def test_what_is_resumed_keeps_its_options():
-    default = TrainConfig(task_options=TaskOptions(peg="round"))
-    assert parse(TrainConfig, [], default=default).task_options["peg"] == "round"
+    default = TrainConfig.of(task_options=TaskOptions(peg="round"))
+    again = parse(TrainConfig, [], default=default)
+    assert again.environment.task_options["peg"] == "round"
 
 
 @pytest.mark.parametrize(
@@ -113,13 +114,13 @@ def test_the_task_is_that_of_env():
 
 def test_a_run_of_an_older_version_is_read(tmp_path):
     """It has `hole`, and `peg` even where the task has none."""
-    config = TrainConfig(env=CLIP[1], fixed_goal=True, fixture=(0.85, 0.0, 0.4, 0.0))
+    config = TrainConfig.of(env=CLIP[1], fixed_goal=True, fixture=(0.85, 0.0, 0.4, 0.0))
     content = config.to_json() | {"peg": None, "clearance": 0.002}
     content["hole"] = content.pop("fixture")
     (tmp_path / "config.json").write_text(json.dumps(content))
-    again = TrainConfig(**settings_of(tmp_path))
-    assert again.fixture == config.fixture
-    assert again.task_options == {"clearance": 0.002}
+    again = TrainConfig.of(**settings_of(tmp_path))
+    assert again.place.fixture == config.place.fixture
+    assert again.environment.task_options == {"clearance": 0.002}
 
 
 def test_flat_settings_are_gathered_and_nothing_else():

@@ -104,7 +104,7 @@ def test_an_arm_over_fri_can_be_trained_on_directly(reset, tmp_path):
     from dovetail.learn.train import train
 
     with cabinet(0.0005) as address:
-        config = TrainConfig(
+        config = TrainConfig.of(
             out=tmp_path / "run",
             arm=f"{address}&reset={reset}",
             fixed_goal=True,

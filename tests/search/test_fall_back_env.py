@@ -114,12 +114,13 @@ def test_what_cannot_be_is_refused():
 
 
 def test_a_training_is_of_the_policy_alone_and_its_file_says_when_it_ends():
-    config = TrainConfig(task=SEARCH_AXES, fall_back=6.0)
-    assert "fall_back" not in config.env_options()
-    assert config.policy_env() == {**config.env_options(), "fall_back": 6.0}
-    assert "fall_back" not in TrainConfig().policy_env()
+    config = TrainConfig.of(task=SEARCH_AXES, fall_back=6.0)
+    env = config.environment
+    assert "fall_back" not in env.env_options()
+    assert env.policy_env() == {**env.env_options(), "fall_back": 6.0}
+    assert "fall_back" not in TrainConfig.of().environment.policy_env()
     with pytest.raises(ConfigError, match="fall_back is given, which needs --task"):
-        TrainConfig(fall_back=6.0)
+        TrainConfig.of(fall_back=6.0)
 
 
 def test_evaluate_takes_the_policys_time_or_its_own():

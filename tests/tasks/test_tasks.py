@@ -111,11 +111,11 @@ def test_a_cell_weighs_what_it_holds_and_refuses_what_does_not_fit():
 def test_a_strangers_task_is_found_by_its_module(ring):
     assert task_class(RING).__name__ == "RingOverPost"
     assert make_task(RING, {"clearance": 0.002}).clearance == 0.002
-    config = TrainConfig(env=RING)
-    assert config.env_options()["task"] == "XYZ:force ABC:hold"
-    assert config.env_options()["clearance"] == 0.003
+    options = TrainConfig.of(env=RING).environment.env_options()
+    assert options["task"] == "XYZ:force ABC:hold"
+    assert options["clearance"] == 0.003
     with pytest.raises(ConfigError, match=r"RingOverPost has no settings peg"):
-        TrainConfig(env=RING, task_options=TaskOptions(peg="round"))
+        TrainConfig.of(env=RING, task_options=TaskOptions(peg="round"))
     with pytest.raises(ConfigError, match=r"Python finds no module 'no_such'"):
         task_class("no_such:Task-v0")
 

@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import cache, reduce
-from typing import Any, ClassVar, NamedTuple, Self, get_args
+from typing import Any, ClassVar, NamedTuple, Self, TypeGuard, get_args
 
 from tyro.conf import Fixed
 
@@ -107,12 +107,12 @@ def settings_in(kind: type) -> Mapping[str, Setting]:
     """
     found: dict[str, Setting] = {}
     for f in fields(kind):
-        if not _is_section(f.type):
-            found[f.name] = Setting((f.name,), kind, f.type, _usual(f))
+        section, usual = f.type, _usual(f)
+        if not _is_section(section):
+            found[f.name] = Setting((f.name,), kind, section, usual)
             continue
-        is_whole, usual = issubclass(f.type, Sectioned), _usual(f)
-        for name, inner in settings_in(f.type).items():
-            if is_whole and Fixed in get_args(inner.kind):
+        for name, inner in settings_in(section).items():
+            if issubclass(section, Sectioned) and Fixed in get_args(inner.kind):
                 continue
             if name in found:
                 raise TypeError(f"{kind.__name__} has two settings called {name}")
@@ -121,7 +121,7 @@ def settings_in(kind: type) -> Mapping[str, Setting]:
     return found
 
 
-def _is_section(kind: Any) -> bool:
+def _is_section(kind: Any) -> TypeGuard[type]:
     return isinstance(kind, type) and is_dataclass(kind)
 
 

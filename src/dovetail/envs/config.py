@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from tyro.conf import AvoidSubcommands, Fixed
+from tyro.conf import Fixed
 
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
@@ -98,7 +98,7 @@ class ControlConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationConfig(Section):
-    """What the policy sees; its columns are the task's, and more."""
+    """What the policy sees. Its columns are the task's, and more."""
 
     also: tuple[str, ...] = ()
     """Columns the policy sees beside the task's: tilt, spin, wrench or force."""
@@ -115,17 +115,17 @@ class ObservationConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceConfig(Section):
-    """Where it runs. What is Fixed is another option's on a command line."""
+    """Where it runs. On a command line what is Fixed is no option."""
 
     plant: str = "mujoco"
-    """Physics engine of the plain plant: mujoco or bullet."""
-    twin: Annotated[TwinConfig | str | Path | None, Fixed, AvoidSubcommands] = None
+    """Physics engine: mujoco or bullet. Of the plain plant, not of a twin or an arm."""
+    twin: Annotated[TwinConfig | str | Path | None, Fixed] = None
     """A twin, its name or its file, to use in place of the plain plant."""
     arm: Annotated[str | None, Fixed] = None
     """Address of the arm, see `arms.address`; None is the plant or twin."""
     engine: Annotated[str | None, Fixed] = None
     """Physics engine of the twin, if not the one in its file."""
-    dynamics: Annotated[DynamicsConfig | None, Fixed, AvoidSubcommands] = None
+    dynamics: Annotated[DynamicsConfig | None, Fixed] = None
     """Physics of the plain plant, if not the robot's; a twin has its own."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell, or MODULE:FUNCTION of your own."""

@@ -116,7 +116,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
 
     out = sitting.folder / RUN
     resume = _is_begun(out, "config.json")
-    config = TrainConfig(out=out, resume=resume, **as_config(settings))
+    config = TrainConfig.of(out=out, resume=resume, **as_config(settings))
     (result,) = train(config, sitting.console)
     return {
         "steps": result.steps,
