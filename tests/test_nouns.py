@@ -47,6 +47,31 @@ def test_public_classes_are_made_with_at_most_8_parameters():
     assert not long
 
 
+def settings(class_, known):
+    """Names of a dataclass's fields, what it inherits too; none are a named tuple's."""
+    given = []
+    for base in map(ast.unparse, class_.bases):
+        given += settings(known[base], known) if base in known else []
+    fields = [node for node in class_.body if isinstance(node, ast.AnnAssign)]
+    own = [f for f in fields if "ClassVar" not in ast.unparse(f.annotation)]
+    return list(dict.fromkeys(given + [ast.unparse(f.target) for f in own]))
+
+
+def test_a_training_and_its_environment_have_at_most_8_settings_in_a_section():
+    """Frozen or not: there is a section for more, and a flat name for each."""
+    made = dict(classes())
+    known = {name.rpartition(" ")[2]: node for name, node in made.items()}
+    rooms = ("learn/", "envs/")
+    given = {n: settings(made[n], known) for n in made if n.startswith(rooms)}
+    given |= {n: settings(made[n], known) for n in made if "Section" in bases(made[n])}
+    assert len(given["learn/config.py: TrainConfig"]) == PARAMETERS_MAX
+    assert {n: names for n, names in given.items() if len(names) > PARAMETERS_MAX} == {}
+
+
+def bases(class_):
+    return [ast.unparse(base) for base in class_.bases]
+
+
 def words(text):
     """How often a text says what one task has; TypeGuard and whole do not count."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
