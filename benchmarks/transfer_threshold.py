@@ -82,7 +82,7 @@ def measure(
         RecordConfig(arm=f"twin:{path}", out=folder / "recording"), quiet
     )
     rms = Replay(recording).rms(nominal_model())
-    config = EvaluationConfig(
+    config = EvaluationConfig.of(
         policy=args.policy,
         twin=str(path),
         tries=args.tries,

@@ -75,7 +75,7 @@ def changed(name, kind, **rest):
 )
 def test_a_name_that_means_two_things_is_one_message(task, message):
     if message is None:
-        assert parse(Evaluate, ["p"], task).task_options == {}
+        assert parse(Evaluate, ["p"], task).task.task_options == {}
         return
     with pytest.raises(ConfigError, match=message):
         parse(Evaluate, ["p"], task)
@@ -101,8 +101,8 @@ def test_what_is_resumed_keeps_its_options():
 def test_the_fixture_has_the_tasks_own_word(word, task):
     words = ["p", f"--{word}", "0.6", "0", "0.1", "0", f"--{word}-shift=0.01"]
     read = parse(Evaluate, [*words, f"--{word}_speed", "0.02"], task)
-    assert read.fixture == (0.6, 0.0, 0.1, 0.0)
-    assert (read.fixture_shift, read.fixture_speed) == (0.01, 0.02)
+    assert read.task.fixture == (0.6, 0.0, 0.1, 0.0)
+    assert (read.harder.fixture_shift, read.harder.fixture_speed) == (0.01, 0.02)
 
 
 def test_the_task_is_that_of_env():

@@ -35,7 +35,7 @@ def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
     assert policy.metadata["provenance"]["config"]["period"] == period
     words = policy.metadata["provenance"]["command"].split()
     assert words[words.index("--period") + 1] == f"{1e3 * period:g}ms"
-    evaluation = EvaluationConfig(
+    evaluation = EvaluationConfig.of(
         policy=str(result.policy),
         plant="mujoco",
         tries=1,

@@ -1,7 +1,5 @@
 """The search that takes over from a policy: when, from where, and who may choose it."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -128,11 +126,11 @@ def test_evaluate_takes_the_policys_time_or_its_own():
     metadata["env"] = {**metadata["env"], "fall_back": 5.0}
     assert policy_settings(metadata)["fall_back"] == 5.0
     for given, wanted in ((None, 5.0), (0.0, 0.0), (3.0, 3.0)):
-        config = EvaluationConfig(policy="peg_near", plant="mujoco", fall_back=given)
+        config = EvaluationConfig.of(policy="peg_near", plant="mujoco", fall_back=given)
         assert environment_options(config, metadata)["fall_back"] == wanted
-    searched = EvaluationConfig(policy="peg_near", plant="mujoco", search="corner")
+    searched = EvaluationConfig.of(policy="peg_near", plant="mujoco", search="corner")
     assert environment_options(searched, metadata)["fall_back"] == 0.0
-    both = replace(searched, fall_back=3.0)
+    both = searched.having(fall_back=3.0)
     with pytest.raises(ConfigError, match="acts from the start"):
         environment_options(both, metadata)
 

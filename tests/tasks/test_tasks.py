@@ -130,15 +130,13 @@ def test_a_strangers_policy_is_evaluated_where_its_module_is_named(ring, tmp_pat
     metadata |= describe_spaces(made)
     file = tmp_path / "own.safetensors"
     Policy(layers, metadata).save(file)
-    config = EvaluationConfig(
+    config = EvaluationConfig.of(
         policy=str(file), plant="mujoco", tries=1, out=tmp_path / "out"
     )
     quiet = Console(file=(tmp_path / "console.txt").open("w"))
     with pytest.raises(ConfigError, match=f"add --env {RING} if you trust it"):
         evaluate(config, quiet)
-    result = evaluate(
-        EvaluationConfig(**{**vars(config), "env": RING, "period": 0.005}), quiet
-    )
+    result = evaluate(config.having(env=RING, period=0.005), quiet)
     assert len(result.outcomes) == 2
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert "RingOverPost" in report["title"]
