@@ -100,7 +100,7 @@ class TriesConfig(Section):
     """Tries at each fixture pose."""
     seed: int = 0
     """Seed of starts and noise, 0 or more."""
-    workers: int = 1
+    workers: Annotated[int, Range(1, 256, "processes")] = 1
     """Processes that share the tries; the outcome does not depend on it."""
     keep_logs: bool = True
     """Keep an Episode log of each try."""

@@ -13,7 +13,6 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
-from dovetail.control.ranges import in_count
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.evaluate.config import (
     EvaluationConfig,
@@ -47,8 +46,6 @@ from dovetail.search.script import CornerScript
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.renderer import Renderer
 
-_WORKERS_MAX = 256
-
 
 class Evaluation(NamedTuple):
     """What an evaluation gave and where it is."""
@@ -71,7 +68,6 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         DovetailError: A setting, the policy or the disk; see its message.
     """
     asked = config.trials
-    in_count("workers", asked.workers, 1, _WORKERS_MAX, "processes")
     file = find_policy(config.policy)
     policy = Policy.load(file)
     poses = fixture_poses(config, policy.metadata)
