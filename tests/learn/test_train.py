@@ -141,7 +141,8 @@ def start():
 
 def start_process(config: TrainConfig) -> subprocess.Popen[bytes]:
     changed = ("algorithm", "steps", "seeds")
-    settings = SMALL | {name: getattr(config, name) for name in changed}
+    flat = config.flat()
+    settings = SMALL | {name: flat[name] for name in changed}
     code = (
         "from dovetail.learn.train import train, TrainConfig\n"
         "if __name__ == '__main__':\n"

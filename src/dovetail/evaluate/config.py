@@ -9,7 +9,7 @@ from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
-from dovetail.control.ranges import Range
+from dovetail.control.ranges import Range, check_ranges
 from dovetail.control.sections import Section, Sectioned
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
@@ -77,16 +77,20 @@ class HarderConfig(Perturbation):
     """The shift in millimetres, 0 to 50 [mm]."""
 
     def __post_init__(self) -> None:
-        """Refuse a number out of range, and the shift given twice."""
-        super().__post_init__()
+        """Leave it to `perturbation`, whose message a command says in one line."""
+
+    def perturbation(self) -> Perturbation:
+        """Return what is done to arm and fixture.
+
+        Raises:
+            ConfigError: A number out of range, or the shift given twice.
+        """
+        check_ranges(self)
         if self.cover and self.fixture_shift:
             raise ConfigError(
                 f"cover is {self.cover:g} mm and fixture_shift is "
                 f"{self.fixture_shift:g} m, which are the same distance; give one"
             )
-
-    def perturbation(self) -> Perturbation:
-        """Return what is done to arm and fixture."""
         given = {f.name: vars(self)[f.name] for f in fields(Perturbation)}
         given["fixture_shift"] = self.fixture_shift or 1e-3 * self.cover
         return Perturbation(**given)
@@ -100,7 +104,7 @@ class TriesConfig(Section):
     """Tries at each fixture pose."""
     seed: int = 0
     """Seed of starts and noise, 0 or more."""
-    workers: Annotated[int, Range(1, 256, "processes")] = 1
+    workers: int = 1
     """Processes that share the tries; the outcome does not depend on it."""
     keep_logs: bool = True
     """Keep an Episode log of each try."""

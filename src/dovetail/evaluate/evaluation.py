@@ -13,6 +13,7 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
+from dovetail.control.ranges import in_count
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.evaluate.config import (
     EvaluationConfig,
@@ -46,6 +47,8 @@ from dovetail.search.script import CornerScript
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.renderer import Renderer
 
+_WORKERS_MAX = 256
+
 
 class Evaluation(NamedTuple):
     """What an evaluation gave and where it is."""
@@ -67,11 +70,11 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     Raises:
         DovetailError: A setting, the policy or the disk; see its message.
     """
-    asked = config.trials
+    in_count("workers", config.trials.workers, 1, _WORKERS_MAX, "processes")
     file = find_policy(config.policy)
     policy = Policy.load(file)
     poses = fixture_poses(config, policy.metadata)
-    jobs = plan_trials(len(poses), asked.tries, asked.seed)
+    jobs = plan_trials(len(poses), config.trials.tries, config.trials.seed)
     options = environment_options(config, policy.metadata)
     perturbation = config.harder.perturbation()
     lax = require_yes(options, config.place.arm, is_given=config.place.accept_contact)
@@ -82,13 +85,13 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     with closing(_inspect(config, make_env, policy)) as env:
         core = require_contact_env(env)
         task, robot = core.task, core.cell.robot
-        folder = claim_output_folder(asked.out or dated_folder("results"))
-        logs = folder / "logs" if asked.keep_logs else None
+        folder = claim_output_folder(config.trials.out or dated_folder("results"))
+        logs = folder / "logs" if config.trials.keep_logs else None
         if logs is not None:
             logs.mkdir()
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
-        make = make_env if asked.workers > 1 else lambda: env
+        make = make_env if config.trials.workers > 1 else lambda: env
         load: Any = CornerScript
         if config.harder.search == "none":
             load = partial(Policy.load, file)
@@ -98,8 +101,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             jobs,
             poses=poses,
             logs=logs,
-            films=folder if asked.video else None,
-            workers=asked.workers,
+            films=folder if config.trials.video else None,
+            workers=config.trials.workers,
         )
         title = _title(file.stem, task, config, options["period"])
         names = [pose.name for pose in poses]
@@ -119,7 +122,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         command=command_line(config),
     )
     _print(report, lax, options["tare"], console)
-    films = [folder / film_name(pose) for pose in poses] if asked.video else []
+    films = [folder / film_name(pose) for pose in poses] if config.trials.video else []
     searched = None
     if perturbation.fixture_shift:
         searched = draw_search(report, poses, task.outline())
