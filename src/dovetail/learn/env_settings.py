@@ -19,7 +19,11 @@ _PER_AXIS = ("f_scale", "force_damping")
 
 @dataclass(frozen=True, kw_only=True)
 class EnvSettings(Sectioned):
-    """The task."""
+    """The task.
+
+    And its environment, as a policy has to know them: what `EnvConfig` has, with `tare`
+    on, and each scale of X Y Z as a tuple.
+    """
 
     whose: ClassVar[str] = "a policy's environment"
 
@@ -34,7 +38,7 @@ class EnvSettings(Sectioned):
     """Its environment."""
 
     def __post_init__(self) -> None:
-        """Take one number for X Y Z, too; files have lists."""
+        """Take one number for X Y Z, too."""
         given = self.flat()
         listed = {name: np.atleast_1d(given[name]).tolist() for name in _PER_AXIS}
         self._settle(**listed)
