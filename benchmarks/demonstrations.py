@@ -35,6 +35,7 @@ from dovetail.envs.log_facts import describe_cell, observed_columns
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import EpisodeRow
+from dovetail.learn.run_settings import LengthConfig
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Vec3
@@ -219,10 +220,10 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
 
     begin = time.process_time()
     with prepared(config) as run:
-        seed_run(run.model, config.seed, 0)
+        seed_run(run.model, config.runs.seed, 0)
         run.model.set_logger(configure(None, []))
         pretrain(run.model, config)
-        run.model.learn(config.steps, callback=Test())
+        run.model.learn(config.length.steps, callback=Test())
     test.close()
     is_learned = bool(tests) and tests[-1][1] >= 0.99 * episodes
     return {
@@ -243,7 +244,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1, 2])
     parser.add_argument("--count", type=int, default=20)
-    parser.add_argument("--steps", type=int, default=TrainConfig.steps)
+    parser.add_argument("--steps", type=int, default=LengthConfig.steps)
     parser.add_argument("--every", type=int, default=1000)
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--share", type=float, help="as --teacher-share of a training")
@@ -262,7 +263,7 @@ def main() -> None:
         for seed in given.seeds:
             print(f"  seed {seed}, {name}", flush=True)
             folder = out / f"{name}-{seed}"
-            config = TrainConfig(
+            config = TrainConfig.of(
                 out=folder,
                 seed=seed,
                 steps=given.steps,

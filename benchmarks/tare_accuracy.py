@@ -44,7 +44,7 @@ def tares(twin: TwinConfig, jobs: list[Job]) -> Array:
 def successes(policy: str, twin: str, *, tare: bool, tries: int) -> str:
     """Return how many tries of a policy inserted."""
     with tempfile.TemporaryDirectory() as folder:
-        config = EvaluationConfig(
+        config = EvaluationConfig.of(
             policy=policy,
             twin=twin,
             tare=tare,

@@ -23,7 +23,8 @@ import numpy as np
 from rich.console import Console
 
 from dovetail.envs.registered import find_cell
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.evaluate.config import EvaluationConfig, TriesConfig
+from dovetail.evaluate.evaluation import evaluate
 from dovetail.files import write_atomic
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
@@ -82,7 +83,7 @@ def measure(
         RecordConfig(arm=f"twin:{path}", out=folder / "recording"), quiet
     )
     rms = Replay(recording).rms(nominal_model())
-    config = EvaluationConfig(
+    config = EvaluationConfig.of(
         policy=args.policy,
         twin=str(path),
         tries=args.tries,
@@ -107,7 +108,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--policy", default="peg_square")
     parser.add_argument("--grades", type=int, default=len(GRADES), help="so many")
-    parser.add_argument("--tries", type=int, default=EvaluationConfig.tries)
+    parser.add_argument("--tries", type=int, default=TriesConfig.tries)
     arguments = parser.parse_args()
     rows = []
     for twin, kind, fraction in GRADES[: arguments.grades]:

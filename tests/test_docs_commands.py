@@ -90,9 +90,10 @@ def test_a_learner_in_the_docs_fits_its_service(
     words = shlex.split(service, comments=True)[2:]
     offered = parse_address(parse(Serve, words).arm)
     asked = parse(Evaluate, shlex.split(learner, comments=True)[2:])
-    period = parse_address(asked.arm).control_period(asked.period, DEFAULT_PERIOD)
+    arm = parse_address(asked.place.arm)
+    period = arm.control_period(asked.place.period, DEFAULT_PERIOD)
     assert offered.period in (None, period)
-    assert offered.places_fixture or asked.fixture is not None
+    assert offered.places_fixture or asked.task.fixture is not None
 
 
 def program(page):

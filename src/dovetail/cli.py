@@ -132,7 +132,7 @@ def _run_command(name: str, words: list[str]) -> int:
 
     find = vars(module).get("defaults")  # of what the words continue
     found = find(words) if find else None
-    task = find_task(words, found and found.env)
+    task = find_task(words, found and found.environment.env)
     if is_page:
         print(help_page(settings, name, groups, describe_options(task)))
         raise SystemExit(0)

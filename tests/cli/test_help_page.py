@@ -1,11 +1,11 @@
 """The help of commands with many options: groups, each option on a line."""
 
 import importlib
-from dataclasses import fields
 
 import pytest
 
 from dovetail.cli import COMMANDS, run
+from dovetail.control.sections import settings_in
 from dovetail.tasks.options import option_types
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -31,8 +31,7 @@ def test_the_commands_with_many_options_have_groups():
 def test_every_option_is_in_one_group(name):
     module = GROUPED[name]
     grouped = [field for names in module["GROUPS"].values() for field in names]
-    kinds = fields(module[COMMANDS[name][0]])
-    assert sorted(grouped) == sorted(f.name for f in kinds)
+    assert sorted(grouped) == sorted(settings_in(module[COMMANDS[name][0]]))
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])
@@ -47,7 +46,9 @@ def test_an_option_of_train_is_one_line(capsys, monkeypatch):
     lines = shown("train", capsys)
     options = [line for line in lines if line.startswith("  ")]
     assert all(line.startswith("  --") for line in options)
-    number = len(fields(GROUPED["train"]["Train"])) + len(option_types(PegInHole)) - 1
+    number = (
+        len(settings_in(GROUPED["train"]["Train"])) + len(option_types(PegInHole)) - 1
+    )
     assert len(options) == number
 
 

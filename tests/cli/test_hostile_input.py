@@ -121,7 +121,7 @@ def test_a_folder_in_brackets_is_printed_whole(tmp_path, capsys):
 )
 def test_a_runs_settings_of_another_kind_are_named(name, value, tmp_path):
     file = tmp_path / "config.json"
-    file.write_text(json.dumps(TrainConfig().to_json() | {name: value}))
+    file.write_text(json.dumps(TrainConfig.of().to_json() | {name: value}))
     with pytest.raises(ConfigError, match=f"config.json is damaged: {name} is"):
         settings_of(tmp_path)
 

@@ -75,7 +75,7 @@ def changed(name, kind, **rest):
 )
 def test_a_name_that_means_two_things_is_one_message(task, message):
     if message is None:
-        assert parse(Evaluate, ["p"], task).task_options == {}
+        assert parse(Evaluate, ["p"], task).task.task_options == {}
         return
     with pytest.raises(ConfigError, match=message):
         parse(Evaluate, ["p"], task)
@@ -89,8 +89,9 @@ def test_what_a_task_works_out_itself_is_no_setting():
 
 
 def test_what_is_resumed_keeps_its_options():
-    default = TrainConfig(task_options=TaskOptions(peg="round"))
-    assert parse(TrainConfig, [], default=default).task_options["peg"] == "round"
+    default = TrainConfig.of(task_options=TaskOptions(peg="round"))
+    again = parse(TrainConfig, [], default=default)
+    assert again.environment.task_options["peg"] == "round"
 
 
 @pytest.mark.parametrize(
@@ -100,8 +101,8 @@ def test_what_is_resumed_keeps_its_options():
 def test_the_fixture_has_the_tasks_own_word(word, task):
     words = ["p", f"--{word}", "0.6", "0", "0.1", "0", f"--{word}-shift=0.01"]
     read = parse(Evaluate, [*words, f"--{word}_speed", "0.02"], task)
-    assert read.fixture == (0.6, 0.0, 0.1, 0.0)
-    assert (read.fixture_shift, read.fixture_speed) == (0.01, 0.02)
+    assert read.task.fixture == (0.6, 0.0, 0.1, 0.0)
+    assert (read.harder.fixture_shift, read.harder.fixture_speed) == (0.01, 0.02)
 
 
 def test_the_task_is_that_of_env():
@@ -113,13 +114,13 @@ def test_the_task_is_that_of_env():
 
 def test_a_run_of_an_older_version_is_read(tmp_path):
     """It has `hole`, and `peg` even where the task has none."""
-    config = TrainConfig(env=CLIP[1], fixed_goal=True, fixture=(0.85, 0.0, 0.4, 0.0))
+    config = TrainConfig.of(env=CLIP[1], fixed_goal=True, fixture=(0.85, 0.0, 0.4, 0.0))
     content = config.to_json() | {"peg": None, "clearance": 0.002}
     content["hole"] = content.pop("fixture")
     (tmp_path / "config.json").write_text(json.dumps(content))
-    again = TrainConfig(**settings_of(tmp_path))
-    assert again.fixture == config.fixture
-    assert again.task_options == {"clearance": 0.002}
+    again = TrainConfig.of(**settings_of(tmp_path))
+    assert again.place.fixture == config.place.fixture
+    assert again.environment.task_options == {"clearance": 0.002}
 
 
 def test_flat_settings_are_gathered_and_nothing_else():

@@ -24,7 +24,7 @@ FRI = "fri://127.0.0.1:30200?clock=lockstep&control=127.0.0.1:30301&reset=place"
 
 @pytest.fixture
 def config(policy_file, tmp_path):
-    return EvaluationConfig(
+    return EvaluationConfig.of(
         policy=str(policy_file), arm="twin:easy", tries=1, out=tmp_path / "out"
     )
 
@@ -68,7 +68,7 @@ def build_instead_of_connecting(arm, cell, axes, config):
 
 def test_a_twin_by_address_gives_the_numbers_of_the_twin(config, tmp_path):
     by_address, text = run(config)
-    by_name, _ = run(replace(config, arm=None, twin="easy", out=tmp_path / "by-name"))
+    by_name, _ = run(config.having(arm=None, twin="easy", out=tmp_path / "by-name"))
     assert by_address.rows == by_name.rows
     assert "on twin easy (mujoco)" in text
     assert "--arm twin:easy" in by_address.report.command
@@ -76,7 +76,7 @@ def test_a_twin_by_address_gives_the_numbers_of_the_twin(config, tmp_path):
 
 def test_a_given_hole_is_the_only_pose(config):
     hole = (0.6, 0.01, 0.1, 0.1)
-    evaluation, text = run(replace(config, fixture=hole))
+    evaluation, text = run(config.having(fixture=hole))
     assert [row.label for row in evaluation.rows] == ["given", "all"]
     assert "given" in text
     assert "--fixture 0.6 0.01 0.1 0.1" in evaluation.report.command
@@ -85,7 +85,7 @@ def test_a_given_hole_is_the_only_pose(config):
 
 
 def test_force_that_is_not_measured_is_a_dash_not_a_zero(config, blind_arm):
-    evaluation, text = run(replace(config, arm=FRI))
+    evaluation, text = run(config.having(arm=FRI))
     (row,) = (line.split() for line in text.splitlines() if line.startswith(" all"))
     assert row[-4:] == ["-", "-", "-", "0"]
     assert evaluation.rows[-1].successes == 3
@@ -96,7 +96,7 @@ def test_force_that_is_not_measured_is_a_dash_not_a_zero(config, blind_arm):
 
 
 def test_the_one_arm_is_opened_once(config, blind_arm):
-    run(replace(config, arm=FRI))
+    run(config.having(arm=FRI))
     assert blind_arm.opened == 1
 
 
@@ -116,9 +116,9 @@ def test_what_cannot_be_tried_is_refused_before_anything_is_written(
     config, changes, message
 ):
     with pytest.raises(ConfigError) as error:
-        run(replace(config, **changes))
+        run(config.having(**changes))
     assert message in str(error.value)
-    assert not config.out.exists()
+    assert not config.trials.out.exists()
 
 
 def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
@@ -132,8 +132,8 @@ def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
     monkeypatch.setattr("dovetail.arms.from_address.LocalArm", FixedArm)
     with pytest.raises(ConfigError, match="say where it is with --fixture"):
         run(config)
-    assert not config.out.exists()
-    run(replace(config, fixture=(0.6, 0.0, 0.1, 0.0)))
+    assert not config.trials.out.exists()
+    run(config.having(fixture=(0.6, 0.0, 0.1, 0.0)))
 
 
 @pytest.mark.parametrize(
@@ -147,9 +147,9 @@ def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
     ],
 )
 def test_a_result_says_where_it_was_found(config, address, ground):
-    assert name_ground(replace(config, arm=address)) == ground
+    assert name_ground(config.having(arm=address)) == ground
 
 
 def test_the_command_is_complete(config):
-    words = command_line(replace(config, fixture=(0.6, 0.0, 0.1, 0.0)))
+    words = command_line(config.having(fixture=(0.6, 0.0, 0.1, 0.0)))
     assert "--arm twin:easy --fixture 0.6 0.0 0.1 0.0" in words

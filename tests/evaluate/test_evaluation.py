@@ -5,7 +5,7 @@ import json
 import os
 import shlex
 import shutil
-from dataclasses import fields, replace
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -34,7 +34,7 @@ HEXAGON = TaskOptions(peg="hexagon")
 
 @pytest.fixture
 def config(policy_file, tmp_path):
-    return EvaluationConfig(
+    return EvaluationConfig.of(
         policy=str(policy_file), twin="easy", tries=1, out=tmp_path / "out"
     )
 
@@ -43,7 +43,7 @@ def config(policy_file, tmp_path):
 def finished(policy_file, tmp_path_factory):
     """One evaluation and what it printed."""
     out = tmp_path_factory.mktemp("evaluation") / "out"
-    config = EvaluationConfig(policy=str(policy_file), twin="easy", tries=2, out=out)
+    config = EvaluationConfig.of(policy=str(policy_file), twin="easy", tries=2, out=out)
     text = StringIO()
     return evaluate(config, Console(file=text, width=140)), text.getvalue()
 
@@ -93,7 +93,7 @@ def test_report_names_seed_twin_and_machine(finished):
 
 def test_two_workers_give_the_same_outcomes_as_one(config, finished):
     alone, _ = finished
-    pair = evaluate(replace(config, tries=2, workers=2), silent())
+    pair = evaluate(config.having(tries=2, workers=2), silent())
     for one, two in zip(alone.outcomes, pair.outcomes, strict=True):
         assert one.numbers() == two.numbers()
         np.testing.assert_array_equal(one.path, two.path)
@@ -113,7 +113,7 @@ def test_tries_that_finished_before_the_disk_was_full_are_shown(config, monkeypa
     with pytest.raises(
         LogError, match=r"B_01\.npz.*free some space, then run it again"
     ):
-        evaluate(replace(config, tries=2), Console(file=text, width=140))
+        evaluate(config.having(tries=2), Console(file=text, width=140))
     printed = text.getvalue()
     assert "(partial: 3 of 6 tries, no report)" in printed
     for cell in ("2/2", "1/1", "3/3"):
@@ -129,25 +129,25 @@ def test_a_twin_in_the_engine_of_the_training_is_noted(config, finished, policy_
     assert note in json.loads((evaluation.folder / "report.json").read_text())["note"]
     policy = Policy.load(policy_file).metadata
     assert "both mujoco" in shared_engine(
-        replace(config, twin=None, arm="twin:easy"), policy
+        config.having(twin=None, arm="twin:easy"), policy
     )
     for other in (
         policy | {"env": policy["env"] | {"plant": "bullet"}},
         policy | {"provenance": {"config": {"arm": "twin:easy"}}},
     ):
         assert shared_engine(config, other) == ""
-    assert shared_engine(replace(config, twin=None, plant="mujoco"), policy) == ""
+    assert shared_engine(config.having(twin=None, plant="mujoco"), policy) == ""
 
 
 def test_a_twin_file_of_the_users_own_works(config, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(replace(load_twin("easy"), torque_noise=0.5).to_toml())
-    evaluation = evaluate(replace(config, twin=str(file)), silent())
+    evaluation = evaluate(config.having(twin=str(file)), silent())
     assert "twin mine (mujoco)" in evaluation.report.title
 
 
 def test_an_ideal_plant_is_called_a_simulation(config):
-    assert name_ground(replace(config, twin=None, plant="mujoco")) == (
+    assert name_ground(config.having(twin=None, plant="mujoco")) == (
         "simulation (mujoco)"
     )
 
@@ -163,12 +163,13 @@ def test_an_ideal_plant_is_called_a_simulation(config):
     ],
 )
 def test_the_printed_command_is_the_same_evaluation(config, change):
-    asked = replace(config, **change)
+    asked = config.having(**change)
     words = shlex.split(command_line(asked))[2:]
     read = parse(Evaluate, words)
-    for f in fields(EvaluationConfig):
-        if f.name not in ("out", "workers", "keep_logs"):
-            assert getattr(read, f.name) == getattr(asked, f.name)
+    again = read.flat()
+    for name, value in asked.flat().items():
+        if name not in ("out", "workers", "keep_logs"):
+            assert again[name] == value, name
 
 
 @pytest.mark.parametrize(
@@ -191,19 +192,19 @@ def test_the_printed_command_is_the_same_evaluation(config, change):
 )
 def test_a_wrong_setting_is_named_with_what_is_known(config, change, words):
     with pytest.raises(DovetailError, match=words):
-        evaluate(replace(config, **change), silent())
+        evaluate(config.having(**change), silent())
 
 
 @pytest.mark.parametrize("change", [{"task_options": HEXAGON}, {"workers": 0}])
 def test_a_wrong_setting_leaves_no_folder(config, change):
     with pytest.raises(DovetailError):
-        evaluate(replace(config, **change), silent())
-    assert not config.out.exists()
+        evaluate(config.having(**change), silent())
+    assert not config.trials.out.exists()
 
 
 def test_a_folder_with_old_results_is_refused(config):
-    config.out.mkdir()
-    (config.out / "report.html").touch()
+    config.trials.out.mkdir()
+    (config.trials.out / "report.html").touch()
     with pytest.raises(ConfigError, match="not empty"):
         evaluate(config, silent())
 
@@ -214,7 +215,7 @@ def test_a_policy_cut_short_is_refused(config, policy_file, tmp_path):
     sidecar = policy_file.with_suffix(".json").read_text()
     weights.with_suffix(".json").write_text(sidecar)
     with pytest.raises(PolicyError, match="cut"):
-        evaluate(replace(config, policy=str(weights)), silent())
+        evaluate(config.having(policy=str(weights)), silent())
 
 
 @pytest.mark.parametrize(
@@ -236,7 +237,7 @@ def test_a_policy_of_another_task_or_size_is_refused(
     other.write_bytes(policy_file.read_bytes())
     other.with_suffix(".json").write_text(json.dumps(content))
     with pytest.raises(PolicyError, match=words):
-        evaluate(replace(config, policy=str(other)), silent())
+        evaluate(config.having(policy=str(other)), silent())
 
 
 def test_why_the_arm_ended_a_try_is_said_and_kept(config, monkeypatch, tmp_path):
@@ -244,7 +245,7 @@ def test_why_the_arm_ended_a_try_is_said_and_kept(config, monkeypatch, tmp_path)
         raise ArmError("the cable is out", "motion_ended")
 
     monkeypatch.setattr(LocalArm, "step", fail)
-    asked = replace(config, tries=1, workers=1, tare=False)
+    asked = config.having(tries=1, workers=1, tare=False)
     text = StringIO()
     found = evaluate(asked, Console(file=text, width=200))
     said = text.getvalue()
@@ -261,7 +262,7 @@ def test_laxer_contact_is_said_before_the_tries_and_kept_with_them(
     env = policy.metadata["env"] | {"near_speed": 5.0}
     lax = Policy(policy.layers, policy.metadata | {"env": env}).save(tmp_path / "lax")
     text = StringIO()
-    asked = replace(config, policy=str(lax), tries=1)
+    asked = config.having(policy=str(lax), tries=1)
     evaluation = evaluate(asked, Console(file=text, width=200))
     note = "near_speed 5 m/s (default 0.02)"
     assert text.getvalue().count(note) == 1
@@ -269,9 +270,9 @@ def test_laxer_contact_is_said_before_the_tries_and_kept_with_them(
     assert note in evaluation.report.note
     robot = {"arm": "fri://127.0.0.1:30299", "fixture": (0.6, 0.0, 0.1, 0.0)}
     with pytest.raises(ConfigError, match="say --accept-contact"):
-        evaluate(replace(asked, twin=None, **robot), silent())
-    command = command_line(replace(asked, accept_contact=True))
-    assert parse(Evaluate, shlex.split(command)[2:]).accept_contact
+        evaluate(asked.having(twin=None, **robot), silent())
+    command = command_line(asked.having(accept_contact=True))
+    assert parse(Evaluate, shlex.split(command)[2:]).place.accept_contact
 
 
 def test_either_file_or_the_bare_name_finds_a_policy(policy_file):

@@ -154,9 +154,8 @@ def test_weights_of_a_gru_that_do_not_fit_are_refused(rng):
 
 
 def test_no_training_starts_from_a_policy_with_a_memory(policy, rng, small, tmp_path):
-    from dataclasses import replace
 
     weights = remembering(policy, random_gru(rng), 0).save(tmp_path / "gru")
-    config = replace(small, from_policy=str(weights))
+    config = small.having(from_policy=str(weights))
     with pytest.raises(PolicyError, match="it has a memory"):
         load_start(config)

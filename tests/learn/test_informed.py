@@ -1,7 +1,5 @@
 """Critics are told the truth; the actor, and so the policy, is as any other."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from tests.extras import need
@@ -13,7 +11,7 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.searching import SEARCHING
 from dovetail.poses import theta_about_vertical
 
-CONFIG = TrainConfig(
+CONFIG = TrainConfig.of(
     **{
         **SEARCHING,
         "doubt": 0.02,
@@ -37,7 +35,8 @@ def env():
     from dovetail.learn.algorithms import make_vec_env
     from dovetail.learn.informed import Informed
 
-    made = Informed(make_vec_env(CONFIG), CONFIG.kinds(3))
+    kinds = CONFIG.variation.kinds(CONFIG.environment, 3)
+    made = Informed(make_vec_env(CONFIG), kinds)
     yield made
     made.close()
 
@@ -80,7 +79,7 @@ def test_the_actor_does_not_look_at_the_truth_and_the_policy_has_no_room_for_it(
     from dovetail.learn.algorithms import make_model
     from dovetail.learn.export import export_policy
 
-    model = make_model(replace(CONFIG, script=None), env.venv)
+    model = make_model(CONFIG.having(script=None), env.venv)
     seen = np.tile(env.reset()[:1], (2, 1))
     seen[1, -TOLD:] += 1.0
     first, second = model.predict(seen, deterministic=True)[0]
@@ -100,4 +99,4 @@ def test_the_actor_does_not_look_at_the_truth_and_the_policy_has_no_room_for_it(
 )
 def test_only_sac_without_logs_is_informed(change):
     with pytest.raises(ConfigError, match="leave --informed out"):
-        replace(CONFIG, script=None, **change)
+        CONFIG.having(script=None, **change)

@@ -4,7 +4,6 @@ import io
 import json
 import shlex
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,7 +26,7 @@ from .conftest import SMALL
 def begin(config):
     """Note a run as a training does when it begins."""
     open_run(config)
-    return ["--resume", "--out", str(config.out)]
+    return ["--resume", "--out", str(config.runs.out)]
 
 
 def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
@@ -42,14 +41,14 @@ def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
         return step(self, action)
 
     monkeypatch.setattr(ContactEnv, "step", diverge_once)
-    words = ["--out", str(small.out), "--tare"]
+    words = ["--out", str(small.runs.out), "--tare"]
     for name, value in SMALL.items():
         values = value if isinstance(value, tuple) else [value]
         words += [f"--{name.replace('_', '-')}", *map(str, values)]
     assert run(["train", *words, "--clearance", "0.001"]) == 2
-    assert f"train --resume --out {small.out}" in capsys.readouterr().out
-    assert run(["train", "--resume", "--out", str(small.out)]) == 0
-    policy = json.loads((small.out / "policy.json").read_text())
+    assert f"train --resume --out {small.runs.out}" in capsys.readouterr().out
+    assert run(["train", "--resume", "--out", str(small.runs.out)]) == 0
+    policy = json.loads((small.runs.out / "policy.json").read_text())
     assert policy["provenance"]["steps"] == SMALL["steps"]
     assert policy["env"]["clearance"] == 0.001
 
@@ -67,14 +66,13 @@ def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
     ],
 )
 def test_an_option_that_differs_from_the_run_is_named(small, words, message, capsys):
-    again = begin(replace(small, task_options=TaskOptions(clearance=0.001), tare=False))
+    again = begin(small.having(task_options=TaskOptions(clearance=0.001), tare=False))
     assert run(["train", *again, *words]) == 2
     assert message in capsys.readouterr().err
 
 
 def test_the_runs_settings_are_read_back_whole(small):
-    config = replace(
-        small,
+    config = small.having(
         env="dovetail/RailClip-v0",
         stack=2,
         fixed_goal=True,
@@ -87,18 +85,18 @@ def test_the_runs_settings_are_read_back_whole(small):
     read = defaults(begin(config))
     assert read is not None
     assert read.to_json() == config.to_json()
-    assert read.resume
+    assert read.runs.resume
 
 
 def test_a_run_on_a_model_has_the_model_in_its_folder(small, tmp_path):
     model = tmp_path / "identified.toml"
     model.write_text(load_twin("medium").to_toml())
-    config = replace(small, model=model)
+    config = small.having(model=model)
     again = begin(config)
     model.unlink()
     read = defaults(again)
     assert read is not None
-    assert read.model == small.out / "model.toml"
+    assert read.dynamics.model == small.runs.out / "model.toml"
     read.require_same(json.loads(json.dumps(config.to_json())))
 
 
@@ -111,7 +109,7 @@ def test_resuming_needs_a_folder(capsys):
     assert run(["train", "--resume"]) == 2
     assert "say with --out FOLDER where the run is" in capsys.readouterr().err
     with pytest.raises(ConfigError, match="--out FOLDER"):
-        train(TrainConfig(resume=True))
+        train(TrainConfig.of(resume=True))
 
 
 @pytest.mark.parametrize(
@@ -124,11 +122,11 @@ def test_two_trainings_without_a_folder_have_one_each(
     from dovetail.learn.run_folder import place_run
 
     monkeypatch.chdir(tmp_path)
-    config = place_run(TrainConfig(**settings))
-    assert config.out is not None
-    assert config.out.parent.name == "runs"
-    assert config.out.name.startswith(f"{name}-20")
-    given = replace(config, out=tmp_path / "mine")
+    config = place_run(TrainConfig.of(**settings))
+    assert config.runs.out is not None
+    assert config.runs.out.parent.name == "runs"
+    assert config.runs.out.name.startswith(f"{name}-20")
+    given = config.having(out=tmp_path / "mine")
     assert place_run(given) is given
 
 
@@ -139,17 +137,17 @@ def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, sma
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(TRUSTED, "")
     ring = "resumed_ring:RingOverPost-v0"
-    config = replace(small, env=ring, task_options=TaskOptions())
+    config = small.having(env=ring, task_options=TaskOptions())
     again = begin(config)
     with pytest.raises(ConfigError, match=f"if you trust it, give --env {ring}, or"):
         defaults(again)
     console = Console(file=io.StringIO(), record=True, width=400)
-    announce(console, config, config.folder)
+    announce(console, config, config.runs.folder)
     words = shlex.split(console.export_text().partition("short: ")[2])
     assert words[:2] == ["dovetail", "train"]
     assert words[-2:] == ["--env", ring]
     trust_typed(words)
     read = defaults(words)
     assert read is not None
-    assert read.env == ring
-    assert read.resume
+    assert read.environment.env == ring
+    assert read.runs.resume

@@ -14,6 +14,7 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.searching import SEARCHING
 from dovetail.learn.teacher import Teacher
+from dovetail.learn.teaching_settings import TeachingConfig
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -70,7 +71,7 @@ def corrected(algorithm):
         "steps": 64,
         "policy_delay": 1,
     }
-    return TrainConfig(**{**TINY, **changes})
+    return TrainConfig.of(**{**TINY, **changes})
 
 
 @pytest.mark.parametrize("algorithm", ["sac", "tqc", "td3", "ddpg", "crossq"])
@@ -97,7 +98,7 @@ def test_the_critics_of_a_correction_learn_before_the_actor_does(monkeypatch):
     config = corrected("sac")
     env = make_vec_env(config)
     model = make_model(config, env)
-    model.learn(config.learning_starts)  # the teacher's steps
+    model.learn(config.teaching.learning_starts)  # the teacher's steps
     before = jax.tree.leaves(model.policy.actor_state.params)
     critics = jax.tree.leaves(model.policy.qf_state.params)
     model._learn_to_judge(4, 8)
@@ -108,7 +109,7 @@ def test_the_critics_of_a_correction_learn_before_the_actor_does(monkeypatch):
     changed = zip(critics, jax.tree.leaves(model.policy.qf_state.params), strict=True)
     assert all(np.abs(np.asarray(new - old)).max() > 0.0 for old, new in changed)
     assert model._n_updates == 0
-    assert model.policy_delay == config.policy_delay
+    assert model.policy_delay == config.learner.gradient.policy_delay
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
@@ -163,7 +164,7 @@ def test_a_run_with_doubt_learns_from_its_teacher_and_its_policy_knows_no_doubt(
     need("sbx")
     from dovetail.learn.train import train
 
-    config = TrainConfig(**TINY, out=tmp_path / "run")
+    config = TrainConfig.of(**TINY, out=tmp_path / "run")
     (result,) = train(config, Console(quiet=True))
     policy = Policy.load(result.policy)
     assert policy.metadata["env"]["tracker"] == "truth"
@@ -179,12 +180,12 @@ def test_a_run_with_doubt_learns_from_its_teacher_and_its_policy_knows_no_doubt(
 def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
     found = defaults(["--doubt", "0.02"])
     assert found is not None
-    assert {name: vars(found)[name] for name in SEARCHING} == dict(SEARCHING)
+    assert {name: found.flat()[name] for name in SEARCHING} == dict(SEARCHING)
     assert defaults(["--steps", "5"]) is None
     logs = defaults(["--doubt", "0.02", "--teacher", "logs"])
     assert logs is not None
-    assert logs.learning_starts == TrainConfig.learning_starts
-    assert logs.recall == found.recall
+    assert logs.teaching.learning_starts == TeachingConfig.learning_starts
+    assert logs.flat()["recall"] == found.flat()["recall"]
 
 
 @pytest.mark.parametrize(
@@ -203,8 +204,8 @@ def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
 )
 def test_what_cannot_be_taught_is_refused_with_what_to_give(change, words):
     with pytest.raises(ConfigError, match=words):
-        TrainConfig(**{**TINY, **change})
+        TrainConfig.of(**{**TINY, **change})
 
 
 def test_no_script_is_said_as_no_teacher_is():
-    assert TrainConfig(script="none").script is None
+    assert TrainConfig.of(script="none").environment.config.action.script is None

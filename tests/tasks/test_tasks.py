@@ -111,11 +111,11 @@ def test_a_cell_weighs_what_it_holds_and_refuses_what_does_not_fit():
 def test_a_strangers_task_is_found_by_its_module(ring):
     assert task_class(RING).__name__ == "RingOverPost"
     assert make_task(RING, {"clearance": 0.002}).clearance == 0.002
-    config = TrainConfig(env=RING)
-    assert config.env_options()["task"] == "XYZ:force ABC:hold"
-    assert config.env_options()["clearance"] == 0.003
+    options = TrainConfig.of(env=RING).environment.env_options()
+    assert options["task"] == "XYZ:force ABC:hold"
+    assert options["clearance"] == 0.003
     with pytest.raises(ConfigError, match=r"RingOverPost has no settings peg"):
-        TrainConfig(env=RING, task_options=TaskOptions(peg="round"))
+        TrainConfig.of(env=RING, task_options=TaskOptions(peg="round"))
     with pytest.raises(ConfigError, match=r"Python finds no module 'no_such'"):
         task_class("no_such:Task-v0")
 
@@ -130,15 +130,13 @@ def test_a_strangers_policy_is_evaluated_where_its_module_is_named(ring, tmp_pat
     metadata |= describe_spaces(made)
     file = tmp_path / "own.safetensors"
     Policy(layers, metadata).save(file)
-    config = EvaluationConfig(
+    config = EvaluationConfig.of(
         policy=str(file), plant="mujoco", tries=1, out=tmp_path / "out"
     )
     quiet = Console(file=(tmp_path / "console.txt").open("w"))
     with pytest.raises(ConfigError, match=f"add --env {RING} if you trust it"):
         evaluate(config, quiet)
-    result = evaluate(
-        EvaluationConfig(**{**vars(config), "env": RING, "period": 0.005}), quiet
-    )
+    result = evaluate(config.having(env=RING, period=0.005), quiet)
     assert len(result.outcomes) == 2
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert "RingOverPost" in report["title"]

@@ -1,6 +1,6 @@
 """`dovetail demo`: the main job with the policy that ships in the package."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
@@ -54,7 +54,7 @@ class Demo:
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
         warn_of_twin(console, self.twin)
-        config = EvaluationConfig(
+        config = EvaluationConfig.of(
             policy=self.policy,
             twin=self.twin,
             tracker=self.tracker,
@@ -73,13 +73,13 @@ class Demo:
     def _compare(self, config: EvaluationConfig, console: Console) -> int:
         """Say who finds a fixture that was moved unseen."""
         # Told the truth, and then covered.
-        config = replace(config, tracker=None, keep_logs=False, video=False)
+        config = config.having(tracker=None, keep_logs=False, video=False)
         actors = [
-            ("no search", replace(config, policy=TRUSTING_POLICY)),
-            ("script", replace(config, search="corner")),
-            ("learned search", replace(config, policy=SEARCHING_POLICY)),
+            ("no search", config.having(policy=TRUSTING_POLICY)),
+            ("script", config.having(search="corner")),
+            ("learned search", config.having(policy=SEARCHING_POLICY)),
         ]
-        folder = config.out or dated_folder("demo-results")
+        folder = config.trials.out or dated_folder("demo-results")
         compare(actors, folder, console)
         console.print(f"written to {folder}: cover.html, cover.json, a report for each")
         return 0

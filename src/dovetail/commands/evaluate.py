@@ -6,35 +6,9 @@ from typing import Annotated
 import tyro
 from rich.console import Console
 
-from dovetail.commands.help_page import Groups
+from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
-
-GROUPS: Groups = {
-    "policy and task (by default as in training)": (
-        "policy",
-        "env",
-        "task_options",
-        "fixture",
-        "max_steps",
-    ),
-    "where it is tried, one of three": ("plant", "twin", "arm"),
-    "how it runs there": (
-        *("robot", "tracker", "period", "tare", "approach", "accept_contact"),
-    ),
-    "what is made harder": (
-        *("fixture_shift", "cover", "fixture_speed", "push", "start", "search"),
-        "fall_back",
-    ),
-    "the tries and their results": (
-        "tries",
-        "seed",
-        "workers",
-        "keep_logs",
-        "video",
-        "out",
-    ),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +21,12 @@ class Evaluate(EvaluationConfig):
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
-        warn_of_twin(console, self.twin, self.arm)
+        warn_of_twin(console, self.place.twin, self.place.arm)
         print_files(evaluate(self, console), console)
         return 0
+
+
+GROUPS = sections_of(Evaluate)
 
 
 def print_files(evaluation: Evaluation, console: Console) -> None:

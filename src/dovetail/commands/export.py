@@ -1,7 +1,7 @@
 """`dovetail export`: a model of Stable-Baselines3 or SBX as a policy of dovetail."""
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -9,27 +9,15 @@ import gymnasium
 import tyro
 from rich.console import Console
 
-from dovetail.commands.help_page import Groups
+from dovetail.commands.help_page import sections_of
 from dovetail.errors import ConfigError
-from dovetail.learn.env_settings import EnvSettings
+from dovetail.learn.env_settings import EnvSettings, find_task
 from dovetail.learn.foreign import import_file
 from dovetail.learn.policy import policy_files
 
-GROUPS: Groups = {
-    "the model and its policy": ("model", "out"),
-    "task": ("env", "task_options", "task", "max_steps"),
-    "where it was trained": ("plant", "robot", "tracker", "period"),
-    "what the policy sees and does": (
-        *("stack", "also", "recall", "f_scale", "f_scale_angular", "theta_range"),
-        *("position_range", "force_damping", "tare", "scheme", "script", "correction"),
-        "fall_back",
-    ),
-    "near contact": ("near_distance", "near_speed", "near_press"),
-}
-
 
 @dataclass(frozen=True, kw_only=True)
-class Export(EnvSettings):
+class Export:
     """Write a model.zip of Stable-Baselines3 or SBX as a policy; runs none of it.
 
     The model does not say how its environment was set: give the settings that differ
@@ -42,6 +30,8 @@ class Export(EnvSettings):
     out: Path | None = None
     """Name of the policy, NAME.safetensors and NAME.json; default the model's, beside
     it."""
+    environment: EnvSettings = field(default_factory=EnvSettings)
+    """Where it was trained."""
 
     def run(self, console: Console) -> int:
         """Export, and say what to do next."""
@@ -55,10 +45,12 @@ class Export(EnvSettings):
         for file in policy_files(out):
             if file.exists():
                 raise ConfigError(f"{file} exists; choose another --out")
-        _ = self.task_class
-        env = gymnasium.make(self.env, disable_env_checker=True, **self.env_options())
+        settings = self.environment
+        find_task(settings.env, type(self))
+        options = settings.env_options()
+        env = gymnasium.make(settings.env, disable_env_checker=True, **options)
         try:
-            weights = import_file(model, env, self).save(out)
+            weights = import_file(model, env, settings).save(out)
         finally:
             env.close()
         for file in policy_files(weights):
@@ -68,3 +60,6 @@ class Export(EnvSettings):
         line = f"next: {shlex.join(words)}"
         console.print(line, soft_wrap=True, highlight=False, markup=False)
         return 0
+
+
+GROUPS = sections_of(Export)

@@ -3,9 +3,12 @@
 import ast
 import inspect
 import textwrap
+from collections.abc import Mapping
+from functools import cache
 
 
-def field_words(kind: type) -> dict[str, str]:
+@cache
+def field_words(kind: type) -> Mapping[str, str]:
     """Return the first sentence of the string under each field, inherited ones too."""
     found = {}
     for base in reversed(kind.__mro__[:-1]):

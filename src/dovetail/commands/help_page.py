@@ -8,16 +8,17 @@ import inspect
 import shutil
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from tyro.constructors import PrimitiveConstructorSpec
 
 from dovetail.commands.field_words import field_words
+from dovetail.control.sections import Setting, settings_in
 
 Groups = Mapping[str, Sequence[str]]
-"""Title of each group, and the fields in it."""
+"""Title of each group, and the settings in it."""
 
 _WIDTH = 100
 _COLUMN = 28
@@ -33,12 +34,11 @@ def help_page(
     Args:
         settings: The command's dataclass.
         name: Its name.
-        groups: Every field of it, in one group each.
+        groups: Every setting of it, in one group each.
         own: Options that stand where the field `task_options` is, and their words.
     """
-    sentences, kinds = field_words(settings), get_type_hints(settings, None, None, True)
-    known = {f.name: f for f in fields(settings)}
-    needed = [_metavar(kinds[n]) for n, f in known.items() if _is_positional(f)]
+    known = settings_in(settings)
+    needed = [_metavar(one.kind) for one in known.values() if one.default is MISSING]
     lines = [
         " ".join(["usage: dovetail", name, *needed, "[OPTIONS]"]),
         "",
@@ -47,29 +47,39 @@ def help_page(
     ]
     for title, names in groups.items():
         lines += ["", title]
-        for field in (known[name] for name in names):
-            if own is not None and field.name == "task_options":
+        for field in names:
+            if own is not None and field == "task_options":
                 for option, sentence in own.items():
                     lines += _rows(option, sentence, "")
                 continue
-            option = _option(field, kinds[field.name])
-            lines += _rows(option, sentences[field.name], _default(field))
+            setting = known[field]
+            sentence = field_words(setting.owner)[field]
+            lines += _rows(_option(setting), sentence, _default(setting))
     return "\n".join(lines)
 
 
-def _is_positional(field: "Field[Any]") -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
+def sections_of(settings: type) -> Groups:
+    """Return the settings of each section of a command, titled by its docstring."""
+    groups: dict[str, list[str]] = {}
+    for name, setting in settings_in(settings).items():
+        title = "options"
+        if setting.owner is not settings:
+            said = (inspect.getdoc(setting.owner) or "").partition(".")[0]
+            title = said[:1].lower() + said[1:]
+        groups.setdefault(title, []).append(name)
+    return groups
 
 
-def _option(field: "Field[Any]", kind: Any) -> str:
+def _option(setting: Setting) -> str:
     """Return an option as it is typed, with the word that stands for its value."""
-    if _is_positional(field):
+    kind, default = setting.kind, setting.default
+    if default is MISSING:
         return _metavar(kind)
-    name = field.name.replace("_", "-")
+    name = setting.trail[-1].replace("_", "-")
     for note in get_args(kind)[1:] if get_origin(kind) is Annotated else ():
         name = vars(note).get("name") or name
-    if isinstance(field.default, bool):
-        return f"--[no-]{name}" if field.default else f"--{name}"
+    if isinstance(default, bool):
+        return f"--[no-]{name}" if default else f"--{name}"
     return f"--{name} {_metavar(kind)}"
 
 
@@ -93,11 +103,11 @@ def _metavar(kind: Any) -> str:
     return _WORDS[kind]
 
 
-def _default(field: "Field[Any]") -> str:
-    value = field.default
+def _default(setting: Setting) -> str:
+    value = setting.default
     if isinstance(value, bool) or value in (MISSING, None, (), "none"):
         return ""
-    if field.name == "period" and isinstance(value, float):
+    if setting.trail[-1] == "period" and isinstance(value, float):
         return f" ({1e3 * value:g}ms)"
     values = value if isinstance(value, tuple) else (value,)
     return f" ({' '.join(str(part) for part in values)})"

@@ -2,10 +2,12 @@
 
 import argparse
 import re
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from typing import Any, get_args
 
 import tyro
+from tyro.conf import Fixed
 from tyro.constructors import (
     ConstructorRegistry,
     StructConstructorSpec,
@@ -14,6 +16,7 @@ from tyro.constructors import (
 )
 
 from dovetail.commands.field_words import field_words
+from dovetail.control.sections import settings_in
 from dovetail.envs.registered import old_fixture_word, task_class
 from dovetail.errors import ConfigError
 from dovetail.tasks.options import (
@@ -70,9 +73,9 @@ def parse(
 
     @registry.struct_rule
     def _(info: StructTypeInfo) -> StructConstructorSpec | None:
-        if info.type is not TaskOptions:
-            return None
-        return StructConstructorSpec(_given, _fields(task, info.default))
+        if info.type is TaskOptions:
+            return StructConstructorSpec(_given, _fields(task, info.default))
+        return _without_fixed(info)
 
     return tyro.cli(
         settings,
@@ -110,6 +113,25 @@ def _fields(task: type[Task], given: Any) -> tuple[StructFieldSpec, ...]:
     )
 
 
+def _without_fixed(info: StructTypeInfo) -> StructConstructorSpec | None:
+    """Return the options of a section that has fields which are none.
+
+    tyro alone would keep their names from others, and show them.
+    """
+    if not is_dataclass(kind := info.type):
+        return None
+    free = [f for f in fields(kind) if Fixed not in get_args(f.type)]
+    if len(free) == len(fields(kind)):
+        return None
+    said, before = field_words(kind), info.default
+    kinds: dict[str, Any] = {f.name: f.type for f in free}
+    options = tuple(
+        StructFieldSpec(name, kinds[name], vars(before)[name], f"{said[name]}.")
+        for name in kinds
+    )
+    return StructConstructorSpec(partial(replace, before), options)
+
+
 def _given(**values: Any) -> TaskOptions:
     return TaskOptions({k: v for k, v in values.items() if v is not None})
 
@@ -117,7 +139,7 @@ def _given(**values: Any) -> TaskOptions:
 def _names(settings: Any) -> set[str]:
     """Return the names of a command's own options."""
     if isinstance(settings, type) and is_dataclass(settings):
-        return {f.name for f in fields(settings)}
+        return set(settings_in(settings))
     return {name for part in get_args(settings) for name in _names(part)}
 
 

@@ -7,50 +7,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from dovetail.commands.help_page import Groups
+from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
 from dovetail.learn.searching import SEARCHING
 from dovetail.learn.train import TrainResult, train
-
-GROUPS: Groups = {
-    "what the run does": (
-        *("steps", "until", "test_episodes", "settle", "out", "resume"),
-        *("from_policy", "seed", "seeds"),
-        *("num_envs", "threads", "eval_episodes", "checkpoint_interval"),
-    ),
-    "task": ("env", "task_options", "task", "fixed_goal", "fixture", "max_steps"),
-    "where it trains": ("plant", "arm", "approach", "robot", "tracker", "period"),
-    "what differs between episodes": ("vary", "doubt", "doubt_turn", "informed"),
-    "who shows it": (
-        *("demos", "pretrain", "teacher", "teacher_noise", "teacher_share"),
-    ),
-    "dynamics of the simulation": (
-        *("model", "randomise_dynamics", "random_gravity", "random_mass"),
-        *("random_damping", "random_friction"),
-    ),
-    "what the policy sees and does": (
-        *(
-            "stack",
-            "also",
-            "recall",
-            "f_scale",
-            "f_scale_angular",
-            "theta_range",
-            "position_range",
-        ),
-        *("force_damping", "tare", "scheme", "script", "correction"),
-        "fall_back",
-    ),
-    "near contact": ("near_distance", "near_speed", "near_press", "force_weight"),
-    "learning algorithm": (
-        *("algorithm", "updates_per_step", "n_steps", "gamma", "learning_rate"),
-        *("final_rate", "batch_size", "policy_delay", "tau", "net"),
-        *("layer_norm", "ent_coef"),
-        *("reward_scale", "learning_starts", "exploration_noise", "rollout_steps"),
-    ),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,10 +21,14 @@ class Train(TrainConfig):
 
     def run(self, console: Console) -> int:
         """Train and say what came out and where it is."""
-        warn_of_twin(console, self.model, self.arm, self.robot)
+        robot = self.environment.config.place.robot
+        warn_of_twin(console, self.dynamics.model, self.place.arm, robot)
         for result in train(self, console):
             console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0
+
+
+GROUPS = sections_of(Train)
 
 
 def defaults(words: list[str]) -> Train | None:
@@ -81,9 +47,9 @@ def defaults(words: list[str]) -> Train | None:
         usual = dict(SEARCHING)
         if found.teacher not in ("none", "corner"):
             del usual["learning_starts"]  # logs are there already; chance finds nothing
-        return None if found.doubt is None else Train(**usual)
+        return None if found.doubt is None else Train.of(**usual)
     folder = found.out.expanduser().absolute()
-    return Train(**settings_of(folder), out=found.out, resume=True)
+    return Train.of(**settings_of(folder), out=found.out, resume=True)
 
 
 def _describe(result: TrainResult, config: TrainConfig) -> str:
@@ -91,12 +57,14 @@ def _describe(result: TrainResult, config: TrainConfig) -> str:
     if result.evaluation is not None:
         successes, episodes = (result.evaluation[k] for k in ("successes", "episodes"))
         low, high = result.evaluation["wilson_95"]
-        place = f"on {config.arm}" if config.arm else "in the training simulation"
+        arm, done = config.place.arm, config.environment.task_class.done_word
+        place = f"on {arm}" if arm else "in the training simulation"
         lines.append(
-            f"  {successes}/{episodes} {config.task_class.done_word} {place} "
+            f"  {successes}/{episodes} {done} {place} "
             f"(Wilson 95 %: {100 * low:.1f}-{100 * high:.1f} %)"
         )
-    own = ["--env", config.env] if ":" in config.env else []
+    env = config.environment.env
+    own = ["--env", env] if ":" in env else []
     words = ["dovetail", "evaluate", str(result.policy), *own, "--twin", "medium"]
     lines.append(f"  next: {shlex.join(words)}")
     return "\n".join(lines)

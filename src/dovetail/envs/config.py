@@ -5,13 +5,16 @@ their short names, which are those of the command line; `flat` gives them back.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, ClassVar
+
+from tyro.conf import Fixed
 
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.period_option import Period
+from dovetail.control.ranges import Range
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
@@ -29,10 +32,10 @@ SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class ActionConfig:
+class ActionConfig(Section):
     """What an action in [-1, 1] means."""
 
-    f_scale: float | tuple[float, ...] = F_SCALE
+    f_scale: tuple[float, ...] | float = F_SCALE
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
     f_scale_angular: Annotated[float, Range(0.0, 1000.0, "rad/s2")] = 20.0
     """f* at action 1 on A B C [rad/s2]."""
@@ -40,25 +43,28 @@ class ActionConfig:
     """Rotation at action 1 on pose axes A B C [rad]."""
     position_range: Annotated[float, Range(0.0, 1.0, "m")] = 0.05
     """Displacement at action 1 on pose axes X Y Z [m]."""
-    force_damping: float | tuple[float, ...] = FORCE_DAMPING
-    """Damping D of force axes X Y Z [1/s], one number or three: f_scale / D is the top
+    force_damping: tuple[float, ...] | float = FORCE_DAMPING
+    """Damping D of force axes X Y Z [1/s], one number or three. f_scale / D is the top
     speed. The paper has 0; near_speed and near_press act all the same, until they are
     0.25 m/s (the limit everywhere) and f_scale; tare needs damping."""
     script: str | None = None
-    """Script that acts, corrected by the action: corner, see `search.corrected_env`;
-    None is the action alone."""
+    """Script that acts, corrected by the policy's action: corner, or none.
+    It is then part of the policy, which sees what the script would do next, see
+    `search.corrected_env`. A teacher's steps are the script's alone."""
     correction: Annotated[float, Range(0.0, 1.0, "1")] = 0.5
     """How much of an action is added to what the script does [1]."""
     fall_back: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
-    """Time of an episode after which the corner search acts in the action's place [s];
-    0 is never."""
+    """Time after which the corner search takes over [s]; 0 is never.
+    It does where the policy is used: a training is of the policy alone."""
 
     def __post_init__(self) -> None:
         """Refuse a script that is not there, and a number out of range."""
+        if self.script == "none":
+            object.__setattr__(self, "script", None)
         if self.script is not None and self.script not in SCRIPTS:
             known = ", ".join(SCRIPTS)
             raise ConfigError(f"script {self.script!r} is unknown; known: {known}")
-        check_ranges(self)
+        super().__post_init__()
         if self.script is not None and self.fall_back:
             raise ConfigError(
                 f"fall_back is {self.fall_back:g} s with script {self.script!r}, whose "
@@ -67,83 +73,82 @@ class ActionConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ApproachConfig:
-    """What holds where contact is near, whatever the policy does."""
+class ApproachConfig(Section):
+    """What holds near contact, whatever the policy does."""
 
     near_speed: float = 0.02
-    """Speed limit of the TCP per axis where contact is near [m/s]."""
+    """Speed limit of the tool there, per axis [m/s]."""
     near_press: float = 1.5
-    """Largest f* towards the fixture there [m/s2], tare not counted: times the
+    """Largest f* towards the fixture there [m/s2], tare not counted. Times the
     effective mass, about 10 kg, it is the force of standing on the rim."""
     near_distance: Annotated[float, Range(0.0, 1.0, "m")] = 0.01
-    """How far above the fixture's surface that begins [m]."""
-
-    def __post_init__(self) -> None:
-        """Refuse a distance out of range."""
-        check_ranges(self)
+    """How far above the fixture's mouth contact is near [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlConfig:
+class ControlConfig(Section):
     """How the controller runs."""
 
-    period: float = DEFAULT_PERIOD
-    """Control period [s]: 0.001, 0.002, 0.0025 or 0.005."""
+    period: Period = DEFAULT_PERIOD
+    """Control period: 1ms, 2ms, 2.5ms or 5ms. An action acts for 50 ms at any of them;
+    an arm's address may give its own."""
     scheme: str = "qp"
-    """How limits are kept, "qp" or "paper"."""
+    """How the controller keeps its limits: qp or paper."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObservationConfig:
-    """What the policy sees; its columns are the task's, and more."""
+class ObservationConfig(Section):
+    """What the policy sees. Its columns are the task's, and more."""
 
     also: tuple[str, ...] = ()
-    """Groups of columns beside the task's, see `envs.observation.GROUPS`: tilt, say."""
+    """Columns the policy sees beside the task's: tilt, spin, wrench or force."""
     recall: tuple[int, ...] = ()
-    """Ages [policy steps]: where the tool was that long ago, and how it was tilted if
-    that is shown, is appended; with any age the last action, too."""
+    """Steps ago of which the policy sees where the tool was. And how it was tilted, if
+    that is shown; with any of them the last action, too."""
     stack: int = 0
-    """Number of past (observation, action) pairs to append."""
+    """Past (observation, action) pairs in the observation."""
     tracker: str = DEFAULT_TRACKER
-    """Where the fixture is, as far as one may know: see `trackers.find`."""
+    """What tells where the fixture is: truth, late or a camera's file.
+    With numbers: delayed?delay=0.1, late?bias=0.002. Of a camera.toml its delay, rate
+    and error are taken, not its pictures; MODULE:CLASS is one of your own."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlaceConfig:
-    """Where it runs."""
+class PlaceConfig(Section):
+    """Where it runs. On a command line what is Fixed is no option."""
 
     plant: str = "mujoco"
-    """Physics engine of the plain plant, "mujoco" or "bullet"."""
-    twin: TwinConfig | str | Path | None = None
+    """Physics engine: mujoco or bullet. Of the plain plant, not of a twin or an arm."""
+    twin: Annotated[TwinConfig | str | Path | None, Fixed] = None
     """A twin, its name or its file, to use in place of the plain plant."""
-    arm: str | None = None
+    arm: Annotated[str | None, Fixed] = None
     """Address of the arm, see `arms.address`; None is the plant or twin."""
-    engine: str | None = None
+    engine: Annotated[str | None, Fixed] = None
     """Physics engine of the twin, if not the one in its file."""
-    dynamics: DynamicsConfig | None = None
+    dynamics: Annotated[DynamicsConfig | None, Fixed] = None
     """Physics of the plain plant, if not the robot's; a twin has its own."""
     robot: str = DEFAULT_ROBOT
-    """Robot in the cell, see `robots.find`."""
+    """Robot in the cell, or MODULE:FUNCTION of your own."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeConfig:
+class EpisodeConfig(Section):
     """How an episode begins and ends."""
 
     max_steps: Annotated[int, Range(1, 1_000_000, "steps")] = 200
-    """Episode length [policy steps of 50 ms]."""
+    """Actions per episode, of 50 ms each."""
     tare: bool = False
-    """Measure at each reset, in free air, the f* that holds the weight which the arm's
-    gravity compensation misses, and add it to every action's: 2.2 s."""
-
-    def __post_init__(self) -> None:
-        """Refuse a length that is none."""
-        check_ranges(self)
+    """Measure before each episode the weight that gravity compensation misses. It takes
+    2.2 s in free air, and is taken off what the policy commands: in training with
+    `model`, `randomise_dynamics` or `arm`, as there is none in the nominal model; and
+    wherever the policy is evaluated."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnvConfig:
+class EnvConfig(Sectioned):
     """Everything about an environment but its task and its arm."""
+
+    whose: ClassVar[str] = "an environment"
 
     action: ActionConfig = field(default_factory=ActionConfig)
     """What an action means."""
@@ -158,58 +163,6 @@ class EnvConfig:
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
     """How an episode begins and ends."""
 
-    @classmethod
-    def of(cls, **settings: Any) -> Self:
-        """Return the usual settings with these changed, by their short names.
 
-        Raises:
-            ConfigError: An unknown name, or a value out of range.
-        """
-        return cls().having(**settings)
-
-    def having(self, **settings: Any) -> Self:
-        """Return these settings with others changed, by their short names.
-
-        Raises:
-            ConfigError: An unknown name (lists the known ones), or a value out of
-                range.
-        """
-        if unknown := sorted(set(settings) - set(SECTION_OF)):
-            raise ConfigError(
-                f"unknown settings of an environment: {', '.join(unknown)}; known: "
-                f"{', '.join(SECTION_OF)}"
-            )
-        changed: dict[str, dict[str, Any]] = {}
-        for name, value in settings.items():
-            whole = tuple(value) if isinstance(value, list) else value
-            changed.setdefault(SECTION_OF[name], {})[name] = whole
-        return replace(
-            self,
-            **{
-                section: replace(vars(self)[section], **values)
-                for section, values in changed.items()
-            },
-        )
-
-    def flat(self) -> dict[str, Any]:
-        """Return every setting by its short name."""
-        return {
-            name: vars(vars(self)[section])[name]
-            for name, section in SECTION_OF.items()
-        }
-
-
-SECTIONS: Mapping[str, type] = {
-    "action": ActionConfig,
-    "approach": ApproachConfig,
-    "control": ControlConfig,
-    "observation": ObservationConfig,
-    "place": PlaceConfig,
-    "episode": EpisodeConfig,
-}
-SECTION_OF: Mapping[str, str] = {
-    f.name: section for section, kind in SECTIONS.items() for f in fields(kind)
-}
-"""Short name of each setting, and the section that has it."""
 USUAL = EnvConfig()
 """What holds where nothing else is asked for."""

@@ -14,8 +14,9 @@ from typing import Any
 import gymnasium
 
 from dovetail.arms.arm import Arm
+from dovetail.control.sections import settings_in
 from dovetail.envs.batch_vector_env import BatchVectorEnv
-from dovetail.envs.config import FALL_BACK, SCRIPTS, SECTION_OF, EnvConfig
+from dovetail.envs.config import FALL_BACK, SCRIPTS, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
@@ -136,10 +137,11 @@ def split_settings(
     """
     given = {("axes" if k == "task" else k): v for k, v in settings.items()}
     known = {f.name for f in fields(task) if f.init}
-    if unknown := sorted(set(given) - known - set(SECTION_OF)):
+    if unknown := sorted(set(given) - known - set(settings_in(EnvConfig))):
         raise UnknownSettingError(
             f"{task.__name__} has no settings {', '.join(unknown)}; known: "
-            f"{', '.join(sorted(known))}; of its environment: {', '.join(SECTION_OF)}"
+            f"{', '.join(sorted(known))}; of its environment: "
+            f"{', '.join(settings_in(EnvConfig))}"
         )
     # None is what a caller says who has nothing to say.
     own = {k: v for k, v in given.items() if k in known and v is not None}

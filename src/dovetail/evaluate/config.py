@@ -1,18 +1,19 @@
 """What an evaluation is asked for, and what that means for its environment."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, ClassVar
 
 from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
-from dovetail.control.ranges import Range, in_range
+from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.sections import Section, Sectioned
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
-from dovetail.evaluate.perturbation import Perturbation, Search
+from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
@@ -22,20 +23,31 @@ from dovetail.tasks.options import TaskOptions
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluationConfig:
-    """What to try, where, and how often."""
+class TriedTaskConfig(Section):
+    """The task, by default as in the policy's training."""
 
-    policy: str
-    """Policy: a file (.safetensors, .json), a training's folder or a shipped name."""
     env: str | None = None
     """Environment of the policy; needed for one of your own, MODULE:ID. A policy's file
     alone lets no module be imported."""
-    robot: str | None = None
-    """Robot in the cell; default the policy's."""
-    tracker: str | None = None
-    """What tells where the fixture is: truth, delayed, noisy, late, twin, or a camera's
-    file. With numbers: delayed?delay=0.1, late?bias=0.002; twin is what the twin's file
-    says of its camera; MODULE:CLASS is one of your own. Default the truth."""
+    task_options: TaskOptions = field(default_factory=TaskOptions)
+    """Fields of the task; left out, they are the policy's."""
+    fixture: tuple[float, float, float, float] | None = None
+    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Default
+    three poses, which an arm must be able to put the fixture at."""
+    max_steps: int | None = None
+    """Policy steps of 50 ms in a try; default the policy's. With a search 400."""
+    fall_back: float | None = None
+    """The corner search takes over after this time of a try [s]; 0 is never. Default
+    what the policy's file says."""
+    tare: bool = True
+    """Measure before each try the weight that gravity compensation misses. It is taken
+    off what the policy commands; not where the policy was trained with --no-tare."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TriedPlaceConfig(Section):
+    """Where it is tried: on a plant, a twin or an arm."""
+
     plant: str | None = None
     """Engine of an ideal plant, mujoco or bullet; or give a twin, or an arm."""
     twin: str | None = None
@@ -46,38 +58,48 @@ class EvaluationConfig:
     """Let an arm behind fri:// go to its first start from afar, slowly."""
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
-    fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Default
-    three poses, which an arm must be able to put the fixture at."""
+    robot: str | None = None
+    """Robot in the cell; default the policy's."""
+    tracker: str | None = None
+    """What tells where the fixture is: truth, delayed, noisy, late, twin, or a camera's
+    file. With numbers: delayed?delay=0.1, late?bias=0.002; twin is what the twin's file
+    says of its camera; MODULE:CLASS is one of your own. Default the truth."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms. Default the one in the arm's address, or
     else the policy's training's."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
-    """Fields of the task; left out, they are the policy's."""
-    fixture_shift: float = 0.0
-    """Cover the camera: the fixture is this far from where it was seen [m], 0 to 0.05.
-    The direction is random and horizontal."""
-    push: float = 0.0
-    """Push the tool at random times with up to this force [N], 0 to 100. The directions
-    are random, too."""
-    fixture_speed: float = 0.0
-    """Move the fixture during the tries at this speed [m/s], 0 to 0.1. It goes out and
-    back, and the camera follows."""
-    start: Literal["random", "below"] = "random"
-    """Where the tool starts: random, or below the block's surface, beside it."""
-    cover: float = 0.0
-    """The same in millimetres, 0 to 50 [mm]."""
-    search: Search = "none"
-    """corner: the scripted corner search acts in place of the policy. It feels for the
-    opening with a corner of the tilted part."""
-    fall_back: float | None = None
-    """The corner search takes over after this time of a try [s]; 0 is never. Default
-    what the policy's file says."""
-    tare: bool = True
-    """Measure before each try the weight that gravity compensation misses. It is taken
-    off what the policy commands; not where the policy was trained with --no-tare."""
-    max_steps: int | None = None
-    """Policy steps of 50 ms in a try; default the policy's. With a search 400."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class HarderConfig(Perturbation):
+    """What is made harder."""
+
+    cover: Annotated[float, Range(0.0, 50.0, "mm")] = 0.0
+    """The shift in millimetres, 0 to 50 [mm]."""
+
+    def __post_init__(self) -> None:
+        """Leave it to `perturbation`, whose message a command says in one line."""
+
+    def perturbation(self) -> Perturbation:
+        """Return what is done to arm and fixture.
+
+        Raises:
+            ConfigError: A number out of range, or the shift given twice.
+        """
+        check_ranges(self)
+        if self.cover and self.fixture_shift:
+            raise ConfigError(
+                f"cover is {self.cover:g} mm and fixture_shift is "
+                f"{self.fixture_shift:g} m, which are the same distance; give one"
+            )
+        given = {f.name: vars(self)[f.name] for f in fields(Perturbation)}
+        given["fixture_shift"] = self.fixture_shift or 1e-3 * self.cover
+        return Perturbation(**given)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TriesConfig(Section):
+    """The tries and their results."""
+
     tries: int = 20
     """Tries at each fixture pose."""
     seed: int = 0
@@ -92,25 +114,27 @@ class EvaluationConfig:
     """Folder for table, figures, report and logs, new or empty. Default a new one, by
     the time, in results."""
 
-    def perturbation(self) -> Perturbation:
-        """Return what is done to arm and fixture.
 
-        Raises:
-            ConfigError: A number out of range, or the shift given twice.
-        """
-        if self.cover and self.fixture_shift:
-            raise ConfigError(
-                f"cover is {self.cover:g} mm and fixture_shift is "
-                f"{self.fixture_shift:g} m, which are the same distance; give one"
-            )
-        cover = in_range("cover", self.cover, Range(0.0, 50.0, "mm"))
-        return Perturbation(
-            fixture_shift=self.fixture_shift or 1e-3 * cover,
-            push=self.push,
-            fixture_speed=self.fixture_speed,
-            start=self.start,
-            search=self.search,
-        )
+@dataclass(frozen=True, kw_only=True)
+class EvaluationConfig(Sectioned):
+    """What to try, where, and how often.
+
+    `EvaluationConfig.of(policy=..., twin="medium")` takes the settings by the names of
+    the command line's options.
+    """
+
+    whose: ClassVar[str] = "an evaluation"
+
+    policy: str
+    """Policy: a file (.safetensors, .json), a training's folder or a shipped name."""
+    task: TriedTaskConfig = field(default_factory=TriedTaskConfig)
+    """The task, by default as in the policy's training."""
+    place: TriedPlaceConfig = field(default_factory=TriedPlaceConfig)
+    """Where it is tried."""
+    harder: HarderConfig = field(default_factory=HarderConfig)
+    """What is made harder."""
+    trials: TriesConfig = field(default_factory=TriesConfig)
+    """The tries and their results."""
 
 
 def environment_options(
@@ -125,45 +149,47 @@ def environment_options(
     Raises:
         ConfigError: Neither or both of plant and twin, or an unknown one.
     """
+    task, where = config.task, config.place
     places = ("plant", "twin", "arm")
-    if sum(vars(config)[name] is not None for name in places) != 1:
+    if sum(vars(where)[name] is not None for name in places) != 1:
         raise ConfigError(
             "give either a plant or a twin or an arm to try the policy on; known "
             f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
             f"arms: {', '.join(SCHEMES)}"
         )
-    options = policy_settings(policy, config.env) | config.task_options
+    options = policy_settings(policy, task.env) | task.task_options
     options |= _trained_robot(config, policy)
     for name in (*places, "robot", "tracker"):
-        if (value := vars(config)[name]) is not None:
+        if (value := vars(where)[name]) is not None:
             options[name] = value
-    if config.plant is None:
+    if where.plant is None:
         options.pop("plant", None)
-    if config.twin is not None:
-        if Path(config.twin).suffix == ".toml":
-            options["twin"] = str(Path(config.twin).expanduser().absolute())
+    if where.twin is not None:
+        if Path(where.twin).suffix == ".toml":
+            options["twin"] = str(Path(where.twin).expanduser().absolute())
         load_twin(options["twin"])
-    arm = None if config.arm is None else parse_address(config.arm)
+    arm = None if where.arm is None else parse_address(where.arm)
     trained = options.get("period", DEFAULT_PERIOD)
     if arm is None:
-        options["period"] = require_period(config.period or trained, "period")
+        options["period"] = require_period(where.period or trained, "period")
     else:
-        options["period"] = arm.control_period(config.period, trained)
+        options["period"] = arm.control_period(where.period, trained)
         options["arm"] = _usable(config, arm)
-    options["tare"] = config.tare and options.get("tare", True)
-    if config.search != "none":
+    options["tare"] = task.tare and options.get("tare", True)
+    if config.harder.search != "none":
         options |= SCRIPT_SETTINGS
     return options | _episode(config)
 
 
 def _episode(config: EvaluationConfig) -> dict[str, Any]:
     """Return what is asked of an episode's course."""
-    if config.search != "none" and config.fall_back:
+    task, search = config.task, config.harder.search
+    if search != "none" and task.fall_back:
         raise ConfigError(
-            f"fall_back is {config.fall_back:g} s, but with --search {config.search} "
+            f"fall_back is {task.fall_back:g} s, but with --search {search} "
             "the search acts from the start; give one of the two"
         )
-    asked = {"fall_back": config.fall_back, "max_steps": config.max_steps}
+    asked = {"fall_back": task.fall_back, "max_steps": task.max_steps}
     return {name: value for name, value in asked.items() if value is not None}
 
 
@@ -176,7 +202,7 @@ def _trained_robot(
         ConfigError: It is a module's, which only the command line may name.
     """
     told = policy["env"].get("robot")
-    if config.robot is not None or not isinstance(told, str):
+    if config.place.robot is not None or not isinstance(told, str):
         return {}
     if ":" in told:
         raise ConfigError(
@@ -188,23 +214,23 @@ def _trained_robot(
 
 def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
     """Return the address, or refuse what an arm outside this process cannot do."""
-    config.perturbation().require_possible(arm)
-    if not arm.is_here and config.workers > 1:
+    config.harder.perturbation().require_possible(arm)
+    workers, where = config.trials.workers, config.place
+    if not arm.is_here and workers > 1:
         raise ConfigError(
-            f"workers is {config.workers}, but there is one arm at {config.arm}; "
-            "needs 1"
+            f"workers is {workers}, but there is one arm at {where.arm}; needs 1"
         )
     require_place(config, can_place=arm.places_fixture)
-    return arm.with_approach() if config.approach else arm.text
+    return arm.with_approach() if where.approach else arm.text
 
 
 def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
     """Refuse to guess where the fixture is, for an arm that cannot move it."""
-    if config.fixture is None and not can_place:
+    if config.task.fixture is None and not can_place:
         raise ConfigError(
-            f"the arm at {config.arm} cannot move the fixture: say where it is with "
-            "--fixture X Y Z YAW [m, rad], or add control=HOST:PORT for a simulated "
-            "cabinet"
+            f"the arm at {config.place.arm} cannot move the fixture: say where it is "
+            "with --fixture X Y Z YAW [m, rad], or add control=HOST:PORT for a "
+            "simulated cabinet"
         )
 
 
@@ -212,7 +238,7 @@ def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[FixturePose, ...]:
     """Return where the fixture is for the tries: the policy's own poses, or given."""
-    poses = task_class(known_env_id(policy, config.env)).trial_poses
-    if config.fixture is None:
+    poses = task_class(known_env_id(policy, config.task.env)).trial_poses
+    if config.task.fixture is None:
         return poses
-    return (FixturePose.given(config.fixture, poses[0].facing),)
+    return (FixturePose.given(config.task.fixture, poses[0].facing),)

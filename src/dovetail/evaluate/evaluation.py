@@ -4,7 +4,6 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -71,30 +70,30 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     Raises:
         DovetailError: A setting, the policy or the disk; see its message.
     """
-    in_count("workers", config.workers, 1, _WORKERS_MAX, "processes")
+    in_count("workers", config.trials.workers, 1, _WORKERS_MAX, "processes")
     file = find_policy(config.policy)
     policy = Policy.load(file)
     poses = fixture_poses(config, policy.metadata)
-    jobs = plan_trials(len(poses), config.tries, config.seed)
+    jobs = plan_trials(len(poses), config.trials.tries, config.trials.seed)
     options = environment_options(config, policy.metadata)
-    perturbation = config.perturbation()
-    lax = require_yes(options, config.arm, is_given=config.accept_contact)
+    perturbation = config.harder.perturbation()
+    lax = require_yes(options, config.place.arm, is_given=config.place.accept_contact)
     if lax:
         console.print(f"note: {lax}", soft_wrap=True)  # before anything moves
-    env_id = known_env_id(policy.metadata, config.env)
+    env_id = known_env_id(policy.metadata, config.task.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
         core = require_contact_env(env)
         task, robot = core.task, core.cell.robot
-        folder = claim_output_folder(config.out or dated_folder("results"))
-        logs = folder / "logs" if config.keep_logs else None
+        folder = claim_output_folder(config.trials.out or dated_folder("results"))
+        logs = folder / "logs" if config.trials.keep_logs else None
         if logs is not None:
             logs.mkdir()
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
-        make = make_env if config.workers > 1 else lambda: env
+        make = make_env if config.trials.workers > 1 else lambda: env
         load: Any = CornerScript
-        if config.search == "none":
+        if config.harder.search == "none":
             load = partial(Policy.load, file)
         trials = run_trials(
             make,
@@ -102,8 +101,8 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             jobs,
             poses=poses,
             logs=logs,
-            films=folder if config.video else None,
-            workers=config.workers,
+            films=folder if config.trials.video else None,
+            workers=config.trials.workers,
         )
         title = _title(file.stem, task, config, options["period"])
         names = [pose.name for pose in poses]
@@ -117,13 +116,13 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         rows=rows,
         outcomes=outcomes,
         done_word=task.done_word,
-        config=describe_settings(replace(config, out=folder), options, poses),
+        config=describe_settings(config.having(out=folder), options, poses),
         policy=policy.metadata,
         provenance=provenance(started),
         command=command_line(config),
     )
     _print(report, lax, options["tare"], console)
-    films = [folder / film_name(pose) for pose in poses] if config.video else []
+    films = [folder / film_name(pose) for pose in poses] if config.trials.video else []
     searched = None
     if perturbation.fixture_shift:
         searched = draw_search(report, poses, task.outline())
@@ -137,7 +136,7 @@ def _title(policy: str, task: Task, config: EvaluationConfig, period: float) -> 
     parts = [
         policy,
         *task.describe(),
-        *config.perturbation().describe(),
+        *config.harder.perturbation().describe(),
         f"on {name_ground(config)}",
         f"control period {1e3 * period:g} ms",
     ]
@@ -180,15 +179,15 @@ def _inspect(
     """Return an environment; says what is wrong before anything is written."""
     env = make_env()
     try:
-        if config.video:
+        if config.trials.video:
             Renderer(require_contact_env(env).cell).close()
         can_place = require_contact_env(env).places_fixture
         require_place(config, can_place=can_place)
         pose = fixture_poses(config, policy.metadata)[0].pose()
-        if config.search != "none":
+        if config.harder.search != "none":
             CornerScript().take(require_contact_env(env))
             return env
-        observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
+        observation, _ = env.reset(seed=config.trials.seed, options={"fixture": pose})
         policy.require_size(observation, env.action_space.shape or ())
         require_spaces(policy.metadata, env)
     except BaseException:

@@ -26,9 +26,9 @@ def name_ground(config: EvaluationConfig) -> str:
 
 
 def _address(config: EvaluationConfig) -> ArmAddress:
-    if config.arm is not None:
-        return parse_address(config.arm)
-    return local_address(config.plant or "", config.twin)
+    if config.place.arm is not None:
+        return parse_address(config.place.arm)
+    return local_address(config.place.plant or "", config.place.twin)
 
 
 def shared_engine(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
@@ -86,14 +86,14 @@ def describe_settings(
         options: Keyword arguments of the environment.
         poses: Where the fixture is.
     """
-    settings = asdict(config)
+    settings = config.flat()
     settings |= settings.pop("task_options")
     settings["environment"] = dict(options)
     settings["fixture poses (x y z [m], theta [rad])"] = {
         pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
     }
-    if config.twin is not None:
-        settings["twin file"] = asdict(load_twin(config.twin))
+    if config.place.twin is not None:
+        settings["twin file"] = asdict(load_twin(config.place.twin))
     return {name: value for name, value in settings.items() if value is not None}
 
 
@@ -106,24 +106,25 @@ _GIVEN = (
 def command_line(config: EvaluationConfig) -> str:
     """Return the command that makes an evaluation again, its folder aside."""
     words = ["dovetail", "evaluate", config.policy]
-    given = {name: vars(config)[name] for name in _GIVEN} | config.task_options
+    flat = config.flat()
+    given = {name: flat[name] for name in _GIVEN} | config.task.task_options
     for name, value in given.items():
         if value is not None:
             values = value if isinstance(value, tuple) else [value]
             words += [f"--{name.replace('_', '-')}", *map(str, values)]
-    if config.period is not None:
-        words += ["--period", format_period(config.period)]
+    if config.place.period is not None:
+        words += ["--period", format_period(config.place.period)]
     for f in fields(Perturbation):
-        if (value := vars(config)[f.name]) != f.default:
+        if (value := flat[f.name]) != f.default:
             words += [f"--{f.name.replace('_', '-')}", str(value)]
-    if config.accept_contact:
+    if config.place.accept_contact:
         words.append("--accept-contact")
-    if not config.tare:
+    if not config.task.tare:
         words.append("--no-tare")
-    if config.video:
+    if config.trials.video:
         words.append("--video")
-    if config.max_steps is not None:
-        words += ["--max-steps", str(config.max_steps)]
+    if config.task.max_steps is not None:
+        words += ["--max-steps", str(config.task.max_steps)]
     return shlex.join(words)
 
 

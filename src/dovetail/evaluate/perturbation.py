@@ -11,7 +11,8 @@ import numpy as np
 from dovetail.arms.arm import require_simulated
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.ranges import Range
+from dovetail.control.sections import Section
 from dovetail.envs.registered import task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
@@ -35,24 +36,23 @@ _STREAM = 0x5E7BAC
 
 
 @dataclass(frozen=True, kw_only=True)
-class Perturbation:
+class Perturbation(Section):
     """What is done to the arm and the fixture during the tries."""
 
     fixture_shift: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
-    """Horizontal distance from where the fixture was seen last to where it is [m];
-    above 0 the camera is covered."""
+    """Cover the camera: the fixture is this far from where it was seen [m], 0 to 0.05.
+    The direction is random and horizontal."""
     push: Annotated[float, Range(0.0, 100.0, "N")] = 0.0
-    """Largest force of the pushes on the TCP [N]; 0 is none."""
+    """Push the tool at random times with up to this force [N], 0 to 100. The directions
+    are random, too."""
     fixture_speed: Annotated[float, Range(0.0, 0.1, "m/s")] = 0.0
-    """Speed at which the fixture moves horizontally, out and back [m/s]."""
+    """Move the fixture during the tries at this speed [m/s], 0 to 0.1. It goes out and
+    back, and the camera follows."""
     start: Literal["random", "below"] = "random"
-    """Where the tool starts: anywhere, or below the block's surface, beside it."""
+    """Where the tool starts: random, or below the block's surface, beside it."""
     search: Search = "none"
-    """Who acts: the policy, or the scripted corner search in its place."""
-
-    def __post_init__(self) -> None:
-        """Refuse a number out of range, by name."""
-        check_ranges(self)
+    """corner: the scripted corner search acts in place of the policy. It feels for the
+    opening with a corner of the tilted part."""
 
     def __bool__(self) -> bool:
         """Whether anything is perturbed."""

@@ -10,9 +10,10 @@ from typing import Any
 import gymnasium
 import numpy as np
 
+from dovetail.control.sections import settings_in
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
-from dovetail.learn.env_settings import ENV_FIELDS, EnvSettings
+from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.export import commit, versions
 from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Layer, Policy
@@ -40,12 +41,9 @@ def settings_of_env(env: gymnasium.Env) -> EnvSettings:
             'gymnasium.make("dovetail/...", ...)'
         )
     task = task_class(spec.id)
-    known = {*ENV_FIELDS, *option_types(task)}
+    known = {*settings_in(EnvSettings), *option_types(task)}
     given = {n: v for n, v in spec.kwargs.items() if n in known and v is not None}
-    for name in ("f_scale", "force_damping"):
-        if name in given:
-            given[name] = tuple(np.atleast_1d(given[name]).tolist())
-    return EnvSettings(env=spec.id, **gather_options(given, task))
+    return EnvSettings.of(env=spec.id, **gather_options(given, task))
 
 
 def make_policy(

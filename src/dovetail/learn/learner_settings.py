@@ -1,9 +1,10 @@
 """The learning algorithm of a training and its settings."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal, get_args
 
 from dovetail.control.ranges import Range
+from dovetail.control.sections import Section
 from dovetail.errors import ConfigError
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
@@ -11,23 +12,12 @@ ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 
 
 @dataclass(frozen=True, kw_only=True)
-class LearnerSettings:
-    """How a policy is learned from what was done."""
+class GradientConfig(Section):
+    """Gradient steps."""
 
-    num_envs: Annotated[int, Range(1, 256, "environments")] = 16
-    """Environments stepped by one process; on an arm always 1. They are stepped at the
-    same time where `threads` says so, in turn otherwise."""
-    algorithm: Algorithm = "sac"
-    """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
     updates_per_step: Annotated[float | None, Range(0.01, 64.0, "1")] = None
     """Gradient steps per environment step (not ppo): 0.5, on an arm 2. An arm's steps
     take more time than what is learned from them."""
-    n_steps: Annotated[int, Range(1, 100, "steps")] = 3
-    """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
-    the bonus faster from the fixture to the way there."""
-    gamma: Annotated[float, Range(0.0, 0.99999, "1")] = 0.97
-    """Discount per 50 ms step [1]. It looks as far ahead as an insertion takes: with
-    0.99 the critic has to tell millimetres apart in sums over a whole episode."""
     learning_rate: Annotated[float | None, Range(1e-7, 1.0, "1")] = None
     """Step size of Adam [1]: 2e-3 for sac, 1e-3 on an arm or from a policy. It is 1e-3
     for the other algorithms, too."""
@@ -41,53 +31,57 @@ class LearnerSettings:
     tau: Annotated[float, Range(1e-6, 1.0, "1")] = 0.01
     """Share by which a target follows its critic per gradient step [1].
     Not ppo and crossq."""
+
+    @property
+    def full_rate(self) -> float:
+        """Step size of Adam before it falls [1]."""
+        return 0.0 if self.learning_rate is None else self.learning_rate
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReturnConfig(Section):
+    """The sum of rewards that it learns."""
+
+    n_steps: Annotated[int, Range(1, 100, "steps")] = 3
+    """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
+    the bonus faster from the fixture to the way there."""
+    gamma: Annotated[float, Range(0.0, 0.99999, "1")] = 0.97
+    """Discount per 50 ms step [1]. It looks as far ahead as an insertion takes: with
+    0.99 the critic has to tell millimetres apart in sums over a whole episode."""
+    reward_scale: Annotated[float, Range(1e-6, 1e6, "1")] = 5.0
+    """Factor on the reward inside training. What is reported is unscaled."""
+    force_weight: Annotated[float, Range(0.0, 1e3, "1/N")] = 0.0
+    """Weight of contact force in the reward [1/N]; 0 is the paper."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnerConfig(Section):
+    """Learning algorithm."""
+
+    algorithm: Algorithm = "sac"
+    """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
     net: tuple[int, ...] = (128, 128)
     """Width of each hidden layer, actor and critic alike."""
     layer_norm: bool = True
     """Layer normalisation in the critic (not ppo). It diverges on the bonus without."""
     ent_coef: str = "auto_0.1"
     """Entropy coefficient (sac, tqc, crossq), or auto_START. That adapts it."""
-    reward_scale: Annotated[float, Range(1e-6, 1e6, "1")] = 5.0
-    """Factor on the reward inside training. What is reported is unscaled."""
-    force_weight: Annotated[float, Range(0.0, 1e3, "1/N")] = 0.0
-    """Weight of contact force in the reward [1/N]; 0 is the paper."""
-    learning_starts: Annotated[int, Range(0, 1e9, "steps")] = 1000
-    """Random actions before the first gradient step (not ppo). See `from`."""
-    pretrain: Annotated[int | None, Range(0, 1e6, "steps")] = None
-    """Gradient steps from demonstrations alone, before the first action.
-    2000 with `demos`, 0 without or from a policy. After them the policy's own actions
-    take the place of random ones."""
     exploration_noise: Annotated[float, Range(0.0, 2.0, "1")] = 0.1
     """Standard deviation of the actions' noise (ddpg, td3) [1]."""
     rollout_steps: Annotated[int, Range(2, 1e6, "steps")] = 512
     """Steps per environment between two updates (ppo)."""
+    gradient: GradientConfig = field(default_factory=GradientConfig)
+    """How its networks change."""
+    returns: ReturnConfig = field(default_factory=ReturnConfig)
+    """What they estimate."""
 
-    def require_learner(self) -> None:
-        """Refuse networks or an entropy coefficient that cannot be.
-
-        Raises:
-            ConfigError: Names the setting and what is allowed.
-        """
+    def __post_init__(self) -> None:
+        """Refuse networks or an entropy coefficient that cannot be."""
+        super().__post_init__()
         object.__setattr__(self, "net", tuple(int(width) for width in self.net))
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         self.entropy_coefficient()
-
-    @property
-    def gradient_steps(self) -> int:
-        """Gradient steps after a step of all environments."""
-        ratio = self.updates_per_step or 0.0
-        return max(1, round(self.num_envs * ratio))
-
-    @property
-    def first_updates(self) -> int:
-        """Gradient steps before the first action."""
-        return self.pretrain or 0
-
-    @property
-    def full_rate(self) -> float:
-        """Step size of Adam before it falls [1]."""
-        return 0.0 if self.learning_rate is None else self.learning_rate
 
     def entropy_coefficient(self) -> str | float:
         """Return `ent_coef` as SBX takes it: "auto", "auto_START" or a number."""

@@ -61,7 +61,7 @@ class TrainResult(NamedTuple):
 
 def announce(console: Console, config: TrainConfig, folder: Path) -> None:
     """Say where a run is and how it goes on, before anything can end it."""
-    own = named_modules(vars(config))  # a run's folder alone lets none be imported
+    own = named_modules(config.flat())  # a run's folder alone lets none be imported
     words = ["dovetail", "train", "--resume", "--out", str(folder), *own]
     command = shlex.join(words)
     console.print(
@@ -93,7 +93,7 @@ def train_one(
             policy = _export(model, config, folder, wall_time)
             steps = int(model.num_timesteps)
             rows = read_progress(folder / PROGRESS)
-            phase = "evaluating" if config.eval_episodes else "done"
+            phase = "evaluating" if config.runs.eval_episodes else "done"
             report(summarise(rows, steps, 0.0)._replace(phase=phase))
             evaluation = _evaluate(policy, config, folder, model.get_env())
     return TrainResult(folder / RUN_POLICY, evaluation, steps, wall_time)
@@ -125,13 +125,14 @@ def prepared(config: TrainConfig) -> Iterator[Prepared]:
     try:
         stop = Stop(config)
         model = make_model(config, env, stop.rate)
-        if start is not None or (config.pretrain and not config.has_teacher):
+        teaching = config.teaching
+        if start is not None or (teaching.pretrain and not teaching.has_teacher):
             model.learning_starts = 0  # its own actions are better than random ones
         best = None
         if start is not None:
             require_fit(start, config, env.envs[0])
             start_from(model, start)
-            best = BestActor(model, config.learning_starts)
+            best = BestActor(model, teaching.learning_starts)
         yield Prepared(model, best, stop)
     finally:
         env.close()
@@ -149,8 +150,8 @@ def _learn(
     checkpoints = folder / CHECKPOINTS
     step, wall_time = 0, 0.0
     if found := list_checkpoints(checkpoints):
-        step, wall_time = load_checkpoint(found[-1], model, config.seed)
-    if step >= config.steps:
+        step, wall_time = load_checkpoint(found[-1], model, config.runs.seed)
+    if step >= config.length.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
     for row in log.before:
@@ -161,8 +162,8 @@ def _learn(
     watch = Stopwatch(wall_time, step, lambda: num_updates(model))
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     if not found:
-        seed_run(model, config.seed, 0)
-        if config.pretrain:
+        seed_run(model, config.runs.seed, 0)
+        if config.teaching.pretrain:
             report(summarise([], 0, 0.0)._replace(phase="pretraining"))
             pretrain(model, config)
     recorder = Recorder(
@@ -170,13 +171,14 @@ def _learn(
         watch,
         report,
         lambda: save_checkpoint(checkpoints, model, watch.elapsed()),
-        config.checkpoint_interval,
+        config.runs.checkpoint_interval,
         stop,
         tester.is_passed,
         run.best,
     )
     try:
-        model.learn(config.steps - step, callback=recorder, reset_num_timesteps=False)
+        left = config.length.steps - step
+        model.learn(left, callback=recorder, reset_num_timesteps=False)
         wall_time = watch.elapsed()
         save_checkpoint(checkpoints, model, wall_time)
     except (PlantError, ArmError, KeyboardInterrupt):
@@ -201,9 +203,9 @@ def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> 
 def _evaluate(
     policy: Policy, config: TrainConfig, folder: Path, env: Any
 ) -> dict[str, Any] | None:
-    if config.eval_episodes == 0:
+    if config.runs.eval_episodes == 0:
         return None
     # The run's own environments: what a policy's file says leaves arm and model out.
-    evaluation = assess(policy, config.eval_episodes, stage_of(env))
+    evaluation = assess(policy, config.runs.eval_episodes, stage_of(env))
     write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
     return evaluation

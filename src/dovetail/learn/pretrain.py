@@ -28,6 +28,6 @@ def pretrain(model: Any, config: TrainConfig) -> None:
     """
     states = trained_states(model)
     waiting = {name: states[name] for name in states if name == ENTROPY}
-    for _ in range(math.ceil(config.first_updates / config.gradient_steps)):
-        model.train(config.gradient_steps, config.batch_size)
+    for _ in range(math.ceil(config.teaching.first_updates / config.gradient_steps)):
+        model.train(config.gradient_steps, config.learner.gradient.batch_size)
         put_states(model, trained_states(model) | waiting)

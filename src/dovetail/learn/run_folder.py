@@ -2,10 +2,10 @@
 
 import fcntl
 import json
-from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any, Literal, get_args, get_origin, get_type_hints
+from typing import IO, Annotated, Any, Literal, get_args, get_origin
 
+from dovetail.control.sections import settings_in
 from dovetail.envs.registered import old_fixture_word, task_class
 from dovetail.errors import ConfigError
 from dovetail.files import (
@@ -31,23 +31,24 @@ _LOCK = ".lock"
 
 def place_run(config: TrainConfig) -> TrainConfig:
     """Return the settings with a folder: a new one by the time where none is given."""
-    if config.out is not None or config.resume:
+    if config.runs.out is not None or config.runs.resume:
         return config
-    name = config.env.replace(":", "/").rpartition("/")[2]
-    if config.env == TrainConfig.env:
-        options = config.env_options()
-        kinds = option_types(config.task_class)
+    env = config.environment
+    name = env.env.replace(":", "/").rpartition("/")[2]
+    if env.env == DEFAULT_ENV:
+        options, kinds = env.env_options(), option_types(env.task_class)
         name = "_".join(f"{k}_{options[k]}" for k in kinds if kinds[k] is str)
-    return replace(config, out=dated_folder("runs", f"{name}-"))
+    return config.having(out=dated_folder("runs", f"{name}-"))
 
 
 def settings_of(folder: Path) -> dict[str, Any]:
-    """Return a run's settings as keyword arguments of `TrainConfig`.
+    """Return a run's settings as keyword arguments of `TrainConfig.of`.
 
     Raises:
         ConfigError: There is no run, or its config.json is damaged.
     """
-    content, kinds = _read_config(folder), get_type_hints(TrainConfig)
+    content = _read_config(folder)
+    kinds = {name: known.kind for name, known in settings_in(TrainConfig).items()}
     for name in OPTIONS:
         if name in content:
             require_trusted(folder / CONFIG, name, content[name], is_option=True)
@@ -75,6 +76,8 @@ def settings_of(folder: Path) -> dict[str, Any]:
 def _is_of(kind: Any, value: Any) -> bool:
     """Say whether a value that JSON gave is of a field's type."""
     parts = get_args(kind)
+    if get_origin(kind) is Annotated:
+        return _is_of(parts[0], value)
     if get_origin(kind) is Literal:
         return value in parts
     if get_origin(kind) is tuple:
@@ -99,8 +102,8 @@ def require_run(config: TrainConfig) -> Path:
         ConfigError: Not empty and not to be resumed; nothing there to resume; started
             with other settings (names the field); in use.
     """
-    folder = config.folder
-    if config.resume:
+    folder = config.runs.folder
+    if config.runs.resume:
         config.require_same(_read_config(folder))
         with RunLock(folder):
             return folder
@@ -120,11 +123,11 @@ def open_run(config: TrainConfig) -> Path:
         The folder, absolute; it holds config.json.
     """
     folder = require_run(config)
-    if not config.resume:
+    if not config.runs.resume:
         claim_output_folder(folder)
         write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
-        if config.model_file is not None:
-            write_atomic(folder / MODEL, config.model_file.content)
+        if config.dynamics.model_file is not None:
+            write_atomic(folder / MODEL, config.dynamics.model_file.content)
     return folder
 
 

@@ -8,7 +8,6 @@ import threading
 import time
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -25,7 +24,7 @@ _Result = TypeVar("_Result")
 
 
 def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
-    """Train `config.seeds` seeds, as many at once as this process may use cores.
+    """Train each of the seeds, as many at once as this process may use cores.
 
     Args:
         config: Settings; seed and sub-folder of each run follow from it.
@@ -38,20 +37,20 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
         DovetailError: A seed failed (says which); the others were finished first.
     """
     require_run(config)
-    runs = [config.for_seed(config.seed + i) for i in range(config.seeds)]
+    runs = [config.for_seed(config.runs.seed + i) for i in range(config.runs.seeds)]
     runs = [
-        replace(run, resume=config.resume and (run.folder / CONFIG).exists())
+        run.having(resume=config.runs.resume and (run.runs.folder / CONFIG).exists())
         for run in runs
     ]
     cores = len(os.sched_getaffinity(0))
     workers = min(len(runs), cores)
-    if not config.threads and config.is_batch:
-        runs = [replace(run, threads=cores // workers) for run in runs]
+    if not config.runs.threads and config.is_batch:
+        runs = [run.having(threads=cores // workers) for run in runs]
     context = multiprocessing.get_context("spawn")
     channel = context.Queue()
-    names = [f"seed {run.seed}" for run in runs]
+    names = [f"seed {run.runs.seed}" for run in runs]
     with (
-        ProgressBar(config.steps, names, console) as bar,
+        ProgressBar(config.length.steps, names, console) as bar,
         ProcessPoolExecutor(workers, context, _start, (channel, os.getpid())) as pool,
     ):
         _result(pool.submit(_try, runs[0]), runs[0])
@@ -81,18 +80,18 @@ def _result(future: Future[_Result], run: TrainConfig) -> _Result:
         return future.result()
     except BrokenProcessPool as error:
         raise DovetailError(
-            f"the process of seed {run.seed} died (killed, or out of memory); continue "
-            "with --resume"
+            f"the process of seed {run.runs.seed} died (killed, or out of memory); "
+            "continue with --resume"
         ) from error
     except DovetailError as error:
-        raise type(error)(f"seed {run.seed}: {error}") from error
+        raise type(error)(f"seed {run.runs.seed}: {error}") from error
 
 
 def _summarise(
     folder: Path, runs: list[TrainConfig], results: list[TrainResult]
 ) -> None:
     summary = {
-        f"seed-{run.seed}": {
+        f"seed-{run.runs.seed}": {
             "steps": result.steps,
             "wall_time_s": round(result.wall_time, 1),
             "evaluation": result.evaluation,

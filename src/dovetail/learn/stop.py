@@ -43,7 +43,7 @@ class Stop:
         Args:
             config: Settings of the run.
         """
-        self._config = config
+        self._config, self._length = config, config.length
         self._recent: deque[int] = deque(maxlen=WINDOW)
         self._since: int | None = None
         self._tested: int | None = None
@@ -52,7 +52,7 @@ class Stop:
 
     def note(self, row: EpisodeRow) -> None:
         """Take in a finished episode; the first are not the learner's."""
-        if not self._is_asked or row.step <= self._config.learning_starts:
+        if not self._is_asked or row.step <= self._config.teaching.learning_starts:
             return
         self._recent.append(row.success)
         if len(self._recent) < WINDOW:
@@ -68,7 +68,7 @@ class Stop:
         high, fallen = 1.0, self._settled(step)
         if self._tested is not None:
             high, fallen = AGAIN, min(1.0, (step - self._tested) / self._pause)
-        return high - (high - self._config.final_rate) * fallen
+        return high - (high - self._config.learner.gradient.final_rate) * fallen
 
     def is_due(self, step: int) -> bool:
         """Say whether a test is to be made now."""
@@ -78,8 +78,8 @@ class Stop:
 
     def seeds(self, step: int) -> list[list[int]]:
         """Return the seeds of a test's tries, other ones at every step, by portions."""
-        count = self._config.test_episodes
-        seeds = [derive_seed(_STREAM, self._config.seed, step, i) for i in range(count)]
+        count, seed = self._length.test_episodes, self._config.runs.seed
+        seeds = [derive_seed(_STREAM, seed, step, i) for i in range(count)]
         return [seeds[i : i + PORTION] for i in range(0, count, PORTION)]
 
     def is_passed(self, step: int, portions: Iterable[list[bool]]) -> bool:
@@ -90,11 +90,11 @@ class Stop:
             portions: Success of each try, as many at a time as `seeds` gave.
         """
         self._tested = step
-        count, done, failed = self._config.test_episodes, 0, 0
+        count, done, failed = self._length.test_episodes, 0, 0
         for portion in portions:
             done, failed = done + len(portion), failed + portion.count(False)
             self.said = f"test {done - failed}/{done}"
-            if wilson_interval(count - failed, count)[0] < self._config.asked_success:
+            if wilson_interval(count - failed, count)[0] < self._length.asked_success:
                 return False
         return True
 
@@ -111,14 +111,14 @@ class Stop:
     @property
     def _pause(self) -> float:
         """Steps between two tests."""
-        return self._config.settle / 2
+        return self._length.settle / 2
 
     @property
     def _is_asked(self) -> bool:
-        return self._config.asked_success < 1.0
+        return self._length.asked_success < 1.0
 
     def _settled(self, step: int) -> float:
         """Return how far the rate has fallen, from 0 to 1."""
         if self._since is None:
             return 0.0
-        return min(1.0, max(0.0, (step - self._since) / self._config.settle))
+        return min(1.0, max(0.0, (step - self._since) / self._length.settle))

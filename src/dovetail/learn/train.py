@@ -35,8 +35,9 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
     """
     console = console or Console(stderr=True)
     config = place_run(config)
-    if config.seeds > 1:
+    if config.runs.seeds > 1:
         return train_seeds(config, console)
-    with ProgressBar(config.steps, [f"seed {config.seed}"], console) as bar:
+    names = [f"seed {config.runs.seed}"]
+    with ProgressBar(config.length.steps, names, console) as bar:
         begin = partial(announce, console, config)
         return [train_one(config, lambda status: bar.show(0, status), begin)]

@@ -8,14 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.control.ranges import Range
+from dovetail.control.sections import Section
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.tasks.options import parse_values
+from dovetail.trackers.find import DEFAULT_TRACKER
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variation(EnvSettings):
-    """A fixture that is not where it is believed, and values of the task's options."""
+class VariationConfig(Section):
+    """What differs between episodes."""
 
     vary: str | None = None
     """Option of the task and a value for each environment in turn, NAME=A,B.
@@ -29,33 +31,35 @@ class Variation(EnvSettings):
     doubt_turn: Annotated[float, Range(0.0, 0.5, "rad")] = 0.0
     """Largest turn of the fixture from what is believed [rad].
     It is about the vertical; a doubt must be given, too."""
-
     informed: bool = False
     """Tell the critics where the fixture truly is, and which values it has.
     The actor is not told, so that the policy is one as any other; for sac."""
 
-    def kinds(self, num_envs: int) -> NDArray[np.float32]:
+    def kinds(self, env: EnvSettings, num_envs: int) -> NDArray[np.float32]:
         """Return which values each environment has, a one among zeros in each row.
 
         Args:
+            env: What they have in common.
             num_envs: Environments among which the values are shared.
         """
-        count = len(self._varied())
+        count = len(self._varied(env))
         kinds = np.eye(count, dtype=np.float32)[np.arange(num_envs) % count]
         return kinds if count > 1 else kinds[:, :0]
 
-    def require_variation(self, num_envs: int) -> None:
+    def require_possible(self, env: EnvSettings, num_envs: int) -> None:
         """Refuse a doubt beside a tracker, a turn without one, and too many values.
 
         Args:
+            env: What the environments have in common.
             num_envs: Environments among which the values are shared.
 
         Raises:
             ConfigError: Says what to give.
         """
-        if self.doubt > 0.0 and self.tracker != Variation.tracker:
+        tracker = env.config.observation.tracker
+        if self.doubt > 0.0 and tracker != DEFAULT_TRACKER:
             raise ConfigError(
-                f"doubt and the tracker {self.tracker} exclude each other: with a "
+                f"doubt and the tracker {tracker} exclude each other: with a "
                 "doubt the camera is covered; leave one of them out"
             )
         if self.doubt_turn > 0.0 and self.doubt == 0.0:
@@ -64,33 +68,34 @@ class Variation(EnvSettings):
                 "largest distance, too, --doubt 0.005 for example"
             )
         if self.vary is not None:
-            count = len(self._varied())
-            if count > num_envs:
-                names = " and ".join(self._varied()[0])
+            varied = self._varied(env)
+            if len(varied) > num_envs:
+                names = " and ".join(varied[0])
                 raise ConfigError(
-                    f"vary gives {count} values of {names} to {num_envs} "
-                    f"environments; needed: --num-envs {count} or more"
+                    f"vary gives {len(varied)} values of {names} to {num_envs} "
+                    f"environments; needed: --num-envs {len(varied)} or more"
                 )
 
-    def varied_options(self, index: int) -> dict[str, Any]:
+    def options(self, env: EnvSettings, index: int) -> dict[str, Any]:
         """Return the keyword arguments of one of the environments of a training.
 
         Args:
+            env: What they have in common.
             index: Which one.
         """
-        options = self.env_options()
+        options = env.env_options()
         if self.doubt > 0.0:
             doubt = f"doubt={self.doubt}&turn={self.doubt_turn}"
             options["tracker"] = f"covered?{doubt}"
         if self.vary is not None:
-            values = self._varied()
+            values = self._varied(env)
             options |= values[index % len(values)]
         return options
 
-    def _varied(self) -> list[dict[str, Any]]:
+    def _varied(self, env: EnvSettings) -> list[dict[str, Any]]:
         """Return every set of values; the option that is given first changes first."""
         given = [] if self.vary is None else self.vary.split("&")
-        parts = [parse_values(text, self.task_class) for text in given]
+        parts = [parse_values(text, env.task_class) for text in given]
         names = [name for name, _ in reversed(parts)]
         if len(set(names)) < len(names):
             raise ConfigError(

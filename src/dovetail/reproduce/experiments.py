@@ -116,7 +116,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
 
     out = sitting.folder / RUN
     resume = _is_begun(out, "config.json")
-    config = TrainConfig(out=out, resume=resume, **as_config(settings))
+    config = TrainConfig.of(out=out, resume=resume, **as_config(settings))
     (result,) = train(config, sitting.console)
     return {
         "steps": result.steps,
@@ -137,7 +137,7 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     out = sitting.folder / EVALUATION
     shutil.rmtree(out, ignore_errors=True)  # of a sitting that was cut short
     evaluation = evaluate(
-        EvaluationConfig(policy=str(policy), twin=str(twin), out=out, **settings),
+        EvaluationConfig.of(policy=str(policy), twin=str(twin), out=out, **settings),
         sitting.console,
     )
     stopped = [outcome.stopped for outcome in evaluation.outcomes if outcome.stopped]

@@ -180,7 +180,7 @@ learning from simulations and from the served arm."""
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as JSON knows them."""
     chosen = {"plant": config.plant, **RECIPE, **config.budget.train, **changes}
-    settings = TrainConfig(**as_config(chosen)).to_json()
+    settings = TrainConfig.of(**as_config(chosen)).to_json()
     settings["hole"] = settings.pop("fixture")
     return {name: value for name, value in settings.items() if value is not None}
 

@@ -1,0 +1,146 @@
+"""Settings in sections, which also have one flat name each.
+
+A section is a frozen dataclass in a field of another. Every setting, however deep, has
+its own short name: files, command lines and callers say it, and nothing but the fields
+themselves lists it.
+"""
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from functools import cache, reduce
+from typing import Any, ClassVar, NamedTuple, Self, TypeGuard, get_args
+
+from tyro.conf import Fixed
+
+from dovetail.control.ranges import check_ranges
+from dovetail.errors import ConfigError
+
+Trail = tuple[str, ...]
+"""Fields that lead to a setting, its own the last."""
+
+
+class Setting(NamedTuple):
+    """A field that is no section."""
+
+    trail: Trail
+    owner: type
+    """The section that has it."""
+    kind: Any
+    """Type, as it is written."""
+    default: Any
+    """Where nothing is given; MISSING where it has to be."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """Settings that belong together, checked when they are made."""
+
+    def __post_init__(self) -> None:
+        """Refuse what is out of its range."""
+        check_ranges(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sectioned:
+    """Settings that are made, changed and read by their flat names, too."""
+
+    whose: ClassVar[str] = "these settings"
+    """What they are of, in words, for a message."""
+
+    @classmethod
+    def of(cls, **given: Any) -> Self:
+        """Return the usual settings with these changed, by their flat names.
+
+        Raises:
+            ConfigError: See `having`.
+        """
+        usual = {f.name: _usual(f) for f in fields(cls)}
+        return cls(**_changed(usual, cls._trails(given)))
+
+    def having(self, **given: Any) -> Self:
+        """Return these settings with others changed, by their flat names.
+
+        Raises:
+            ConfigError: An unknown name (lists the known ones), or a value out of
+                range.
+        """
+        return replace(self, **_changed(vars(self), self._trails(given)))
+
+    def flat(self) -> dict[str, Any]:
+        """Return every setting by its flat name."""
+        return {
+            name: reduce(lambda at, part: vars(at)[part], known.trail, self)
+            for name, known in settings_in(type(self)).items()
+        }
+
+    def _settle(self, **given: Any) -> None:
+        """Change settings of this object itself, while it is made."""
+        for name, value in _changed(vars(self), self._trails(given)).items():
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def _trails(cls, given: Mapping[str, Any]) -> dict[Trail, Any]:
+        known = settings_in(cls)
+        if unknown := sorted(set(given) - set(known)):
+            near = [difflib.get_close_matches(name, known, n=1) for name in unknown]
+            meant = ", ".join(name for names in near for name in names)
+            raise ConfigError(
+                f"unknown settings of {cls.whose}: {', '.join(unknown)}; known: "
+                f"{', '.join(known)}{f'; did you mean {meant}?' if meant else ''}"
+            )
+        return {
+            known[name].trail: tuple(value) if isinstance(value, list) else value
+            for name, value in given.items()
+        }
+
+
+@cache
+def settings_in(kind: type) -> Mapping[str, Setting]:
+    """Return every setting of a dataclass and of the sections in it, by its flat name.
+
+    What is `Fixed` in settings that are a section of others is not theirs to choose,
+    and is left out.
+
+    Args:
+        kind: The dataclass.
+    """
+    found: dict[str, Setting] = {}
+    for f in fields(kind):
+        section, usual = f.type, _usual(f)
+        if not _is_section(section):
+            found[f.name] = Setting((f.name,), kind, section, usual)
+            continue
+        for name, inner in settings_in(section).items():
+            if issubclass(section, Sectioned) and Fixed in get_args(inner.kind):
+                continue
+            if name in found:
+                raise TypeError(f"{kind.__name__} has two settings called {name}")
+            default = reduce(lambda at, part: vars(at)[part], inner.trail, usual)
+            found[name] = inner._replace(trail=(f.name, *inner.trail), default=default)
+    return found
+
+
+def _is_section(kind: Any) -> TypeGuard[type]:
+    return isinstance(kind, type) and is_dataclass(kind)
+
+
+def _usual(field: Any) -> Any:
+    if field.default_factory is not MISSING:
+        return field.default_factory()
+    return field.default
+
+
+def _changed(before: Mapping[str, Any], given: Mapping[Trail, Any]) -> dict[str, Any]:
+    """Return the fields that are another after these settings are given."""
+    after: dict[str, Any] = {}
+    deeper: dict[str, dict[Trail, Any]] = {}
+    for (name, *rest), value in given.items():
+        if rest:
+            deeper.setdefault(name, {})[tuple(rest)] = value
+        else:
+            after[name] = value
+    for name, inner in deeper.items():
+        section = before[name]
+        after[name] = replace(section, **_changed(vars(section), inner))
+    return after

@@ -1,0 +1,54 @@
+"""What a training is shown before it learns by itself."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from dovetail.control.ranges import Range
+from dovetail.control.sections import Section
+from dovetail.paths_option import some_paths
+
+
+@dataclass(frozen=True, kw_only=True)
+class TeachingConfig(Section):
+    """Who shows it, and how it begins."""
+
+    from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
+    """Policy to start from: a file, or the name of a shipped one. For the first
+    `learning_starts` steps only the critics learn; then the actor does at a tenth of
+    their rate, and goes back to the one whose episodes went best if its own go badly.
+    The best one is what the run ends with."""
+    demos: Annotated[tuple[str, ...], some_paths("--demos")] = ()
+    """Episode logs, or folders of them, whose steps are in every batch. See `pretrain`.
+    A person's or anybody's, of the same task, robot and meaning of an action."""
+    pretrain: Annotated[int | None, Range(0, 1e6, "steps")] = None
+    """Gradient steps from demonstrations alone, before the first action.
+    2000 with `demos`, 0 without or from a policy. After them the policy's own actions
+    take the place of random ones."""
+    teacher: str = "none"
+    """Who acts in the first `learning_starts` steps: none, corner, or logs. None is
+    chance; corner the scripted search, with noise; logs are as `demos`."""
+    teacher_noise: Annotated[float, Range(0.0, 1.0, "1")] = 0.08
+    """Standard deviation of the noise on a teacher's actions [1]."""
+    teacher_share: Annotated[float | None, Range(0.0, 1.0, "1")] = None
+    """Share of each batch that was shown [1]: 0.5, after `pretrain` 0.2. The teacher
+    or `demos` show it; what was learned from them already needs less of them."""
+    learning_starts: Annotated[int, Range(0, 1e9, "steps")] = 1000
+    """Random actions before the first gradient step (not ppo). See `from`."""
+
+    @property
+    def first_updates(self) -> int:
+        """Gradient steps before the first action."""
+        return self.pretrain or 0
+
+    @property
+    def has_teacher(self) -> bool:
+        """Whether the first steps are a script's."""
+        return self.teacher == "corner"
+
+    @property
+    def logs(self) -> tuple[str, ...]:
+        """Episode logs that are in every batch."""
+        is_log = self.teacher not in ("none", "corner")
+        return (*self.demos, *((self.teacher,) if is_log else ()))
