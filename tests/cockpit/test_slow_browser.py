@@ -20,9 +20,9 @@ wait_for = from_benchmarks("cockpit_browser").wait_for
 def test_a_sphere_of_fewer_triangles_is_nearly_the_same():
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.1)
     vertices, faces = fewer_triangles(ball.vertices, ball.faces)
-    assert 250 <= len(faces) < 0.25 * len(ball.faces)
+    assert 200 <= len(faces) < 0.25 * len(ball.faces)
     radii = np.linalg.norm(vertices, axis=1)
-    assert np.abs(radii - 0.1).max() < 0.0005
+    assert np.abs(radii - 0.1).max() < 0.001
     less = trimesh.Trimesh(vertices, faces)
     assert less.is_watertight
     assert less.volume == pytest.approx(ball.volume, rel=0.01)

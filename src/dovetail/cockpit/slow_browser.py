@@ -8,7 +8,7 @@ import numpy as np
 
 from dovetail.types import Array
 
-_SHARE, _FEW = 0.2, 250
+_SHARE, _FEW = 0.14, 200
 """Of a mesh's triangles these are drawn; a mesh of so many is drawn whole."""
 
 # Asks the page's own store for half the points each way, takes out a quad that fills

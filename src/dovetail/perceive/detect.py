@@ -211,23 +211,24 @@ class Detector:
         Light spreads over edges: every marker looks larger or smaller by the same, not
         the distances between them. That is a seventh unknown.
         """
-        fit = self._step(pose, 0.0, self.noise**2, points, edges)
+        on_edges = edge_points(points)
+        fit = self._step(pose, 0.0, self.noise**2, on_edges, edges)
         for _ in range(2):
-            fit = self._step(fit.pose, fit.spread, fit.variance, points, edges)
+            fit = self._step(fit.pose, fit.spread, fit.variance, on_edges, edges)
         return fit
 
     def _step(
-        self, pose: Pose, spread: float, variance: float, points: Array, edges: Edges
+        self, pose: Pose, spread: float, variance: float, on_edges: Array, edges: Edges
     ) -> _Fit:
         """Return what one step of Gauss and Newton makes of a pose."""
-        on_edges = edge_points(points)
-        normal = np.repeat(edges.normal[:, :, None], 2, axis=2)
+        nx, ny = edges.normal[:, :, None, 0], edges.normal[:, :, None, 1]
         place, slopes = self.projection.place_and_slopes(pose, on_edges)
         # Positive where the picture's edge is farther out than the model's.
-        gap = edges.distance[:, :, None] - (normal * place).sum(axis=3)
+        gap = edges.distance[:, :, None] - nx * place[..., 0] - ny * place[..., 1]
         residuals = gap.ravel() - spread
-        rows = np.einsum("mepi,mepij->mepj", normal, slopes).reshape(-1, 6)
-        J = np.column_stack([rows, np.ones(len(rows))])
+        J = np.ones((residuals.size, 7))
+        rows = nx[..., None] * slopes[..., 0, :] + ny[..., None] * slopes[..., 1, :]
+        J[:, :6] = rows.reshape(-1, 6)
         prior = np.zeros((7, 7))
         prior[6, 6] = variance / _SPREAD**2
         inverted = np.linalg.inv(J.T @ J + prior)

@@ -83,13 +83,14 @@ def find_edges(picture: NDArray[np.uint8], expected: Array) -> Edges:
         expected: Where the corners are, to a pixel or two, clockwise from where -x and
             +y of the board meet, shape (markers, 4, 2).
     """
-    edges = _find_once(picture, expected)
+    grey = picture.astype(np.float32)  # of whole ones `remap` makes whole ones
+    edges = _find_once(grey, expected)
     for _ in range(_ROUNDS - 1):
-        edges = _find_once(picture, edges.corners)
+        edges = _find_once(grey, edges.corners)
     return edges
 
 
-def _find_once(picture: NDArray[np.uint8], corners: Array) -> Edges:
+def _find_once(picture: NDArray[np.float32], corners: Array) -> Edges:
     begin, end = corners, np.roll(corners, -1, axis=1)  # edges, (markers, 4, 2)
     along = end - begin
     length = np.linalg.norm(along, axis=2, keepdims=True)
@@ -142,12 +143,12 @@ def _crossing(grey: Array) -> tuple[Array, NDArray[np.bool_]]:
     return _TAPS[last[..., 0]] + share / 8.0, passes.any(axis=3)
 
 
-def _sample(picture: NDArray[np.uint8], place: NDArray[np.float32]) -> Array:
+def _sample(picture: NDArray[np.float32], place: NDArray[np.float32]) -> Array:
     """Return grey values between pixels; outside of the picture all are the same."""
     cv = opencv()
     flat = place.reshape(place.shape[0] * place.shape[1], -1, 2)
     grey = cv.remap(
-        picture.astype(np.float32), flat, None, cv.INTER_LINEAR,
+        picture, flat, None, cv.INTER_LINEAR,
         borderMode=cv.BORDER_REPLICATE,
     )  # fmt: skip
     return grey.reshape(place.shape[:-1]).astype(float)
@@ -207,7 +208,10 @@ def edge_width(picture: NDArray[np.uint8], corners: Array) -> float:
     share = np.linspace(0.3, 0.7, _POINTS)[:, None]
     middle = begin[:, :, None] + share * (end - begin)[:, :, None]
     reach = _WIDEST * out[:, :, None, None] * _TAPS[:, None]
-    grey = _sample(picture, (middle[:, :, :, None] + reach).astype(np.float32))
+    grey = _sample(
+        picture.astype(np.float32),
+        (middle[:, :, :, None] + reach).astype(np.float32),
+    )
     slope = np.maximum(np.diff(grey.mean(axis=2), axis=2), 0.0)  # noise averages out
     weight = slope**2
     taps = _WIDEST * (_TAPS[1:] + _TAPS[:-1]) / 2.0

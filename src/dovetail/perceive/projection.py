@@ -42,12 +42,12 @@ class Projection:
         place, whole = self._project(pose, points)
         by_position = whole[:, 3:6].reshape(*points.shape[:-1], 2, 3)
         arm = points @ matrix_from_quat(pose.quat_wxyz).T
-        # d(turn x arm) = -[arm]x d(turn)
-        cross = np.zeros((*arm.shape[:-1], 3, 3))
-        cross[..., 0, 1], cross[..., 0, 2] = arm[..., 2], -arm[..., 1]
-        cross[..., 1, 0], cross[..., 1, 2] = -arm[..., 2], arm[..., 0]
-        cross[..., 2, 0], cross[..., 2, 1] = arm[..., 1], -arm[..., 0]
-        slopes = np.concatenate([by_position, by_position @ cross], axis=-1)
+        slopes = np.empty((*by_position.shape[:-1], 6))
+        slopes[..., :3] = by_position
+        # s . (d(turn) x arm) = (arm x s) . d(turn); np.cross takes twice as long
+        for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+            one, other = arm[..., None, j], arm[..., None, k]
+            slopes[..., 3 + i] = one * by_position[..., k] - other * by_position[..., j]
         return place.reshape(*points.shape[:-1], 2), slopes
 
     def _project(self, pose: Pose, points: Array) -> tuple[Array, Array]:
