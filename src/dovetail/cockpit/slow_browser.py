@@ -4,6 +4,8 @@ There a picture takes as long as its triangles and its points, and while one is 
 the mouse waits.
 """
 
+from typing import Any
+
 import numpy as np
 
 from dovetail.types import Array
@@ -66,9 +68,5 @@ def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
     from fast_simplification import simplify
 
     count = max(_FEW, int(_SHARE * len(faces)))
-    points, triangles = simplify(
-        np.asarray(vertices, dtype=np.float32),
-        np.asarray(faces, dtype=np.int32),
-        target_count=count,
-    )
-    return points.astype(float), triangles
+    found: Any = simplify(vertices, np.asarray(faces, np.int32), target_count=count)
+    return np.asarray(found[0], dtype=float), np.asarray(found[1])
