@@ -109,6 +109,7 @@ void bind_state(nb::module_& m) {
   nb::class_<ServoState>(m, "ServoState", "What a servo loop last knew.")
       .def_ro("tick", &ServoState::tick, "Control periods while active.")
       .def_ro("motion", &ServoState::motion, "Times COMMANDING_ACTIVE was entered.")
+      .def_ro("first", &ServoState::first, "Sequence of that motion's first message.")
       .def_ro("rows", &ServoState::rows, "Rows of the log so far.")
       .def_ro("time", &ServoState::time, "Since the motion began [s].")
       .def_ro("q", &ServoState::q, "Measured configuration [rad].")

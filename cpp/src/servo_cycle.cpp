@@ -135,6 +135,7 @@ void ServoCycle::begin_motion(const Vec7& q) noexcept {
   is_active_ = true;
   has_target_ = false;
   ++state_.motion;
+  state_.first = session_.message().header.sequence;
   state_.time = 0.0;
   state_.is_at_rest = false;
   observer_.reset(q);

@@ -226,6 +226,27 @@ def test_a_new_session_needs_no_new_arm(arm):
     assert state.stamp == pytest.approx(0.05)
 
 
+def test_a_motion_that_ends_while_the_arm_is_placed_is_not_stepped_in():
+    """Messages came late on a busy machine: the motion before still seemed to run."""
+    for _ in range(5):
+        arm = make_arm(clock="wall", cabinet={"clock": "wall"})
+        place = arm._control.place
+
+        def place_in_motion(*where, arm=arm, place=place):
+            wait_until(lambda: arm.monitoring().session == 4)
+            arm.ask("fault", text="delay=4.5ms,direction=to_client")
+            answer = place(*where)
+            arm.ask("fault", text="none")
+            return answer
+
+        arm._control.place = place_in_motion
+        try:
+            arm.reset(START, HOLE)
+            arm.step(push(1.0))
+        finally:
+            arm.close()
+
+
 def test_a_new_motion_begins_without_the_old_target(arm):
     arm.reset(START, HOLE)
     for _ in range(10):

@@ -60,6 +60,7 @@ constexpr double kLeanMax = 0.05;
 struct ServoState {
   std::uint64_t tick = 0;    ///< control periods while active, lost ones included
   std::uint64_t motion = 0;  ///< how often COMMANDING_ACTIVE was entered
+  std::uint32_t first = 0;   ///< sequence of the message that began that motion
   std::uint64_t rows = 0;    ///< rows of the log so far
   double time = 0.0;         ///< since the motion began [s]
   Vec7 q = Vec7::Zero();     ///< measured [rad]

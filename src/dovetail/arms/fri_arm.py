@@ -171,9 +171,12 @@ class FriArm:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
-            self._control.place(q, fixture, self._seed)
+            placed = self._control.place(q, fixture, self._seed)
             self._seed = None
             self._wait_for_motion(before.motion)
+            # One that began while the request was on its way has ended, unseen as yet.
+            while _is_before(self._servo.state().first, placed["sequence"]):
+                self._wait_for_motion(self._motion)
         else:
             self._move_there(q, fixture)
         hold = self.facts.robot.tool_pose(q)
@@ -378,3 +381,8 @@ class FriArm:
         log = self._servo.rows(begin, end, len(CYCLE_COLUMNS))
         log[:, 0] -= self._begin_time
         return log
+
+
+def _is_before(sequence: int, other: int) -> bool:
+    """Return whether a message's counter, of 32 bits that wrap round, is the earlier."""
+    return (sequence - other) % (1 << 32) >= 1 << 31
