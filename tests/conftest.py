@@ -13,6 +13,11 @@ from dovetail.robots.iiwa14 import iiwa14
 from dovetail.robots.robot import Payload, Robot
 from dovetail.view.gl_context import open_context
 
+# Every training would compile its networks anew, which takes longer than it trains.
+_COMPILED = Path(__file__).parents[1] / "build" / "jax"
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_COMPILED))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+
 
 @pytest.fixture(scope="session")
 def opengl() -> None:
