@@ -125,3 +125,14 @@ def test_contact_that_is_allowed_needs_no_free_air():
     assert start_box(find_cell(), high, may_touch=True).low[2] == 0.18
     with pytest.raises(ConfigError, match="or give --allow-contact"):
         start_box(find_cell(), high)
+
+
+def test_where_a_fixture_may_be_that_stands_above_its_origin_is_told():
+    """It said 20 mm too much, where the motions were refused again."""
+    cell = find_cell()
+    proud = cell.fixture.corners + [0.0, 0.0, 0.02]
+    cell = replace(cell, fixture=replace(cell.fixture, corners=proud))
+    high = FixturePose.given((0.6, 0.0, 0.2, 0.0)).pose()
+    with pytest.raises(ConfigError, match=r"ends at z = 0.22 m.*at z = 0.12 m or low"):
+        start_box(cell, high)
+    start_box(cell, FixturePose.given((0.6, 0.0, 0.12, 0.0)).pose())

@@ -35,6 +35,7 @@ from dovetail.identify.recording import (
     Recording,
     read_description,
     sequence_path,
+    usual_place,
 )
 from dovetail.identify.starts import plan_starts, start_box
 from dovetail.plants.plant import COLUMN
@@ -138,7 +139,7 @@ def record(
 
 def _place(task: Task, config: RecordConfig) -> FixturePose:
     """Return where the fixture is, or is put."""
-    usual = task.recording_pose or task.trial_poses[0]
+    usual = usual_place(task)
     if config.fixture is None:
         return usual
     return FixturePose.given(config.fixture, usual.facing)

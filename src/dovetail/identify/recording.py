@@ -269,9 +269,14 @@ def _cell(metadata: dict[str, Any]) -> Workcell:
     return _task(metadata).workcell(robot)
 
 
+def usual_place(task: Task) -> FixturePose:
+    """Return where a task's fixture is while an arm is identified."""
+    return task.recording_pose or task.trial_poses[0]
+
+
 def _fixture(metadata: dict[str, Any]) -> Pose:
     """Return where the fixture was; its facing is its task's."""
-    facing = _task(metadata).trial_poses[0].facing
+    facing = usual_place(_task(metadata)).facing
     return FixturePose.given(metadata["fixture"], facing).pose()
 
 

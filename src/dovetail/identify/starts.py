@@ -59,16 +59,19 @@ def start_box(cell: Workcell, fixture: Pose, *, may_touch: bool = False) -> Star
     begin = max(nearest, face + FREE_AIR)
     if begin > round(sign * float(wall[along]) - BEFORE, 6):
         if not may_touch:
-            raise ConfigError(_too_near(cell, "xyz"[along], sign, face, wall[along]))
+            where = ("xyz"[along], sign, face, proud)
+            raise ConfigError(_too_near(cell, *where, wall[along]))
         begin = nearest
     ends = sorted((sign * begin, sign * (begin + THICKNESS)))
     box_low[along], box_high[along] = ends
     return StartBox(box_low, box_high)
 
 
-def _too_near(cell: Workcell, axis: str, sign: float, face: float, wall: float) -> str:
+def _too_near(
+    cell: Workcell, axis: str, sign: float, face: float, proud: float, wall: float
+) -> str:
     """Say that a fixture is too near the wall, and where it may be."""
-    most = wall - sign * (FREE_AIR + BEFORE)
+    most = wall - sign * (FREE_AIR + BEFORE + proud)
     name = cell.fixture.name
     return (
         f"the {name} ends at {axis} = {sign * face:g} m: the motions need "
