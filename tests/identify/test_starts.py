@@ -130,8 +130,13 @@ def test_contact_that_is_allowed_needs_no_free_air():
 def test_where_a_fixture_may_be_that_stands_above_its_origin_is_told():
     """It said 20 mm too much, where the motions were refused again."""
     cell = find_cell()
-    proud = cell.fixture.corners + [0.0, 0.0, 0.02]
-    cell = replace(cell, fixture=replace(cell.fixture, corners=proud))
+    up = np.array([0.0, 0.0, 0.02])
+    shapes = tuple(
+        shape._replace(position=shape.position + up)
+        for shape in cell.fixture.primitives
+    )
+    fixture = replace(cell.fixture, primitives=shapes)
+    cell = replace(cell, make_fixture=lambda widened_by: fixture)
     high = FixturePose.given((0.6, 0.0, 0.2, 0.0)).pose()
     with pytest.raises(ConfigError, match=r"ends at z = 0.22 m.*at z = 0.12 m or low"):
         start_box(cell, high)

@@ -384,5 +384,5 @@ class FriArm:
 
 
 def _is_before(sequence: int, other: int) -> bool:
-    """Return whether a message's counter, of 32 bits that wrap round, is the earlier."""
+    """Return whether a message counter, of 32 bits that wrap round, is the earlier."""
     return (sequence - other) % (1 << 32) >= 1 << 31
