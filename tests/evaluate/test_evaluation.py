@@ -159,7 +159,9 @@ def test_an_ideal_plant_is_called_a_simulation(config):
         {"fixture_shift": 0.01, "search": "corner", "max_steps": 900},
         {"push": 30.0, "fixture_speed": 0.02, "start": "below"},
         {"tare": False, "fixture": (0.6, 0.0, 0.1, 0.2), "tries": 5},
-        {"twin": None, "arm": "grpc://localhost:50051"},
+        {"twin": None, "arm": "grpc://localhost:50051", "approach": True},
+        {"cover": 20.0, "accept_contact": True, "period": 0.0025},
+        {"fall_back": 0.0, "tracker": "late?bias=0.002", "video": True},
     ],
 )
 def test_the_printed_command_is_the_same_evaluation(config, change):

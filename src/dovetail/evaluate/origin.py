@@ -4,7 +4,7 @@ import os
 import platform
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,7 +13,6 @@ from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import local_address
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD, format_period
 from dovetail.evaluate.config import EvaluationConfig
-from dovetail.evaluate.perturbation import Perturbation
 from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
 from dovetail.robots.robot import Robot
@@ -97,34 +96,29 @@ def describe_settings(
     return {name: value for name, value in settings.items() if value is not None}
 
 
-_GIVEN = (
-    *("env", "robot", "tracker", "plant", "twin", "arm"),
-    *("fixture", "tries", "seed"),
-)
+_ALWAYS = ("tries", "seed")
+_ASIDE = ("policy", "task_options", "out", "workers", "keep_logs")
+"""Settings that have words of their own, or on which the outcome does not depend."""
 
 
 def command_line(config: EvaluationConfig) -> str:
     """Return the command that makes an evaluation again, its folder aside."""
+    usual = EvaluationConfig.of(policy=config.policy).flat()
+    given = {
+        name: value
+        for name, value in config.flat().items()
+        if name in _ALWAYS or (name not in _ASIDE and value != usual[name])
+    }
     words = ["dovetail", "evaluate", config.policy]
-    flat = config.flat()
-    given = {name: flat[name] for name in _GIVEN} | config.task.task_options
-    for name, value in given.items():
-        if value is not None:
+    for name, value in (given | config.task.task_options).items():
+        option = name.replace("_", "-")
+        if isinstance(value, bool):
+            words.append(f"--{option}" if value else f"--no-{option}")
+        elif name == "period":
+            words += ["--period", format_period(value)]
+        else:
             values = value if isinstance(value, tuple) else [value]
-            words += [f"--{name.replace('_', '-')}", *map(str, values)]
-    if config.place.period is not None:
-        words += ["--period", format_period(config.place.period)]
-    for f in fields(Perturbation):
-        if (value := flat[f.name]) != f.default:
-            words += [f"--{f.name.replace('_', '-')}", str(value)]
-    if config.place.accept_contact:
-        words.append("--accept-contact")
-    if not config.task.tare:
-        words.append("--no-tare")
-    if config.trials.video:
-        words.append("--video")
-    if config.task.max_steps is not None:
-        words += ["--max-steps", str(config.task.max_steps)]
+            words += [f"--{option}", *map(str, values)]
     return shlex.join(words)
 
 
