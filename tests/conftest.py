@@ -4,6 +4,7 @@ import ctypes
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -14,9 +15,11 @@ from dovetail.robots.robot import Payload, Robot
 from dovetail.view.gl_context import open_context
 
 # Every training would compile its networks anew, which takes longer than it trains.
-_COMPILED = Path(__file__).parents[1] / "build" / "jax"
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(_COMPILED))
-os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+# A folder of this run: what a killed training has half written is never read again.
+if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+    _COMPILED = TemporaryDirectory(prefix="dovetail-jax-", ignore_cleanup_errors=True)
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = _COMPILED.name
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 
 
 @pytest.fixture(scope="session")

@@ -152,25 +152,32 @@ def test_an_ideal_plant_is_called_a_simulation(config):
     )
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"task_options": TaskOptions(peg="round", clearance=0.001), "seed": 7},
-        {"fixture_shift": 0.01, "search": "corner", "max_steps": 900},
-        {"push": 30.0, "fixture_speed": 0.02, "start": "below"},
-        {"tare": False, "fixture": (0.6, 0.0, 0.1, 0.2), "tries": 5},
-        {"twin": None, "arm": "grpc://localhost:50051", "approach": True},
-        {"cover": 20.0, "accept_contact": True, "period": 0.0025},
-        {"fall_back": 0.0, "tracker": "late?bias=0.002", "video": True},
-    ],
-)
+CHANGES = [
+    {"task_options": TaskOptions(peg="round", clearance=0.001), "seed": 7},
+    {"fixture_shift": 0.01, "search": "corner", "max_steps": 900},
+    {"push": 30.0, "fixture_speed": 0.02, "start": "below"},
+    {"tare": False, "fixture": (0.6, 0.0, 0.1, 0.2), "tries": 5},
+    {"twin": None, "arm": "grpc://localhost:50051", "approach": True},
+    {"twin": None, "plant": "bullet", "env": "dovetail/RailClip-v0", "robot": "fr3"},
+    {"cover": 20.0, "accept_contact": True, "period": 0.0025},
+    {"fall_back": 0.0, "tracker": "late?bias=0.002", "video": True},
+]
+NOT_TOLD = {"out", "workers", "keep_logs"}
+
+
+def test_every_setting_is_changed_below():
+    changed = set().union(*CHANGES) | NOT_TOLD | {"policy"}
+    assert changed == set(EvaluationConfig.of(policy="peg_square").flat())
+
+
+@pytest.mark.parametrize("change", CHANGES)
 def test_the_printed_command_is_the_same_evaluation(config, change):
     asked = config.having(**change)
     words = shlex.split(command_line(asked))[2:]
     read = parse(Evaluate, words)
     again = read.flat()
     for name, value in asked.flat().items():
-        if name not in ("out", "workers", "keep_logs"):
+        if name not in NOT_TOLD:
             assert again[name] == value, name
 
 

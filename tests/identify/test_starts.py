@@ -13,7 +13,7 @@ from dovetail.envs.registered import find_cell, make_task
 from dovetail.errors import ConfigError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
-from dovetail.identify.recording import Recording
+from dovetail.identify.recording import Recording, usual_place
 from dovetail.identify.replay import Replay
 from dovetail.identify.starts import ELBOW, plan_starts, start_box
 from dovetail.plants.plant import COLUMN
@@ -85,7 +85,7 @@ def test_every_task_is_recorded_and_replayed(tmp_path, quiet, env):
 @pytest.mark.parametrize("env", [DEFAULT_ENV, RING, CLIP])
 def test_starts_are_in_front_of_the_fixture_and_off_the_walls(env):
     task, cell = make_task(env, {}), find_cell(env)
-    fixture = (task.recording_pose or task.trial_poses[0]).pose()
+    fixture = usual_place(task).pose()
     box = start_box(cell, fixture)
     low, high = cell.walls
     assert (box.low - low >= 0.05).all()

@@ -11,6 +11,7 @@ import numpy as np
 from dovetail.types import Array
 
 _SHARE, _FEW = 0.14, 200
+_SLACK = 0.02
 """Of a mesh's triangles these are drawn; a mesh of so many is drawn whole."""
 
 # Asks the page's own store for half the points each way, takes out a quad that fills
@@ -63,10 +64,20 @@ def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
         vertices: [m], shape (vertices, 3).
         faces: Numbers of each triangle's vertices, shape (faces, 3).
     """
-    if len(faces) <= _FEW:
-        return vertices, faces
     from fast_simplification import simplify
 
     count = max(_FEW, int(_SHARE * len(faces)))
-    found: Any = simplify(vertices, np.asarray(faces, np.int32), target_count=count)
-    return np.asarray(found[0], dtype=float), np.asarray(found[1])
+    while count < len(faces):
+        found: Any = simplify(vertices, np.asarray(faces, np.int32), target_count=count)
+        fewer = np.asarray(found[0], dtype=float)
+        if _is_as_large(fewer, vertices):
+            return fewer, np.asarray(found[1])
+        count *= 2
+    return vertices, faces
+
+
+def _is_as_large(fewer: Array, vertices: Array) -> bool:
+    """Say whether the box around a surface has stayed: quadrics may pull a tip out."""
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    moved = np.abs([fewer.min(axis=0) - low, fewer.max(axis=0) - high])
+    return bool(moved.max() <= _SLACK * (high - low).max() / 2.0)

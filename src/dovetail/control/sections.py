@@ -13,11 +13,23 @@ from typing import Any, ClassVar, NamedTuple, Self, TypeGuard, get_args
 
 from tyro.conf import Fixed
 
+from dovetail.control.period import format_period
 from dovetail.control.ranges import check_ranges
 from dovetail.errors import ConfigError
 
 Trail = tuple[str, ...]
 """Fields that lead to a setting, its own the last."""
+
+
+def option_words(name: str, value: Any) -> list[str]:
+    """Return a setting as the words of a command line that give it."""
+    option = name.replace("_", "-")
+    if isinstance(value, bool):
+        return [f"--{option}" if value else f"--no-{option}"]
+    if name == "period":
+        value = format_period(value)
+    values = value if isinstance(value, list | tuple) else [value]
+    return [f"--{option}", *map(str, values)]
 
 
 class Setting(NamedTuple):

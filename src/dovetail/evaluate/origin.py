@@ -11,7 +11,8 @@ from typing import Any
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import local_address
-from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD, format_period
+from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD
+from dovetail.control.sections import option_words
 from dovetail.evaluate.config import EvaluationConfig
 from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
@@ -111,14 +112,7 @@ def command_line(config: EvaluationConfig) -> str:
     }
     words = ["dovetail", "evaluate", config.policy]
     for name, value in (given | config.task.task_options).items():
-        option = name.replace("_", "-")
-        if isinstance(value, bool):
-            words.append(f"--{option}" if value else f"--no-{option}")
-        elif name == "period":
-            words += ["--period", format_period(value)]
-        else:
-            values = value if isinstance(value, tuple) else [value]
-            words += [f"--{option}", *map(str, values)]
+        words += option_words(name, value)
     return shlex.join(words)
 
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 from dovetail.arms.address import parse_address
-from dovetail.control.period import DEFAULT_PERIOD, format_period, require_period
-from dovetail.control.sections import Sectioned, settings_in
+from dovetail.control.period import DEFAULT_PERIOD, require_period
+from dovetail.control.sections import Sectioned, option_words, settings_in
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
@@ -285,16 +285,8 @@ class TrainConfig(Sectioned):
         for name, value in self.to_json().items():
             if value == default[name]:
                 continue
-            option = _OPTIONS.get(name, name).replace("_", "-")
-            if name == "model":
-                words += ["--model", str(self.dynamics.model)]
-            elif name == "period":
-                words += ["--period", format_period(value)]
-            elif isinstance(value, bool):
-                words.append(f"--{option}" if value else f"--no-{option}")
-            else:
-                values = value if isinstance(value, list) else [value]
-                words += [f"--{option}", *map(str, values)]
+            given = str(self.dynamics.model) if name == "model" else value
+            words += option_words(_OPTIONS.get(name, name), given)
         return shlex.join(words)
 
 
