@@ -11,8 +11,9 @@ import numpy as np
 from dovetail.types import Array
 
 _SHARE, _FEW = 0.14, 200
-_SLACK = 0.02
 """Of a mesh's triangles these are drawn; a mesh of so many is drawn whole."""
+_SLACK = 0.028
+"""What a side of the box around it may move, as a share of its longest half [1]."""
 
 # Asks the page's own store for half the points each way, takes out a quad that fills
 # the window for a background which nothing sets, and leaves out every other picture of
@@ -72,7 +73,7 @@ def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
         fewer = np.asarray(found[0], dtype=float)
         if _is_as_large(fewer, vertices):
             return fewer, np.asarray(found[1])
-        count *= 2
+        count += count // 4
     return vertices, faces
 
 
