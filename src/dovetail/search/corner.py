@@ -104,18 +104,18 @@ class CornerSearch:
         near_speed = env.config.approach.near_speed
         self._fast_from = env.config.approach.near_distance + _NEAR
         """Height above the surface from which the arm is not slow [m]."""
-        self._slide_speed = min(self.config.slide_speed, near_speed)
+        self._slide_speed = min(self.config.slide.slide_speed, near_speed)
         """What the arm does at most; what lacks of more would be taken for friction."""
         most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
-        self._air_speed = min(self.config.speed, most)
+        self._air_speed = min(self.config.air.speed, most)
         """What an action asks for at most."""
         self.reset()
 
     def _without_wedging(self, play: float) -> float:
         """Return the tilt with which the part is led in [rad], 0 in a tight fit."""
-        c = self.config
-        until_deep = _DEEP + 0.5 * c.leaning * self._wide
-        leaning = c.leaning if play > c.leaning * until_deep else 0.0
+        most, c = self.config.straighten.leaning, self.config.push
+        until_deep = _DEEP + 0.5 * most * self._wide
+        leaning = most if play > most * until_deep else 0.0
         rate = c.turn_rate if leaning > 0.0 else c.stir_rate
         self._around = 1.0 / (rate * POLICY_PERIOD)
         """Policy steps of one round of what is tried in the opening's corner."""
@@ -163,7 +163,7 @@ class CornerSearch:
     def _rings(self, middle: Vec3) -> list[Vec3]:
         """Return points on circles about the middle [m]."""
         points = []
-        for radius in self.config.rings:
+        for radius in self.config.slide.rings:
             count = math.ceil(2.0 * math.pi * radius / _PITCH)
             for step in range(count + 1):
                 angle = _GOLDEN * self._tries + 2.0 * math.pi * step / count
@@ -214,7 +214,8 @@ class CornerSearch:
         Args:
             is_stuck: Something holds it, an edge of the opening if it is a bit lower.
         """
-        drop = 0.4 * self.config.drop if is_stuck else self.config.drop
+        drop = self.config.slide.drop
+        drop = 0.4 * drop if is_stuck else drop
         is_in = bool(self._corner[2] < self._surface - drop)
         if is_in:
             self._fell_at = self._corner * _LEVEL + 0.15 * self._part_corner
@@ -222,7 +223,7 @@ class CornerSearch:
 
     def _go_over(self) -> tuple[Vec3, float]:
         """Go through free air to where the path begins."""
-        c = self.config
+        c = self.config.air
         way = self._path[0] - self._corner
         beside = float(np.abs(way[:2]).max())
         # Near the surface the arm is slow: what is far beside goes there above it.
@@ -236,7 +237,8 @@ class CornerSearch:
         most = float(np.abs(velocity).max())
         force = self._towards(velocity * min(1.0, self._air_speed / max(most, 1e-9)))
         # What is deep in the opening, or beside the fixture, comes out upright.
-        return force, c.tilt if self._end[2] > self._surface - _DEEP else 0.0
+        tilt = self.config.tilt if self._end[2] > self._surface - _DEEP else 0.0
+        return force, tilt
 
     def _touch(self) -> tuple[Vec3, float]:
         """Go down until something is in the way."""
@@ -246,16 +248,16 @@ class CornerSearch:
         elif self._is_still(_TOUCH_STEPS):
             self._surface = float(self._corner[2])
             self._begin(self._slide)
-        return self._towards(-c.touch_speed * _UP), c.tilt
+        return self._towards(-c.air.touch_speed * _UP), c.tilt
 
     def _slide(self) -> tuple[Vec3, float]:
         """Slide over the surface, along the path, until the corner falls in."""
-        c = self.config
+        c, tilt = self.config.slide, self.config.tilt
         press = -c.slide_press * _UP
         is_stuck = self._is_still(_STUCK_STEPS)
         if self._is_in(is_stuck):
             self._begin(self._seat)
-            return press, c.tilt
+            return press, tilt
         while self._path and math.dist(self._path[0][:2], self._corner[:2]) < _PITCH:
             self._path.pop(0)
         if is_stuck and self._path:
@@ -263,7 +265,7 @@ class CornerSearch:
             self._track.clear()
         if not self._path:
             self._search()
-            return -press, c.tilt
+            return -press, tilt
         way = (self._path[0] - self._corner) * _LEVEL
         velocity = self._slide_speed * way / np.linalg.norm(way)
         lacking = velocity - self._velocity * _LEVEL
@@ -271,7 +273,7 @@ class CornerSearch:
         size = float(np.linalg.norm(more))
         self._friction = more * min(1.0, c.friction / max(size, 1e-9))
         push = self._towards(velocity) + c.slide_gain * lacking + self._friction
-        return push + press, c.tilt
+        return push + press, tilt
 
     def _seat(self) -> tuple[Vec3, float]:
         """Push the corner into the opening's corner: then the end lies in the mouth."""
@@ -293,9 +295,9 @@ class CornerSearch:
         elif self._end[2] - self._surface < 0.3 * _DEEP or self._steps > _SEAT_STEPS:
             self._begin(self._straighten)
         lacking = self._slide_speed - float(self._velocity @ self._along)
-        growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
-        self._growth = min(growth, c.friction)
-        return self._pushed(c.seat_push + self._growth, towards), c.tilt
+        growth = self._growth + c.seat.seat_rate * POLICY_PERIOD * lacking
+        self._growth = min(growth, c.slide.friction)
+        return self._pushed(c.seat.seat_push + self._growth, towards), c.tilt
 
     def _cross(self) -> None:
         """Begin again beside the way on which the corner came through the opening.
@@ -311,11 +313,11 @@ class CornerSearch:
     def _straighten(self) -> tuple[Vec3, float]:
         """Turn the part upright, or nearly so, its corner pushed into the opening's."""
         c = self.config
-        share = self._steps * POLICY_PERIOD / c.straighten_time
+        share = self._steps * POLICY_PERIOD / c.straighten.straighten_time
         if share >= 1.0:
             self._begin(self._push)
         tilt = c.tilt + min(1.0, share) * (self._leaning - c.tilt)
-        return self._pushed(c.hold_push, self._along), tilt
+        return self._pushed(c.straighten.hold_push, self._along), tilt
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
@@ -332,7 +334,7 @@ class CornerSearch:
             return self._stirred(), self._leaning
         else:
             self._turn = self._yaw  # as the opening's walls turn it
-        return self._shaken() - self.config.press * _UP, 0.0
+        return self._shaken() - self.config.push.press * _UP, 0.0
 
     def _stirred(self) -> Vec3:
         """Return a push into the opening's corner that tries all places and turns.
@@ -340,7 +342,7 @@ class CornerSearch:
         What leans in that corner is turned about it, from side to side; what stands
         upright on the rim goes round and round.
         """
-        c = self.config
+        c = self.config.push
         phase = 2.0 * math.pi * self._steps / self._around
         if self._leaning > 0.0:
             self._turn = c.turn * math.sin(phase)
@@ -354,13 +356,13 @@ class CornerSearch:
 
     def _pushed(self, push: float, towards: Vec3) -> Vec3:
         """Return a push in a level direction, and down what it would lift."""
-        c = self.config
+        c = self.config.seat
         press = c.seat_press + c.lift * push
         return push * towards + self._shaken() - press * _UP
 
     def _shaken(self) -> Vec3:
         phase = 2.0 * math.pi * _SHAKES * self._steps * POLICY_PERIOD
-        return self.config.shake * math.sin(phase) * self._tilt_axis
+        return self.config.seat.shake * math.sin(phase) * self._tilt_axis
 
 
 def _inner_radius(opening: Array) -> float:

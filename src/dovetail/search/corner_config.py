@@ -1,39 +1,57 @@
 """The numbers of the corner search."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
 from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
-class CornerSearchConfig:
-    """How the corner is led; found by trying on twins medium and hard."""
+class AirConfig(Section):
+    """How the corner is brought to the surface."""
 
-    tilt: Annotated[float, Range(0.05, 0.5, "rad")] = 0.2
-    """Turn of the part that puts one corner lowest [rad]: it falls in by about 0.14
-    of the opening's width."""
     speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.15
     """Speed through free air [m/s], as far as an action asks for it."""
     over: Annotated[float, Range(0.001, 0.1, "m")] = 0.004
     """Height of the corner above the surface on the way there [m]."""
     touch_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.025
     """Speed down to the surface [m/s]: contact at this speed gives the peak force."""
-    slide_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.05
-    """Speed over the surface, and in the opening to its corner [m/s]."""
-    slide_gain: Annotated[float, Range(0.0, 200.0, "1/s")] = 65.0
-    """What it lacks of that speed, times this, is added to f* [1/s]: friction."""
-    slide_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 200.0
-    """The same for the way that it lacks [1/s2]: what sticks is pushed harder."""
-    slide_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.65
-    """f* towards the surface on the way over it [m/s2]."""
-    friction: Annotated[float, Range(0.0, 10.0, "m/s2")] = 2.7
-    """Most that is added to f* for what sticks [m/s2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlideConfig(Section):
+    """How the corner slides over the surface, until it falls in."""
+
     rings: tuple[float, ...] = (0.012, 0.022, 0.032)
     """Radii of the circles on which the corner slides [m], one after the other."""
     drop: Annotated[float, Range(0.0002, 0.01, "m")] = 0.0006
     """Depth below the surface from which the corner is in the opening [m]."""
+    slide_speed: Annotated[float, Range(0.001, 0.1, "m/s")] = 0.05
+    """Speed over the surface, and in the opening to its corner [m/s]."""
+    slide_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.65
+    """f* towards the surface on the way over it [m/s2]."""
+    slide_gain: Annotated[float, Range(0.0, 200.0, "1/s")] = 65.0
+    """What it lacks of that speed, times this, is added to f* [1/s]: friction."""
+    slide_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 200.0
+    """The same for the way that it lacks [1/s2]: what sticks is pushed harder."""
+    friction: Annotated[float, Range(0.0, 10.0, "m/s2")] = 2.7
+    """Most that is added to f* for what sticks [m/s2]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a number out of range, by name."""
+        super().__post_init__()
+        if not self.rings or not all(0.0 < radius <= 0.1 for radius in self.rings):
+            raise ConfigError(
+                f"rings are {self.rings}; allowed: radii above 0 and up to 0.1 m"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeatConfig(Section):
+    """How the corner is pushed into the opening's corner."""
+
     seat_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
     """f* towards the opening's corner, until the end lies in the mouth [m/s2]."""
     seat_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 120.0
@@ -44,6 +62,12 @@ class CornerSearchConfig:
     """Share of a push that lifts the part [1]: the tilted part leans on the wall."""
     shake: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.7
     """f* from side to side, against sticking [m/s2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StraightenConfig(Section):
+    """How the part is turned upright there."""
+
     hold_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.3
     """f* towards the opening's corner while the part is turned upright [m/s2]."""
     straighten_time: Annotated[float, Range(0.05, 10.0, "s")] = 0.35
@@ -52,8 +76,14 @@ class CornerSearchConfig:
     leaning: Annotated[float, Range(0.0, 0.2, "rad")] = 0.08
     """Tilt that is left until the end is in [rad]: the corner stays in the opening's.
     A fit that is so tight that the part would wedge is tried upright."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PushConfig(Section):
+    """How the part is pushed in."""
+
     lean: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.0
-    """f* towards the opening's corner meanwhile [m/s2]."""
+    """f* towards the opening's corner until the end is in [m/s2]."""
     turn: Annotated[float, Range(0.0, 0.2, "rad")] = 0.09
     """Turn to both sides meanwhile [rad]: the fixture may be turned, too."""
     turn_rate: Annotated[float, Range(0.1, 5.0, "Hz")] = 1.0
@@ -65,10 +95,30 @@ class CornerSearchConfig:
     press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
     """f* into the opening, at the end [m/s2]."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class CornerSearchConfig(Sectioned):
+    """How the corner is led; found by trying on twins medium and hard.
+
+    `CornerSearchConfig.of(slide_speed=0.03)` takes the numbers by their own names.
+    """
+
+    whose: ClassVar[str] = "a corner search"
+
+    tilt: Annotated[float, Range(0.05, 0.5, "rad")] = 0.2
+    """Turn of the part that puts one corner lowest [rad]: it falls in by about 0.14
+    of the opening's width."""
+    air: AirConfig = field(default_factory=AirConfig)
+    """Through free air to the surface."""
+    slide: SlideConfig = field(default_factory=SlideConfig)
+    """Over the surface, until the corner falls in."""
+    seat: SeatConfig = field(default_factory=SeatConfig)
+    """Into the opening's corner."""
+    straighten: StraightenConfig = field(default_factory=StraightenConfig)
+    """Upright."""
+    push: PushConfig = field(default_factory=PushConfig)
+    """Into the opening."""
+
     def __post_init__(self) -> None:
-        """Refuse a number out of range, by name."""
+        """Refuse a tilt out of range."""
         check_ranges(self)
-        if not self.rings or not all(0.0 < radius <= 0.1 for radius in self.rings):
-            raise ConfigError(
-                f"rings are {self.rings}; allowed: radii above 0 and up to 0.1 m"
-            )
