@@ -29,9 +29,10 @@ import numpy as np
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ArmError, ConfigError, PlantError
+from dovetail.evaluate.job import Job
 from dovetail.evaluate.perturbation import Perturbation, make_perturbed
 from dovetail.evaluate.transfer import wilson_interval
-from dovetail.evaluate.trials import Job, plan_trials
+from dovetail.evaluate.trials import plan_trials
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.encoder_plant import EncoderPlant

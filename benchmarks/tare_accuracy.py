@@ -18,7 +18,8 @@ from rich.console import Console
 
 import dovetail  # noqa: F401  (registers the environments)
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
-from dovetail.evaluate.trials import Job, plan_trials
+from dovetail.evaluate.job import Job
+from dovetail.evaluate.trials import plan_trials
 from dovetail.plants.twin import TwinConfig, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.types import Array

@@ -33,8 +33,8 @@ def main() -> None:
     total = evaluation.rows[-1]
     print(f"{total.successes} of {total.tries} inserted on {evaluation.report.ground}")
     print(f"the rate is between {total.interval.low:.3f} and {total.interval.high:.3f}")
-    worst = max(evaluation.outcomes, key=lambda outcome: outcome.force_peak)
-    print(f"largest force {worst.force_peak:.1f} N, logged in {worst.log}")
+    worst = max(evaluation.outcomes, key=lambda outcome: outcome.force.peak)
+    print(f"largest force {worst.force.peak:.1f} N, logged in {worst.files.log}")
     print(f"report: {evaluation.folder / 'report.html'}")
 
 

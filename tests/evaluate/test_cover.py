@@ -64,6 +64,6 @@ def test_a_policy_that_sees_more_columns_is_tried_and_its_logs_are_as_any_others
     )
     found = evaluate(asked, QUIET)
     assert found.outcomes[0].success
-    columns = Episode.load(found.folder / "logs" / found.outcomes[0].log).columns
+    columns = Episode.load(found.folder / "logs" / found.outcomes[0].files.log).columns
     assert "action6" in columns
     assert "obs_vz" in columns

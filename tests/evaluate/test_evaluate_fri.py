@@ -44,6 +44,7 @@ def test_the_policy_inserts_over_fri_as_in_this_process(policy_file, tmp_path):
     assert over_fri.rows[-1].violations == 0
     assert np.isnan(over_fri.rows[-1].force_peak)
     for mine, theirs in zip(over_fri.outcomes, here.outcomes, strict=True):
+        mine, theirs = mine.course, theirs.course
         assert abs(mine.steps - theirs.steps) <= 3  # FRI sends no velocity
         np.testing.assert_allclose(mine.path[0], theirs.path[0], atol=1e-4)
 
@@ -55,11 +56,12 @@ def test_pushes_and_a_moving_hole_are_the_same_over_fri(policy_file, tmp_path):
     here = run(policy_file, tmp_path / "here", arm="mujoco", **asked).outcomes[0]
     calm = {"fixture": asked["fixture"], "fixture_speed": 0.02}
     calm = run(policy_file, tmp_path / "calm", arm="mujoco", **calm).outcomes[0]
-    assert over_fri.perturbation == here.perturbation
-    count = min(200, len(here.path), len(over_fri.path), len(calm.path))
-    pushed = np.abs(calm.path[:count] - here.path[:count]).max()
+    assert over_fri.conditions.perturbation == here.conditions.perturbation
+    over_fri, here, calm = (o.course.path for o in (over_fri, here, calm))
+    count = min(200, len(here), len(over_fri), len(calm))
+    pushed = np.abs(calm[:count] - here[:count]).max()
     assert pushed > 1e-3
-    between = np.abs(over_fri.path[:count] - here.path[:count]).max()
+    between = np.abs(over_fri[:count] - here[:count]).max()
     assert between < pushed / 3.0
 
 

@@ -96,7 +96,7 @@ def test_two_workers_give_the_same_outcomes_as_one(config, finished):
     pair = evaluate(config.having(tries=2, workers=2), silent())
     for one, two in zip(alone.outcomes, pair.outcomes, strict=True):
         assert one.numbers() == two.numbers()
-        np.testing.assert_array_equal(one.path, two.path)
+        np.testing.assert_array_equal(one.course.path, two.course.path)
 
 
 def test_tries_that_finished_before_the_disk_was_full_are_shown(config, monkeypatch):

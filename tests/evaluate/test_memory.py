@@ -8,7 +8,8 @@ import pytest
 
 from arms.loopback import lockstep_address
 from dovetail.envs.registered import find_cell
-from dovetail.evaluate.trials import Job, run_trials
+from dovetail.evaluate.job import Job
+from dovetail.evaluate.trials import run_trials
 from dovetail.learn.gru import Gru
 from dovetail.learn.policy import Policy
 from dovetail.plants.find import make_plant
@@ -66,7 +67,8 @@ def paths(address, load):
     """Return the paths of three tries of which two have the same seed."""
     jobs = [Job(0, i, seed) for i, seed in enumerate((5, 6, 5))]
     make = lambda: gym.make(ID, arm=address, max_steps=STEPS)  # noqa: E731
-    return [o.path for o in run_trials(make, load, jobs, poses=PegInHole.trial_poses)]
+    outcomes = run_trials(make, load, jobs, poses=PegInHole.trial_poses)
+    return [outcome.course.path for outcome in outcomes]
 
 
 @pytest.mark.parametrize("ground", [here, cabinet, service])

@@ -10,7 +10,8 @@ import pytest
 from rich.console import Console
 
 from dovetail.evaluate.figures import draw_forces, draw_paths
-from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.job import Job
+from dovetail.evaluate.outcome import ContactForce, Course, Outcome, TryFiles
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.terminal import run_shown
 from dovetail.evaluate.transfer import summarise
@@ -26,20 +27,16 @@ PNG = b"\x89PNG\r\n\x1a\n"
 def report(rng):
     outcomes = [
         Outcome(
-            pose=pose,
-            attempt=0,
-            seed=3,
+            job=Job(pose, 0, 3),
             success=pose == 0,
-            steps=40 if pose == 0 else 200,
             depth=0.028 if pose == 0 else 0.001,
-            force_mean=1.5,
-            force_peak=7.0,
-            force_step=3.0,
-            contact_cycles=10,
-            violations=0,
-            stopped="",
-            path=np.cumsum(rng.normal(scale=1e-3, size=(50, 3)), axis=0),
-            log=f"{pose}.npz",
+            course=Course(
+                steps=40 if pose == 0 else 200,
+                violations=0,
+                path=np.cumsum(rng.normal(scale=1e-3, size=(50, 3)), axis=0),
+            ),
+            force=ContactForce(mean=1.5, peak=7.0, step=3.0, cycles=10),
+            files=TryFiles(log=f"{pose}.npz"),
         )
         for pose in range(2)
     ]
@@ -138,7 +135,11 @@ def test_figures_are_png_for_every_peg(report, task):
 
 def test_tries_that_the_arm_ended_before_their_first_step_are_drawn(report):
     ended = [
-        replace(o, path=np.empty((0, 3)), force_peak=np.nan, force_mean=np.nan)
+        replace(
+            o,
+            course=replace(o.course, path=np.empty((0, 3))),
+            force=replace(o.force, peak=np.nan, mean=np.nan),
+        )
         for o in report.outcomes
     ]
     for outcomes in ([report.outcomes[0], ended[1]], ended):
@@ -150,7 +151,8 @@ def test_tries_that_the_arm_ended_before_their_first_step_are_drawn(report):
 
 
 def test_forces_without_any_contact_are_drawn(report):
-    silent = [replace(o, force_peak=0.0, force_mean=0.0) for o in report.outcomes]
+    force = ContactForce(mean=0.0, peak=0.0, step=3.0, cycles=10)
+    silent = [replace(o, force=force) for o in report.outcomes]
     assert draw_forces(silent).startswith(PNG)
 
 

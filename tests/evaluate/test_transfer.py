@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -27,10 +26,9 @@ def outcome(pose=0, success=True, **changes):
         "contact_cycles": 100,
         "violations": 0,
         "stopped": "",
-        "path": np.zeros((2, 3)),
         "log": "",
     }
-    return Outcome(**(numbers | changes))
+    return Outcome.from_numbers(numbers | changes)
 
 
 @pytest.mark.parametrize(

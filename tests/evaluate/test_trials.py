@@ -14,7 +14,8 @@ from dovetail.envs.observation import GROUPS, USUAL_GROUPS
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluate import trials
-from dovetail.evaluate.trials import Job, plan_trials, run_trials
+from dovetail.evaluate.job import Job
+from dovetail.evaluate.trials import plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -118,49 +119,50 @@ def test_impossible_plans_are_refused(tries, seed):
 
 def test_outcomes_come_in_order_with_what_the_environment_said():
     outcomes = run(plan_trials(3, 2, seed=0))
-    assert [(o.pose, o.attempt) for o in outcomes] == [
+    assert [(o.job.pose, o.job.attempt) for o in outcomes] == [
         (pose, attempt) for pose in range(3) for attempt in range(2)
     ]
     for o in outcomes:
         assert o.success
         assert o.depth >= 0.028
-        assert o.violations == 1
-        assert 10 <= o.steps <= 25
+        assert o.course.violations == 1
+        assert 10 <= o.course.steps <= 25
 
 
 def test_the_same_seed_gives_the_same_outcome_and_another_seed_another():
     first, again, other = run([Job(0, 0, 5), Job(0, 0, 5), Job(0, 0, 6)])
-    np.testing.assert_array_equal(first.path, again.path)
-    assert first.path[0, 2] != other.path[0, 2]
+    np.testing.assert_array_equal(first.course.path, again.course.path)
+    assert first.course.path[0, 2] != other.course.path[0, 2]
 
 
 def test_path_is_in_the_holes_frame():
     (outcome,) = run([Job(2, 0, 5)])
-    np.testing.assert_allclose(outcome.path[:, :2], 0.0, atol=1e-12)
-    assert outcome.path.shape == (CYCLES * outcome.steps, 3)
-    assert 0.0 < outcome.path[0, 2] <= 0.05
+    path = outcome.course.path
+    np.testing.assert_allclose(path[:, :2], 0.0, atol=1e-12)
+    assert path.shape == (CYCLES * outcome.course.steps, 3)
+    assert 0.0 < path[0, 2] <= 0.05
 
 
 def test_force_is_averaged_over_the_cycles_in_contact_only():
     (outcome,) = run([Job(0, 0, 5)])
-    assert outcome.force_peak == pytest.approx(5.0)
-    assert outcome.force_mean == pytest.approx(5.0)
-    assert 0 < outcome.contact_cycles < CYCLES * outcome.steps
-    assert outcome.force_step == pytest.approx(2.5)  # 5 N in half of the cycles
+    assert outcome.force.peak == pytest.approx(5.0)
+    assert outcome.force.mean == pytest.approx(5.0)
+    assert 0 < outcome.force.cycles < CYCLES * outcome.course.steps
+    assert outcome.force.step == pytest.approx(2.5)  # 5 N in half of the cycles
 
 
 def test_a_try_that_times_out_is_no_success():
     (outcome,) = run([Job(0, 0, 5)], partial(FallingEnv, drop=1e-5))
     assert not outcome.success
-    assert outcome.steps == 30
+    assert outcome.course.steps == 30
 
 
 def test_every_try_leaves_a_log_that_loads(tmp_path):
     outcomes = run(plan_trials(1, 2, seed=3), logs=tmp_path)
     for o in outcomes:
-        episode = Episode.load(tmp_path / o.log)
-        assert len(episode) == CYCLES * o.steps
-        assert episode.metadata["seed"] == o.seed
+        episode = Episode.load(tmp_path / o.files.log)
+        assert len(episode) == CYCLES * o.course.steps
+        assert episode.metadata["seed"] == o.job.seed
         assert episode.metadata["fixture_pose"]["name"] == "A"
 
 
@@ -178,9 +180,9 @@ def test_a_try_that_the_arm_ends_is_a_failure_and_the_next_one_begins(tmp_path, 
             super().__init__(fail_at=step, error=partial(ArmError, reason="no_target"))
 
     outcomes = run(plan_trials(1, 2, 0), Stopping, logs=tmp_path)
-    assert [o.stopped for o in outcomes] == ["no_target"] * 2
+    assert [o.stop.reason for o in outcomes] == ["no_target"] * 2
     assert not any(o.success for o in outcomes)
-    assert [o.steps for o in outcomes] == [step] * 2
+    assert [o.course.steps for o in outcomes] == [step] * 2
     assert len(list(tmp_path.glob("*.npz"))) == 2
 
 
@@ -199,9 +201,9 @@ def test_what_ends_before_it_begins_is_a_missed_try_and_the_next_one_begins(
             return super().reset(**options)
 
     first, second = run(plan_trials(1, 2, 0), Swinging, logs=tmp_path)
-    assert (first.stopped, first.success, first.steps) == (reason, False, 0)
-    assert first.stopped_text == "the rounds disagree"
-    assert first.violations == 7  # no limit is exceeded unseen
+    assert (first.stop.reason, first.success, first.course.steps) == (reason, False, 0)
+    assert first.stop.text == "the rounds disagree"
+    assert first.course.violations == 7  # no limit is exceeded unseen
     assert second.success
 
 
@@ -212,7 +214,7 @@ def test_a_film_that_fails_is_noted_and_the_tries_go_on(tmp_path, monkeypatch):
     monkeypatch.setattr(trials, "Renderer", fail)
     monkeypatch.setattr(FallingEnv, "cell", None, raising=False)
     outcomes = run(plan_trials(1, 2, 0), films=tmp_path)
-    assert [o.film_error for o in outcomes] == ["no A.gif: out of memory", ""]
+    assert [o.files.film_error for o in outcomes] == ["no A.gif: out of memory", ""]
     assert all(o.success for o in outcomes)
 
 

@@ -153,7 +153,7 @@ def _notes(
 ) -> str:
     """Return what a reader of the numbers must know; empty for nothing."""
     notes = (lax, other_period(period, policy), shared_engine(config, policy))
-    films = (o.film_error for o in outcomes)
+    films = (o.files.film_error for o in outcomes)
     return "; ".join(filter(None, (*notes, lacking_inertia(config, robot), *films)))
 
 
@@ -162,15 +162,15 @@ def _print(report: Report, said: str, is_tared: bool, console: Console) -> None:
         console.print(f"note: {note}", soft_wrap=True)
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report.rows))
-    outcomes = report.outcomes
-    if tares := [o.tare[:3] for o in outcomes if is_tared and any(o.tare)]:
+    told = [o.conditions.tare for o in report.outcomes]
+    if tares := [t[:3] for t in told if is_tared and any(t)]:
         x, y, z = np.mean(tares, axis=0)
         console.print(f"mean tare: f* {x:.2f} {y:.2f} {z:.2f} m/s2 along x y z")
-    if stopped := Counter(o.stopped for o in outcomes if o.stopped):
+    stops = [o.stop for o in report.outcomes if o.stop.reason]
+    if stopped := Counter(stop.reason for stop in stops):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
         console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
-        first = next(o for o in outcomes if o.stopped)
-        console.print(f"  the first: {first.stopped_text}", soft_wrap=True)
+        console.print(f"  the first: {stops[0].text}", soft_wrap=True)
 
 
 def _inspect(

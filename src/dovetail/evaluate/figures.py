@@ -46,16 +46,16 @@ def draw_paths(
     figure.suptitle(title, fontsize=11, color=_INK)
     grid = figure.subplots(2, len(labels), squeeze=False)
     for column, label in enumerate(labels):
-        tries = [outcome for outcome in outcomes if outcome.pose == column]
+        tries = [outcome for outcome in outcomes if outcome.job.pose == column]
         top, side = grid[0, column], grid[1, column]
         done = sum(outcome.success for outcome in tries)
         top.set_title(f"pose {label}: {done}/{len(tries)}", fontsize=10)
         if outline is not None:
             _draw_fixture(top, side, outline)
         for outcome in tries:
-            if not len(outcome.path):
+            if not len(outcome.course.path):
                 continue  # the arm ended it before the first step
-            path = 1e3 * outcome.path
+            path = 1e3 * outcome.course.path
             style = {
                 "color": DONE if outcome.success else MISSED,
                 "linewidth": 0.8,
@@ -98,7 +98,7 @@ def _cut(
 
 def _fit(grid: Any, outcomes: Sequence[Outcome]) -> None:
     """Give all top views, and all side views, the same range."""
-    some = [outcome.path for outcome in outcomes if len(outcome.path)]
+    some = [o.course.path for o in outcomes if len(o.course.path)]
     paths = [1e3 * path for path in some or [np.zeros((1, 3))]]
     low = np.min([path.min(axis=0) for path in paths], axis=0) - 5.0
     high = np.max([path.max(axis=0) for path in paths], axis=0) + 5.0
@@ -136,13 +136,13 @@ def draw_forces(outcomes: Sequence[Outcome]) -> bytes:
     figure = Figure(figsize=(7.6, 2.7), dpi=130, layout="constrained")
     peak_axes, mean_axes = figure.subplots(1, 2)
     for axes, name, key in (
-        (peak_axes, "peak contact force of a try [N]", "force_peak"),
-        (mean_axes, "mean contact force of a try, in contact [N]", "force_mean"),
+        (peak_axes, "peak contact force of a try [N]", "peak"),
+        (mean_axes, "mean contact force of a try, in contact [N]", "mean"),
     ):
-        measured = [o for o in outcomes if not math.isnan(vars(o)[key])]
+        measured = [o for o in outcomes if not math.isnan(vars(o.force)[key])]
         split = [
-            [vars(o)[key] for o in measured if o.success],
-            [vars(o)[key] for o in measured if not o.success],
+            [vars(o.force)[key] for o in measured if o.success],
+            [vars(o.force)[key] for o in measured if not o.success],
         ]
         everything = np.array(split[0] + split[1] or [0.0])
         bins = np.linspace(0.0, max(1.0, 1.05 * everything.max()), 25)

@@ -1,55 +1,142 @@
 """What is kept of one try: numbers for the table and the tool's path."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
+import numpy as np
+
+from dovetail.evaluate.job import Job
 from dovetail.types import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions:
+    """What held for a try from before its first step."""
+
+    tare: tuple[float, ...] = (0.0,) * 6
+    """f* that held the weight before the try [m/s2, rad/s2]; 0 without a tare."""
+    perturbation: Mapping[str, Any] = field(default_factory=dict)
+    """What was drawn for this try, by name and unit; empty where nothing was."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Course:
+    """How a try went."""
+
+    steps: int
+    """Policy steps taken (50 ms each)."""
+    violations: int
+    """Control cycles in which a measured value lay outside its limit."""
+    path: Array
+    """Tool position in the fixture's frame [m], shape (cycles, 3), z out of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactForce:
+    """Contact force of a try; nan where the arm does not measure it."""
+
+    mean: float
+    """Mean over the cycles in contact [N]; 0 without contact."""
+    peak: float
+    """Largest in any control cycle [N]."""
+    step: float
+    """Largest mean over a policy step (50 ms) of the cycles' peak forces [N]."""
+    cycles: int
+    """Control cycles in contact; 0 where the arm does not measure it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmStop:
+    """The arm's end of a try before its time."""
+
+    reason: str = ""
+    """Why, in a word; empty when it did not."""
+    text: str = ""
+    """What the arm said then: what it saw, and what to look at."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TryFiles:
+    """Files of a try."""
+
+    log: str = ""
+    """File name of the Episode log, or empty when none was kept."""
+    film_error: str = ""
+    """Why the try's film is missing; empty when it is there or none was wanted."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
     """Result of one try of a policy."""
 
-    pose: int
-    """Index of the fixture pose."""
-    attempt: int
-    """Number of the try at this pose, from 0."""
-    seed: int
-    """Seed of the environment's reset: start pose and noise."""
+    job: Job
+    """Which try it was."""
+    conditions: Conditions = field(default_factory=Conditions)
+    """What held from before its first step."""
     success: bool
     """The task was done: the part, say, ended deep enough inside the fixture."""
-    steps: int
-    """Policy steps taken (50 ms each)."""
     depth: float
     """Insertion depth at the end [m]."""
-    force_mean: float
-    """Mean contact force over the cycles in contact [N]; 0 without contact, nan where
-    the arm does not measure it, as the next two."""
-    force_peak: float
-    """Largest contact force in any control cycle [N]."""
-    force_step: float
-    """Largest mean over a policy step (50 ms) of the cycles' peak forces [N]."""
-    contact_cycles: int
-    """Control cycles in contact."""
-    violations: int
-    """Control cycles in which a measured value lay outside its limit."""
-    path: Array
-    """Tool position in the fixture's frame [m], shape (cycles, 3), z out of it."""
-    stopped: str
-    """Why the arm ended the try before its time, in a word; empty when it did not."""
-    log: str
-    """File name of the Episode log, or empty when none was kept."""
-    tare: tuple[float, ...] = (0.0,) * 6
-    """f* that held the weight before the try [m/s2, rad/s2]; 0 without a tare."""
-    perturbation: Mapping[str, Any] = field(default_factory=dict)
-    """What was drawn for this try, by name and unit; empty where nothing was."""
-
-    stopped_text: str = ""
-    """What the arm said when it ended the try: what it saw, and what to look at."""
-    film_error: str = ""
-    """Why the try's film is missing; empty when it is there or none was wanted."""
+    course: Course
+    """How it went."""
+    force: ContactForce
+    """Contact force in it."""
+    stop: ArmStop = field(default_factory=ArmStop)
+    """Whether the arm ended it before its time."""
+    files: TryFiles = field(default_factory=TryFiles)
+    """Its files."""
 
     def numbers(self) -> dict[str, Any]:
         """Return everything but the path, for JSON."""
-        return {name: value for name, value in vars(self).items() if name != "path"}
+        return {
+            **self.job._asdict(),
+            "success": self.success,
+            "steps": self.course.steps,
+            "depth": self.depth,
+            "force_mean": self.force.mean,
+            "force_peak": self.force.peak,
+            "force_step": self.force.step,
+            "contact_cycles": self.force.cycles,
+            "violations": self.course.violations,
+            "stopped": self.stop.reason,
+            "log": self.files.log,
+            "tare": self.conditions.tare,
+            "perturbation": self.conditions.perturbation,
+            "stopped_text": self.stop.text,
+            "film_error": self.files.film_error,
+        }
+
+    @classmethod
+    def from_numbers(cls, numbers: Mapping[str, Any]) -> Self:
+        """Return a try from its line in report.json, where null stands for nan.
+
+        Its path is empty. What older files lack is as usual.
+        """
+        told: dict[str, Any] = {
+            k: math.nan if v is None else v for k, v in numbers.items()
+        }
+        usual = Conditions()
+        return cls(
+            job=Job(told["pose"], told["attempt"], told["seed"]),
+            conditions=Conditions(
+                tare=tuple(told.get("tare", usual.tare)),
+                perturbation=told.get("perturbation", usual.perturbation),
+            ),
+            success=told["success"],
+            depth=told["depth"],
+            course=Course(
+                steps=told["steps"],
+                violations=told["violations"],
+                path=np.empty((0, 3)),
+            ),
+            force=ContactForce(
+                mean=told["force_mean"],
+                peak=told["force_peak"],
+                step=told["force_step"],
+                cycles=told["contact_cycles"],
+            ),
+            stop=ArmStop(reason=told["stopped"], text=told.get("stopped_text", "")),
+            files=TryFiles(log=told["log"], film_error=told.get("film_error", "")),
+        )

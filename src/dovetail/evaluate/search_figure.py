@@ -17,7 +17,7 @@ from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.task import Outline
 
 SHIFT = "fixture_shift [m]"
-"""What `Outcome.perturbation` calls the distance that the fixture was moved."""
+"""What `Conditions.perturbation` calls the distance that the fixture was moved."""
 _SHOWN = 6
 """Tries at each pose of the fixture: more would hide one another."""
 _BLOCK, _INK = "#e9e4da", "#4a4640"
@@ -44,16 +44,17 @@ def draw_search(
     figure = Figure(figsize=(3.4 * len(poses), 3.9), dpi=130, layout="constrained")
     figure.suptitle("\n".join(wrap(report.title, _WIDTH)), fontsize=10, color=_INK)
     row = figure.subplots(1, len(poses), squeeze=False)[0]
-    shown = [o for o in report.outcomes if o.attempt < _SHOWN and len(o.path)]
-    longest = max((period * len(o.path) for o in shown), default=1.0)
+    first = [o for o in report.outcomes if o.job.attempt < _SHOWN]
+    shown = [o for o in first if len(o.course.path)]
+    longest = max((period * len(o.course.path) for o in shown), default=1.0)
     side = 1e3 * outline.outer if outline is not None else 50.0
     lines: Any = None
     for column, (axes, pose) in enumerate(zip(row, poses, strict=True)):
         if outline is not None:
             _draw_outline(axes, outline)
         turn = matrix_from_quat(pose.pose().quat_wxyz).T
-        for outcome in (o for o in shown if o.pose == column):
-            believed = -1e3 * (turn @ np.array(outcome.perturbation[SHIFT]))
+        for outcome in (o for o in shown if o.job.pose == column):
+            believed = -1e3 * (turn @ np.array(outcome.conditions.perturbation[SHIFT]))
             axes.plot(*believed[:2], "x", color=_INK, markersize=5)
             lines = _draw_path(axes, outcome, period, longest)
         axes.set_xlim(-1.1 * side, 1.1 * side)
@@ -79,8 +80,9 @@ def _draw_outline(axes: Any, outline: Outline) -> None:
 
 
 def _draw_path(axes: Any, outcome: Outcome, period: float, longest: float) -> Any:
-    every = max(1, math.ceil(len(outcome.path) / _POINTS))
-    points = 1e3 * outcome.path[::every, :2]
+    path = outcome.course.path
+    every = max(1, math.ceil(len(path) / _POINTS))
+    points = 1e3 * path[::every, :2]
     pairs = np.stack([points[:-1], points[1:]], axis=1)
     lines = LineCollection(list(pairs), cmap="viridis", linewidths=0.9)
     lines.set_array(period * every * np.arange(len(pairs)))

@@ -33,7 +33,7 @@ def run_shown(
         _collect(trials, count, outcomes, done_word, console)
     except (DovetailError, KeyboardInterrupt):
         if outcomes:
-            rows = summarise(outcomes, names[: outcomes[-1].pose + 1])
+            rows = summarise(outcomes, names[: outcomes[-1].job.pose + 1])
             part = f"partial: {len(outcomes)} of {count} tries, no report"
             console.print(f"{title} ({part})", soft_wrap=True)
             console.print(render_table(rows))

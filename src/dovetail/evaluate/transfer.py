@@ -86,13 +86,13 @@ def summarise(outcomes: Sequence[Outcome], labels: Sequence[str]) -> list[Row]:
 
     Args:
         outcomes: Every try; at least one per pose.
-        labels: Name of each fixture pose; `Outcome.pose` indexes it.
+        labels: Name of each fixture pose; `Job.pose` indexes it.
 
     Raises:
         ConfigError: a pose has no try.
     """
     rows = [
-        _row(label, [outcome for outcome in outcomes if outcome.pose == index])
+        _row(label, [outcome for outcome in outcomes if outcome.job.pose == index])
         for index, label in enumerate(labels)
     ]
     return [*rows, _row("all", outcomes)]
@@ -101,10 +101,10 @@ def summarise(outcomes: Sequence[Outcome], labels: Sequence[str]) -> list[Row]:
 def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
     if not outcomes:
         raise ConfigError(f"fixture pose {label} has no try to summarise")
-    steps = np.array([o.steps for o in outcomes if o.success], dtype=float)
-    peaks = np.array([o.force_peak for o in outcomes])
-    in_contact = np.array([o.contact_cycles for o in outcomes])
-    means = np.array([o.force_mean for o in outcomes])
+    steps = np.array([o.course.steps for o in outcomes if o.success], dtype=float)
+    peaks = np.array([o.force.peak for o in outcomes])
+    in_contact = np.array([o.force.cycles for o in outcomes])
+    means = np.array([o.force.mean for o in outcomes])
     successes = sum(o.success for o in outcomes)
     return Row(
         label=label,
@@ -116,8 +116,8 @@ def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
         force_mean=_weighted_mean(means, in_contact),
         force_peak_p95=float(np.percentile(peaks, 95)),
         force_peak=float(peaks.max()),
-        force_step_p95=float(np.percentile([o.force_step for o in outcomes], 95)),
-        violations=sum(o.violations for o in outcomes),
+        force_step_p95=float(np.percentile([o.force.step for o in outcomes], 95)),
+        violations=sum(o.course.violations for o in outcomes),
     )
 
 

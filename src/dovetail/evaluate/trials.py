@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -24,7 +24,15 @@ from dovetail.envs.log_facts import (
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, UnprovenWarning
-from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluate.job import Job
+from dovetail.evaluate.outcome import (
+    ArmStop,
+    Conditions,
+    ContactForce,
+    Course,
+    Outcome,
+    TryFiles,
+)
 from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK
 from dovetail.poses import Pose, matrix_from_quat
@@ -47,14 +55,6 @@ _LAST_LINE = (
 )
 CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
-
-
-class Job(NamedTuple):
-    """One try to run."""
-
-    pose: int
-    attempt: int
-    seed: int
 
 
 def plan_trials(num_poses: int, tries: int, seed: int) -> list[Job]:
@@ -124,8 +124,8 @@ class Trialist:
             if isinstance(error.state, ArmState):
                 violations = self._core.violations.count(error.state.log)
             nothing = {"success": False, "depth": math.nan}
-            outcome = _outcome(job, [], fixture, 0, violations, nothing, "")
-            return replace(outcome, stopped=error.reason, stopped_text=str(error))
+            outcome = _outcome(job, [], fixture, 0, violations, nothing)
+            return replace(outcome, stop=ArmStop(reason=error.reason, text=str(error)))
         self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
@@ -159,12 +159,10 @@ class Trialist:
         film_error = self._show(film, job)
         log = "" if file is None else file.name
         outcome = replace(
-            _outcome(job, blocks, fixture, steps, violations, info, log),
-            stopped=stopped,
-            stopped_text=said,
-            perturbation=perturbation,
-            tare=tuple(tare),
-            film_error=film_error,
+            _outcome(job, blocks, fixture, steps, violations, info),
+            stop=ArmStop(reason=stopped, text=said),
+            conditions=Conditions(tare=tuple(tare), perturbation=perturbation),
+            files=TryFiles(log=log, film_error=film_error),
         )
         return replace(outcome, success=False) if stopped else outcome
 
@@ -206,27 +204,24 @@ def _outcome(
     steps: int,
     violations: int,
     info: dict[str, Any],
-    file: str,
 ) -> Outcome:
     log = np.vstack([np.empty((0, len(CYCLE_COLUMNS))), *blocks])
     path = _columns(log, "x", "y", "z") - fixture.position
     return Outcome(
-        pose=job.pose,
-        attempt=job.attempt,
-        seed=job.seed,
+        job=job,
         success=bool(info["success"]),
-        steps=steps,
         depth=float(info["depth"]),
-        violations=violations,
-        stopped="",
-        path=path @ matrix_from_quat(fixture.quat_wxyz),
-        log=file,
-        **_forces(blocks),
+        course=Course(
+            steps=steps,
+            violations=violations,
+            path=path @ matrix_from_quat(fixture.quat_wxyz),
+        ),
+        force=_force(blocks),
     )
 
 
-def _forces(blocks: list[Array]) -> dict[str, Any]:
-    """Return the force numbers of an Outcome; nan where the arm measures none.
+def _force(blocks: list[Array]) -> ContactForce:
+    """Return the contact force of a try; nan where the arm measures none.
 
     Args:
         blocks: The cycle log of each policy step; over a network some are shorter.
@@ -236,14 +231,13 @@ def _forces(blocks: list[Array]) -> dict[str, Any]:
     force = np.linalg.norm(np.vstack(vectors), axis=1)
     in_contact = force >= CONTACT_THRESHOLD
     if np.isnan(force).any():
-        unknown = dict.fromkeys(("force_mean", "force_peak", "force_step"), math.nan)
-        return {**unknown, "contact_cycles": 0}
-    return {
-        "force_mean": float(force[in_contact].mean()) if in_contact.any() else 0.0,
-        "force_peak": float(force.max()),
-        "force_step": max(float(np.linalg.norm(v.mean(axis=0))) for v in vectors),
-        "contact_cycles": int(in_contact.sum()),
-    }
+        return ContactForce(mean=math.nan, peak=math.nan, step=math.nan, cycles=0)
+    return ContactForce(
+        mean=float(force[in_contact].mean()) if in_contact.any() else 0.0,
+        peak=float(force.max()),
+        step=max(float(np.linalg.norm(v.mean(axis=0))) for v in vectors),
+        cycles=int(in_contact.sum()),
+    )
 
 
 def _columns(log: Array, *names: str) -> Array:

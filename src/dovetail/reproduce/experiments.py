@@ -140,7 +140,8 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
         EvaluationConfig.of(policy=str(policy), twin=str(twin), out=out, **settings),
         sitting.console,
     )
-    stopped = [outcome.stopped for outcome in evaluation.outcomes if outcome.stopped]
+    ends = [outcome.stop.reason for outcome in evaluation.outcomes]
+    stopped = [reason for reason in ends if reason]
     return {"ground": evaluation.report.ground, "stopped": stopped}
 
 

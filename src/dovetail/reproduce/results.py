@@ -1,12 +1,9 @@
 """From the stages' folders to the numbers of the report; what is missing stays None."""
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.transfer import Row, summarise
@@ -125,24 +122,16 @@ def _pool(root: Path, config: PlanConfig, label: str, name: Any) -> Table | None
         folder = stage_folder(root, name(seed)) / EVALUATION
         report = read_json(folder / "report.json")
         labels = [row["label"] for row in report["rows"][:-1]]
-        mine = [_outcome(numbers) for numbers in report["tries"]]
+        mine = [Outcome.from_numbers(numbers) for numbers in report["tries"]]
         by_seed[seed] = f"{sum(o.success for o in mine)}/{len(mine)}"
         outcomes += mine
     if not outcomes:
         return None
     rows = summarise(outcomes, labels)
-    stopped = sum(bool(outcome.stopped) for outcome in outcomes)
+    stopped = sum(bool(outcome.stop.reason) for outcome in outcomes)
     return Table(
         label=label, rows=rows, by_seed=by_seed, ground=ground, stopped=stopped
     )
-
-
-def _outcome(numbers: dict[str, Any]) -> Outcome:
-    """Return a try from its line in report.json, where null stands for nan."""
-    known: dict[str, Any] = {
-        k: math.nan if v is None else v for k, v in numbers.items()
-    }
-    return Outcome(path=np.empty((0, 3)), **known)
 
 
 def _transfer(root: Path, config: PlanConfig, row: PaperRow) -> Table | None:
