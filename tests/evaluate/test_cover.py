@@ -27,7 +27,7 @@ SCRIPT = EvaluationConfig.of(
 def test_the_table_says_who_found_it_and_how_fast(tmp_path):
     cells = compare([("script", SCRIPT)], tmp_path / "out", QUIET, shifts=(0.0, 30.0))
     assert [(cell.shift, cell.row.successes) for cell in cells] == [(0.0, 1), (30.0, 1)]
-    assert cells[0].row.steps_median < cells[1].row.steps_median
+    assert cells[0].row.steps.median < cells[1].row.steps.median
     written = json.loads((tmp_path / "out" / "cover.json").read_text())
     assert [entry["moved_mm"] for entry in written] == [0.0, 30.0]
     assert "1/1" in (tmp_path / "out" / "cover.html").read_text()

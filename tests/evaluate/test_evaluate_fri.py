@@ -42,7 +42,7 @@ def test_the_policy_inserts_over_fri_as_in_this_process(policy_file, tmp_path):
     here = run(policy_file, tmp_path / "here", arm="mujoco")
     assert over_fri.rows[-1].successes == here.rows[-1].successes == 3
     assert over_fri.rows[-1].violations == 0
-    assert np.isnan(over_fri.rows[-1].force_peak)
+    assert np.isnan(over_fri.rows[-1].force.peak)
     for mine, theirs in zip(over_fri.outcomes, here.outcomes, strict=True):
         mine, theirs = mine.course, theirs.course
         assert abs(mine.steps - theirs.steps) <= 3  # FRI sends no velocity

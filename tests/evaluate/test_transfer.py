@@ -69,9 +69,9 @@ def test_rows_count_each_pose_and_all():
     ]
     first, second, total = summarise(outcomes, ["A", "B"])
     assert (first.successes, first.tries, first.violations) == (2, 2, 2)
-    assert (first.steps_median, first.steps_max) == (40.0, 50.0)
-    assert math.isnan(second.steps_median)
-    assert (total.successes, total.tries, total.force_peak) == (2, 3, 40.0)
+    assert (first.steps.median, first.steps.max) == (40.0, 50.0)
+    assert math.isnan(second.steps.median)
+    assert (total.successes, total.tries, total.force.peak) == (2, 3, 40.0)
 
 
 def test_mean_force_weighs_each_try_by_its_time_in_contact():
@@ -80,12 +80,12 @@ def test_mean_force_weighs_each_try_by_its_time_in_contact():
         outcome(force_mean=2.0, contact_cycles=100),
         outcome(force_mean=0.0, contact_cycles=0),
     ]
-    assert summarise(outcomes, ["A"])[0].force_mean == pytest.approx(8.0)
+    assert summarise(outcomes, ["A"])[0].force.mean == pytest.approx(8.0)
 
 
 def test_no_contact_at_all_gives_no_force():
     silent = outcome(force_mean=0.0, force_peak=0.0, contact_cycles=0)
-    assert summarise([silent], ["A"])[0].force_mean == 0.0
+    assert summarise([silent], ["A"])[0].force.mean == 0.0
 
 
 def test_a_pose_without_tries_is_refused_by_name():

@@ -36,12 +36,10 @@ class Cell(NamedTuple):
 
     def texts(self) -> tuple[str, ...]:
         """Return the entry as text, one for each of `HEADS`."""
-        times = (
-            POLICY_PERIOD * self.row.steps_median,
-            POLICY_PERIOD * self.row.steps_max,
-        )
+        steps = self.row.steps
+        times = (POLICY_PERIOD * steps.median, POLICY_PERIOD * steps.max)
         took = "none" if math.isnan(times[0]) else f"{times[0]:.1f} / {times[1]:.1f}"
-        peak = self.row.force_peak_p95
+        peak = self.row.force.peak_p95
         return (
             self.who,
             f"{self.shift:g}",
@@ -100,7 +98,7 @@ def compare(
 
 def _plain(cells: Sequence[Cell]) -> Iterator[dict[str, Any]]:
     for cell in cells:
-        numbers = {name: finite(value) for name, value in vars(cell.row).items()}
+        numbers = {name: finite(value) for name, value in cell.row.numbers().items()}
         yield {"who": cell.who, "moved_mm": cell.shift, **numbers}
 
 

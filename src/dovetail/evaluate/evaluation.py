@@ -229,7 +229,7 @@ def write_report(
     if searched is not None:
         captions["Where it searched, from above"] = searched
         files.append(write_atomic(folder / "search.png", searched))
-    if not math.isnan(report.rows[-1].force_peak):
+    if not math.isnan(report.rows[-1].force.peak):
         forces = captions["Contact force"] = draw_forces(report.outcomes)
         files.append(write_atomic(folder / "forces.png", forces))
     for film in filter(Path.is_file, films):

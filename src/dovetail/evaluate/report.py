@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from dovetail.evaluate.outcome import Outcome
@@ -45,7 +45,7 @@ class Report:
             "ground": self.ground,
             "control period [s]": self.period,
             "note": self.note,
-            "rows": [asdict(row) for row in self.rows],
+            "rows": [row.numbers() for row in self.rows],
             "tries": [outcome.numbers() for outcome in self.outcomes],
             "config": dict(self.config),
             "policy": dict(self.policy),

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -53,6 +53,30 @@ def wilson_interval(successes: int, tries: int, *, z: float = 1.959964) -> Inter
 
 
 @dataclass(frozen=True, kw_only=True)
+class StepsTaken:
+    """Policy steps to insert of several tries, the successful ones; nan without one."""
+
+    median: float
+    """Median policy steps."""
+    max: float
+    """Most policy steps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ForceSpread:
+    """Contact force of several tries; nan where the arm does not measure it."""
+
+    mean: float
+    """Mean over the cycles in contact of all tries [N]."""
+    peak_p95: float
+    """95th percentile over the tries of the peak [N]."""
+    peak: float
+    """Largest seen in any try [N]."""
+    step_p95: float
+    """95th percentile over the tries of the largest 50 ms mean [N]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Row:
     """One line of the table: all tries at one fixture pose, or all of them."""
 
@@ -64,21 +88,28 @@ class Row:
     """Number of tries in which the task was done."""
     interval: Interval
     """Wilson 95 % interval of the success rate."""
-    steps_median: float
-    """Median policy steps to insert, successful tries only; nan without one."""
-    steps_max: float
-    """Most policy steps to insert, successful tries only; nan without one."""
-    force_mean: float
-    """Mean contact force over the cycles in contact of all tries [N]; nan where the
-    arm does not measure it, as the next three."""
-    force_peak_p95: float
-    """95th percentile over the tries of the peak contact force [N]."""
-    force_peak: float
-    """Largest contact force seen in any try [N]."""
-    force_step_p95: float
-    """95th percentile over the tries of the largest 50 ms mean of the force [N]."""
+    steps: StepsTaken
+    """How long the task took."""
+    force: ForceSpread
+    """Contact force meanwhile."""
     violations: int
     """Control cycles in which a measured value lay outside its limit."""
+
+    def numbers(self) -> dict[str, Any]:
+        """Return everything, for JSON."""
+        return {
+            "label": self.label,
+            "tries": self.tries,
+            "successes": self.successes,
+            "interval": self.interval,
+            "steps_median": self.steps.median,
+            "steps_max": self.steps.max,
+            "force_mean": self.force.mean,
+            "force_peak_p95": self.force.peak_p95,
+            "force_peak": self.force.peak,
+            "force_step_p95": self.force.step_p95,
+            "violations": self.violations,
+        }
 
 
 def summarise(outcomes: Sequence[Outcome], labels: Sequence[str]) -> list[Row]:
@@ -111,12 +142,16 @@ def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
         tries=len(outcomes),
         successes=successes,
         interval=wilson_interval(successes, len(outcomes)),
-        steps_median=float(np.median(steps)) if steps.size else math.nan,
-        steps_max=float(steps.max()) if steps.size else math.nan,
-        force_mean=_weighted_mean(means, in_contact),
-        force_peak_p95=float(np.percentile(peaks, 95)),
-        force_peak=float(peaks.max()),
-        force_step_p95=float(np.percentile([o.force.step for o in outcomes], 95)),
+        steps=StepsTaken(
+            median=float(np.median(steps)) if steps.size else math.nan,
+            max=float(steps.max()) if steps.size else math.nan,
+        ),
+        force=ForceSpread(
+            mean=_weighted_mean(means, in_contact),
+            peak_p95=float(np.percentile(peaks, 95)),
+            peak=float(peaks.max()),
+            step_p95=float(np.percentile([o.force.step for o in outcomes], 95)),
+        ),
         violations=sum(o.course.violations for o in outcomes),
     )
 
@@ -144,16 +179,17 @@ COLUMNS = (
 
 def cells(row: Row) -> tuple[str, ...]:
     """Return a row as text, one cell per entry of `COLUMNS`."""
-    has_steps = not math.isnan(row.steps_median)
+    steps, forces = row.steps, row.force
+    has_steps = not math.isnan(steps.median)
     low, high = row.interval
     return (
         row.label,
         f"{row.successes}/{row.tries}",
         f"{100 * low:.1f}-{100 * high:.1f} %",
-        f"{row.steps_median:.0f} / {row.steps_max:.0f}" if has_steps else "none",
+        f"{steps.median:.0f} / {steps.max:.0f}" if has_steps else "none",
         *(
             "-" if math.isnan(force) else f"{force:.1f}"
-            for force in (row.force_mean, row.force_peak_p95, row.force_step_p95)
+            for force in (forces.mean, forces.peak_p95, forces.step_p95)
         ),
         str(row.violations),
     )

@@ -33,9 +33,9 @@ def rate(row: Row) -> str:
 def details(row: Row) -> list[str]:
     """Return steps, forces and limits of a row, one cell per heading."""
     steps = "none"
-    if not math.isnan(row.steps_median):
-        steps = f"{row.steps_median:.0f} / {row.steps_max:.0f}"
-    forces = (row.force_mean, row.force_peak_p95, row.force_peak)
+    if not math.isnan(row.steps.median):
+        steps = f"{row.steps.median:.0f} / {row.steps.max:.0f}"
+    forces = (row.force.mean, row.force.peak_p95, row.force.peak)
     cells = ["-" if math.isnan(force) else f"{force:.1f}" for force in forces]
     return [steps, *cells, str(row.violations)]
 
