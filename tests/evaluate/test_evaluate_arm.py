@@ -71,7 +71,7 @@ def test_a_twin_by_address_gives_the_numbers_of_the_twin(config, tmp_path):
     by_name, _ = run(config.having(arm=None, twin="easy", out=tmp_path / "by-name"))
     assert by_address.rows == by_name.rows
     assert "on twin easy (mujoco)" in text
-    assert "--arm twin:easy" in by_address.report.command
+    assert "--arm twin:easy" in by_address.report.origin.command
 
 
 def test_a_given_hole_is_the_only_pose(config):
@@ -79,7 +79,7 @@ def test_a_given_hole_is_the_only_pose(config):
     evaluation, text = run(config.having(fixture=hole))
     assert [row.label for row in evaluation.rows] == ["given", "all"]
     assert "given" in text
-    assert "--fixture 0.6 0.01 0.1 0.1" in evaluation.report.command
+    assert "--fixture 0.6 0.01 0.1 0.1" in evaluation.report.origin.command
     episode = Episode.load(evaluation.folder / "logs" / "given_00.npz")
     assert episode.metadata["fixture_pose"]["x"] == 0.6
 

@@ -11,6 +11,7 @@ from rich.console import Console
 
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.job import Job
+from dovetail.evaluate.origin import Origin
 from dovetail.evaluate.outcome import ContactForce, Course, Outcome, TryFiles
 from dovetail.evaluate.report import Report
 from dovetail.evaluate.terminal import run_shown
@@ -46,10 +47,12 @@ def report(rng):
         period=0.005,
         rows=summarise(outcomes, ["A", "B"]),
         outcomes=outcomes,
-        config={"tries": 1, "twin": "medium"},
-        policy={"provenance": {"command": "dovetail train --seed 0"}},
-        provenance={"python": "3.11"},
-        command="dovetail evaluate peg_square --twin medium",
+        origin=Origin(
+            config={"tries": 1, "twin": "medium"},
+            policy={"provenance": {"command": "dovetail train --seed 0"}},
+            provenance={"python": "3.11"},
+            command="dovetail evaluate peg_square --twin medium",
+        ),
     )
 
 
@@ -97,7 +100,7 @@ def test_html_says_table_settings_policy_and_how_to_repeat(report):
         "1/2",
         "0/1",
         "Wilson 95 %",
-        report.command,
+        report.origin.command,
         "provenance.command",
         "dovetail train --seed 0",
         "Settings",

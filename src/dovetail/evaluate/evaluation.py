@@ -23,12 +23,10 @@ from dovetail.evaluate.config import (
 )
 from dovetail.evaluate.figures import draw_forces, draw_paths
 from dovetail.evaluate.origin import (
-    command_line,
-    describe_settings,
+    describe_origin,
     lacking_inertia,
     name_ground,
     other_period,
-    provenance,
     shared_engine,
 )
 from dovetail.evaluate.outcome import Outcome
@@ -116,10 +114,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         rows=rows,
         outcomes=outcomes,
         done_word=task.done_word,
-        config=describe_settings(config.having(out=folder), options, poses),
-        policy=policy.metadata,
-        provenance=provenance(started),
-        command=command_line(config),
+        origin=describe_origin(
+            config.having(out=folder), options, poses, policy.metadata, started
+        ),
     )
     _print(report, lax, options["tare"], console)
     films = [folder / film_name(pose) for pose in poses] if config.trials.video else []

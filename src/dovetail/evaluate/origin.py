@@ -4,7 +4,7 @@ import os
 import platform
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -18,6 +18,20 @@ from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
 from dovetail.robots.robot import Robot
 from dovetail.tasks.fixture_pose import FixturePose
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where the numbers of an evaluation come from, and how to make them again."""
+
+    config: Mapping[str, Any]
+    """The evaluation's settings."""
+    policy: Mapping[str, Any]
+    """The policy's own description, with its provenance."""
+    provenance: Mapping[str, Any]
+    """Versions, machine and time of this evaluation."""
+    command: str
+    """The command that makes this report again."""
 
 
 def name_ground(config: EvaluationConfig) -> str:
@@ -74,6 +88,30 @@ def lacking_inertia(config: EvaluationConfig, robot: Robot) -> str:
     """Say that the twin's inertia set is of another robot; empty where it is not."""
     twin = _address(config).twin
     return load_twin(twin).lacks(robot) if twin else ""
+
+
+def describe_origin(
+    config: EvaluationConfig,
+    options: Mapping[str, Any],
+    poses: Sequence[FixturePose],
+    policy: Mapping[str, Any],
+    started: datetime,
+) -> Origin:
+    """Return where an evaluation's numbers come from.
+
+    Args:
+        config: The settings, with the folder that is written.
+        options: Keyword arguments of the environment.
+        poses: Where the fixture is.
+        policy: The policy's description.
+        started: When the tries began.
+    """
+    return Origin(
+        config=describe_settings(config, options, poses),
+        policy=policy,
+        provenance=provenance(started),
+        command=command_line(config),
+    )
 
 
 def describe_settings(

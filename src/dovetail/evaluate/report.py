@@ -3,8 +3,8 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
+from dovetail.evaluate.origin import Origin
 from dovetail.evaluate.outcome import Outcome
 from dovetail.evaluate.transfer import COLUMNS, Row, cells
 from dovetail.page import facts, figure, finite, page, table, text
@@ -29,14 +29,8 @@ class Report:
     """What to keep in mind when reading the table; may be empty."""
     done_word: str = Task.done_word
     """What a success is called."""
-    config: Mapping[str, Any]
-    """The evaluation's settings."""
-    policy: Mapping[str, Any]
-    """The policy's own description, with its provenance."""
-    provenance: Mapping[str, Any]
-    """Versions, machine and time of this evaluation."""
-    command: str
-    """The command that makes this report again."""
+    origin: Origin
+    """Where the numbers come from."""
 
     def to_json(self) -> str:
         """Return the report as JSON; a number that does not exist is null."""
@@ -47,10 +41,10 @@ class Report:
             "note": self.note,
             "rows": [row.numbers() for row in self.rows],
             "tries": [outcome.numbers() for outcome in self.outcomes],
-            "config": dict(self.config),
-            "policy": dict(self.policy),
-            "provenance": dict(self.provenance),
-            "command": self.command,
+            "config": dict(self.origin.config),
+            "policy": dict(self.origin.policy),
+            "provenance": dict(self.origin.provenance),
+            "command": self.origin.command,
         }
         return json.dumps(finite(content), indent=2, allow_nan=False) + "\n"
 
@@ -80,10 +74,10 @@ class Report:
             "outside its limit. A dash: this arm does not measure contact force.</p>",
             *(figure(caption, picture) for caption, picture in figures.items()),
             "<h2>Make it again</h2>",
-            f"<pre>{text(self.command)}</pre>",
-            *facts("Settings", self.config),
-            *facts("Policy", self.policy),
-            *facts("Where this was measured", self.provenance),
+            f"<pre>{text(self.origin.command)}</pre>",
+            *facts("Settings", self.origin.config),
+            *facts("Policy", self.origin.policy),
+            *facts("Where this was measured", self.origin.provenance),
         ]
         return page(self.title, parts)
 
