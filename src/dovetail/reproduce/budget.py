@@ -1,30 +1,29 @@
 """How much of the experiments is done: smoke, quick or full."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
-class Budget:
-    """Sizes of the experiments; what is not here is the default of its command."""
+class IdentificationBudget(Section):
+    """Sizes of the logs and the fits."""
 
-    name: str
-    """Name of the budget."""
-    seeds: int
-    """Training seeds per variant."""
-    train: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of every training that differ from `TrainConfig`."""
     sequences: int = 10
     """Sequences of an identification log."""
     sequence_steps: int = 50
     """Policy steps of each."""
     evaluations: int | None = None
     """Simulations of the log that a fit may use; None is the fit's own default."""
-    tries: int = 20
-    """Tries at each hole pose."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobustnessBudget(Section):
+    """Disturbances, and what is tried under them."""
+
     shifts: tuple[float, ...] = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03)
     """How far the hole is moved while the camera is covered [m]."""
     searches: tuple[float, ...] = (0.01, 0.02, 0.03)
@@ -39,6 +38,30 @@ class Budget:
     """Speed of the hole during the episode [m/s]."""
     robust: tuple[str, ...] = ("stack-0",)
     """Variants whose robustness is measured."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Budget(Sectioned):
+    """Sizes of the experiments; what is not here is the default of its command.
+
+    `Budget.of(name="mine", seeds=2, tries=5)` takes them by their own names, which are
+    those in a results folder.
+    """
+
+    whose: ClassVar[str] = "a budget"
+
+    name: str
+    """Name of the budget."""
+    seeds: int
+    """Training seeds per variant."""
+    train: Mapping[str, Any] = field(default_factory=dict)
+    """Settings of every training that differ from `TrainConfig`."""
+    identification: IdentificationBudget = field(default_factory=IdentificationBudget)
+    """Sizes of the logs and the fits."""
+    tries: int = 20
+    """Tries at each hole pose."""
+    robustness: RobustnessBudget = field(default_factory=RobustnessBudget)
+    """Disturbances."""
     other_direction: bool = False
     """Also train in MuJoCo and try on the twin in PyBullet."""
 
@@ -46,11 +69,11 @@ class Budget:
         """Return the sizes as JSON knows them."""
         return {
             name: list(value) if isinstance(value, tuple) else value
-            for name, value in asdict(self).items()
+            for name, value in self.flat().items()
         }
 
 
-SMOKE = Budget(
+SMOKE = Budget.of(
     name="smoke",
     seeds=1,
     train={
@@ -79,7 +102,7 @@ SMOKE = Budget(
 QUICK = Budget(name="quick", seeds=1)
 """One seed per variant, everything else at full size."""
 
-FULL = Budget(
+FULL = Budget.of(
     name="full",
     seeds=5,
     search_tries=20,

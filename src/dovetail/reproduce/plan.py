@@ -117,7 +117,7 @@ def _seeds(config: PlanConfig) -> range:
 
 
 def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
-    budget = config.budget
+    budget = config.budget.identification
     logs = {"fitted": config.seed, "held-out": config.seed + HELD_OUT_SEED}
     for log, seed in logs.items():
         yield Stage(
@@ -271,23 +271,24 @@ def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any
 
     Level 0 is nothing: the transfer table has it.
     """
-    for shift in budget.shifts:
+    sizes = budget.robustness
+    for shift in sizes.shifts:
         yield "shift", shift, {"hole_shift": shift}
-    for shift in budget.searches:
+    for shift in sizes.searches:
         settings = {"hole_shift": shift, "search": "corner", "keep_logs": False}
-        if budget.search_steps is not None:
-            settings["max_steps"] = budget.search_steps
-        yield "search", shift, {**settings, "tries": budget.search_tries}
-    for push in budget.pushes:
+        if sizes.search_steps is not None:
+            settings["max_steps"] = sizes.search_steps
+        yield "search", shift, {**settings, "tries": sizes.search_tries}
+    for push in sizes.pushes:
         yield "push", push, {"push": push}
-    for speed in budget.speeds:
+    for speed in sizes.speeds:
         yield "speed", speed, {"hole_speed": speed}
     yield "below", 1.0, {"start": "below"}
 
 
 def _robustness(config: PlanConfig) -> Iterator[Stage]:
     for seed in _seeds(config):
-        for variant in config.budget.robust:
+        for variant in config.budget.robustness.robust:
             for what, level, settings in robustness_cases(config.budget):
                 if level == 0.0:
                     continue
