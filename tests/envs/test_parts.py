@@ -183,7 +183,7 @@ def test_below_the_surface_only_what_lies_beside_the_turned_block_is_free():
 
 
 def test_ranges_without_a_free_start_are_an_error():
-    config = RandomisationConfig(start_xy=0.01, start_z=(-0.03, 0.0))
+    config = RandomisationConfig.of(start_xy=0.01, start_z=(-0.03, 0.0))
     rng = np.random.default_rng(0)
     hole = sample_hole(rng, config)
     with pytest.raises(ConfigError, match="no start in free air"):

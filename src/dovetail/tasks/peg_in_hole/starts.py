@@ -1,18 +1,20 @@
 """Where an episode starts: hole pose and start pose, and nothing else, are random."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.types import Vec3
 
 
 @dataclass(frozen=True, kw_only=True)
-class RandomisationConfig:
-    """Ranges of the start pose and the hole pose (uniform)."""
+class HoleRangeConfig(Section):
+    """Where the hole is."""
 
     hole_centre: tuple[float, float, float] = (0.60, 0.0, 0.10)
     """Middle of the hole's mouth positions [m], world axes."""
@@ -20,12 +22,24 @@ class RandomisationConfig:
     """Half range of the hole's mouth position about the middle [m]."""
     hole_yaw: float = 0.3
     """Half range of the hole's rotation about the vertical [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartRangeConfig(Section):
+    """Where the tool starts."""
+
     start_xy: float = 0.12
     """Half range of the tool's start about the hole, along world x and y [m]."""
     start_z: tuple[float, float] = (-0.03, 0.12)
     """Range of the tool's start height above the hole's mouth [m]."""
     start_yaw: float = 0.2
     """Half range of the tool's start rotation relative to the hole [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FreeAirConfig(Section):
+    """What a start keeps clear of."""
+
     block_half: float = 0.05
     """Half side of the block around the hole, seen from above [m]."""
     peg_radius: float = 0.0212
@@ -33,17 +47,35 @@ class RandomisationConfig:
     gap: float = 0.005
     """Smallest gap between peg and block at the start [m]."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class RandomisationConfig(Sectioned):
+    """Ranges of the start pose and the hole pose (uniform).
+
+    `RandomisationConfig.of(hole_yaw=0.1)` takes them by their own names.
+    """
+
+    whose: ClassVar[str] = "starts and holes"
+
+    hole: HoleRangeConfig = field(default_factory=HoleRangeConfig)
+    """Where the hole is."""
+    start: StartRangeConfig = field(default_factory=StartRangeConfig)
+    """Where the tool starts."""
+    free_air: FreeAirConfig = field(default_factory=FreeAirConfig)
+    """What a start keeps clear of."""
+
     @property
     def is_hole_fixed(self) -> bool:
         """Whether every hole that is drawn is the same."""
-        return not any((*self.hole_range, self.hole_yaw))
+        return not any((*self.hole.hole_range, self.hole.hole_yaw))
 
 
 def sample_hole(rng: np.random.Generator, config: RandomisationConfig) -> Pose:
     """Draw the pose of the hole's mouth (z out of the hole)."""
-    half = np.asarray(config.hole_range)
-    position = np.asarray(config.hole_centre) + rng.uniform(-half, half)
-    return Pose(position, quat_about_z(rng.uniform(-config.hole_yaw, config.hole_yaw)))
+    ranges = config.hole
+    half = np.asarray(ranges.hole_range)
+    position = np.asarray(ranges.hole_centre) + rng.uniform(-half, half)
+    return Pose(position, quat_about_z(rng.uniform(-ranges.hole_yaw, ranges.hole_yaw)))
 
 
 def is_clear_of_block(
@@ -54,12 +86,13 @@ def is_clear_of_block(
     Above the mouth plus the gap everything is free; lower down only what lies beside
     the block's square footprint, widened by the peg's radius and the gap.
     """
-    if offset[2] >= config.gap:
+    free = config.free_air
+    if offset[2] >= free.gap:
         return True
     c, s = math.cos(hole_yaw), math.sin(hole_yaw)
     x = c * offset[0] + s * offset[1]
     y = -s * offset[0] + c * offset[1]
-    reach = config.block_half + config.peg_radius + config.gap
+    reach = free.block_half + free.peg_radius + free.gap
     return max(abs(x), abs(y)) >= reach
 
 
@@ -74,15 +107,16 @@ def sample_start(
     Raises:
         ConfigError: When the ranges leave no free start.
     """
-    low = np.array([-config.start_xy, -config.start_xy, config.start_z[0]])
-    high = np.array([config.start_xy, config.start_xy, config.start_z[1]])
+    start = config.start
+    low = np.array([-start.start_xy, -start.start_xy, start.start_z[0]])
+    high = np.array([start.start_xy, start.start_xy, start.start_z[1]])
     for _ in range(1000):
         offset = rng.uniform(low, high)
         if is_clear_of_block(offset, hole_yaw, config):
-            yaw = hole_yaw + rng.uniform(-config.start_yaw, config.start_yaw)
+            yaw = hole_yaw + rng.uniform(-start.start_yaw, start.start_yaw)
             return Pose(hole.position + offset, tool_down(yaw))
     raise ConfigError(
-        f"no start in free air among 1000 draws: start_xy {config.start_xy:g} m, "
-        f"start_z {config.start_z[0]:g} to {config.start_z[1]:g} m, block half side "
-        f"{config.block_half:g} m; widen start_xy or raise start_z"
+        f"no start in free air among 1000 draws: start_xy {start.start_xy:g} m, "
+        f"start_z {start.start_z[0]:g} to {start.start_z[1]:g} m, block half side "
+        f"{config.free_air.block_half:g} m; widen start_xy or raise start_z"
     )
