@@ -44,7 +44,7 @@ def recover(
         folder = Path(name)
         (folder / "arm.toml").write_text(model.to_toml())
         arm = f"twin:{folder / 'arm.toml'}"
-        record(RecordConfig(arm=arm, out=folder / "log", seed=seed), quiet)
+        record(RecordConfig.of(arm=arm, out=folder / "log", seed=seed), quiet)
         return fit(
             FitConfig(
                 log=folder / "log",

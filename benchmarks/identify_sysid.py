@@ -129,7 +129,7 @@ def main() -> None:
         for name, seed in (("log", 0), ("held_out", 1)):
             if getattr(arguments, name) is None:
                 path, arm = Path(folder) / name, f"twin:{arguments.twin}"
-                record(RecordConfig(arm=arm, out=path, seed=seed), QUIET)
+                record(RecordConfig.of(arm=arm, out=path, seed=seed), QUIET)
                 log, held_out = (path, held_out) if name == "log" else (log, path)
         fits = {
             "dovetail, CMA-ES": with_dovetail(

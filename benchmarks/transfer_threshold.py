@@ -80,7 +80,7 @@ def measure(
     between = graded(load_twin(twin), kind, fraction)
     path.write_text(between.to_toml())
     recording = record(
-        RecordConfig(arm=f"twin:{path}", out=folder / "recording"), quiet
+        RecordConfig.of(arm=f"twin:{path}", out=folder / "recording"), quiet
     )
     rms = Replay(recording).rms(nominal_model())
     config = EvaluationConfig.of(

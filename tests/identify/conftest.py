@@ -38,5 +38,5 @@ def settings(planted_file):
 def folder(tmp_path_factory, settings, quiet):
     """Folder of the short recording."""
     out = tmp_path_factory.mktemp("recording") / "log"
-    record(RecordConfig(out=out, **settings), quiet)
+    record(RecordConfig.of(out=out, **settings), quiet)
     return out

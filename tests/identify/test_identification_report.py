@@ -38,7 +38,7 @@ def made(tmp_path_factory):
     """A folder with two recordings, a fit of the first, and its report."""
     folder = tmp_path_factory.mktemp("identified")
     for name, seed in (("log", 0), ("other", 1)):
-        settings = RecordConfig(
+        settings = RecordConfig.of(
             arm="twin:medium", out=folder / name, seed=seed, sequences=3, steps=12
         )
         record(settings, QUIET)
@@ -276,7 +276,7 @@ def test_a_delay_that_the_model_lacks_is_found(tmp_path, of_model):
     twin = replace(load_twin("easy"), command_delay=0.02)
     (tmp_path / "late.toml").write_text(twin.to_toml())
     arm = f"twin:{tmp_path / 'late.toml'}"
-    config = RecordConfig(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
+    config = RecordConfig.of(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
     replay = Replay(record(config, QUIET))
     model = replace(nominal_model(), command_delay=of_model)
     assert hidden_delay(replay, model) == pytest.approx(0.02 - of_model, abs=0.003)

@@ -24,7 +24,7 @@ def record_of(arm, out, **settings):
     said = io.StringIO()
     console = Console(file=said, width=1000)
     record(
-        RecordConfig(arm=arm, out=out, sequences=1, steps=4, **settings),
+        RecordConfig.of(arm=arm, out=out, sequences=1, steps=4, **settings),
         console,
     )
     return said.getvalue(), json.loads((out / "recording.json").read_text())["delay"]

@@ -29,7 +29,7 @@ def planted(request, tmp_path_factory, quiet):
     file = folder / "planted.toml"
     late = replace(nominal_model(), command_delay=DELAY, **PLANTED)
     file.write_text(late.to_toml())
-    config = RecordConfig(
+    config = RecordConfig.of(
         arm=f"twin:{file}",
         out=folder / "log",
         period=request.param,

@@ -242,7 +242,7 @@ def test_the_delay_is_moved_by_whole_physics_steps():
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     out = tmp_path_factory.mktemp("recording")
-    config = RecordConfig(arm="twin:easy", out=out, sequences=4, steps=12)
+    config = RecordConfig.of(arm="twin:easy", out=out, sequences=4, steps=12)
     return record(config, Console(quiet=True))
 
 

@@ -23,12 +23,12 @@ class IdentifyRecord(RecordConfig):
 
     def run(self, console: Console) -> int:
         """Record, and say what to do with it."""
-        warn_of_twin(console, None, self.arm, self.robot)
+        warn_of_twin(console, None, self.place.arm, self.place.robot)
         recording = record(self, console)
         cycles = sum(len(s.log) for s in recording.sequences)
         console.print(
             f"{self.out}: {len(recording.sequences)} sequences, {cycles} control "
-            f"cycles of {1e3 * recording.period:g} ms, from {self.arm}\n"
+            f"cycles of {1e3 * recording.period:g} ms, from {self.place.arm}\n"
             f"  next: dovetail identify fit {quote(str(self.out))} --out identified",
             soft_wrap=True,
             highlight=False,

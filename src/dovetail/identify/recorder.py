@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from rich.console import Console
@@ -18,6 +18,7 @@ from dovetail.arms.address import parse_address
 from dovetail.control.config import LimitConfig
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
+from dovetail.control.sections import Section, Sectioned
 from dovetail.control.target_columns import TARGET_UNITS, target_row
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
@@ -53,37 +54,67 @@ PLAY = 0.002
 
 
 @dataclass(frozen=True, kw_only=True)
-class RecordConfig:
-    """What to play, on which arm, and where to log it."""
+class RecordedArmConfig(Section):
+    """The arm that moves."""
 
     arm: str = "twin:medium"
     """Arm: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
-    out: Path
-    """Folder for the recording; one that was cut short is continued."""
+    period: Period = DEFAULT_PERIOD
+    """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
+    robot: str = USUAL.place.robot
+    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionsConfig(Section):
+    """The scripted motions."""
+
     seed: int = 0
     """Seed of the excitation and the starts; another one makes a held-out log."""
     sequences: int = 10
     """Number of sequences."""
     steps: int = 50
     """Policy steps of 50 ms of each."""
-    fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Left out,
-    it is put where the task says."""
     f_scale: float = 8.0
     """Acceleration f* of X Y Z at action 1 [m/s2]: twice a policy's, for a speed up to
     0.2 m/s of the 0.25 m/s allowed."""
     force_damping: float = FORCE_DAMPING
     """Damping of X Y Z [1/s]."""
-    period: Period = DEFAULT_PERIOD
-    """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedTaskConfig(Section):
+    """What the arm holds, and what is around it."""
+
     env: str = DEFAULT_ENV
     """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
-    robot: str = USUAL.place.robot
-    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     task_options: TaskOptions = field(default_factory=TaskOptions)
     """Fields of the task; left out, they are its own."""
+    fixture: tuple[float, float, float, float] | None = None
+    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Left out,
+    it is put where the task says."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordConfig(Sectioned):
+    """What to play, on which arm, and where to log it.
+
+    `RecordConfig.of(out=..., arm="twin:hard")` takes the settings by the names of the
+    command line's options.
+    """
+
+    whose: ClassVar[str] = "a recording"
+
+    out: Path
+    """Folder for the recording; one that was cut short is continued."""
+    place: RecordedArmConfig = field(default_factory=RecordedArmConfig)
+    """The arm that moves."""
+    motions: MotionsConfig = field(default_factory=MotionsConfig)
+    """The scripted motions."""
+    task: RecordedTaskConfig = field(default_factory=RecordedTaskConfig)
+    """What the arm holds, and what is around it."""
 
 
 def record(
@@ -100,39 +131,36 @@ def record(
         ConfigError: A setting, or a folder that holds another recording.
         ArmError: The arm, or the held part in contact.
     """
-    actions = excitation(config.seed, config.sequences, config.steps)
-    address = parse_address(config.arm)
+    motions, held, where = config.motions, config.task, config.place
+    count = motions.sequences
+    actions = excitation(motions.seed, count, motions.steps)
+    address = parse_address(where.arm)
     _require_fixture(config, can_place=address.places_fixture)
-    usual = RecordConfig.period
-    asked = None if config.period == usual else config.period
-    task = replace(make_task(config.env, config.task_options), axes=EXCITED)
+    asked = None if where.period == DEFAULT_PERIOD else where.period
+    task = replace(make_task(held.env, held.task_options), axes=EXCITED)
     place = _place(task, config)
     settings = EnvConfig.of(
-        robot=config.robot,
-        period=address.control_period(asked, usual),
-        max_steps=config.steps + 1,
-        f_scale=config.f_scale,
-        force_damping=config.force_damping,
+        robot=where.robot,
+        period=address.control_period(asked, DEFAULT_PERIOD),
+        max_steps=motions.steps + 1,
+        f_scale=motions.f_scale,
+        force_damping=motions.force_damping,
         near_press=LimitConfig.near_press,  # none: the motions are as they were drawn
     )
-    cell = task.workcell(find_robot(config.robot))
-    box = start_box(cell, place.pose(), may_touch=config.allow_contact)
-    env = ContactEnv(task, config.arm, settings)
+    cell = task.workcell(find_robot(where.robot))
+    box = start_box(cell, place.pose(), may_touch=held.allow_contact)
+    env = ContactEnv(task, where.arm, settings)
     with closing(env):
         _require_fixture(config, can_place=env.places_fixture)
         require_inside(task, cell, env.arm, place.pose())
         if starts is None:
-            robot, count = env.arm.facts.robot, config.sequences
-            starts = plan_starts(task, robot, config.seed, count, place, box)
+            robot = env.arm.facts.robot
+            starts = plan_starts(task, robot, motions.seed, count, place, box)
         metadata = _describe(config, env, place, starts)
         if not _is_begun(config.out, metadata):
             _begin(env, config.out, metadata, place, console)
-        left = [
-            n
-            for n in range(config.sequences)
-            if not sequence_path(config.out, n).is_file()
-        ]
-        for number in track(left, f"recording {config.arm}", console=console):
+        left = [n for n in range(count) if not sequence_path(config.out, n).is_file()]
+        for number in track(left, f"recording {where.arm}", console=console):
             _play(env, config, metadata, place, number, actions[number])
     return Recording.load(config.out)
 
@@ -140,17 +168,17 @@ def record(
 def _place(task: Task, config: RecordConfig) -> FixturePose:
     """Return where the fixture is, or is put."""
     usual = usual_place(task)
-    if config.fixture is None:
+    if config.task.fixture is None:
         return usual
-    return FixturePose.given(config.fixture, usual.facing)
+    return FixturePose.given(config.task.fixture, usual.facing)
 
 
 def _require_fixture(config: RecordConfig, *, can_place: bool) -> None:
     """Refuse to guess where the fixture is, for an arm that cannot move it."""
-    if config.fixture is None and not can_place:
+    if config.task.fixture is None and not can_place:
         raise ConfigError(
-            f"the arm at {config.arm} cannot move the fixture: say where it is with "
-            "--fixture X Y Z YAW [m, rad]; the motions stay above it"
+            f"the arm at {config.place.arm} cannot move the fixture: say where it is "
+            "with --fixture X Y Z YAW [m, rad]; the motions stay above it"
         )
 
 
@@ -161,19 +189,19 @@ def _describe(
     starts: Sequence[Vec7],
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
-    address = parse_address(config.arm)
+    address, motions = parse_address(config.place.arm), config.motions
     action, approach = env.config.action, env.config.approach
     facts = env.arm.facts
     is_hardware = address.margins == "hardware"
     about = {
         "format": FORMAT,
         "robot": facts.robot.name,
-        "env_id": config.env,
-        "arm_model": config.robot,
+        "env_id": config.task.env,
+        "arm_model": config.place.robot,
         "task": str(env.axes),
         "period": facts.period,
         "fixture": [place.x, place.y, place.z, place.theta],
-        "arm": config.arm,
+        "arm": config.place.arm,
         "commands": {
             "f_scale": action.f_scale,
             "f_scale_angular": action.f_scale_angular,
@@ -189,9 +217,9 @@ def _describe(
         },
         "excitation": {
             "description": EXCITATION,
-            "seed": config.seed,
-            "sequences": config.sequences,
-            "steps": config.steps,
+            "seed": motions.seed,
+            "sequences": motions.sequences,
+            "steps": motions.steps,
         },
         "q_start": [np.asarray(q).tolist() for q in starts],
     }
@@ -258,7 +286,7 @@ def _play(
 ) -> None:
     """Play one sequence and write its log."""
     fixture, q_start = place.pose(), np.array(metadata["q_start"][number])
-    seed = config.seed * 1000 + number
+    seed = config.motions.seed * 1000 + number
     env.reset(seed=seed, options={"fixture": fixture, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}
     facts |= {"q_start": env.state.q, "sequence": number}
@@ -270,7 +298,7 @@ def _play(
         targets.append(target_row(env.begin_step(action)).tolist())
         _, reward, _, _, info = env.step(action)
         contact = _contact(env, info["contact_force_max"])
-        if contact and not config.allow_contact:
+        if contact and not config.task.allow_contact:
             raise ArmError(
                 f"the held part is in contact: {contact} in sequence {number}, step "
                 f"{step}; a fit needs free motion: move it away with --fixture, or "

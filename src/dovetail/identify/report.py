@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, write_atomic
 from dovetail.identify.curves import curves
@@ -28,7 +29,7 @@ from dovetail.identify.figures import (
 from dovetail.identify.fitted import Fitted
 from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.parameters import nominal_model
-from dovetail.identify.recorder import RecordConfig
+from dovetail.identify.recorder import MotionsConfig
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
 from dovetail.identify.transfer_limit import Verdict, judge_transfer
@@ -155,12 +156,12 @@ def _require_comparable(fitted: Recording, held_out: Recording) -> None:
 
 def _is_standard(recording: Recording) -> bool:
     """Say whether a log is of the excitation of which the limit was measured."""
-    usual, metadata = RecordConfig(out=Path()), recording.metadata
+    usual, metadata = MotionsConfig(), recording.metadata
     return (
         metadata["commands"]["f_scale"] == usual.f_scale
         and metadata["controller"]["force_damping"] == usual.force_damping
         and metadata["excitation"]["steps"] == usual.steps
-        and recording.period == usual.period
+        and recording.period == DEFAULT_PERIOD
     )
 
 

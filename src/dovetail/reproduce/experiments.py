@@ -28,7 +28,7 @@ def record_log(sitting: Sitting) -> dict[str, Any]:
 
     settings = sitting.settings
     recording = record(
-        RecordConfig(
+        RecordConfig.of(
             arm=f"twin:{twin_file(sitting.root, settings['twin'])}",
             out=sitting.folder / RECORDING,
             seed=settings["seed"],
