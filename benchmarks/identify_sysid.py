@@ -108,7 +108,7 @@ def with_dovetail(log: Path, parameters: str, plant: str, out: Path, seed: int) 
     seconds = time.perf_counter() - begin
     chosen = ParameterSet.parse(parameters)
     judged = analyse(Replay(Recording.load(log), plant), chosen, result.vector)
-    half = np.array([e.interval[1] - e.value for e in judged.estimates])
+    half = np.array([e.uncertainty.interval[1] - e.value for e in judged.estimates])
     return Fit(result.vector, result.evaluations, seconds, half)
 
 

@@ -26,7 +26,13 @@ from dovetail.identify.transfer_limit import (
     TRANSFER_LIMIT,
     judge_transfer,
 )
-from dovetail.identify.uncertainty import Estimate, Identifiability
+from dovetail.identify.uncertainty import (
+    Confounding,
+    Estimate,
+    Identifiability,
+    Judgement,
+    Uncertainty,
+)
 from dovetail.plants.twin import load_twin
 
 QUIET = Console(quiet=True)
@@ -287,15 +293,11 @@ def test_a_parameter_without_an_interval_can_be_drawn():
         name="armature_7",
         unit="kg m2",
         value=0.1,
-        standard_error=np.inf,
-        interval=(-np.inf, np.inf),
+        uncertainty=Uncertainty(standard_error=np.inf, interval=(-np.inf, np.inf)),
         sensitivity=0.0,
-        variance_inflation=np.inf,
-        partner="",
-        correlation=0.0,
+        confounding=Confounding(variance_inflation=np.inf, partner="", correlation=0.0),
         step_left=0.0,
-        verdict="no effect",
-        sentence="",
+        judgement=Judgement(verdict="no effect", sentence=""),
     )
     result = Identifiability(
         estimates=(dead,),

@@ -80,7 +80,8 @@ def test_the_interval_covers_the_truth_where_errors_hang_together():
     for _ in range(draws):
         lines = at_optimum(basis(rng, 3), wander(rng))
         result = judge(lines, unit_parameters(3))
-        inside += sum(e.interval[0] <= 0 <= e.interval[1] for e in result.estimates)
+        ends = [e.uncertainty.interval for e in result.estimates]
+        inside += sum(low <= 0 <= high for low, high in ends)
         J, r = np.vstack(lines.jacobians), np.concatenate(lines.residuals)
         white = np.sqrt(np.diagonal(np.linalg.inv(J.T @ J)) * (r @ r) / (len(r) - 3))
         naive += np.sum(np.abs(lines.vector) <= 1.96 * white)
@@ -97,7 +98,7 @@ def test_the_standard_error_is_the_jackknife_of_refits():
     ]
     apart = without - at_optimum(motion, errors).vector
     expected = np.sqrt((SEQUENCES - 1) / SEQUENCES * (apart**2).sum(axis=0))
-    found = [e.standard_error for e in judged(motion, errors).estimates]
+    found = [e.uncertainty.standard_error for e in judged(motion, errors).estimates]
     np.testing.assert_allclose(found, expected, rtol=1e-8)
 
 
@@ -113,7 +114,7 @@ def test_the_inflation_is_that_of_regressing_on_the_others():
     J = motion.reshape(-1, 3)
     rest = J[:, 1:] @ np.linalg.lstsq(J[:, 1:], J[:, 0], rcond=None)[0]
     expected = (J[:, 0] @ J[:, 0]) / np.sum((J[:, 0] - rest) ** 2)
-    found = judged(motion).estimates[0].variance_inflation
+    found = judged(motion).estimates[0].confounding.variance_inflation
     assert found == pytest.approx(expected, rel=1e-9)
 
 
@@ -122,9 +123,8 @@ def test_another_unit_of_a_parameter_changes_only_its_own_numbers():
     errors = wander(np.random.default_rng(6))
     metres, other = judged(motion, errors), judged(motion * [1.0, 1e3], errors)
     assert other.condition_number == pytest.approx(metres.condition_number)
-    assert other.estimates[1].standard_error == pytest.approx(
-        1e-3 * metres.estimates[1].standard_error
-    )
+    errors = [r.estimates[1].uncertainty.standard_error for r in (metres, other)]
+    assert errors[1] == pytest.approx(1e-3 * errors[0])
 
 
 def test_a_perfectly_confounded_pair_is_named_and_the_third_stays_known():
@@ -133,13 +133,13 @@ def test_a_perfectly_confounded_pair_is_named_and_the_third_stays_known():
     result = judged(motion)
     first, second, third = result.estimates
     assert result.condition_number == np.inf
-    verdicts = [e.verdict for e in result.estimates]
+    verdicts = [e.judgement.verdict for e in result.estimates]
     assert verdicts == ["confounded", "known", "confounded"]
-    assert (first.partner, third.partner) == ("p2", "p0")
-    assert first.correlation == pytest.approx(-1.0)
-    assert first.standard_error == np.inf
-    assert np.isfinite(second.standard_error)
-    assert first.sentence == (
+    assert (first.confounding.partner, third.confounding.partner) == ("p2", "p0")
+    assert first.confounding.correlation == pytest.approx(-1.0)
+    assert first.uncertainty.standard_error == np.inf
+    assert np.isfinite(second.uncertainty.standard_error)
+    assert first.judgement.sentence == (
         "p0 and p2 move the tool alike, in opposite directions (correlation "
         "-1.000000): only their combination is known"
     )
@@ -148,7 +148,7 @@ def test_a_perfectly_confounded_pair_is_named_and_the_third_stays_known():
 def test_a_mixture_that_imitates_a_parameter_is_named():
     motion = basis(np.random.default_rng(8), 4)
     motion[:, :, 3] = motion[:, :, 0] + motion[:, :, 1]
-    sentence = judged(motion).estimates[3].sentence
+    sentence = judged(motion).estimates[3].judgement.sentence
     assert "p3 and a mixture of p0 and p1 move the tool alike" in sentence
 
 
@@ -156,35 +156,36 @@ def test_what_only_a_perfect_log_tells_apart_is_known_with_a_warning():
     motion = basis(np.random.default_rng(9), 2)
     motion[:, :, 1] = motion[:, :, 0] + 1e-3 * motion[:, :, 1]
     estimate = judged(motion, 1e-6 * wander(np.random.default_rng(1))).estimates[0]
-    assert estimate.verdict == "known"
-    assert "although p0 and p1 move the tool alike" in estimate.sentence
-    assert "a log that fits less closely will not tell them apart" in estimate.sentence
+    sentence = estimate.judgement.sentence
+    assert estimate.judgement.verdict == "known"
+    assert "although p0 and p1 move the tool alike" in sentence
+    assert "a log that fits less closely will not tell them apart" in sentence
 
 
 def test_an_interval_wider_than_the_range_is_called_undetermined():
     motion = 1e-3 * basis(np.random.default_rng(10), 1)
     estimate = judged(motion, 100.0 * wander(np.random.default_rng(1))).estimates[0]
-    assert estimate.verdict == "undetermined"
-    assert "p0 is not determined by this log" in estimate.sentence
-    assert "is wider than the allowed range" in estimate.sentence
+    assert estimate.judgement.verdict == "undetermined"
+    assert "p0 is not determined by this log" in estimate.judgement.sentence
+    assert "is wider than the allowed range" in estimate.judgement.sentence
 
 
 def test_a_parameter_without_effect_is_named_with_its_sensitivity():
     motion = basis(np.random.default_rng(11), 2)
     motion[:, :, 1] = 1e-8
     alive, dead = judged(motion).estimates
-    assert dead.verdict == "no effect"
-    assert dead.sentence == (
+    assert dead.judgement.verdict == "no effect"
+    assert dead.judgement.sentence == (
         "p1 has no effect on this log: over its whole range, -1 m to 1 m, the tool "
         "moves by 3.5e-05 mm RMS; leave it out"
     )
     assert dead.sensitivity == pytest.approx(np.sqrt(3) * 1e-8)
-    assert alive.verdict == "known"
+    assert alive.judgement.verdict == "known"
 
 
 def test_a_log_on_which_nothing_has_an_effect_says_so_of_each():
     result = judged(np.zeros((SEQUENCES, 3 * CYCLES, 2)))
-    assert [e.verdict for e in result.estimates] == ["no effect"] * 2
+    assert [e.judgement.verdict for e in result.estimates] == ["no effect"] * 2
     assert result.condition_number == np.inf
 
 
@@ -252,9 +253,9 @@ def test_a_real_log_names_what_it_cannot_tell_apart(recording):
     replay = Replay(recording)
     result = analyse(replay, parameters, parameters.start)
     by_name = {e.name: e for e in result.estimates}
-    assert by_name["gravity_z"].partner == "mass_scale"
-    assert by_name["mass_scale"].partner == "gravity_z"
-    assert by_name["mass_scale"].correlation < -0.9
+    assert by_name["gravity_z"].confounding.partner == "mass_scale"
+    assert by_name["mass_scale"].confounding.partner == "gravity_z"
+    assert by_name["mass_scale"].confounding.correlation < -0.9
     assert 5.0 < result.condition_number < np.inf
     expected = replay.rms(parameters.to_model(parameters.start))
     assert result.residual_rms == pytest.approx(expected, rel=1e-9)

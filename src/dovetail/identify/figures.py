@@ -121,10 +121,10 @@ def draw_intervals(
             if math.isfinite(v)
             else e
             for v, e in zip(
-                (estimate.value, *estimate.interval), (0, 0, 1), strict=True
+                (estimate.value, *estimate.uncertainty.interval), (0, 0, 1), strict=True
             )
         )
-        colour = _FITTED if estimate.verdict == "known" else SIMULATED
+        colour = _FITTED if estimate.judgement.verdict == "known" else SIMULATED
         axes.plot((0, 1), (row, row), color=_PALE, linewidth=1, zorder=0)
         axes.plot(ends, (row, row), color=colour, linewidth=4, alpha=0.45)
         axes.plot(value, row, "o", color=colour, markersize=4)

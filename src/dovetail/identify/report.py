@@ -232,7 +232,7 @@ def _content(
         "title": f"Identification of {fit.recording.metadata['arm']}",
         "verdict": asdict(verdict),
         "errors": {c.log: c.numbers() for c in comparisons},
-        "parameters": [asdict(e) for e in result.estimates],
+        "parameters": [e.numbers() for e in result.estimates],
         "condition_number": result.condition_number,
         "sequences": result.sequences,
         "residual_rms": result.residual_rms,
@@ -277,7 +277,8 @@ def _to_html(
         for log, n in content["errors"].items()
     ]
     fit = content["fit"]
-    sentences = "\n".join(f"<li>{text(e.sentence)}.</li>" for e in result.estimates)
+    judged = [estimate.judgement.sentence for estimate in result.estimates]
+    sentences = "\n".join(f"<li>{text(sentence)}.</li>" for sentence in judged)
     parts = [
         f"<h1>{text(content['title'])}</h1>",
         f'<p class="lead"><span class="rate">{text(answer)}</span>'
@@ -319,17 +320,18 @@ _HEADS = (
 
 def _cells(estimate: Estimate) -> list[str]:
     step, name = _STEPS.get(estimate.unit, (1.0, estimate.unit))
-    low, high = estimate.interval
+    low, high = estimate.uncertainty.interval
+    others = estimate.confounding
     return [
         estimate.name,
         f"{estimate.value:.4g}",
         f"{_short(low)} to {_short(high)}",
         estimate.unit,
         f"{1e3 * step * estimate.sensitivity:.3g} per {name}",
-        _short(estimate.variance_inflation),
-        estimate.partner or "-",
-        f"{estimate.correlation:.3f}" if estimate.partner else "-",
-        estimate.verdict,
+        _short(others.variance_inflation),
+        others.partner or "-",
+        f"{others.correlation:.3f}" if others.partner else "-",
+        estimate.judgement.verdict,
     ]
 
 
@@ -363,6 +365,6 @@ def _print(
     console.print(parameters)
     console.print(f"condition number {_short(result.condition_number)}")
     for estimate in result.estimates:
-        if estimate.verdict != "known":
-            console.print(f"- {estimate.sentence}", soft_wrap=True)
+        if estimate.judgement.verdict != "known":
+            console.print(f"- {estimate.judgement.sentence}", soft_wrap=True)
     console.print(f"{verdict.answer}: {verdict.sentence}", soft_wrap=True)

@@ -19,7 +19,7 @@ of this kind; where the model lacks an effect, that is not the arm's true value.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -44,6 +44,37 @@ Verdict = Literal["known", "confounded", "undetermined", "no effect"]
 
 
 @dataclass(frozen=True, kw_only=True)
+class Uncertainty:
+    """How far a value may be from the one that fits best."""
+
+    standard_error: float
+    """Of the value, in its unit; infinite where the log says nothing."""
+    interval: tuple[float, float]
+    """95 % interval, in its unit; the bounds of the fit are not applied."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confounding:
+    """What other parameters do to the tool that this one does, too."""
+
+    variance_inflation: float
+    """By how much not knowing the others widens the variance [1], >= 1."""
+    partner: str
+    """The parameter that moves the tool most like this one; empty without another."""
+    correlation: float
+    """Cosine between the two motions over the log [1]; negative: opposite."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judgement:
+    """What is known of a parameter."""
+
+    verdict: Verdict
+    sentence: str
+    """The verdict in words."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Estimate:
     """One parameter as the log determines it."""
 
@@ -51,23 +82,29 @@ class Estimate:
     unit: str
     value: float
     """Fitted value, in its unit."""
-    standard_error: float
-    """Of the value, in its unit; infinite where the log says nothing."""
-    interval: tuple[float, float]
-    """95 % interval, in its unit; the bounds of the fit are not applied."""
+    uncertainty: Uncertainty
+    """How far it may be off."""
     sensitivity: float
     """RMS motion of the tool over the log per unit of the parameter [m]."""
-    variance_inflation: float
-    """By how much not knowing the others widens the variance [1], >= 1."""
-    partner: str
-    """The parameter that moves the tool most like this one; empty without another."""
-    correlation: float
-    """Cosine between the two motions over the log [1]; negative: opposite."""
+    confounding: Confounding
+    """What else moves the tool as it does."""
     step_left: float
     """Change that one more Gauss-Newton step would make, in its unit."""
-    verdict: Verdict
-    sentence: str
-    """The verdict in words."""
+    judgement: Judgement
+    """What is known of it."""
+
+    def numbers(self) -> dict[str, Any]:
+        """Return everything, for JSON."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "value": self.value,
+            **vars(self.uncertainty),
+            "sensitivity": self.sensitivity,
+            **vars(self.confounding),
+            "step_left": self.step_left,
+            **vars(self.judgement),
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,18 +244,22 @@ def _no_effect(parameter: Parameter, value: float, size: float) -> Estimate:
         name=parameter.name,
         unit=parameter.unit,
         value=value,
-        standard_error=math.inf,
-        interval=(-math.inf, math.inf),
+        uncertainty=Uncertainty(
+            standard_error=math.inf, interval=(-math.inf, math.inf)
+        ),
         sensitivity=size,
-        variance_inflation=math.inf,
-        partner="",
-        correlation=0.0,
+        confounding=Confounding(
+            variance_inflation=math.inf, partner="", correlation=0.0
+        ),
         step_left=0.0,
-        verdict="no effect",
-        sentence=(
-            f"{parameter.name} has no effect on this log: over its whole range, "
-            f"{_value(parameter.low, parameter)} to {_value(parameter.high, parameter)}"
-            f", the tool moves by {1e3 * size * span:.2g} mm RMS; leave it out"
+        judgement=Judgement(
+            verdict="no effect",
+            sentence=(
+                f"{parameter.name} has no effect on this log: over its whole range, "
+                f"{_value(parameter.low, parameter)} to "
+                f"{_value(parameter.high, parameter)}, the tool moves by "
+                f"{1e3 * size * span:.2g} mm RMS; leave it out"
+            ),
         ),
     )
 
@@ -244,15 +285,18 @@ def _estimate(
         name=parameter.name,
         unit=parameter.unit,
         value=value,
-        standard_error=error,
-        interval=(value - quantile * error, value + quantile * error),
+        uncertainty=Uncertainty(
+            standard_error=error,
+            interval=(value - quantile * error, value + quantile * error),
+        ),
         sensitivity=size,
-        variance_inflation=float(motion.inflation[at]),
-        partner="" if alone else names[closest],
-        correlation=0.0 if alone else float(row[closest]),
+        confounding=Confounding(
+            variance_inflation=float(motion.inflation[at]),
+            partner="" if alone else names[closest],
+            correlation=0.0 if alone else float(row[closest]),
+        ),
         step_left=float(motion.step[at] / unit),
-        verdict=verdict,
-        sentence=sentence,
+        judgement=Judgement(verdict=verdict, sentence=sentence),
     )
 
 
