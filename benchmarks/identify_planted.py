@@ -46,7 +46,7 @@ def recover(
         arm = f"twin:{folder / 'arm.toml'}"
         record(RecordConfig.of(arm=arm, out=folder / "log", seed=seed), quiet)
         return fit(
-            FitConfig(
+            FitConfig.of(
                 log=folder / "log",
                 out=folder / "fit",
                 plant=args.plant,

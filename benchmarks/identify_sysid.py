@@ -103,7 +103,9 @@ def with_sysid(
 def with_dovetail(log: Path, parameters: str, plant: str, out: Path, seed: int) -> Fit:
     """Fit with CMA-ES."""
     begin = time.perf_counter()
-    config = FitConfig(log=log, plant=plant, parameters=parameters, out=out, seed=seed)
+    config = FitConfig.of(
+        log=log, plant=plant, parameters=parameters, out=out, seed=seed
+    )
     result = fit(config, QUIET)
     seconds = time.perf_counter() - begin
     chosen = ParameterSet.parse(parameters)

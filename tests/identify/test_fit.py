@@ -20,7 +20,7 @@ need("cmaes")
 @pytest.fixture(scope="module")
 def config(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("fit") / "fit"
-    return FitConfig(log=folder, out=out, workers=1, evaluations=400)
+    return FitConfig.of(log=folder, out=out, workers=1, evaluations=400)
 
 
 @pytest.fixture(scope="module")
@@ -43,8 +43,7 @@ def cold_result(cold, quiet):
 
 
 def again(config, out, **changes):
-    values = {name: getattr(config, name) for name in vars(config)}
-    return FitConfig(**(values | {"out": out} | changes))
+    return config.having(**({"out": out} | changes))
 
 
 def test_planted_parameters_are_recovered(result):

@@ -48,7 +48,7 @@ def made(tmp_path_factory):
             arm="twin:medium", out=folder / name, seed=seed, sequences=3, steps=12
         )
         record(settings, QUIET)
-    config = FitConfig(
+    config = FitConfig.of(
         log=folder / "log",
         out=folder / "fit",
         parameters="gravity,damping",

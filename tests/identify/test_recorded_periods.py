@@ -63,7 +63,7 @@ def test_the_delay_is_found_at_every_period(planted):
 def test_planted_parameters_are_recovered_at_every_period(planted, quiet, tmp_path):
     need("cmaes")
     _, _, log = planted
-    config = FitConfig(
+    config = FitConfig.of(
         log=log,
         out=tmp_path / "fit",
         parameters="gravity_z,damping,command_delay",
@@ -84,7 +84,7 @@ def test_the_report_reads_a_log_of_any_period(planted, quiet, tmp_path):
     need("cmaes")
     _, _, log = planted
     out = tmp_path / "fit"
-    config = FitConfig(
+    config = FitConfig.of(
         log=log, out=out, parameters="gravity_z", workers=1, evaluations=8
     )
     fit(config, quiet)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from rich.console import Console
 from rich.progress import (
@@ -18,6 +18,7 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
 from dovetail.identify.fit_folder import MODEL, FitFolder
@@ -46,30 +47,52 @@ AT_BOUND = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
-class FitConfig:
-    """What to fit, to which log, and how long."""
+class FitSearchConfig(Section):
+    """The search for the parameters."""
+
+    evaluations: int | None = None
+    """Most logs to simulate; default 200 per parameter."""
+    seed: int = 0
+    """Seed of the search, 0 or more."""
+    warm_start: bool = True
+    """Begin CMA-ES at a least-squares answer; without, at the nominal model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedLogsConfig(Section):
+    """What simulates the logs."""
+
+    plant: str = "mujoco"
+    """Physics engine of the simulation: mujoco or bullet."""
+    workers: int | None = None
+    """Processes; default one for each core."""
+    cluster: str | None = None
+    """Simulate on a Ray cluster: its address, auto, or local."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitConfig(Sectioned):
+    """What to fit, to which log, and how long.
+
+    `FitConfig.of(log=..., plant="bullet")` takes the settings by the names of the
+    command line's options.
+    """
+
+    whose: ClassVar[str] = "a fit"
 
     log: Path
     """Recording to fit, made by `dovetail identify record`."""
-    plant: str = "mujoco"
-    """Physics engine of the simulation: mujoco or bullet."""
     parameters: str = "paper"
     """Parameters: paper, extended, or a list such as gravity,mass_scale,damping;
     NAME=LOW:HIGH or NAME=LOW:HIGH:START sets bounds and start."""
     out: Path = Path("identified")
     """Folder for model.toml and fit.json; new or empty, or with --resume a fit's."""
-    evaluations: int | None = None
-    """Most logs to simulate; default 200 per parameter."""
-    seed: int = 0
-    """Seed of the search, 0 or more."""
-    workers: int | None = None
-    """Processes; default one for each core."""
-    warm_start: bool = True
-    """Begin CMA-ES at a least-squares answer; without, at the nominal model."""
     resume: bool = False
     """Go on with the fit that is in the folder."""
-    cluster: str | None = None
-    """Simulate on a Ray cluster: its address, auto, or local."""
+    search: FitSearchConfig = field(default_factory=FitSearchConfig)
+    """The search for the parameters."""
+    simulation: SimulatedLogsConfig = field(default_factory=SimulatedLogsConfig)
+    """What simulates the logs."""
 
 
 @dataclass(frozen=True)
@@ -101,18 +124,19 @@ def fit(config: FitConfig, console: Console) -> FitResult:
         DovetailError: A setting, the recording, the folder, or workers that die; see
             its message.
     """
-    find_engine(config.plant)  # what it does not know is refused before any work
+    engine, asked = config.simulation, config.search
+    find_engine(engine.plant)  # what it does not know is refused before any work
     parameters = ParameterSet.parse(config.parameters)
-    budget = config.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
-    if budget < 1 or config.seed < 0:
+    budget = asked.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
+    if budget < 1 or asked.seed < 0:
         raise ConfigError(
-            f"evaluations is {budget} and seed {config.seed}; needs at least 1 and 0"
+            f"evaluations is {budget} and seed {asked.seed}; needs at least 1 and 0"
         )
     recording = Recording.load(config.log)
     settings = _settings(config, parameters, recording)
     folder = FitFolder.claim(config.out, settings, resume=config.resume)
-    workers = os.cpu_count() or 1 if config.workers is None else config.workers
-    population = make_population(recording, config.plant, workers, config.cluster)
+    workers = os.cpu_count() or 1 if engine.workers is None else engine.workers
+    population = make_population(recording, engine.plant, workers, engine.cluster)
     begin = time.monotonic()
     with closing(population):
         outset = _begin(folder, settings, parameters, population, config)
@@ -123,7 +147,7 @@ def fit(config: FitConfig, console: Console) -> FitResult:
         vector, after = search.conclude()
     wall_time = time.monotonic() - begin + earlier
     warnings = _warnings(parameters, outset, vector, population.deaths)
-    model = parameters.to_model(vector, config.plant)
+    model = parameters.to_model(vector, engine.plant)
     result = FitResult(
         _describe(model, recording, after),
         vector,
@@ -148,12 +172,12 @@ def _settings(
         "robot": recording.metadata["robot"],
         "task": recording.metadata["task"],
         "period": recording.period,
-        "plant": config.plant,
+        "plant": config.simulation.plant,
         "parameters": [
             [p.name, p.unit, p.low, p.high, p.start] for p in parameters.parameters
         ],
-        "seed": config.seed,
-        "warm_start": config.warm_start,
+        "seed": config.search.seed,
+        "warm_start": config.search.warm_start,
     }
 
 
@@ -167,9 +191,8 @@ def _begin(
     """Measure where the search begins, or read it where it is known."""
     if folder.summary is not None:
         return Outset.from_dict(folder.summary["outset"])
-    outset = measure_outset(
-        parameters, population, config.plant, warm=config.warm_start
-    )
+    plant, warm = config.simulation.plant, config.search.warm_start
+    outset = measure_outset(parameters, population, plant, warm=warm)
     folder.write_summary(
         {"state": "running", "settings": settings, "outset": outset.to_dict()}
     )
@@ -195,7 +218,7 @@ class _Fit:
         self._population = population
         space = space_of(parameters, outset.active)
         self.search = Search(
-            space, outset.mean, outset.covariance, outset.start, config.seed
+            space, outset.mean, outset.covariance, outset.start, config.search.seed
         )
 
     def _whole(self, vector: Array) -> Array:
@@ -205,7 +228,7 @@ class _Fit:
         return whole
 
     def _values(self, vectors: list[Array]) -> list[float]:
-        engine = self._config.plant
+        engine = self._config.simulation.plant
         models = [self._parameters.to_model(self._whole(v), engine) for v in vectors]
         return evaluate_population(models, self._population)
 

@@ -48,7 +48,7 @@ def fit_model(sitting: Sitting) -> dict[str, Any]:
     out = sitting.folder / FIT
     limit = settings["evaluations"]
     result = fit(
-        FitConfig(
+        FitConfig.of(
             log=sitting.of(settings["log_of"]) / RECORDING,
             plant=settings["plant"],
             parameters=settings["parameters"],
