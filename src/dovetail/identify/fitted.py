@@ -15,6 +15,18 @@ from dovetail.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)
+class FittedSearch:
+    """How the search for the parameters went."""
+
+    history: tuple[tuple[int, float], ...]
+    """Simulated logs done and best error so far [m], after each generation."""
+    evaluations: int
+    """Logs simulated."""
+    wall_time: float
+    """Time of the search [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Fitted:
     """What a fit found, from which log, and how."""
 
@@ -25,12 +37,8 @@ class Fitted:
     parameters: ParameterSet
     vector: Array
     """Fitted value of each parameter, in its unit."""
-    history: tuple[tuple[int, float], ...]
-    """Simulated logs done and best error so far [m], after each generation."""
-    evaluations: int
-    """Logs simulated."""
-    wall_time: float
-    """Time of the search [s]."""
+    search: FittedSearch
+    """How they were found."""
     warnings: tuple[str, ...]
     """What the fit warned of."""
     summary: dict[str, Any]
@@ -73,9 +81,13 @@ class Fitted:
                 tuple(Parameter(*(row[n] for n in names)) for row in rows)
             ),
             vector=np.array([row["value"] for row in rows], dtype=float),
-            history=tuple((int(n), float(e)) for n, e in zip(done, best, strict=True)),
-            evaluations=int(result["evaluations"]),
-            wall_time=float(result["wall_time"]),
+            search=FittedSearch(
+                history=tuple(
+                    (int(n), float(e)) for n, e in zip(done, best, strict=True)
+                ),
+                evaluations=int(result["evaluations"]),
+                wall_time=float(result["wall_time"]),
+            ),
             warnings=tuple(result["warnings"]),
             summary=summary,
         )

@@ -201,7 +201,7 @@ def _draw(
     bounds = [(p.low, p.high) for p in fit.parameters.parameters]
     png = draw_intervals(result, bounds)
     figures["intervals.png"] = ("Values and 95 % intervals in the search's bounds", png)
-    png = draw_convergence(fit.history, comparisons[0].errors("before")[0])
+    png = draw_convergence(fit.search.history, comparisons[0].errors("before")[0])
     figures["convergence.png"] = ("Convergence of the search", png)
     return figures
 
@@ -238,9 +238,9 @@ def _content(
         "residual_rms": result.residual_rms,
         "fit": {
             "plant": fit.plant,
-            "evaluations": fit.evaluations,
-            "wall_time": fit.wall_time,
-            "history": fit.history,
+            "evaluations": fit.search.evaluations,
+            "wall_time": fit.search.wall_time,
+            "history": fit.search.history,
             "warnings": list(fit.warnings),
             "settings": {
                 "seed": fit.summary["settings"]["seed"],
