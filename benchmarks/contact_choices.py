@@ -118,7 +118,7 @@ class Choices:
 
     def twin(self) -> TwinConfig:
         """Return the twin; its payload is in link 7."""
-        mass = float(find_cell().loaded_robot(self.inertia).mass[6])  # type: ignore[arg-type]
+        mass = float(find_cell().loaded_robot(self.inertia).links.mass[6])
         scale = list(self.mass_scale)
         scale[6] += self.payload / mass
         names = {f.name for f in fields(self)} & {f.name for f in fields(TwinConfig)}

@@ -391,10 +391,9 @@ def _rms(vibration: Array) -> Array:
 def _true_chain(choices: Choices) -> _core.Chain:
     """Return the twin's chain, whose gravity is the true one."""
     twin = choices.twin()
-    robot = find_cell().loaded_robot(twin.inertia)
-    scale = np.array(twin.mass_scale)
-    actual: Any = replace(
-        robot, mass=robot.mass * scale, inertia=robot.inertia * scale[:, None, None]
-    )
+    robot, scale = find_cell().loaded_robot(twin.inertia), np.array(twin.mass_scale)
+    inertia = robot.links.inertia * scale[:, None, None]
+    links = replace(robot.links, mass=robot.links.mass * scale, inertia=inertia)
+    actual: Any = replace(robot, links=links)
     residual = np.array(twin.gravity_residual)
     return actual.chain(np.array([0.0, 0.0, -9.81]) + residual)

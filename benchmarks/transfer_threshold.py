@@ -52,8 +52,8 @@ GRADES = [
 def graded(twin: TwinConfig, kind: str, fraction: float) -> TwinConfig:
     """Return the twin at a part of its distance from the controller's model."""
     model, cell = nominal_model(), find_cell()
-    ratio = np.array(cell.loaded_robot(twin.inertia).mass) / np.array(
-        cell.loaded_robot().mass
+    ratio = np.array(cell.loaded_robot(twin.inertia).links.mass) / np.array(
+        cell.loaded_robot().links.mass
     )
     masses = np.array(twin.mass_scale) * ratio
     weight = fraction if kind in ("all", "weight") else 0.0

@@ -259,7 +259,7 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
 
 def check_drift(arm: FriArm, rest: Rest) -> Check:
     """Look at drift and external torque while the arm is held."""
-    motors = arm.facts.robot.tau_max
+    motors = arm.facts.robot.limits.tau_max
     share = np.abs(rest.external) / motors
     worst = int(np.argmax(share))
     detail = (

@@ -183,7 +183,7 @@ def test_facts_say_what_the_arm_was_built_with(arm):
     assert str(facts.task) == "XYZ:force A:pose BC:hold"
     assert facts.period == 0.005
     assert facts.osc.force_damping[0] == 16.0
-    assert facts.limits.dq_max.shape == facts.robot.dq_max.shape
+    assert facts.limits.dq_max.shape == facts.robot.limits.dq_max.shape
 
 
 def test_facts_say_whether_the_arm_can_be_disturbed_and_what_it_measures(arm):

@@ -346,5 +346,5 @@ def test_lost_doubled_and_late_messages_leave_time_right():
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
     assert steps.max() > 1.5
     speed = np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1])
-    assert (speed < CELL.loaded_robot().dq_max).all()
+    assert (speed < CELL.loaded_robot().limits.dq_max).all()
     arm.close()

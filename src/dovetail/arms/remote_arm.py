@@ -266,10 +266,10 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
         return offered
     if different := differences(robot, offered):
         first = different[0]
+        there, here = offered.arrays()[first], robot.arrays()[first]
         raise ConfigError(
             f"the service's robot {offered.name} is not this program's {robot.name}: "
             f"{', '.join(different)} differ, for example {first} is "
-            f"{vars(offered)[first].tolist()} there and "
-            f"{vars(robot)[first].tolist()} here; give both the same tool"
+            f"{there.tolist()} there and {here.tolist()} here; give both the same tool"
         )
     return robot

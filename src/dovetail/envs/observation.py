@@ -177,8 +177,8 @@ class Layout:
             self.places[name] = place
             self._unit[place], high[place] = group.scale, group.high
             if name == "joints":
-                self._zero[place] = (robot.q_max + robot.q_min) / 2.0
-                self._unit[place] = (robot.q_max - robot.q_min) / 2.0
+                self._zero[place] = (robot.limits.q_max + robot.limits.q_min) / 2.0
+                self._unit[place] = (robot.limits.q_max - robot.limits.q_min) / 2.0
                 self._is_log[place] = False
             if name == "position":
                 self._zero[place] = zero_offset

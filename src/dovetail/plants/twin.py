@@ -110,12 +110,13 @@ class TwinConfig:
 
     def on(self, robot: "Robot") -> Self:
         """Return the twin of a robot: with its own inertia set where it lacks this."""
-        return replace(self, inertia=robot.inertia_set) if self.lacks(robot) else self
+        own = robot.links.inertia_set
+        return replace(self, inertia=own) if self.lacks(robot) else self
 
     def lacks(self, robot: "Robot") -> str:
         """Say that a robot has not the twin's inertia set; empty where it has."""
-        own = robot.inertia_set
-        if self.inertia in (own, *robot.inertia_sets):
+        own = robot.links.inertia_set
+        if self.inertia in (own, *robot.links.inertia_sets):
             return ""
         return (
             f"the twin's inertia set {self.inertia!r} is of another robot: in its "

@@ -176,7 +176,9 @@ def read_configuration(message: pb.ResetRequest, robot: "Robot") -> tuple[Vec7, 
         FieldError: Names every wrong field.
     """
     fields = FieldReader()
-    q = fields.vector("q", message.q, JOINTS, "rad", (robot.q_min, robot.q_max))
+    q = fields.vector(
+        "q", message.q, JOINTS, "rad", (robot.limits.q_min, robot.limits.q_max)
+    )
     fixture = read_pose("fixture", message.fixture, fields)
     fields.finish()
     return q, fixture
