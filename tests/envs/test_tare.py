@@ -1,7 +1,5 @@
 """Tare: the f* that holds the weight, against the model's own gravity torque."""
 
-from dataclasses import replace
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ NEAR_NOTHING = np.array([0.0, 0.0, 1.0, -np.inf])
 
 
 def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
-    model = replace(nominal_model(), **changes)
+    model = nominal_model().having(**changes)
     name = "dovetail/PegInHole-v0"
     return gym.make(name, twin=model, tare=tare, task=task).unwrapped
 
@@ -27,7 +25,7 @@ def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
 def holding_f_star(env, q):
     """J M^-1 g of the residual gravity alone: what must be pulled against it."""
     chain = env.arm.facts.robot.chain(gravity=RESIDUAL)
-    M = chain.inertia_matrix(q) + np.diag(nominal_model().armature)
+    M = chain.inertia_matrix(q) + np.diag(nominal_model().arm.armature)
     return chain.jacobian(q) @ np.linalg.solve(M, chain.gravity(q))
 
 
@@ -114,7 +112,7 @@ def test_the_same_seed_measures_the_same(seed):
 
 def sag(name, axes, *, tare):
     """Largest position error of held axes [m] after a second at action 0."""
-    model = replace(nominal_model(), gravity_residual=RESIDUAL)
+    model = nominal_model().having(gravity_residual=RESIDUAL)
     env = gym.make(name, twin=model, tare=tare).unwrapped
     env.reset(seed=1)
     start = env.state

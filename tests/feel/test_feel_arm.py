@@ -50,7 +50,7 @@ def over_fri(plant, period, **cabinet):
 
 
 def twin(name, delay):
-    return TwinPlant(replace(load_twin(name), command_delay=delay), CELL)
+    return TwinPlant(load_twin(name).having(command_delay=delay), CELL)
 
 
 def feel(arm, seconds=1.5):

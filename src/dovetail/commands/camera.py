@@ -180,8 +180,9 @@ class CameraWatch:
         self, camera: "CameraFile", twin: "TwinCamera | None", console: Console
     ) -> bool:
         """Say whether the camera's place is known, and what follows where it is not."""
+        is_exact = twin is None or not any(twin.misplaced.numbers())
         try:
-            camera.require_calibrated(is_exact=twin is None or not any(twin.misplaced))
+            camera.require_calibrated(is_exact=is_exact)
         except ConfigError as error:
             console.print(
                 f"{error}. Until then places are in the camera's frame: x right, y "

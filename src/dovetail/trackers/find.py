@@ -122,7 +122,7 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
     from dovetail.perceive.camera import load_camera
 
     camera = load_camera(name)
-    is_exact = site.twin is None or not any(site.twin.misplaced)
+    is_exact = site.twin is None or not any(site.twin.misplaced.numbers())
     camera.require_calibrated(is_exact=is_exact)
     if not _wants_images(f"{name}?{query}", query):
         shift, turn = camera.deviation[:3], camera.deviation[3:]
@@ -157,14 +157,14 @@ def _of_twin(site: Site) -> Tracker:
             "has a table [camera], as `dovetail twin show medium` has, or --tracker "
             "truth"
         )
-    camera = site.twin
+    pictures, sight = site.twin.pictures, site.twin.sight
     return Late(
-        delay=camera.delay,
-        rate=camera.rate,
-        bias=camera.bias,
-        turn=camera.turn,
-        jitter=camera.jitter,
-        dropout=camera.dropout,
+        delay=pictures.delay,
+        rate=pictures.rate,
+        bias=sight.bias,
+        turn=sight.turn,
+        jitter=sight.jitter,
+        dropout=pictures.dropout,
     )
 
 
