@@ -87,7 +87,7 @@ def _stand(
     target = _core.Target(
         position_d=state.position.copy(), quat_wxyz_d=state.quat_wxyz.copy()
     )
-    wait = _SETTLE + camera.delay + _PATIENCE
+    wait = _SETTLE + camera.pictures.delay + _PATIENCE
     for _ in range(round(wait / POLICY_PERIOD)):
         state = arm.step(target, POLICY_PERIOD)
         frame = source.look(board_of(camera, cell, state.q), state)

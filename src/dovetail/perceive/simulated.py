@@ -42,10 +42,10 @@ def true_camera(camera: Camera, twin: TwinCamera) -> Camera:
     centre = tuple(np.add(lens.centre, misplaced.centre_error).tolist())
     turn = quat_from_vector(np.array(misplaced.rotation_error))
     rotation = quat_multiply(turn, camera.pose.quat_wxyz)
-    return replace(
-        camera,
+    position = np.add(camera.place.position, misplaced.position_error)
+    return camera.having(
         lens=replace(lens, focal=focal, centre=centre),
-        position=tuple(np.add(camera.position, misplaced.position_error).tolist()),
+        position=tuple(position.tolist()),
         rotation=tuple(rotation.tolist()),
         delay=twin.pictures.delay,
         rate=twin.pictures.rate,
@@ -65,7 +65,8 @@ class Simulated:
             cell: What it looks at.
             twin: In what it differs from that; None is in nothing.
         """
-        errors = twin or TwinCamera.of(delay=camera.delay, rate=camera.rate)
+        told = camera.pictures
+        errors = twin or TwinCamera.of(delay=told.delay, rate=told.rate)
         self.errors = errors
         self.camera = true_camera(camera, errors)
         self._cell = cell
@@ -76,7 +77,7 @@ class Simulated:
     def _begin(self, seed: int) -> None:
         self._seed, self._last = seed, -1_000_000
         rng = np.random.default_rng([_STREAM, seed])
-        self._phase = float(rng.uniform(0.0, 1.0 / self.camera.rate))
+        self._phase = float(rng.uniform(0.0, 1.0 / self.camera.pictures.rate))
         half = 0.4 * self.camera.board.side
         self._spot = np.array([*rng.uniform(-half, half, 2), 0.0])
         self._past.clear()
@@ -87,24 +88,24 @@ class Simulated:
         A camera on the flange gives none: the arm has to take it to where it sees.
         """
         self._begin(seed)
-        if self.camera.mount == "flange":
+        if self.camera.place.mount == "flange":
             return None
         q = self._cell.robot.posture("down")
         still = _Moment(0.0, q, fixture)
         picture = self._expose(still, still, self._rng(self._last))
-        return Frame(picture, self.camera.delay, q)
+        return Frame(picture, self.camera.pictures.delay, q)
 
     def look(self, fixture: Pose, state: ArmState) -> Frame | None:
         """Return the newest picture whose delay is over, if it was not lost."""
         self._remember(fixture, state)
-        camera, now = self.camera, state.stamp
-        newest = int(np.floor((now - camera.delay - self._phase) * camera.rate + 1e-9))
+        made, now = self.camera.pictures, state.stamp
+        newest = int(np.floor((now - made.delay - self._phase) * made.rate + 1e-9))
         while newest > self._last and self._is_lost(newest):
             newest -= 1
         if newest <= self._last:
             return None
         self._last = newest
-        stamp = newest / camera.rate + self._phase
+        stamp = newest / made.rate + self._phase
         half = self.errors.image.exposure / 2.0
         begin, middle, end = (self._at(stamp + part) for part in (-half, 0.0, half))
         picture = self._expose(begin, end, self._rng(newest))
@@ -129,7 +130,7 @@ class Simulated:
                     moved = _between(before, fixture, share)
                     past.append(_Moment(float(row[0]), row[_Q].copy(), moved))
         past.append(_Moment(state.stamp, state.q.copy(), fixture))
-        while past[0].stamp < state.stamp - self.camera.delay - _MEMORY:
+        while past[0].stamp < state.stamp - self.camera.pictures.delay - _MEMORY:
             past.popleft()
 
     def _at(self, stamp: float) -> _Moment:
@@ -147,7 +148,7 @@ class Simulated:
 
     def place(self, q: Vec7) -> Pose:
         """Return the camera in the world with the arm at q [rad]."""
-        if self.camera.mount == "world":
+        if self.camera.place.mount == "world":
             return self.camera.pose
         return compose(self._cell.robot.tool_pose(q), self.camera.pose)
 

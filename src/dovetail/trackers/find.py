@@ -125,10 +125,10 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
     is_exact = site.twin is None or not any(site.twin.misplaced.numbers())
     camera.require_calibrated(is_exact=is_exact)
     if not _wants_images(f"{name}?{query}", query):
-        shift, turn = camera.deviation[:3], camera.deviation[3:]
+        shift, turn = camera.place.deviation[:3], camera.place.deviation[3:]
         return Late(
-            delay=camera.delay,
-            rate=camera.rate,
+            delay=camera.pictures.delay,
+            rate=camera.pictures.rate,
             bias=_FEW * max(shift),
             turn=_FEW * max(turn),
         )
