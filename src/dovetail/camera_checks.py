@@ -221,7 +221,8 @@ def watch_moving(
         position_d=state.position.copy(), quat_wxyz_d=state.quat_wxyz.copy()
     )
     start, steps = state.position.copy(), round((_PAUSE + _MOTION) / period)
-    late = 0.0 if arm.facts.is_real_time else 0.5 * period  # it is asked so often
+    is_real_time = arm.facts.traits.is_real_time
+    late = 0.0 if is_real_time else 0.5 * period  # it is asked so often
     for step in range(steps):
         since = max(step * period - _PAUSE, 0.0)
         sines = sum(np.sin(2.0 * np.pi * f * since) for f in _FREQUENCIES)
@@ -233,7 +234,7 @@ def watch_moving(
         watched.way += ((tips - start) @ _WAY).tolist()
         frame = source.look(board(state.q), state)
         if frame is not None and since > 0.0:
-            waited = time.monotonic() - here if arm.facts.is_real_time else 0.0
+            waited = time.monotonic() - here if is_real_time else 0.0
             watched.frames.append(frame)
             watched.arrival.append(state.stamp + waited - late)
     return watched

@@ -195,8 +195,10 @@ def test_facts_say_whether_the_arm_can_be_disturbed_and_what_it_measures(arm):
         assert moved.position[0] > state.position[0] + 1e-3
     else:
         assert isinstance(arm, RemoteArm)
-    assert not arm.facts.is_real_time
-    assert np.isnan(state.contact_force).all() == (not arm.facts.measures_contact)
+    assert not arm.facts.traits.is_real_time
+    assert np.isnan(state.contact_force).all() == (
+        not arm.facts.traits.measures_contact
+    )
 
 
 def test_stop_clear_and_seed_are_taken_and_the_arm_follows_again(arm):

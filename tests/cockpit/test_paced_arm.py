@@ -73,7 +73,8 @@ class Distant:
     def __init__(self, arm):
         self._arm = arm
         facts = arm.facts
-        self.facts = replace(facts, is_simulated=False, is_real_time=True)
+        traits = replace(facts.traits, is_simulated=False, is_real_time=True)
+        self.facts = replace(facts, traits=traits)
         self.durations = []
         self.stops = 0
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
@@ -24,10 +24,12 @@ class FakeArm:
             ),
             task=TaskSpec.parse(task),
             period=period,
-            is_simulated=False,
-            is_real_time=False,
-            places_fixture=True,
-            measures_contact=True,
+            traits=ArmTraits(
+                is_simulated=False,
+                is_real_time=False,
+                places_fixture=True,
+                measures_contact=True,
+            ),
         )
         self.targets = []
         self.closed = False

@@ -319,7 +319,8 @@ def test_a_hole_out_of_reach_is_refused_saying_by_how_much(real, position, messa
 
 def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is():
     arm = FakeArm()
-    arm.facts = replace(arm.facts, places_fixture=False)
+    traits = replace(arm.facts.traits, places_fixture=False)
+    arm.facts = replace(arm.facts, traits=traits)
     env = make_env(PegInHole, arm)
     with pytest.raises(ConfigError, match="cannot move the hole: say where it is"):
         env.reset(seed=0)

@@ -66,7 +66,7 @@ def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
     builder = LocalBuilder("mujoco", make_plant("mujoco", cell, DynamicsConfig()))
     builder.places_fixture = places_fixture
     with ArmServer(builder, "127.0.0.1:0") as server:
-        assert connect(server).facts.places_fixture is places_fixture
+        assert connect(server).facts.traits.places_fixture is places_fixture
 
 
 @pytest.mark.parametrize("joint_mode", [False, True])

@@ -42,6 +42,21 @@ class ArmState(NamedTuple):
     """One row per control cycle of the step, columns CYCLE_COLUMNS."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ArmTraits:
+    """What an arm can do and what it is like, beside where it is."""
+
+    is_simulated: bool
+    """Whether it is a `SimulatedArm`: it can be pushed and its fixture moved."""
+    is_real_time: bool
+    """Whether the arm moves on while the learner thinks."""
+    places_fixture: bool
+    """Whether the fixture goes where a reset says; if not, it is where it is."""
+    measures_contact: bool
+    """Whether it may tell contact forces; if not, they are not-a-number. Behind a
+    service only that knows: this says yes."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmFacts:
     """What an arm is, from its building to its end."""
@@ -58,15 +73,8 @@ class ArmFacts:
     """Control period [s]."""
     address: str = ""
     """Where it is, as an address is written; empty where it was built without one."""
-    is_simulated: bool
-    """Whether it is a `SimulatedArm`: it can be pushed and its fixture moved."""
-    is_real_time: bool
-    """Whether the arm moves on while the learner thinks."""
-    places_fixture: bool
-    """Whether the fixture goes where a reset says; if not, it is where it is."""
-    measures_contact: bool
-    """Whether it may tell contact forces; if not, they are not-a-number. Behind a
-    service only that knows: this says yes."""
+    traits: ArmTraits
+    """What it can do and what it is like."""
 
 
 class Arm(Protocol):
@@ -147,4 +155,4 @@ def require_simulated(arm: Arm) -> SimulatedArm:
 
 def is_simulated(arm: Arm) -> TypeGuard[SimulatedArm]:
     """Say whether the arm can be pushed and its fixture moved."""
-    return arm.facts.is_simulated
+    return arm.facts.traits.is_simulated

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits
 from dovetail.arms.disturbance import Disturbance
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
@@ -51,10 +51,12 @@ class LocalArm:
             task=task,
             period=period,
             address=address,
-            is_simulated=True,
-            is_real_time=False,
-            places_fixture=True,
-            measures_contact=True,
+            traits=ArmTraits(
+                is_simulated=True,
+                is_real_time=False,
+                places_fixture=True,
+                measures_contact=True,
+            ),
         )
         self.controller = make_controller(robot, osc, limits, task, period)
         self._period = period

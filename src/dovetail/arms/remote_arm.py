@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import (
@@ -85,10 +85,12 @@ class RemoteArm:
                 task=settings.task,
                 period=settings.period,
                 address=address.text,
-                is_simulated=False,
-                is_real_time=info.real_time,
-                places_fixture=info.places_fixture,
-                measures_contact=True,
+                traits=ArmTraits(
+                    is_simulated=False,
+                    is_real_time=info.real_time,
+                    places_fixture=info.places_fixture,
+                    measures_contact=True,
+                ),
             )
             self._lease = self._acquire(name or client_name(), lease_timeout)
             self._steps = StepStream(self._connection, self._lease, timeout)

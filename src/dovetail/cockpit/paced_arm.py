@@ -83,7 +83,7 @@ class PacedArm:
         """
         if not is_simulated(self._arm):
             return self._slice(self._commanded(target, 0.0), duration)
-        is_whole = self.facts.is_real_time  # it keeps its own time, step by step
+        is_whole = self.facts.traits.is_real_time  # it keeps its own time, step by step
         count = 1 if is_whole else max(1, round(duration / SLICE))
         length = SLICE if count > 1 else duration
         parts = []
@@ -117,7 +117,7 @@ class PacedArm:
         begin = time.perf_counter()
         self._state = state = self._arm.step(target, duration)
         self.work = time.perf_counter() - begin
-        if not self.facts.is_real_time:
+        if not self.facts.traits.is_real_time:
             self._pace.wait(duration)
         self._see(state, self.fixture)
         return state

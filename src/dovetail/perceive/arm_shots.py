@@ -47,7 +47,7 @@ def take_shots(
         TrackerError: No picture comes.
         ArmError: The arm does not arrive.
     """
-    if camera.is_simulated and not arm.facts.is_simulated:
+    if camera.is_simulated and not arm.facts.traits.is_simulated:
         raise ConfigError(
             "the pictures of this camera are simulated, and this arm is not: give the "
             "file another source, device:NUMBER"

@@ -53,7 +53,7 @@ class Site:
     ) -> Self:
         """Return an arm's workcell, with the camera that a twin's file describes."""
         camera = None if twin is None else load_twin(twin).camera
-        return cls(cell=cell, twin=camera, is_simulated=arm.facts.is_simulated)
+        return cls(cell=cell, twin=camera, is_simulated=arm.facts.traits.is_simulated)
 
 
 def list_trackers() -> tuple[str, ...]:
