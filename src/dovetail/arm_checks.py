@@ -214,7 +214,7 @@ def hold(arm: FriArm, q: Vec7, seconds: float) -> Rest:
     for i in range(round(seconds / _STEP)):
         reached = arm.step(target, _STEP)
         if i * _STEP >= min(0.5, seconds / 2.0):
-            positions.append(reached.position)
+            positions.append(reached.tool.position)
             logs.append(reached.log)
             states.append(arm.monitoring())
     drift = np.linalg.norm(np.array(positions) - positions[0], axis=1).max()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.arm import Arm, ArmState
+from dovetail.arms.arm import Arm, ArmState, ToolState
 from dovetail.doctor import Check
 from dovetail.errors import TrackerError
 from dovetail.perceive.camera import Camera
@@ -186,7 +186,8 @@ def standing(q: Vec7, stamp: float = 0.0) -> ArmState:
     still, zero = np.zeros(6), np.zeros(3)
     quat = np.array([1.0, 0.0, 0.0, 0.0])
     log = np.zeros((0, len(CYCLE_COLUMNS)))
-    return ArmState(stamp, q, np.zeros(7), zero, quat, still, zero, still, 0, log)
+    tool = ToolState(zero, quat, still)
+    return ArmState(stamp, q, np.zeros(7), tool, zero, still, 0, log)
 
 
 def watch_still(source: ImageSource, fixture: Pose, state: ArmState) -> Watched:
@@ -218,9 +219,9 @@ def watch_moving(
     state = arm.reset(q, board(q))
     source.reset(board(state.q), 0)
     target = _core.Target(
-        position_d=state.position.copy(), quat_wxyz_d=state.quat_wxyz.copy()
+        position_d=state.tool.position.copy(), quat_wxyz_d=state.tool.quat_wxyz.copy()
     )
-    start, steps = state.position.copy(), round((_PAUSE + _MOTION) / period)
+    start, steps = state.tool.position.copy(), round((_PAUSE + _MOTION) / period)
     is_real_time = arm.facts.traits.is_real_time
     late = 0.0 if is_real_time else 0.5 * period  # it is asked so often
     for step in range(steps):

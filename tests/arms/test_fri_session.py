@@ -292,7 +292,7 @@ def test_a_receive_multiplier_gives_the_period_of_two_messages():
             state = arm.step(push(2.0), duration=0.04)
         assert state.log.shape[0] == 10
         np.testing.assert_allclose(np.diff(state.log[:, 0]), 0.004, atol=1e-9)
-        assert state.position[0] - before.position[0] > 0.02
+        assert state.tool.position[0] - before.tool.position[0] > 0.02
         arm.close()
 
 

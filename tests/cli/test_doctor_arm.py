@@ -219,6 +219,9 @@ def test_whoever_says_no_ends_the_checks():
     assert list(found) == NAMES[:5]
 
 
+STILL = SimpleNamespace(position=np.zeros(3))
+
+
 class StubArm:
     """An arm of which only what is measured matters."""
 
@@ -235,7 +238,7 @@ class StubArm:
     def step(self, target, duration):
         moved = self.follows * (np.asarray(target.q_d) - self.q)
         log = np.zeros((10, len(CYCLE_COLUMNS)))
-        return SimpleNamespace(q=self.q + moved, position=np.zeros(3), log=log)
+        return SimpleNamespace(q=self.q + moved, tool=STILL, log=log)
 
     def stop(self):
         self.is_stopped = True

@@ -66,16 +66,16 @@ def insert(session):
 @pytest.mark.parametrize("way", [(0.04, 0.0, 0.0), (0.0, -0.3, 0.02)])
 def test_the_tool_arrives_where_it_is_led_and_is_never_faster_than_a_hand(damping, way):
     env, core = make(force_damping=damping)
-    begin = core.state.position
+    begin = core.state.tool.position
     to = Pose(begin + np.minimum(np.abs(way), 0.06) * np.sign(way), goal_of(core)[1])
     led = Led(env, lambda c: action_towards(c, to))
     speeds = []
     for _ in range(60):
         *_, info = led.step(np.zeros(4, dtype=np.float32))
-        speeds.append(np.abs(core.state.velocity[:3]).max())
+        speeds.append(np.abs(core.state.tool.velocity[:3]).max())
         assert info["is_intervention"]
     assert max(speeds) < 1.3 * LEAD_SPEED
-    assert np.linalg.norm(core.state.position - to.position) < 0.002
+    assert np.linalg.norm(core.state.tool.position - to.position) < 0.002
     env.close()
 
 
@@ -86,7 +86,7 @@ def test_turns_are_those_of_the_command_map(turns):
         quat_from_vector(t * axis) for t, axis in zip(turns, np.eye(3), strict=True)
     )
     quat = quat_multiply(x, quat_multiply(y, quat_multiply(z, goal_of(core)[1])))
-    action = action_towards(core, Pose(core.state.position, quat))
+    action = action_towards(core, Pose(core.state.tool.position, quat))
     assert core.commands.axes == ("X", "Y", "Z", "A", "B", "C")
     np.testing.assert_allclose(0.3 * action[3:], turns[::-1], atol=1e-6)
     env.close()

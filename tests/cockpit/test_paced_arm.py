@@ -55,15 +55,15 @@ def test_a_held_arm_does_not_do_what_the_policy_says():
     env = make()
     arm = paced(env)
     env.reset(seed=1)
-    begin = env.state.position
+    begin = env.state.tool.position
     arm.stop()
     for _ in range(10):
         env.step(np.ones(4, dtype=np.float32))
-    assert np.linalg.norm(env.state.position - begin) < 1e-4
+    assert np.linalg.norm(env.state.tool.position - begin) < 1e-4
     arm.clear()
     for _ in range(10):
         env.step(np.ones(4, dtype=np.float32))
-    assert np.linalg.norm(env.state.position - begin) > 0.01
+    assert np.linalg.norm(env.state.tool.position - begin) > 0.01
     env.close()
 
 

@@ -137,7 +137,7 @@ def test_the_scripted_search_acts_in_the_place_of_a_policy(session):
     )
     session.start()
     simulate(session, 1.5)
-    down = matrix_from_quat(session.core.state.quat_wxyz)[2, 2]
+    down = matrix_from_quat(session.core.state.tool.quat_wxyz)[2, 2]
     assert np.arccos(-down) > 0.1  # rad: it tilts the part
 
 

@@ -103,9 +103,9 @@ class Drifting(Truth):
 def test_a_pose_that_changes_in_place_is_seen():
     env = make_env(PegInHole, tracker=Drifting())
     _, info = env.reset(seed=1)
-    before = info["position_error"][0] - env.state.position[0]
+    before = info["position_error"][0] - env.state.tool.position[0]
     *_, info = env.step(np.zeros(4, dtype=np.float32))
-    after = info["position_error"][0] - env.state.position[0]
+    after = info["position_error"][0] - env.state.tool.position[0]
     assert before - after == pytest.approx(0.01)
     env.close()
 

@@ -14,6 +14,17 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
 
 
+class ToolState(NamedTuple):
+    """Where the tool is and how it moves."""
+
+    position: Vec3
+    """TCP in the world by the controller's model [m], shape (3,)."""
+    quat_wxyz: Vec4
+    """TCP rotation in the world by the controller's model, w >= 0."""
+    velocity: Vec6
+    """TCP twist [m/s, rad/s], linear then angular, world axes."""
+
+
 class ArmState(NamedTuple):
     """What an arm knows of itself after a step."""
 
@@ -23,12 +34,8 @@ class ArmState(NamedTuple):
     """Measured configuration [rad], shape (7,)."""
     dq: Vec7
     """Measured joint velocity [rad/s], shape (7,)."""
-    position: Vec3
-    """TCP in the world by the controller's model [m], shape (3,)."""
-    quat_wxyz: Vec4
-    """TCP rotation in the world by the controller's model, w >= 0."""
-    velocity: Vec6
-    """TCP twist [m/s, rad/s], linear then angular, world axes."""
+    tool: ToolState
+    """Where the tool is and how it moves."""
     contact_force: Vec3
     """Largest contact force on the tool during the step [N], world axes, shape (3,);
     not-a-number where the arm cannot measure it."""

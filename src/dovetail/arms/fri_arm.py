@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits, ToolState
 from dovetail.arms.cabinet_control import CabinetControl
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_errors import (
@@ -375,7 +375,8 @@ class FriArm:
         q, dq, log = state.q, state.dq, self._rows(state.rows)
         self._left = q
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
-        return ArmState(stamp, q, dq, *seen[:3], np.full(3, np.nan), *seen[4:], log)
+        tool, none = ToolState(*seen[:3]), np.full(3, np.nan)
+        return ArmState(stamp, q, dq, tool, none, *seen[4:], log)
 
     def _rows(self, end: int) -> Array:
         begin = max(self._row, self._servo.oldest_row())

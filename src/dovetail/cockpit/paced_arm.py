@@ -91,7 +91,7 @@ class PacedArm:
             state, before = self._state, self.fixture
             if self._hand.is_busy and state is not None:
                 arm = require_simulated(self._arm)
-                self.fixture = self._hand.act(arm, state.position, before, length)
+                self.fixture = self._hand.act(arm, state.tool.position, before, length)
             parts.append(self._slice(self._commanded(target, i * length), length))
         return _joined(parts)
 
@@ -143,8 +143,8 @@ class PacedArm:
         """
         if self._state is None:
             return
-        hold = _core.Target()
-        hold.position_d, hold.quat_wxyz_d = self._state.position, self._state.quat_wxyz
+        hold, tool = _core.Target(), self._state.tool
+        hold.position_d, hold.quat_wxyz_d = tool.position, tool.quat_wxyz
         self._hold = hold
         if not is_simulated(self._arm):
             self._arm.stop()

@@ -85,8 +85,8 @@ def moment_of(
     return Moment(
         stamp=state.stamp,
         q=state.q,
-        position=state.position,
-        quat_wxyz=state.quat_wxyz,
+        position=state.tool.position,
+        quat_wxyz=state.tool.quat_wxyz,
         fixture=fixture,
         seen=seen,
         near=(goal.normal, goal.surface + core.config.approach.near_distance),
@@ -116,7 +116,7 @@ def used_limits(state: ArmState, facts: ArmFacts) -> tuple[float, ...]:
         _centred(state.q, limits.q_min, limits.q_max),
         np.abs(state.dq) / limits.dq_max,
         tau / limits.tau_max,
-        _centred(state.position, limits.x_min, limits.x_max),
+        _centred(state.tool.position, limits.x_min, limits.x_max),
     )
     return tuple(100.0 * float(share.max()) for share in shares)
 

@@ -85,7 +85,7 @@ def _stand(
 ) -> Shot:
     """Hold the arm where it is until a picture of that comes."""
     target = _core.Target(
-        position_d=state.position.copy(), quat_wxyz_d=state.quat_wxyz.copy()
+        position_d=state.tool.position.copy(), quat_wxyz_d=state.tool.quat_wxyz.copy()
     )
     wait = _SETTLE + camera.pictures.delay + _PATIENCE
     for _ in range(round(wait / POLICY_PERIOD)):
