@@ -44,7 +44,7 @@ def test_the_policy_finishes_and_what_it_did_can_be_replayed(session):
     assert episode["reward"].max() > 10.0
     recorded = Recorded.load(file)
     q, _, fixture = recorded.at(recorded.end)
-    np.testing.assert_array_equal(q, recorded.q[-1])
+    np.testing.assert_array_equal(q, recorded.motion.q[-1])
     np.testing.assert_allclose(fixture.position, session.moment.fixture.true.position)
     assert recorded.cell.name == session.core.cell.name
 
@@ -230,9 +230,10 @@ def test_each_reset_begins_a_log_and_says_where_the_fixture_went(session):
         session.diary.flush()
         assert len(session.diary.files) == count
     first, second = (Recorded.load(file) for file in session.diary.files)
-    before, after = first.fixtures[0][1].position, first.fixtures[-1][1].position
+    fixtures = first.changes.fixtures
+    before, after = fixtures[0][1].position, fixtures[-1][1].position
     np.testing.assert_allclose(after - before, [0.005, 0.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(second.fixtures[0][1].position, after)
+    np.testing.assert_allclose(second.changes.fixtures[0][1].position, after)
 
 
 def test_what_was_believed_and_pulled_is_drawn_again_in_the_replay(session):
