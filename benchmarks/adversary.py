@@ -212,11 +212,13 @@ class Adversary:
                 self.chain, damping=np.full(7, DAMPING), armature=np.full(7, ARMATURE)
             )
         scale = self.rng.uniform(1 - MASS_SPREAD, 1 + MASS_SPREAD, 7)
-        actual = replace(
-            self.robot,
-            mass=self.robot.mass * scale,
-            inertia=self.robot.inertia * scale[:, None, None],
+        links = self.robot.links
+        links = replace(
+            links,
+            mass=links.mass * scale,
+            inertia=links.inertia * scale[:, None, None],
         )
+        actual = replace(self.robot, links=links)
         return _core.RigidPlant(
             actual.chain(),
             damping=np.full(7, DAMPING),

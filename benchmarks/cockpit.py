@@ -142,7 +142,7 @@ def take_picture(session: Session, browser: Any, file: Path) -> None:
     wait_for(lambda: moment(session).stamp < 2.5)
     session.start()
     wait_for(lambda: moment(session).depth > 0.004)
-    session.pull(moment(session).position + np.array([0.0, 0.06, 0.02]))
+    session.pull(moment(session).tool.position + np.array([0.0, 0.06, 0.02]))
     time.sleep(0.8)
     session.pause()
     time.sleep(1.5)
@@ -174,7 +174,7 @@ class Watch:
         while not self._is_ended.wait(0.0005):
             now = self._session.moment
             if now is not last and now is not None:
-                self.seen.append((time.monotonic(), float(now.pull[2])))
+                self.seen.append((time.monotonic(), float(now.load.pull[2])))
                 last = now
 
     def close(self) -> None:
@@ -189,20 +189,20 @@ def measure_delay(
     """Print how long a mouse's move takes to be a force on the arm."""
     session.reset()
     time.sleep(1.0)
-    tip = moment(session).position
+    tip = moment(session).tool.position
     mouse, watch = Mouse(browser), Watch(session)
     low, high = (on_screen(browser, server, tip + h * UP) for h in (0.085, 0.115))
     begin = on_screen(browser, server, tip + 0.07 * UP)
     mouse.grab(begin)
     mouse.drag(low)
-    wait_for(lambda: moment(session).pull[2] > 1.0)
+    wait_for(lambda: moment(session).load.pull[2] > 1.0)
     delays = []
     for i in range(moves):
         time.sleep(0.3)
-        before = moment(session).pull[2]
+        before = moment(session).load.pull[2]
         said = time.monotonic()
         mouse.drag(high if i % 2 == 0 else low)
-        wait_for(lambda before=before: abs(moment(session).pull[2] - before) > 2.0)
+        wait_for(lambda before=before: abs(moment(session).load.pull[2] - before) > 2.0)
         time.sleep(0.02)
         delays.append(
             next(t for t, force in watch.seen if t > said and abs(force - before) > 2.0)
@@ -234,7 +234,7 @@ def click_about(
             mouse.grab(place)
             mouse.let_go(place)
         elif kind < 0.97:
-            tip = moment(session).position
+            tip = moment(session).tool.position
             with suppress(ValueError, ZeroDivisionError):
                 place = on_screen(browser, server, tip + 0.07 * UP)
             mouse.grab(place)
@@ -260,7 +260,7 @@ def verdict(session: Session) -> str:
     begin = moment(session)
     time.sleep(0.5)
     end = moment(session)
-    moved = 1e3 * float(np.linalg.norm(end.position - begin.position))
+    moved = 1e3 * float(np.linalg.norm(end.tool.position - begin.tool.position))
     alive = "goes on" if end.stamp > begin.stamp else "stands still"
     return (
         f"arm {session.status.mode}, moved {moved:.3f} mm in 0.5 s, time {alive}, "

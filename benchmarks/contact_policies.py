@@ -103,7 +103,7 @@ class Commander:
         self._theta = rng.uniform(-1.0, 1.0) * self.choices.theta
         if self.choices.policy == "seek":
             joint = rng.integers(7)
-            middle = 0.5 * (self.robot.q_min + self.robot.q_max)
+            middle = 0.5 * (self.robot.limits.q_min + self.robot.limits.q_max)
             sign = 1.0 if q[joint] > middle[joint] else -1.0
             self._signs = sign * np.sign(self.chain.jacobian(q)[:3, joint])
         elif self.choices.task in ("slide", "press", "jam") and rng.random() < INTO:

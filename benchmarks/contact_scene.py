@@ -95,7 +95,7 @@ def _posture(
         pose = sample_start(rng, hole, yaw, RandomisationConfig())
         return robot.inverse_kinematics(pose, seed), mouth
     while True:
-        q = rng.uniform(robot.q_min + 0.05, robot.q_max - 0.05)
+        q = rng.uniform(robot.limits.q_min + 0.05, robot.limits.q_max - 0.05)
         p = robot.tool_pose(q).position
         if min(np.min(p - WALLS[0]), np.min(WALLS[1] - p)) > 0.02:
             return q, mouth

@@ -139,10 +139,10 @@ class Trial:
         self.start: Start = make_start(self.rng, plant, choices)
         plant.attach_channel(
             _core.Channel(
-                delay=twin.command_delay,
-                torque_noise=twin.torque_noise,
-                position_noise=twin.position_noise,
-                velocity_noise=twin.velocity_noise,
+                delay=twin.channel.command_delay,
+                torque_noise=twin.channel.torque_noise,
+                position_noise=twin.channel.position_noise,
+                velocity_noise=twin.channel.velocity_noise,
                 seed=int(self.rng.integers(1 << 31)),
             )
         )
@@ -390,11 +390,10 @@ def _rms(vibration: Array) -> Array:
 
 def _true_chain(choices: Choices) -> _core.Chain:
     """Return the twin's chain, whose gravity is the true one."""
-    twin = choices.twin()
-    robot = find_cell().loaded_robot(twin.inertia)
-    scale = np.array(twin.mass_scale)
-    actual: Any = replace(
-        robot, mass=robot.mass * scale, inertia=robot.inertia * scale[:, None, None]
-    )
+    twin = choices.twin().arm
+    robot, scale = find_cell().loaded_robot(twin.inertia), np.array(twin.mass_scale)
+    inertia = robot.links.inertia * scale[:, None, None]
+    links = replace(robot.links, mass=robot.links.mass * scale, inertia=inertia)
+    actual: Any = replace(robot, links=links)
     residual = np.array(twin.gravity_residual)
     return actual.chain(np.array([0.0, 0.0, -9.81]) + residual)

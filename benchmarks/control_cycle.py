@@ -89,14 +89,14 @@ def time_cycles(settings: Settings) -> tuple[Array, float, list[Cycles]]:
 def pinocchio_model(robot: "Robot") -> Any:
     """Return the same arm as a Pinocchio model, the TCP as its last frame."""
     model = pin.Model()
-    parent = 0
+    parent, at, links = 0, robot.geometry, robot.links
     for i in range(7):
-        place = pin.SE3(robot.origin_rotation[i], robot.origin_position[i])
+        place = pin.SE3(at.origin_rotation[i], at.origin_position[i])
         parent = model.addJoint(parent, pin.JointModelRZ(), place, f"A{i + 1}")
-        body = pin.Inertia(float(robot.mass[i]), robot.com[i], robot.inertia[i])
+        body = pin.Inertia(float(links.mass[i]), links.com[i], links.inertia[i])
         model.appendBodyToJoint(parent, body, pin.SE3.Identity())
-    chain_tip = robot.flange_rotation @ robot.tool_position + robot.flange_position
-    place = pin.SE3(robot.flange_rotation @ robot.tool_rotation, chain_tip)
+    position, rotation = at.tool_in_link()
+    place = pin.SE3(rotation, position)
     model.addFrame(pin.Frame("tcp", parent, 0, place, pin.FrameType.OP_FRAME))
     return model
 

@@ -60,7 +60,7 @@ class Hand:
     def __init__(self, core: ContactEnv, rng: np.random.Generator) -> None:
         """Begin at the tool."""
         self._core, self._rng = core, rng
-        self._at = core.state.position.copy()
+        self._at = core.state.tool.position.copy()
         self._turn = self._turn_left()
         self._stroke: list[tuple[Vec3, float]] = []
         self._phase, self._tries = "line up", 0
@@ -71,7 +71,7 @@ class Hand:
         goal = self._core.task.goal(self._core.fixture)
         state = self._core.state
         twist = quat_multiply(
-            state.quat_wxyz, goal.quat_wxyz * np.array([1.0, -1.0, -1.0, -1.0])
+            state.tool.quat_wxyz, goal.quat_wxyz * np.array([1.0, -1.0, -1.0, -1.0])
         )
         return 2.0 * math.atan2(twist[3], twist[0])
 
@@ -117,7 +117,7 @@ class Hand:
     def _next(self) -> None:
         """Decide what to do after a stroke."""
         core = self._core
-        height = float((core.state.position - core.fixture.position)[2])
+        height = float((core.state.tool.position - core.fixture.position)[2])
         if self._phase == "line up":
             self._go(self._place(ABOVE), self._off_turn, 0.10)
             self._phase = "push"

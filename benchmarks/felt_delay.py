@@ -6,7 +6,6 @@ Each joint is pushed for two seconds; a line for each twin and period.
 """
 
 import argparse
-from dataclasses import replace
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
@@ -24,7 +23,7 @@ DELAYS = (0.0, 0.002, 0.005, 0.008, 0.010, 0.015)
 
 def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, float]:
     """Return the simulated and the measured delay [s]."""
-    config = replace(load_twin(twin), command_delay=delay, seed=seed)
+    config = load_twin(twin).having(command_delay=delay, seed=seed)
     arm = build_local_arm(
         find_cell(),
         TaskSpec.parse("XYZABC:hold"),
@@ -38,7 +37,7 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
     step = simulated_step(period)
     feeling = feel_arm(felt, q, limits.armature, integration_step=step, seed=seed)
     felt.close()
-    return config.command_delay, feeling.delay.delay
+    return config.channel.command_delay, feeling.delay.delay
 
 
 def main() -> None:

@@ -24,7 +24,7 @@ import grpc
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.arm import Arm, ArmState
+from dovetail.arms.arm import Arm, ArmState, ToolState
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.remote_arm import RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
@@ -55,9 +55,7 @@ class TimedArm:
         self.rest = (
             seven,
             seven,
-            three,
-            QUAT,
-            np.full(6, 0.1),
+            ToolState(three, QUAT, np.full(6, 0.1)),
             three,
             np.zeros(6),
             0,

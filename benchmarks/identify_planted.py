@@ -10,7 +10,6 @@ The last lines are the largest errors beside what they have to stay below.
 
 import argparse
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +37,7 @@ def recover(
 ) -> FitResult:
     """Record on an arm with planted values and fit."""
     parameters = ParameterSet.parse("paper")
-    model = replace(parameters.to_model(planted), seed=seed, **noise)
+    model = parameters.to_model(planted).having(seed=seed, **noise)
     quiet = Console(quiet=True)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -72,7 +71,7 @@ def main() -> None:
     medium = load_twin("medium")
     noises = {
         "no noise": {},
-        "noise of medium": {name: getattr(medium, name) for name in NOISE},
+        "noise of medium": {name: medium.flat()[name] for name in NOISE},
     }
     heads = ("gravity_x", "gravity_y", "gravity_z", "mass", "damping")
     worst = {name: np.zeros(3) for name in noises}

@@ -137,7 +137,7 @@ def run_client(
                 quat_wxyz_d=TOOL_DOWN,
             )
         )
-        if sign * state.position[1] > 0.15:
+        if sign * state.tool.position[1] > 0.15:
             sign = -sign
 
 

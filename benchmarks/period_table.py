@@ -162,15 +162,17 @@ def attempt(cell: Cell, job: Job) -> Try:
 
 def judge(log: np.ndarray, core: Any, *, success: bool, stopped: str) -> Try:
     """Return a try's numbers from the log of all its cycles."""
-    robot, (low, high) = core.arm.facts.robot, core.cell.walls
+    limits, (low, high) = core.arm.facts.robot.limits, core.cell.walls
     q, x = log[:, _Q], log[:, _XYZ]
     flags = log[:, COLUMN["flags"]].astype(np.int64)
     return Try(
         success=success and not stopped,
         cycles=len(log),
         outside=core.violations.count(np.ascontiguousarray(log)),
-        speed=float(np.max(np.abs(log[:, _DQ]) / robot.dq_max, initial=0.0)),
-        joint=float(np.max(np.maximum(q - robot.q_max, robot.q_min - q), initial=-9.0)),
+        speed=float(np.max(np.abs(log[:, _DQ]) / limits.dq_max, initial=0.0)),
+        joint=float(
+            np.max(np.maximum(q - limits.q_max, limits.q_min - q), initial=-9.0)
+        ),
         wall=float(np.max(np.maximum(x - high, low - x), initial=-9.0)),
         peak=float(np.max(np.linalg.norm(log[:, _FORCE], axis=1), initial=0.0)),
         flags={

@@ -28,13 +28,13 @@ def drift(twin: str, period: float, minutes: float) -> tuple[float, float]:
     nothing = np.zeros(env.action_space.shape, dtype=np.float32)
     for _ in range(SETTLE_STEPS):
         env.step(nothing)
-    q, x = env.state.q.copy(), env.state.position.copy()
+    q, x = env.state.q.copy(), env.state.tool.position.copy()
     joint = tool = 0.0
     for _ in range(round(60.0 * minutes / POLICY_PERIOD)):
         env.step(nothing)
         state = env.state
         joint = max(joint, float(np.abs(state.q - q).max()))
-        tool = max(tool, float(np.linalg.norm(state.position - x)))
+        tool = max(tool, float(np.linalg.norm(state.tool.position - x)))
     made.close()
     return joint, tool
 

@@ -9,7 +9,6 @@ a policy with it and without.
 
 import argparse
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -28,7 +27,7 @@ from dovetail.types import Array
 def without_friction(twin: TwinConfig) -> TwinConfig:
     """Return the twin without dry friction and noise."""
     silent = {"torque_noise": 0.0, "position_noise": 0.0, "velocity_noise": 0.0}
-    return replace(twin, coulomb=(0.0,) * 7, **silent)
+    return twin.having(coulomb=(0.0,) * 7, **silent)
 
 
 def tares(twin: TwinConfig, jobs: list[Job]) -> Array:

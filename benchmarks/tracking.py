@@ -154,7 +154,7 @@ class Robosuite:
             python: Interpreter with robosuite.
             kp: Its stiffness [1/s2].
         """
-        self.kp, self.tau_max, self.chain = kp, robot.tau_max, robot.chain()
+        self.kp, self.tau_max, self.chain = kp, robot.limits.tau_max, robot.chain()
         self.folder = tempfile.TemporaryDirectory()
         write_model(Path(self.folder.name))
         script = Path(__file__).with_name("robosuite_osc.py")

@@ -15,7 +15,6 @@ that are done are not done again.
 import argparse
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -52,19 +51,19 @@ GRADES = [
 def graded(twin: TwinConfig, kind: str, fraction: float) -> TwinConfig:
     """Return the twin at a part of its distance from the controller's model."""
     model, cell = nominal_model(), find_cell()
-    ratio = np.array(cell.loaded_robot(twin.inertia).mass) / np.array(
-        cell.loaded_robot().mass
+    ratio = np.array(cell.loaded_robot(twin.arm.inertia).links.mass) / np.array(
+        cell.loaded_robot().links.mass
     )
-    masses = np.array(twin.mass_scale) * ratio
+    masses = np.array(twin.arm.mass_scale) * ratio
     weight = fraction if kind in ("all", "weight") else 0.0
     changed: dict[str, Any] = {"mass_scale": tuple((masses**weight).tolist())}
     for name in NUMBERS:
-        start, end = np.array(getattr(model, name)), np.array(getattr(twin, name))
+        start, end = np.array(model.flat()[name]), np.array(twin.flat()[name])
         share = fraction if name in KINDS[kind] else 0.0
         value = start + share * (end - start)
         changed[name] = float(value) if value.ndim == 0 else tuple(value.tolist())
     about = f"{fraction:g} of the way from the model ({kind})"
-    return replace(twin, description=about, inertia="drake", **changed)
+    return twin.having(description=about, inertia="drake", **changed)
 
 
 def measure(

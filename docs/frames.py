@@ -22,12 +22,12 @@ def joint_positions(robot: Robot, q: np.ndarray) -> np.ndarray:
     position, rotation = np.zeros(3), np.eye(3)
     points = [position]
     for i in range(7):
-        position = position + rotation @ robot.origin_position[i]
+        position = position + rotation @ robot.geometry.origin_position[i]
         c, s = np.cos(q[i]), np.sin(q[i])
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        rotation = rotation @ robot.origin_rotation[i] @ turn
+        rotation = rotation @ robot.geometry.origin_rotation[i] @ turn
         points.append(position)
-    points.append(position + rotation @ robot.flange_position)
+    points.append(position + rotation @ robot.geometry.flange_position)
     return np.array(points)
 
 

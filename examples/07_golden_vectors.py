@@ -80,7 +80,7 @@ def make() -> dict[str, Any]:
     return {
         "about": "overlay torque [Nm]: gravity is the lowest level's; docs/control.md",
         "period": PERIOD,
-        "model": {name: np.asarray(vars(robot)[name]).tolist() for name in MODEL},
+        "model": {name: robot.arrays()[name].tolist() for name in MODEL},
         "law": plain(OscConfig.for_period(PERIOD, force_damping=[40.0] * 6)),
         "limits": plain(LimitConfig.for_period(robot, PERIOD, hardware=False, **FREE)),
         "cases": cases,

@@ -2,6 +2,7 @@
 
 import pickle
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from dovetail.errors import ConfigError, ReachError
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
 from dovetail.robots.iiwa14 import INERTIA_SETS, iiwa14
 from dovetail.robots.inertia import merge_bodies
-from dovetail.robots.robot import Payload, Robot
+from dovetail.robots.robot import Payload
 
 # Check pose, computed from the public models.
 Q_CHECK = np.array([0.3, 0.5, -0.2, -1.2, 0.4, 0.9, 0.7])
@@ -64,7 +65,7 @@ def test_payload_moves_the_tcp_and_adds_its_gravity(gripper):
     flange, tcp = bare.tool_pose(Q_CHECK), tool.tool_pose(Q_CHECK)
     R = matrix_from_quat(flange.quat_wxyz)
     np.testing.assert_allclose(tcp.position, flange.position + R[:, 2] * 0.18)
-    assert tool.mass[6] == pytest.approx(bare.mass[6] + 1.2)
+    assert tool.links.mass[6] == pytest.approx(bare.links.mass[6] + 1.2)
     at_com = iiwa14().with_tool(gripper, gripper.com)  # TCP where the payload hangs
     J = at_com.chain().jacobian(Q_CHECK)
     added = tool.chain().gravity(Q_CHECK) - bare.chain().gravity(Q_CHECK)
@@ -90,22 +91,21 @@ def test_merging_bodies_keeps_mass_and_second_moments(rng):
 
 
 @pytest.mark.parametrize(
-    ("field", "index", "value", "words"),
+    ("part", "field", "index", "value", "words"),
     [
-        ("mass", 2, 0.0, "link A3"),
-        ("mass", 0, np.nan, r"robot mass\[0\] is nan"),
-        ("tau_max", 5, -1.0, r"tau_max\[A6\]"),
-        ("q_max", 3, -3.0, "joint A4"),
-        ("dq_max", 6, 0.0, r"dq_max\[A7\]"),
+        ("links", "mass", 2, 0.0, "link A3"),
+        ("links", "mass", 0, np.nan, r"robot mass\[0\] is nan"),
+        ("limits", "tau_max", 5, -1.0, r"tau_max\[A6\]"),
+        ("limits", "q_max", 3, -3.0, "joint A4"),
+        ("limits", "dq_max", 6, 0.0, r"dq_max\[A7\]"),
     ],
 )
-def test_a_wrong_fact_is_refused_with_its_joint(field, index, value, words):
-    robot = iiwa14()
-    facts = robot.__getstate__()
-    facts[field] = np.array(facts[field])
-    facts[field][index] = value
+def test_a_wrong_fact_is_refused_with_its_joint(part, field, index, value, words):
+    facts = vars(iiwa14())[part]
+    wrong = np.array(vars(facts)[field])
+    wrong[index] = value
     with pytest.raises(ConfigError, match=words):
-        Robot(**facts)
+        replace(facts, **{field: wrong})
 
 
 def test_a_payload_no_body_can_have_is_refused():
@@ -136,16 +136,18 @@ def test_inverse_kinematics_finds_every_pose_of_the_workspace(robot, rng, q_home
         reached = robot.tool_pose(q)
         np.testing.assert_allclose(reached.position, position, atol=2e-6)
         assert abs(abs(reached.quat_wxyz @ quat) - 1.0) < 1e-10
-        assert (q > robot.q_min).all()
-        assert (q < robot.q_max).all()
+        assert (q > robot.limits.q_min).all()
+        assert (q < robot.limits.q_max).all()
     assert np.median(durations) < 0.02  # s; about 1 ms on an idle core
 
 
 def test_inverse_kinematics_recovers_random_reachable_poses(robot, rng):
     found = 0
     for _ in range(100):
-        q = rng.uniform(0.8 * robot.q_min, 0.8 * robot.q_max)
-        seed = np.clip(q + rng.normal(0, 0.5, 7), robot.q_min, robot.q_max)
+        q = rng.uniform(0.8 * robot.limits.q_min, 0.8 * robot.limits.q_max)
+        seed = np.clip(
+            q + rng.normal(0, 0.5, 7), robot.limits.q_min, robot.limits.q_max
+        )
         pose = robot.tool_pose(q)
         answer = robot.inverse_kinematics(pose, seed)
         found += np.linalg.norm(robot.tool_pose(answer).position - pose.position) < 1e-5

@@ -49,9 +49,9 @@ def test_a_urdf_with_other_axes_equals_pinocchio(tmp_path, rng):
     pin = need("pinocchio")
     path = write(tmp_path, urdf())
     robot = Robot.from_urdf(path, flange="hand")
-    np.testing.assert_allclose(robot.q_max, 2.0)
-    np.testing.assert_allclose(robot.dq_max, 1.5)
-    np.testing.assert_allclose(robot.tau_max, 100 - np.arange(7))
+    np.testing.assert_allclose(robot.limits.q_max, 2.0)
+    np.testing.assert_allclose(robot.limits.dq_max, 1.5)
+    np.testing.assert_allclose(robot.limits.tau_max, 100 - np.arange(7))
     model = pin.buildModelFromXML(path.read_text(encoding="utf-8"))
     data, hand = model.createData(), model.getFrameId("hand")
     chain = robot.chain()
@@ -73,7 +73,8 @@ def test_a_urdf_with_other_axes_equals_pinocchio(tmp_path, rng):
 def test_the_urdf_of_pybullet_is_our_pybullet_set(rng):
     folder = need("pybullet_data").getDataPath()
     read = Robot.from_urdf(f"{folder}/kuka_iiwa/model.urdf").chain()
-    ours, flange = iiwa14("pybullet").chain(), iiwa14("pybullet").flange_position
+    own = iiwa14("pybullet")
+    ours, flange = own.chain(), own.geometry.flange_position
     for _ in range(100):
         q, dq = rng.uniform(-2, 2, 7), rng.uniform(-1, 1, 7)
         p, R = read.pose(q)
@@ -102,7 +103,8 @@ def test_seven_of_more_joints_can_be_chosen(tmp_path):
     path = write(tmp_path, urdf(("revolute",) * 8))
     names = [f"J{i}" for i in range(1, 8)]
     robot = Robot.from_urdf(path, joints=names)
-    assert robot.mass[6] == pytest.approx(1.2 + 0.9 + 0.5)  # link8 and hand ride on it
+    end = robot.links.mass[6]  # link8 and hand ride on it
+    assert end == pytest.approx(1.2 + 0.9 + 0.5)
     with pytest.raises(ConfigError, match="has no joint 'J9'; known: J1, J2"):
         Robot.from_urdf(path, joints=[*names[:6], "J9"])
     with pytest.raises(ConfigError, match="J2 does not follow joint J3"):
@@ -113,7 +115,7 @@ def test_a_missing_limit_names_the_joint(tmp_path):
     path = write(tmp_path, urdf(velocity=""))
     with pytest.raises(ConfigError, match="no dq_max for joint J1"):
         Robot.from_urdf(path)
-    assert Robot.from_urdf(path, dq_max=np.ones(7)).dq_max[3] == 1.0
+    assert Robot.from_urdf(path, dq_max=np.ones(7)).limits.dq_max[3] == 1.0
 
 
 def test_files_that_are_no_robot_are_refused(tmp_path):

@@ -11,9 +11,10 @@ from dovetail.robots.iiwa14 import iiwa14
 OWN = """
 from dataclasses import replace
 from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.motors import Motors
 
 def strong():
-    return replace(iiwa14(), name="strong", armature=[0.2] * 7)
+    return replace(iiwa14(), name="strong", motors=Motors(armature=[0.2] * 7))
 
 def nothing():
     return 7
@@ -58,6 +59,6 @@ def test_what_is_no_robot_is_refused(own, name, words):
 def test_an_inertia_set_is_put_on_the_bare_arm():
     lbr, back = iiwa14("lbr"), iiwa14("lbr").with_inertia("drake")
     assert (lbr.name, back.name) == ("iiwa14-lbr", "iiwa14-drake")
-    np.testing.assert_array_equal(back.mass, iiwa14().mass)
+    np.testing.assert_array_equal(back.links.mass, iiwa14().links.mass)
     with pytest.raises(ConfigError, match="known: drake, pybullet, lbr"):
         lbr.with_inertia("kuka")

@@ -214,7 +214,7 @@ def hold(arm: FriArm, q: Vec7, seconds: float) -> Rest:
     for i in range(round(seconds / _STEP)):
         reached = arm.step(target, _STEP)
         if i * _STEP >= min(0.5, seconds / 2.0):
-            positions.append(reached.position)
+            positions.append(reached.tool.position)
             logs.append(reached.log)
             states.append(arm.monitoring())
     drift = np.linalg.norm(np.array(positions) - positions[0], axis=1).max()
@@ -259,7 +259,7 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
 
 def check_drift(arm: FriArm, rest: Rest) -> Check:
     """Look at drift and external torque while the arm is held."""
-    motors = arm.facts.robot.tau_max
+    motors = arm.facts.robot.limits.tau_max
     share = np.abs(rest.external) / motors
     worst = int(np.argmax(share))
     detail = (

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.arm import Arm, ArmState
+from dovetail.arms.arm import Arm, ArmState, ToolState
 from dovetail.doctor import Check
 from dovetail.errors import TrackerError
 from dovetail.perceive.camera import Camera
@@ -65,9 +65,9 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
     frames = watched.frames
     if not frames:
         words = "gives no picture: is it plugged in, and free?"
-        yield Check("camera", "broken", f"{camera.source} {words}")
+        yield Check("camera", "broken", f"{camera.pictures.source} {words}")
         return
-    yield Check("camera", "ok", f"{camera.source}, {len(frames)} pictures")
+    yield Check("camera", "ok", f"{camera.pictures.source}, {len(frames)} pictures")
     shape, lens = frames[0].picture.shape, camera.lens
     is_size = shape == (lens.height, lens.width)
     size = f"{shape[1]} x {shape[0]} pixels, calibrated at {lens.width} x {lens.height}"
@@ -76,7 +76,7 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
     if not is_size:
         return
     yield check_rate(camera, watched.arrival)
-    detector = Detector(camera.board, lens, camera.edge_noise)
+    detector = Detector(camera.board, lens, camera.pictures.edge_noise)
     sights = [detector.find(frame.picture) for frame in frames]
     seen = [i for i, sight in enumerate(sights) if isinstance(sight, Sight)]
     looks = zip(frames, sights, strict=True)
@@ -121,8 +121,8 @@ def check_rate(camera: Camera, arrival: list[float]) -> Check:
     if len(arrival) < 3 or span <= 0.0:
         return Check("rate", "broken", "fewer than 3 pictures came; see its cable")
     rate = (len(arrival) - 1) / span
-    is_ok = abs(rate / camera.rate - 1.0) <= RATE_OFF
-    words = f"{rate:.1f} 1/s, the file says {camera.rate:g} +- {RATE_OFF:.0%}"
+    is_ok = abs(rate / camera.pictures.rate - 1.0) <= RATE_OFF
+    words = f"{rate:.1f} 1/s, the file says {camera.pictures.rate:g} +- {RATE_OFF:.0%}"
     advice = "" if is_ok else ": more light, a shorter exposure, or correct the file"
     return _check("rate", is_ok, words + advice)
 
@@ -162,7 +162,8 @@ def check_delay(
         return Check("delay", "broken", "the board was seen too seldom to tell")
     felt = fit_delay(np.array(watched.time), np.array(watched.way), arrival, places)
     if not MOVED[0] <= felt.moved <= MOVED[1]:
-        carries = "the tool is to hold the board" if camera.mount == "world" else ""
+        is_beside = camera.place.mount == "world"
+        carries = "the tool is to hold the board" if is_beside else ""
         return Check(
             "delay",
             "broken",
@@ -171,11 +172,11 @@ def check_delay(
         )
     words = (
         f"{1e3 * felt.delay:.1f} +- {1.96e3 * felt.deviation:.1f} ms (95 %), the file "
-        f"says {1e3 * camera.delay:g} +- {1e3 * DELAY_OFF:g}"
+        f"says {1e3 * camera.pictures.delay:g} +- {1e3 * DELAY_OFF:g}"
     )
     if felt.deviation > UNSURE or felt.delay >= LONGEST - 0.002:
         return Check("delay", "broken", f"{words}: not sure; more light, and again")
-    is_ok = abs(felt.delay - camera.delay) <= DELAY_OFF
+    is_ok = abs(felt.delay - camera.pictures.delay) <= DELAY_OFF
     advice = "" if is_ok else f": write delay = {felt.delay:.3f} into the file"
     return _check("delay", is_ok, words + advice)
 
@@ -185,7 +186,8 @@ def standing(q: Vec7, stamp: float = 0.0) -> ArmState:
     still, zero = np.zeros(6), np.zeros(3)
     quat = np.array([1.0, 0.0, 0.0, 0.0])
     log = np.zeros((0, len(CYCLE_COLUMNS)))
-    return ArmState(stamp, q, np.zeros(7), zero, quat, still, zero, still, 0, log)
+    tool = ToolState(zero, quat, still)
+    return ArmState(stamp, q, np.zeros(7), tool, zero, still, 0, log)
 
 
 def watch_still(source: ImageSource, fixture: Pose, state: ArmState) -> Watched:
@@ -217,10 +219,11 @@ def watch_moving(
     state = arm.reset(q, board(q))
     source.reset(board(state.q), 0)
     target = _core.Target(
-        position_d=state.position.copy(), quat_wxyz_d=state.quat_wxyz.copy()
+        position_d=state.tool.position.copy(), quat_wxyz_d=state.tool.quat_wxyz.copy()
     )
-    start, steps = state.position.copy(), round((_PAUSE + _MOTION) / period)
-    late = 0.0 if arm.facts.is_real_time else 0.5 * period  # it is asked so often
+    start, steps = state.tool.position.copy(), round((_PAUSE + _MOTION) / period)
+    is_real_time = arm.facts.traits.is_real_time
+    late = 0.0 if is_real_time else 0.5 * period  # it is asked so often
     for step in range(steps):
         since = max(step * period - _PAUSE, 0.0)
         sines = sum(np.sin(2.0 * np.pi * f * since) for f in _FREQUENCIES)
@@ -232,7 +235,7 @@ def watch_moving(
         watched.way += ((tips - start) @ _WAY).tolist()
         frame = source.look(board(state.q), state)
         if frame is not None and since > 0.0:
-            waited = time.monotonic() - here if arm.facts.is_real_time else 0.0
+            waited = time.monotonic() - here if is_real_time else 0.0
             watched.frames.append(frame)
             watched.arrival.append(state.stamp + waited - late)
     return watched

@@ -58,10 +58,10 @@ def run_camera_checks(
         ConfigError: A recording, which has no time; or an arm that cannot be moved.
         DovetailError: Camera or arm cannot be had.
     """
-    if camera.source.startswith("folder:"):
+    if camera.pictures.source.startswith("folder:"):
         raise ConfigError(
-            f"{camera.source} is a recording: it has no rate and no delay; give the "
-            "file the source device:NUMBER"
+            f"{camera.pictures.source} is a recording: it has no rate and no delay; "
+            "give the file the source device:NUMBER"
         )
     if address is None and camera.is_simulated:
         address = PlantAddress(engine="mujoco")

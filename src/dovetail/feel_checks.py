@@ -142,7 +142,7 @@ def check_gravity_error(
     detail = f"{_list(error)} Nm missed"
     if np.abs(error).max() > NOTHING:
         detail += f"; {_load_text(robot, load)}"
-    share = np.abs(error) / robot.tau_max
+    share = np.abs(error) / robot.limits.tau_max
     worst = int(np.argmax(share))
     if share[worst] > GRAVITY_SHARE:
         return Check(

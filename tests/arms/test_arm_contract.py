@@ -75,8 +75,8 @@ def test_reset_gives_the_start_at_rest(arm):
     state = arm.reset(q, HOLE)
     assert state.stamp == 0.0
     np.testing.assert_allclose(state.q, q, atol=1e-3)
-    np.testing.assert_allclose(state.position, [0.60, 0.0, 0.16], atol=1e-3)
-    np.testing.assert_allclose(state.velocity, np.zeros(6), atol=0.02)
+    np.testing.assert_allclose(state.tool.position, [0.60, 0.0, 0.16], atol=1e-3)
+    np.testing.assert_allclose(state.tool.velocity, np.zeros(6), atol=0.02)
     assert state.log.shape == (0, len(CYCLE_COLUMNS))
 
 
@@ -96,7 +96,7 @@ def test_without_a_command_the_arm_stays(arm):
     for _ in range(20):
         state = arm.step(push([0.0, 0.0, 0.0]))
     # The easy twin's gravity residual of 0.08 m/s2 pushes against D = 16 1/s.
-    np.testing.assert_allclose(state.position, before.position, atol=0.02)
+    np.testing.assert_allclose(state.tool.position, before.tool.position, atol=0.02)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
@@ -105,7 +105,7 @@ def test_force_axis_moves_the_tool_along_it(arm, axis):
     f_star = 2.0 * np.eye(3)[axis]
     for _ in range(6):
         state = arm.step(push(f_star))
-    moved = state.position - before.position
+    moved = state.tool.position - before.tool.position
     assert moved[axis] > 0.015
     assert np.abs(np.delete(moved, axis)).max() < 0.3 * moved[axis]
 
@@ -115,7 +115,7 @@ def test_pose_axis_follows_theta_while_the_rest_is_held(arm):
     for _ in range(30):
         state = arm.step(push([0.0, 0.0, 0.0], theta=0.15))
     wanted = quat_multiply(quat_about_z(0.15), TOOL_DOWN)
-    error = rotation_error(wanted, state.quat_wxyz)
+    error = rotation_error(wanted, state.tool.quat_wxyz)
     np.testing.assert_allclose(error, np.zeros(3), atol=0.03)
 
 
@@ -173,7 +173,7 @@ def test_engines_move_alike_in_free_air():
         for i in range(20):
             f_star = 3.0 * np.array([np.sin(0.4 * i), np.cos(0.4 * i), 0.2])
             state = arm.step(push(f_star, theta=0.1))
-        logs.append(state.position)
+        logs.append(state.tool.position)
         arm.close()
     np.testing.assert_allclose(logs[0], logs[1], atol=1e-4)
 
@@ -183,7 +183,7 @@ def test_facts_say_what_the_arm_was_built_with(arm):
     assert str(facts.task) == "XYZ:force A:pose BC:hold"
     assert facts.period == 0.005
     assert facts.osc.force_damping[0] == 16.0
-    assert facts.limits.dq_max.shape == facts.robot.dq_max.shape
+    assert facts.limits.dq_max.shape == facts.robot.limits.dq_max.shape
 
 
 def test_facts_say_whether_the_arm_can_be_disturbed_and_what_it_measures(arm):
@@ -192,11 +192,13 @@ def test_facts_say_whether_the_arm_can_be_disturbed_and_what_it_measures(arm):
         arm.move_fixture(HOLE, np.array([0.0, 0.0, 0.0]))
         arm.push(np.array([30.0, 0.0, 0.0]), 0.1)
         moved = arm.step(_core.Target(), 0.1)
-        assert moved.position[0] > state.position[0] + 1e-3
+        assert moved.tool.position[0] > state.tool.position[0] + 1e-3
     else:
         assert isinstance(arm, RemoteArm)
-    assert not arm.facts.is_real_time
-    assert np.isnan(state.contact_force).all() == (not arm.facts.measures_contact)
+    assert not arm.facts.traits.is_real_time
+    assert np.isnan(state.contact_force).all() == (
+        not arm.facts.traits.measures_contact
+    )
 
 
 def test_stop_clear_and_seed_are_taken_and_the_arm_follows_again(arm):

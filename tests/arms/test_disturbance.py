@@ -35,7 +35,7 @@ def test_a_push_moves_the_tool_its_way_and_ends_with_its_time(arm):
     plain = arm.plant.push
     arm.plant.push = lambda force: (forces.append(np.array(force)), plain(force))
     arm.push(np.array([0.0, 30.0, 0.0]), 0.062)
-    moved = arm.step(target).position[1]
+    moved = arm.step(target).tool.position[1]
     assert moved > 1e-4
     arm.step(target)
     arm.step(target)

@@ -22,7 +22,7 @@ def test_every_twin_is_driven_for_a_second_in_one_motion(twin, period):
         arm.reset(START, HOLE)
         for i in range(20):
             state = arm.step(push(0.0, (1.0, -1.0)[i // 10]))
-            assert (np.abs(state.dq) < plant.robot.dq_max).all()
+            assert (np.abs(state.dq) < plant.robot.limits.dq_max).all()
         assert state.stamp == pytest.approx(1.0)
         status = arm.ask("status")
         assert status["counts"].get("active_missed", 0) == 0

@@ -292,7 +292,7 @@ def test_a_receive_multiplier_gives_the_period_of_two_messages():
             state = arm.step(push(2.0), duration=0.04)
         assert state.log.shape[0] == 10
         np.testing.assert_allclose(np.diff(state.log[:, 0]), 0.004, atol=1e-9)
-        assert state.position[0] - before.position[0] > 0.02
+        assert state.tool.position[0] - before.tool.position[0] > 0.02
         arm.close()
 
 
@@ -346,5 +346,5 @@ def test_lost_doubled_and_late_messages_leave_time_right():
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-6)
     assert steps.max() > 1.5
     speed = np.abs(log[:, COLUMN["dq1"] : COLUMN["dq7"] + 1])
-    assert (speed < CELL.loaded_robot().dq_max).all()
+    assert (speed < CELL.loaded_robot().limits.dq_max).all()
     arm.close()

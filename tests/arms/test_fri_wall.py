@@ -43,7 +43,7 @@ def test_a_step_takes_as_long_as_it_says(arm):
         state = arm.step(push(0.5))
     assert 0.4 < time.monotonic() - begin < 2.0
     assert state.stamp == pytest.approx(0.5, abs=0.1)
-    assert state.position[0] > 0.6
+    assert state.tool.position[0] > 0.6
 
 
 def test_a_long_step_is_no_missing_target(arm):

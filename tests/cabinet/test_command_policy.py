@@ -132,7 +132,7 @@ def test_missed_commands_are_held_then_dropped_then_stop():
 
 def test_a_command_after_missed_ones_may_have_moved_on():
     policy = make(command_speed_factor=1.0, hold_slots=3, stop_slots=6)
-    step = 1.2 * float(iiwa14().dq_max[0]) * 0.005
+    step = 1.2 * float(iiwa14().limits.dq_max[0]) * 0.005
     assert "commanded speed" in act(policy, command(moved(IPO, 0, step), ZERO))
     act(policy, command(IPO, ZERO))
     act(policy, None)

@@ -1,7 +1,6 @@
 """The doctor at an arm's first power-on, played by a simulated cabinet."""
 
 from contextlib import contextmanager
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -165,7 +164,7 @@ def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
 
 
 def test_a_delay_outside_the_table_is_refused_whatever_is_declared(tmp_path):
-    late = replace(load_twin("easy"), command_delay=0.015)
+    late = load_twin("easy").having(command_delay=0.015)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     check = check_of(
@@ -196,7 +195,7 @@ def test_a_period_outside_the_table_is_named():
 @pytest.mark.parametrize(("delay", "is_let_go"), [(0.02, False), (0.03, True)])
 def test_an_arm_that_oscillates_at_rest_is_said_to(tmp_path, delay, is_let_go):
     """20 ms of delay are held, trembling; with 30 ms at 1 ms it is let go of."""
-    late = replace(load_twin("easy"), command_delay=delay)
+    late = load_twin("easy").having(command_delay=delay)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     arm = build_local_arm(
@@ -220,6 +219,9 @@ def test_whoever_says_no_ends_the_checks():
     assert list(found) == NAMES[:5]
 
 
+STILL = SimpleNamespace(position=np.zeros(3))
+
+
 class StubArm:
     """An arm of which only what is measured matters."""
 
@@ -236,7 +238,7 @@ class StubArm:
     def step(self, target, duration):
         moved = self.follows * (np.asarray(target.q_d) - self.q)
         log = np.zeros((10, len(CYCLE_COLUMNS)))
-        return SimpleNamespace(q=self.q + moved, position=np.zeros(3), log=log)
+        return SimpleNamespace(q=self.q + moved, tool=STILL, log=log)
 
     def stop(self):
         self.is_stopped = True

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -66,7 +65,7 @@ def test_an_error_that_quotes_a_file_steers_no_terminal(tmp_path, capsys):
 def test_a_strangers_twin_is_shown_as_a_file_in_every_language(
     encoding, tmp_path, monkeypatch
 ):
-    twin = replace(load_twin("easy"), description=STRANGE)
+    twin = load_twin("easy").having(description=STRANGE)
     file, again = tmp_path / "twin.toml", tmp_path / "again.toml"
     file.write_text(twin.to_toml(), encoding="utf-8")
     raw = io.BytesIO()

@@ -23,14 +23,16 @@ from dovetail.robots.iiwa14 import iiwa14
 
 def weak():
     arm = iiwa14()
-    tau_max = [*arm.tau_max[:5], 1.0, 1.0]  # Nm: the tool is too heavy for it
-    return replace(arm, name="weak", tau_max=tau_max)
+    tau_max = [*arm.limits.tau_max[:5], 1.0, 1.0]  # Nm: the tool is too heavy for it
+    return replace(arm, name="weak", limits=replace(arm.limits, tau_max=tau_max))
 
 def own():
     return replace(iiwa14(), name="own")
 
 def single():
-    return replace(own(), inertia_set="nominal", inertia_sets={})
+    arm = own()
+    links = replace(arm.links, inertia_set="nominal", inertia_sets={})
+    return replace(arm, links=links)
 """
 LACK = "the twin's inertia set 'lbr' is of another robot: in its place 'nominal' of own"
 
@@ -94,7 +96,9 @@ def test_nothing_is_said_of_a_robot_that_has_it(capsys):
 
 
 def test_in_python_it_is_a_warning():
-    robot = replace(iiwa14(), inertia_set="nominal", inertia_sets={})
+    robot = iiwa14()
+    links = replace(robot.links, inertia_set="nominal", inertia_sets={})
+    robot = replace(robot, links=links)
     cell = make_task(DEFAULT_ENV, {}).workcell(robot)
     with pytest.warns(UnprovenWarning, match="'nominal' of"):
         plant = TwinPlant(load_twin("medium"), cell)

@@ -4,7 +4,6 @@ import io
 import subprocess
 import sys
 import warnings
-from dataclasses import replace
 
 import gymnasium as gym
 import pytest
@@ -27,7 +26,7 @@ def far(tmp_path):
     """File of a twin that is later, and heavier, than the limits were made for."""
     file = tmp_path / "far.toml"
     masses = (1.3,) + (1.0,) * 6
-    twin = replace(load_twin("medium"), command_delay=0.015, mass_scale=masses)
+    twin = load_twin("medium").having(command_delay=0.015, mass_scale=masses)
     file.write_text(twin.to_toml())
     return file
 

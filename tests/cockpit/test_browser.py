@@ -79,10 +79,10 @@ def test_the_arm_is_pulled_by_its_gizmo_until_that_is_let_go(browser, cockpit):
     session, server = cockpit
     button(browser, "Reset").click()
     wait_for(lambda: session.moment.stamp < 1.0)
-    tip = session.moment.position
+    tip = session.moment.tool.position
     mouse, end = drag_up(browser, server, tip, 0.07)
-    wait_for(lambda: session.moment.pull[2] > 5.0)
-    wait_for(lambda: session.moment.position[2] > tip[2] + 0.0005)
+    wait_for(lambda: session.moment.load.pull[2] > 5.0)
+    wait_for(lambda: session.moment.tool.position[2] > tip[2] + 0.0005)
     mouse.let_go(end)
     wait_for(lambda: session.hand.pull_to is None)
 
@@ -93,10 +93,10 @@ def test_a_demonstration_is_led_by_the_gizmo_and_kept(browser, cockpit):
     button(browser, "Begin").click()
     wait_for(lambda: session.diary.is_demonstration)
     wait_for(lambda: session.moment.stamp > 0.3)
-    tip = session.moment.position
+    tip = session.moment.tool.position
     mouse, end = drag_up(browser, server, tip, 0.09)
     wait_for(lambda: session.status.mode == "led")
-    wait_for(lambda: session.moment.position[2] > tip[2] + 0.01)
+    wait_for(lambda: session.moment.tool.position[2] > tip[2] + 0.01)
     mouse.let_go(end)
     wait_for(lambda: not session.guide.is_leading)
     button(browser, "Keep").click()
@@ -107,19 +107,19 @@ def test_a_demonstration_is_led_by_the_gizmo_and_kept(browser, cockpit):
 
 def test_the_fixture_is_dragged_while_the_camera_is_covered(browser, cockpit):
     session, server = cockpit
-    begin = session.moment.fixture.position
+    begin = session.moment.fixture.true.position
     button(browser, "Cover the camera").click()
     wait_for(lambda: session.is_covered)
     mouse = driven.Mouse(browser)
-    turn = matrix_from_quat(session.moment.fixture.quat_wxyz)
+    turn = matrix_from_quat(session.moment.fixture.true.quat_wxyz)
     here = on_screen(browser, server, begin + 0.11 * turn[:, 0])
     there = on_screen(browser, server, begin + 0.13 * turn[:, 0])
     mouse.grab(here)
     for share in np.linspace(0.2, 1.0, 5):
         mouse.drag(np.array(here) + share * (np.array(there) - here))
     mouse.let_go(there)
-    wait_for(lambda: session.moment.fixture.position[0] > begin[0] + 0.005)
-    np.testing.assert_array_equal(session.moment.seen.position, begin)
+    wait_for(lambda: session.moment.fixture.true.position[0] > begin[0] + 0.005)
+    np.testing.assert_array_equal(session.moment.fixture.seen.position, begin)
 
 
 def test_who_leaves_the_page_leaves_the_arm_held_and_what_was_done_is_played_back(

@@ -74,7 +74,8 @@ def test_the_page_of_an_arm_that_has_not_moved_yet_is_drawn_and_then_shows_it(
     wait_until(lambda: session.status.mode == "held")
     frames = page.frames
     wait_until(lambda: page.frames > frames + 10)
-    np.testing.assert_allclose(session.moment.near[0], [0.0, 0.0, 1.0], atol=1e-9)
+    normal, _ = session.moment.fixture.near
+    np.testing.assert_allclose(normal, [0.0, 0.0, 1.0], atol=1e-9)
     page.close()
     server.stop()
 
@@ -167,9 +168,9 @@ def test_without_a_policy_an_arm_elsewhere_is_led(make_session, service):
     session = make_session(policy=NOBODY, place=f"grpc://{service.address}")
     session.reset()
     wait_until(lambda: session.status.mode == "held")
-    begin = session.moment.position
-    to = Pose(begin + np.array([0.0, 0.0, 0.03]), session.moment.quat_wxyz)
+    begin = session.moment.tool.position
+    to = Pose(begin + np.array([0.0, 0.0, 0.03]), session.moment.tool.quat_wxyz)
     session.guide.grab(to)
-    wait_until(lambda: session.moment.position[2] > begin[2] + 0.02)
+    wait_until(lambda: session.moment.tool.position[2] > begin[2] + 0.02)
     session.guide.let_go()
     wait_until(lambda: session.status.mode == "held")

@@ -58,7 +58,7 @@ def insert(session):
     goal = goal_of(core)
     above = goal.position + np.array([0.0, 0.0, 0.05])
     guide.grab(Pose(above, goal.quat_wxyz))
-    wait_until(lambda: np.linalg.norm(session.moment.position - above) < 0.002)
+    wait_until(lambda: np.linalg.norm(session.moment.tool.position - above) < 0.002)
     guide.move(Pose(goal.position, goal.quat_wxyz))
 
 
@@ -66,16 +66,16 @@ def insert(session):
 @pytest.mark.parametrize("way", [(0.04, 0.0, 0.0), (0.0, -0.3, 0.02)])
 def test_the_tool_arrives_where_it_is_led_and_is_never_faster_than_a_hand(damping, way):
     env, core = make(force_damping=damping)
-    begin = core.state.position
+    begin = core.state.tool.position
     to = Pose(begin + np.minimum(np.abs(way), 0.06) * np.sign(way), goal_of(core)[1])
     led = Led(env, lambda c: action_towards(c, to))
     speeds = []
     for _ in range(60):
         *_, info = led.step(np.zeros(4, dtype=np.float32))
-        speeds.append(np.abs(core.state.velocity[:3]).max())
+        speeds.append(np.abs(core.state.tool.velocity[:3]).max())
         assert info["is_intervention"]
     assert max(speeds) < 1.3 * LEAD_SPEED
-    assert np.linalg.norm(core.state.position - to.position) < 0.002
+    assert np.linalg.norm(core.state.tool.position - to.position) < 0.002
     env.close()
 
 
@@ -86,7 +86,7 @@ def test_turns_are_those_of_the_command_map(turns):
         quat_from_vector(t * axis) for t, axis in zip(turns, np.eye(3), strict=True)
     )
     quat = quat_multiply(x, quat_multiply(y, quat_multiply(z, goal_of(core)[1])))
-    action = action_towards(core, Pose(core.state.position, quat))
+    action = action_towards(core, Pose(core.state.tool.position, quat))
     assert core.commands.axes == ("X", "Y", "Z", "A", "B", "C")
     np.testing.assert_allclose(0.3 * action[3:], turns[::-1], atol=1e-6)
     env.close()
@@ -147,9 +147,9 @@ def test_a_person_leads_the_tool_in_without_a_policy_and_the_log_says_so(make_se
 def test_a_correction_takes_over_from_a_policy_and_gives_back(session):
     session.start()
     wait_until(lambda: session.moment.stamp > 0.2)
-    here = session.moment.position + np.array([0.0, 0.0, 0.05])
-    session.guide.grab(Pose(here, session.moment.quat_wxyz))
-    wait_until(lambda: np.linalg.norm(session.moment.position - here) < 0.003)
+    here = session.moment.tool.position + np.array([0.0, 0.0, 0.05])
+    session.guide.grab(Pose(here, session.moment.tool.quat_wxyz))
+    wait_until(lambda: np.linalg.norm(session.moment.tool.position - here) < 0.003)
     assert session.status.mode == "led"
     session.guide.let_go()
     wait_until(lambda: session.status.success)
@@ -163,27 +163,27 @@ def test_a_correction_takes_over_from_a_policy_and_gives_back(session):
 
 def test_let_go_the_arm_is_held_and_a_stop_ends_the_lead(make_session):
     session = make_session(policy=NOBODY)
-    begin = session.moment.position
-    far = Pose(begin + np.array([0.0, 0.1, 0.0]), session.moment.quat_wxyz)
+    begin = session.moment.tool.position
+    far = Pose(begin + np.array([0.0, 0.1, 0.0]), session.moment.tool.quat_wxyz)
     session.guide.grab(far)
-    wait_until(lambda: session.moment.position[1] > begin[1] + 0.01)
+    wait_until(lambda: session.moment.tool.position[1] > begin[1] + 0.01)
     session.stop()
     session.guide.move(far)
     wait_until(lambda: session.status.mode == "held" and session.core.arm.is_held)
     stamp = session.moment.stamp
     wait_until(lambda: session.moment.stamp > stamp + 0.5)
-    rest = session.moment.position
+    rest = session.moment.tool.position
     wait_until(lambda: session.moment.stamp > stamp + 0.8)
-    assert np.linalg.norm(session.moment.position - rest) < 1e-4
+    assert np.linalg.norm(session.moment.tool.position - rest) < 1e-4
 
 
 def lead_a_little(session):
     session.demonstrate()
     wait_until(lambda: session.diary.is_demonstration and session.moment.stamp < 0.3)
-    begin = session.moment.position
-    place = Pose(begin + np.array([0.0, 0.0, 0.03]), session.moment.quat_wxyz)
+    begin = session.moment.tool.position
+    place = Pose(begin + np.array([0.0, 0.0, 0.03]), session.moment.tool.quat_wxyz)
     session.guide.grab(place)
-    wait_until(lambda: session.moment.position[2] > begin[2] + 0.01)
+    wait_until(lambda: session.moment.tool.position[2] > begin[2] + 0.01)
     session.guide.let_go()
 
 
@@ -278,16 +278,16 @@ def test_an_unplugged_mouse_holds_the_arm_and_loses_nothing(make_session, device
     wait_until(lambda: not session.guide.is_leading)
     time.sleep(0.05)
     device.cap[2] = 1.0
-    begin = session.moment.position[2]
-    wait_until(lambda: session.moment.position[2] > begin + 0.01)
+    begin = session.moment.tool.position[2]
+    wait_until(lambda: session.moment.tool.position[2] > begin + 0.01)
     device.error = OSError("Failed to read from HID device: -1")
     wait_until(lambda: "cannot be read any more" in session.status.note)
     assert not session.guide.has_mouse
     stamp = session.moment.stamp
     wait_until(lambda: session.moment.stamp > stamp + 0.5)
-    rest = session.moment.position
+    rest = session.moment.tool.position
     wait_until(lambda: session.moment.stamp > stamp + 0.8)
-    assert np.linalg.norm(session.moment.position - rest) < 5e-4
+    assert np.linalg.norm(session.moment.tool.position - rest) < 5e-4
     session.close()
     assert len(session.diary.demonstrations) == 1
 

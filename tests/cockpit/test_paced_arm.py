@@ -55,15 +55,15 @@ def test_a_held_arm_does_not_do_what_the_policy_says():
     env = make()
     arm = paced(env)
     env.reset(seed=1)
-    begin = env.state.position
+    begin = env.state.tool.position
     arm.stop()
     for _ in range(10):
         env.step(np.ones(4, dtype=np.float32))
-    assert np.linalg.norm(env.state.position - begin) < 1e-4
+    assert np.linalg.norm(env.state.tool.position - begin) < 1e-4
     arm.clear()
     for _ in range(10):
         env.step(np.ones(4, dtype=np.float32))
-    assert np.linalg.norm(env.state.position - begin) > 0.01
+    assert np.linalg.norm(env.state.tool.position - begin) > 0.01
     env.close()
 
 
@@ -73,7 +73,8 @@ class Distant:
     def __init__(self, arm):
         self._arm = arm
         facts = arm.facts
-        self.facts = replace(facts, is_simulated=False, is_real_time=True)
+        traits = replace(facts.traits, is_simulated=False, is_real_time=True)
+        self.facts = replace(facts, traits=traits)
         self.durations = []
         self.stops = 0
 

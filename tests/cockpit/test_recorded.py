@@ -36,7 +36,7 @@ def test_a_log_is_drawn_at_any_time(write, env):
     recorded = Recorded.load(write(describe_cell(env)))
     assert recorded.end == pytest.approx(0.2, abs=0.006)
     for time, row in ((-1.0, 0), (0.0, 0), (recorded.end, -1), (99.0, -1)):
-        np.testing.assert_array_equal(recorded.at(time)[0], recorded.q[row])
+        np.testing.assert_array_equal(recorded.at(time)[0], recorded.motion.q[row])
     assert recorded.curves.shape[1] == len(COLUMNS)
     assert len(recorded.path(recorded.end)) <= 601
 
@@ -86,12 +86,12 @@ def test_a_belief_or_pull_that_is_no_table_is_refused(write, key, rows):
 def test_an_unmeasured_force_is_the_estimated_one(write, env, tmp_path):
     episode = Episode.load(write({}))
     measured = Recorded.load(tmp_path / "log.npz")
-    assert not measured.is_estimated
+    assert not measured.motion.is_estimated
     columns = [episode.columns.index(name) for name in ("fx", "fy", "fz")]
     episode.data[:, columns] = np.nan
     estimated = Recorded.load(episode.save(tmp_path / "estimated.npz"))
-    assert estimated.is_estimated
-    np.testing.assert_array_equal(estimated.force[:, 2], episode["wrench_fz"])
+    assert estimated.motion.is_estimated
+    np.testing.assert_array_equal(estimated.motion.force[:, 2], episode["wrench_fz"])
     assert np.isfinite(estimated.curves[:, COLUMNS.index("force")]).all()
 
 
@@ -100,7 +100,7 @@ def test_two_logs_are_as_far_apart_as_they_were(write):
     two = Recorded.load(write({}, action=0.5, name="two.npz"))
     apart = one.compared(two)[:, -1]
     assert apart[0] < 1.0
-    expected = 1e3 * np.linalg.norm(one.position[-1] - two.position[-1])
+    expected = 1e3 * np.linalg.norm(one.motion.position[-1] - two.motion.position[-1])
     assert apart[-1] == pytest.approx(expected)
     assert expected > 0.5
     np.testing.assert_array_equal(one.compared(one)[:, -1], 0.0)

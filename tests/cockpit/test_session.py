@@ -28,10 +28,10 @@ def simulate(session, duration):
 
 
 def test_at_first_the_arm_is_held(session):
-    begin = session.moment.position
+    begin = session.moment.tool.position
     simulate(session, 0.5)
     assert session.status.mode == "held"
-    assert np.linalg.norm(session.moment.position - begin) < 1e-4
+    assert np.linalg.norm(session.moment.tool.position - begin) < 1e-4
 
 
 def test_the_policy_finishes_and_what_it_did_can_be_replayed(session):
@@ -44,8 +44,8 @@ def test_the_policy_finishes_and_what_it_did_can_be_replayed(session):
     assert episode["reward"].max() > 10.0
     recorded = Recorded.load(file)
     q, _, fixture = recorded.at(recorded.end)
-    np.testing.assert_array_equal(q, recorded.q[-1])
-    np.testing.assert_allclose(fixture.position, session.moment.fixture.position)
+    np.testing.assert_array_equal(q, recorded.motion.q[-1])
+    np.testing.assert_allclose(fixture.position, session.moment.fixture.true.position)
     assert recorded.cell.name == session.core.cell.name
 
 
@@ -53,13 +53,13 @@ def test_a_stop_holds_the_arm_at_once_and_a_start_goes_on(session):
     session.start()
     wait_until(lambda: session.moment.stamp > 0.4)
     session.stop()
-    begin = session.moment.position
+    begin = session.moment.tool.position
     wait_until(lambda: session.status.mode == "held")
     simulate(session, 0.5)
-    rest = session.moment.position
+    rest = session.moment.tool.position
     assert np.linalg.norm(rest - begin) < 0.01
     simulate(session, 0.3)
-    assert np.linalg.norm(session.moment.position - rest) < 1e-4
+    assert np.linalg.norm(session.moment.tool.position - rest) < 1e-4
     stamp = session.moment.stamp
     session.start()
     wait_until(lambda: session.status.success)
@@ -68,24 +68,24 @@ def test_a_stop_holds_the_arm_at_once_and_a_start_goes_on(session):
 
 @pytest.mark.parametrize("far", [0.02, 0.5])
 def test_the_tool_follows_a_pull_of_at_most_so_much(session, far):
-    begin = session.moment.position
+    begin = session.moment.tool.position
     way = np.array([0.0, far, 0.0])
     session.pull(begin + way)
     simulate(session, 0.5)
-    moved = (session.moment.position - begin)[1]
+    moved = (session.moment.tool.position - begin)[1]
     assert moved > 1e-4
-    assert 0.0 < np.linalg.norm(session.moment.pull) <= PULL_MAX + 1e-9
-    assert max(session.moment.used) < 100.0
+    assert 0.0 < np.linalg.norm(session.moment.load.pull) <= PULL_MAX + 1e-9
+    assert max(session.moment.load.used) < 100.0
     session.pull(None)
     simulate(session, 0.5)
-    assert not session.moment.pull.any()
-    assert (session.moment.position - begin)[1] < 0.5 * moved
+    assert not session.moment.load.pull.any()
+    assert (session.moment.tool.position - begin)[1] < 0.5 * moved
 
 
 def test_a_pull_to_the_end_of_the_world_is_as_hard_as_any(session):
     session.pull(np.array([-1e308, 1e308, 0.0]))
     simulate(session, 0.5)
-    assert np.linalg.norm(session.moment.pull) == pytest.approx(PULL_MAX)
+    assert np.linalg.norm(session.moment.load.pull) == pytest.approx(PULL_MAX)
     assert session.violations == 0
     with pytest.raises(ConfigError, match="nan"):
         session.pull(np.array([0.0, np.nan, 0.0]))
@@ -95,39 +95,39 @@ def test_a_pull_to_the_end_of_the_world_is_as_hard_as_any(session):
 
 
 def test_a_dragged_fixture_follows_no_faster_than_a_hand(session):
-    begin = session.moment.fixture
+    begin = session.moment.fixture.true
     session.drag(begin.position + np.array([0.03, 0.02, 0.0]), 0.1)
     simulate(session, 0.1)
-    moved = np.linalg.norm(session.moment.fixture.position - begin.position)
+    moved = np.linalg.norm(session.moment.fixture.true.position - begin.position)
     assert 0.0 < moved <= DRAG_SPEED * 0.12
     simulate(session, 0.5)
     np.testing.assert_allclose(
-        session.moment.fixture.position,
+        session.moment.fixture.true.position,
         begin.position + np.array([0.03, 0.02, 0.0]),
         atol=1e-9,
     )
-    assert session.core.fixture is session.moment.fixture
+    assert session.core.fixture is session.moment.fixture.true
 
 
 def test_a_fixture_out_of_reach_is_refused_and_stays(session):
-    begin = session.moment.fixture
+    begin = session.moment.fixture.true
     with pytest.raises(ConfigError, match=r"outside the workspace|can be reached"):
         session.drag(begin.position + np.array([0.5, 0.0, 0.0]), 0.0)
     simulate(session, 0.1)
-    np.testing.assert_array_equal(session.moment.fixture.position, begin.position)
+    np.testing.assert_array_equal(session.moment.fixture.true.position, begin.position)
 
 
 def test_a_covered_camera_believes_what_it_saw_last(session):
-    seen = session.moment.seen
+    seen = session.moment.fixture.seen
     session.cover(True)
     simulate(session, 0.1)
     session.drag(seen.position + np.array([0.01, 0.0, 0.0]), 0.0)
     simulate(session, 0.3)
-    np.testing.assert_array_equal(session.moment.seen.position, seen.position)
+    np.testing.assert_array_equal(session.moment.fixture.seen.position, seen.position)
     session.cover(False)
     simulate(session, 0.1)
-    believed, true = session.moment.seen.position, session.moment.fixture.position
-    np.testing.assert_array_equal(believed, true)
+    fixture = session.moment.fixture
+    np.testing.assert_array_equal(fixture.seen.position, fixture.true.position)
 
 
 def test_the_scripted_search_acts_in_the_place_of_a_policy(session):
@@ -137,7 +137,7 @@ def test_the_scripted_search_acts_in_the_place_of_a_policy(session):
     )
     session.start()
     simulate(session, 1.5)
-    down = matrix_from_quat(session.core.state.quat_wxyz)[2, 2]
+    down = matrix_from_quat(session.core.state.tool.quat_wxyz)[2, 2]
     assert np.arccos(-down) > 0.1  # rad: it tilts the part
 
 
@@ -165,14 +165,14 @@ def test_paused_time_stands_still_but_for_single_steps(session):
 
 
 def test_another_choice_is_built_and_the_fixture_stays_where_it_was_dragged(session):
-    place = session.moment.fixture.position + np.array([0.01, 0.0, 0.0])
+    place = session.moment.fixture.true.position + np.array([0.01, 0.0, 0.0])
     session.drag(place, 0.0)
     simulate(session, 0.4)
     version = session.version
     session.choose(Choice(policy=NOBODY, place="twin:easy"))
     wait_until(lambda: session.version > version)
     wait_until(lambda: session.status.mode == "held")
-    np.testing.assert_allclose(session.moment.fixture.position, place, atol=1e-9)
+    np.testing.assert_allclose(session.moment.fixture.true.position, place, atol=1e-9)
     session.start()
     wait_until(lambda: "no policy" in session.status.note)
 
@@ -222,16 +222,18 @@ def test_while_the_arm_is_only_held_nothing_is_written(session):
 
 def test_each_reset_begins_a_log_and_says_where_the_fixture_went(session):
     for count in (1, 2):
-        session.drag(session.moment.fixture.position + np.array([0.005, 0.0, 0.0]), 0.0)
+        begin = session.moment.fixture.true.position
+        session.drag(begin + np.array([0.005, 0.0, 0.0]), 0.0)
         simulate(session, 0.2)
         session.reset()
         wait_until(lambda: session.moment.stamp < 0.1)
         session.diary.flush()
         assert len(session.diary.files) == count
     first, second = (Recorded.load(file) for file in session.diary.files)
-    before, after = first.fixtures[0][1].position, first.fixtures[-1][1].position
+    fixtures = first.changes.fixtures
+    before, after = fixtures[0][1].position, fixtures[-1][1].position
     np.testing.assert_allclose(after - before, [0.005, 0.0, 0.0], atol=1e-9)
-    np.testing.assert_allclose(second.fixtures[0][1].position, after)
+    np.testing.assert_allclose(second.changes.fixtures[0][1].position, after)
 
 
 def test_what_was_believed_and_pulled_is_drawn_again_in_the_replay(session):
@@ -239,9 +241,9 @@ def test_what_was_believed_and_pulled_is_drawn_again_in_the_replay(session):
     session.cover(True)
     session.reset()
     simulate(session, 0.1)
-    begin = session.moment.fixture.position
+    begin = session.moment.fixture.true.position
     session.drag(begin + np.array([0.0, 0.02, 0.0]), 0.0)
-    session.pull(session.moment.position + np.array([0.0, 0.0, 0.05]))
+    session.pull(session.moment.tool.position + np.array([0.0, 0.0, 0.05]))
     simulate(session, 0.4)
     session.close()
     recorded = Recorded.load(session.diary.files[-1])
@@ -267,7 +269,7 @@ def test_a_log_that_cannot_be_written_is_told_and_the_arm_goes_on(
 ):
     (tmp_path / "file").write_text("in the way")
     session = make_session(logs=tmp_path / "file" / "logs")
-    session.pull(session.moment.position)
+    session.pull(session.moment.tool.position)
     simulate(session, 0.1)
     session.reset()
     wait_until(lambda: session.diary.problem)
@@ -284,7 +286,7 @@ def test_a_simulated_camera_tells_where_the_fixture_is(opengl, make_session, tmp
     session.reset()
     simulate(session, 0.2)
     assert session.status.mode == "held"
-    error = session.moment.seen.position - session.moment.fixture.position
+    error = session.moment.fixture.seen.position - session.moment.fixture.true.position
     assert 0.0 < np.linalg.norm(error) < 0.005
 
 
@@ -293,7 +295,7 @@ def test_a_camera_on_the_arm_looks_from_above_first(opengl, make_session):
     need("cv2")
     file = Path(__file__).parents[2] / "examples" / "flange.toml"
     session = make_session(policy=NOBODY, settings={**PLAIN, "tracker": str(file)})
-    error = session.moment.seen.position - session.moment.fixture.position
+    error = session.moment.fixture.seen.position - session.moment.fixture.true.position
     assert 0.0 < np.linalg.norm(error) < 0.005
 
 

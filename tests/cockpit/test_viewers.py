@@ -84,21 +84,21 @@ def place(position):
 def test_the_second_viewer_only_watches_until_the_first_has_left(served):
     session, _, server = served
     one, two = Viewer(server), Viewer(server)
-    up = session.moment.position + np.array([0.0, 0.0, 0.05])
-    down = session.moment.position - np.array([0.0, 0.0, 0.05])
+    up = session.moment.tool.position + np.array([0.0, 0.0, 0.05])
+    down = session.moment.tool.position - np.array([0.0, 0.0, 0.05])
     one.drag("/pull", up)
-    wait_until(lambda: session.moment.pull[2] > 1.0)
+    wait_until(lambda: session.moment.load.pull[2] > 1.0)
     two.drag("/pull", down)
     two.let_go("/pull")
     two.send(CAMERA)
     end = session.moment.stamp + 0.4
     wait_until(lambda: session.moment.stamp > end)
-    assert session.moment.pull[2] > 1.0
+    assert session.moment.load.pull[2] > 1.0
     one.close()
     wait_until(lambda: session.hand.pull_to is None)
-    wait_until(lambda: not session.moment.pull.any())
+    wait_until(lambda: not session.moment.load.pull.any())
     two.drag("/pull", down)
-    wait_until(lambda: session.moment.pull[2] < -1.0)
+    wait_until(lambda: session.moment.load.pull[2] < -1.0)
     two.close()
 
 
@@ -107,18 +107,18 @@ def test_of_two_drivers_only_the_first_leads_and_a_page_that_closes_leads_no_mor
 ):
     session, page, server = served
     one, two = Viewer(server), Viewer(server)
-    begin = session.moment.position
+    begin = session.moment.tool.position
     one.drag("/lead", begin + np.array([0.0, 0.05, 0.0]))
     time.sleep(0.2)
     assert not session.guide.is_leading  # it is not switched on
     page.panel.leads.show(True)
     one.drag("/lead", begin + np.array([0.0, 0.05, 0.0]))
-    wait_until(lambda: session.moment.position[1] > begin[1] + 0.01)
+    wait_until(lambda: session.moment.tool.position[1] > begin[1] + 0.01)
     two.drag("/lead", begin - np.array([0.0, 0.05, 0.0]))
     two.let_go("/lead")
     end = session.moment.stamp + 0.5
     wait_until(lambda: session.moment.stamp > end)
-    assert session.moment.position[1] > begin[1] + 0.02
+    assert session.moment.tool.position[1] > begin[1] + 0.02
     assert session.status.mode == "led"
     one.close()
     wait_until(lambda: session.status.mode == "held" and session.core.arm.is_held)
@@ -134,13 +134,13 @@ def test_of_two_drivers_only_the_first_leads_and_a_page_that_closes_leads_no_mor
 def test_what_no_mouse_can_do_moves_nothing_out_of_its_limits(served, name, bad):
     session, page, server = served
     page.panel.leads.show(True)
-    fixture = session.moment.fixture.position
+    fixture = session.moment.fixture.true.position
     viewer = Viewer(server)
     viewer.drag(name, [bad, 0.0, bad])
     end = session.moment.stamp + 0.4
     wait_until(lambda: session.moment.stamp > end)
     viewer.close()
-    np.testing.assert_array_equal(session.moment.fixture.position, fixture)
+    np.testing.assert_array_equal(session.moment.fixture.true.position, fixture)
     assert session.violations == 0
     session.stop()
     wait_until(lambda: session.status.mode == "held")

@@ -283,7 +283,7 @@ def test_wrong_shapes_are_type_errors(controller, q_home):
 
 def test_a_chain_with_a_spoilt_fact_is_refused_by_name(robot):
     names = ("origin_position", "origin_rotation", "mass", "com", "inertia")
-    facts = {name: np.array(getattr(robot, name)) for name in names}
+    facts = {name: np.array(robot.arrays()[name]) for name in names}
     facts |= {"tool_position": np.zeros(3), "tool_rotation": np.eye(3)}
     facts["gravity"] = np.array([0.0, 0.0, -9.81])
     _core.Chain(**facts)

@@ -24,30 +24,30 @@ def loaded(request, gripper) -> Robot:
 
 def random_states(robot, rng):
     for _ in range(STATES):
-        q = rng.uniform(robot.q_min, robot.q_max)
-        yield q, rng.uniform(-robot.dq_max, robot.dq_max)
+        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
+        yield q, rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
 
 
 def mjcf(robot: Robot) -> str:
     """Write the robot as MJCF, bodies and a TCP site only."""
-    opening, closing = [], ""
+    opening, closing, at = [], "", robot.geometry
     for i in range(7):
-        pos = " ".join(f"{x:.17g}" for x in robot.origin_position[i])
-        quat = quat_from_matrix(robot.origin_rotation[i])
+        pos = " ".join(f"{x:.17g}" for x in at.origin_position[i])
+        quat = quat_from_matrix(at.origin_rotation[i])
         quat = " ".join(f"{x:.17g}" for x in quat)
-        com = " ".join(f"{x:.17g}" for x in robot.com[i])
-        I = robot.inertia[i]
+        com = " ".join(f"{x:.17g}" for x in robot.links.com[i])
+        I = robot.links.inertia[i]
         full = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
         full = " ".join(f"{x:.17g}" for x in full)
-        low, high = robot.q_min[i], robot.q_max[i]
+        low, high = robot.limits.q_min[i], robot.limits.q_max[i]
         opening.append(
             f'<body pos="{pos}" quat="{quat}"><inertial pos="{com}" '
-            f'mass="{robot.mass[i]:.17g}" fullinertia="{full}"/>'
+            f'mass="{robot.links.mass[i]:.17g}" fullinertia="{full}"/>'
             f'<joint name="A{i + 1}" axis="0 0 1" range="{low:.17g} {high:.17g}"/>'
         )
         closing += "</body>"
-    flange = robot.flange_position + robot.flange_rotation @ robot.tool_position
-    quat = quat_from_matrix(robot.flange_rotation @ robot.tool_rotation)
+    flange = at.flange_position + at.flange_rotation @ at.tool_position
+    quat = quat_from_matrix(at.flange_rotation @ at.tool_rotation)
     pos = " ".join(f"{x:.17g}" for x in flange)
     quat = " ".join(f"{x:.17g}" for x in quat)
     site = f'<site name="tcp" pos="{pos}" quat="{quat}"/>'
@@ -64,13 +64,14 @@ def test_chain_equals_pinocchio(loaded, rng):
     pin = need("pinocchio")
     model, parent = pin.Model(), 0
     model.gravity.linear = np.array([0.0, 0.0, -9.81])
+    at, links = loaded.geometry, loaded.links
     for i in range(7):
-        place = pin.SE3(loaded.origin_rotation[i], loaded.origin_position[i])
+        place = pin.SE3(at.origin_rotation[i], at.origin_position[i])
         parent = model.addJoint(parent, pin.JointModelRZ(), place, f"A{i + 1}")
-        link = pin.Inertia(float(loaded.mass[i]), loaded.com[i], loaded.inertia[i])
+        link = pin.Inertia(float(links.mass[i]), links.com[i], links.inertia[i])
         model.appendBodyToJoint(parent, link, pin.SE3.Identity())
-    position = loaded.flange_position + loaded.flange_rotation @ loaded.tool_position
-    tool = pin.SE3(loaded.flange_rotation @ loaded.tool_rotation, position)
+    position = at.flange_position + at.flange_rotation @ at.tool_position
+    tool = pin.SE3(at.flange_rotation @ at.tool_rotation, position)
     frame = model.addFrame(pin.Frame("tcp", parent, tool, pin.FrameType.OP_FRAME))
     data, axes = model.createData(), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
     chain = loaded.chain()
@@ -136,9 +137,9 @@ def test_a_robot_read_from_mjcf_is_the_same_arm(loaded, rng, tmp_path):
     path = tmp_path / "arm.xml"
     path.write_text(mjcf(loaded), encoding="utf-8")
     read = Robot.from_mjcf(
-        path, flange="tcp", dq_max=loaded.dq_max, tau_max=loaded.tau_max
+        path, flange="tcp", dq_max=loaded.limits.dq_max, tau_max=loaded.limits.tau_max
     )
-    np.testing.assert_allclose(read.q_max, loaded.q_max)
+    np.testing.assert_allclose(read.limits.q_max, loaded.limits.q_max)
     mine, theirs = loaded.chain(), read.chain()
     for q, dq in random_states(loaded, rng):
         np.testing.assert_allclose(theirs.pose(q)[0], mine.pose(q)[0], atol=1e-9)

@@ -110,8 +110,8 @@ def test_motors_can_give_the_derived_acceleration_everywhere(rng):
     assert limits.ddq_max[5] < 20.0
     chain = robot.chain()
     for _ in range(5000):
-        q = rng.uniform(robot.q_min, robot.q_max)
-        dq = rng.uniform(-robot.dq_max, robot.dq_max)
+        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
+        dq = rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
         M = np.abs(chain.inertia_matrix(q)) + np.diag(limits.armature)
         tau = M @ limits.ddq_max + limits.damping * np.abs(dq)
         tau += np.abs(chain.coriolis(q, dq)) + np.abs(chain.gravity(q))
@@ -140,7 +140,7 @@ def test_every_law_setting_refuses_values_out_of_its_range(name, bad):
 
 
 def test_a_wrong_element_is_named_with_unit_and_range(robot):
-    dq_max = np.array(robot.dq_max)
+    dq_max = np.array(robot.limits.dq_max)
     dq_max[4] = -0.5
     with pytest.raises(
         ConfigError, match=r"dq_max\[A5\] is -0.5 rad/s; allowed: 0.001"

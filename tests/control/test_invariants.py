@@ -17,7 +17,6 @@ from dovetail.poses import (
     quat_from_matrix,
     quat_multiply,
 )
-from dovetail.robots.robot import Robot
 from extras import need
 
 TASK = "XYZ:force A:pose BC:hold"
@@ -109,7 +108,7 @@ def random_boxes(robot, rng, count, spread=30.0):
     """Inertia matrices of the arm with wanted accelerations and boxes."""
     chain = robot.chain()
     for _ in range(count):
-        M = chain.inertia_matrix(rng.uniform(robot.q_min, robot.q_max))
+        M = chain.inertia_matrix(rng.uniform(robot.limits.q_min, robot.limits.q_max))
         M = M + 0.05 * np.eye(7)
         middle = rng.uniform(-5, 5, 7)
         half = rng.uniform(0, 15, 7)
@@ -176,7 +175,7 @@ def test_11_sjs_is_the_projection_where_every_added_torque_pushes_inwards(robot,
 def test_12_scs_meets_its_rows_and_far_walls_change_nothing(robot, rng):
     chain = robot.chain()
     for M, Minv, a0, lb, ub in random_boxes(robot, rng, 1000):
-        q = rng.uniform(0.8 * robot.q_min, 0.8 * robot.q_max)
+        q = rng.uniform(0.8 * robot.limits.q_min, 0.8 * robot.limits.q_max)
         Jc, djc = chain.jacobian(q)[:3], rng.normal(0, 1, 3)
         cu = rng.uniform(0.0, 4.0, 3)
         cl = cu - rng.uniform(0.0, 6.0, 3)
@@ -271,7 +270,7 @@ def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, pe
 
 def test_15_torque_is_affine_in_the_action_without_saturation(robot, far, rng):
     for _ in range(100):
-        q = rng.uniform(0.7 * robot.q_min, 0.7 * robot.q_max)
+        q = rng.uniform(0.7 * robot.limits.q_min, 0.7 * robot.limits.q_max)
         dq = rng.uniform(-0.5, 0.5, 7)
         most = np.repeat([10.0, 0.0], 3)  # rotations are at their clamp, by the error
         f, g = rng.uniform(-most, most, (2, 6))
@@ -292,17 +291,17 @@ def test_16_turning_the_base_turns_f_and_scaling_the_mass_scales_the_torque(
 ):
     limits = replace(far, damping=0.0, armature=0.0)
     for _ in range(50):
-        q = rng.uniform(0.7 * robot.q_min, 0.7 * robot.q_max)
+        q = rng.uniform(0.7 * robot.limits.q_min, 0.7 * robot.limits.q_max)
         dq, f = rng.uniform(-0.5, 0.5, 7), rng.uniform(-10, 10, 6)
         turn = quat_about_z(rng.uniform(-3, 3))
         R, s = matrix_from_quat(turn), rng.uniform(0.5, 2.0)
-        facts = robot.__getstate__()
-        first = facts["origin_rotation"].copy(), facts["origin_position"].copy()
+        at, links = robot.geometry, robot.links
+        first = at.origin_rotation.copy(), at.origin_position.copy()
         first[0][0], first[1][0] = R @ first[0][0], R @ first[1][0]
-        turned = Robot(
-            **{**facts, "origin_rotation": first[0], "origin_position": first[1]}
-        )
-        heavy = Robot(**{**facts, "mass": s * robot.mass, "inertia": s * robot.inertia})
+        at = replace(at, origin_rotation=first[0], origin_position=first[1])
+        turned = replace(robot, geometry=at)
+        links = replace(links, mass=s * links.mass, inertia=s * links.inertia)
+        heavy = replace(robot, links=links)
         task, osc = "XYZ:force ABC:hold", {"s0": 1e-5}
         target = _core.Target(f_star=f)
         tau = controller_at(robot, limits, task, q, dq, **osc).step(q, dq, target).tau
@@ -319,8 +318,8 @@ def test_16_turning_the_base_turns_f_and_scaling_the_mass_scales_the_torque(
 def test_17_force_axes_without_force_never_add_energy(robot, far, rng):
     unlimited = 0
     for _ in range(300):
-        q = rng.uniform(robot.q_min, robot.q_max)
-        dq = rng.uniform(-robot.dq_max, robot.dq_max)
+        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
+        dq = rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
         task = rng.choice(["XYZABC:force", "XYZ:force", "ZA:force"])
         controller = controller_at(robot, far, task, q, dq)
         result = controller.step(q, dq, _core.Target())
@@ -332,6 +331,6 @@ def test_17_force_axes_without_force_never_add_energy(robot, far, rng):
 
 def test_a_rotation_matrix_of_the_tool_is_a_quaternion_of_the_tool(robot, rng):
     for _ in range(50):
-        q = rng.uniform(robot.q_min, robot.q_max)
+        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
         quat = quat_from_matrix(robot.chain().pose(q)[1])
         np.testing.assert_allclose(quat, robot.tool_pose(q).quat_wxyz, atol=1e-12)

@@ -60,8 +60,8 @@ def start(controller, robot, q, dq):
 
 def random_states(robot, rng, count):
     for _ in range(count):
-        q = rng.uniform(robot.q_min, robot.q_max)
-        yield q, rng.uniform(-robot.dq_max, robot.dq_max)
+        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
+        yield q, rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
 
 
 def model_at(robot, limits, q, task, **osc):
@@ -124,7 +124,7 @@ def test_3_the_posture_moves_no_axis_of_the_tool_and_pulls_back(robot, far, rng)
     pulled = 0
     for task in (TASK, "XYZABC:force", "ZA:force"):
         for _ in range(60):
-            q = rng.uniform(0.8 * robot.q_min, 0.8 * robot.q_max)
+            q = rng.uniform(0.8 * robot.limits.q_min, 0.8 * robot.limits.q_max)
             away = rng.uniform(-0.3, 0.3, 7)
             added = []
             for stiffness in (0.0, 50.0):

@@ -101,7 +101,7 @@ def test_a_target_whose_rotation_jumps_to_and_fro_explains_the_swing(
             result = controller.step(q, dq, target)
             assert not result.flags.ended, controller.end
             plant.apply(result.tau, period)
-            swings = max(swings, float(abs(dq[6] / robot.dq_max[6])))
+            swings = max(swings, float(abs(dq[6] / robot.limits.dq_max[6])))
     assert 2.0 * swings > 0.105  # a swing that the last line would count
 
 
@@ -160,7 +160,7 @@ def ended(controller, plant, target, cycles):
 
 
 def outside_a_joint_limit(robot, q):
-    q_max = robot.q_max.copy()
+    q_max = robot.limits.q_max.copy()
     q_max[3] = q[3] - 0.1
     return free_arm(robot, q, q_max=q_max)
 

@@ -52,7 +52,7 @@ def come_back(arm: LocalArm, out, axis, side, asked):
     q = log[:, COLUMN["q1"] : COLUMN["q7"] + 1]
     gravity = np.array([arm.facts.robot.chain().gravity(row) for row in q[::5]])
     tau = log[::5, COLUMN["tau1"] : COLUMN["tau7"] + 1]
-    share = np.abs(tau + gravity) / arm.facts.robot.tau_max
+    share = np.abs(tau + gravity) / arm.facts.robot.limits.tau_max
     flags = np.bitwise_or.reduce(log[:, COLUMN["flags"]].astype(np.int64))
     assert not flags & ENDED
     return side * (log[:, COLUMN["xyz"[axis]]] - wall), float(share.max())

@@ -13,7 +13,7 @@ def random_problems(robot, rng, count):
     """Problems as the controller meets them; boxes may be a single point."""
     chain = robot.chain()
     for _ in range(count):
-        q = rng.uniform(robot.q_min, robot.q_max)
+        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
         M = chain.inertia_matrix(q) + 0.05 * np.eye(7)
         A = np.array([15.0, 15, 15, 15, 20, 20, 20])
         lb, ub = -A * rng.uniform(-0.5, 1, 7), A * rng.uniform(0.5, 1, 7)
@@ -21,9 +21,9 @@ def random_problems(robot, rng, count):
         lb = np.where(point, ub, lb)
         cu = rng.uniform(-3.0, 5.0, 3)
         cl = cu - rng.uniform(0.0, 5.0, 3) * (rng.random(3) < 0.9)
-        h = chain.coriolis(q, rng.uniform(-robot.dq_max, robot.dq_max))
+        h = chain.coriolis(q, rng.uniform(-robot.limits.dq_max, robot.limits.dq_max))
         safe = np.clip(0.0, lb, ub)
-        room = rng.uniform(0.02, 1.0) * np.asarray(robot.tau_max) * 0.2
+        room = rng.uniform(0.02, 1.0) * np.asarray(robot.limits.tau_max) * 0.2
         yield {
             "M": M,
             "a0": rng.normal(0, rng.choice([5, 50]), 7),

@@ -61,10 +61,10 @@ def largest_difference(
         mine = ReferenceController(robot, osc, limits, task, period)
         theirs = make_controller(robot, osc, limits, task, period)
         q = q_start + rng.normal(0.0, 0.3, 7)
-        q = np.clip(q, robot.q_min + 0.05, robot.q_max - 0.05)
+        q = np.clip(q, robot.limits.q_min + 0.05, robot.limits.q_max - 0.05)
         hold = robot.tool_pose(q)
         speed = rng.choice([0.02, 0.5])
-        dq = rng.uniform(-speed, speed, 7) * robot.dq_max
+        dq = rng.uniform(-speed, speed, 7) * robot.limits.dq_max
         mine.reset(q, hold.position, hold.quat_wxyz)
         theirs.reset(q, hold.position, hold.quat_wxyz, dq=dq)
         plant.reset(q, dq)
@@ -150,7 +150,7 @@ def test_cpp_equals_the_reference_where_a_joint_is_pushed_over_its_margin(
     robot, q_home, rng, period
 ):
     """There the push counts in full: no more than 0.3 tau_max of it elsewhere."""
-    home = robot.q_max - 0.04  # the largest postures that are drawn
+    home = robot.limits.q_max - 0.04  # the largest postures that are drawn
     limits = LimitConfig.for_period(robot, period, **{**EXACT, "hardware": True})
     worst, states, _, exotic = largest_difference(
         robot, home, OscConfig(), limits, period, LONG_TASKS, rng, LONG, force=50.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits, ToolState
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
@@ -24,10 +24,12 @@ class FakeArm:
             ),
             task=TaskSpec.parse(task),
             period=period,
-            is_simulated=False,
-            is_real_time=False,
-            places_fixture=True,
-            measures_contact=True,
+            traits=ArmTraits(
+                is_simulated=False,
+                is_real_time=False,
+                places_fixture=True,
+                measures_contact=True,
+            ),
         )
         self.targets = []
         self.closed = False
@@ -42,9 +44,11 @@ class FakeArm:
             0.0,
             np.asarray(extra.get("q", np.full(7, 0.1)), dtype=float),
             np.zeros(7),
-            np.asarray(position, dtype=float),
-            tool_down(yaw),
-            np.array([*velocity, 0.0, 0.0, 0.0], dtype=float),
+            ToolState(
+                np.asarray(position, dtype=float),
+                tool_down(yaw),
+                np.array([*velocity, 0.0, 0.0, 0.0], dtype=float),
+            ),
             np.asarray(extra.get("force", (0.0, 0.0, 0.0)), dtype=float),
             np.asarray(extra.get("wrench", np.zeros(6)), dtype=float),
             0,

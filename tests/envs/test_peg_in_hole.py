@@ -87,7 +87,9 @@ def test_observation_is_measured_joints_tool_minus_target_theta_and_velocity(fak
     np.testing.assert_allclose(raw[7:10], np.array([0.61, -0.02, 0.15]) - TARGET)
     assert raw[10] == pytest.approx(0.3)
     np.testing.assert_allclose(raw[11:], [0.1, 0.2, -0.3])
-    np.testing.assert_allclose(observation[:7], q / arm.facts.robot.q_max, rtol=1e-6)
+    np.testing.assert_allclose(
+        observation[:7], q / arm.facts.robot.limits.q_max, rtol=1e-6
+    )
     from_mouth = np.array([0.01, -0.02, 0.05])
     scaled = np.sign(from_mouth) * np.log(1 + np.abs(from_mouth) / 0.002)
     np.testing.assert_allclose(observation[7:10], scaled, rtol=1e-5)
@@ -176,7 +178,7 @@ def test_info_has_contact_force_and_limit_violations(fake):
     env, arm = fake
     log = np.zeros((10, len(CYCLE_COLUMNS)))
     log[:, [CYCLE_COLUMNS.index(a) for a in "xyz"]] = [0.6, 0.0, 0.2]
-    log[2, CYCLE_COLUMNS.index("q3")] = arm.facts.robot.q_max[2] + 1e-3
+    log[2, CYCLE_COLUMNS.index("q3")] = arm.facts.robot.limits.q_max[2] + 1e-3
     log[2, CYCLE_COLUMNS.index("dq1")] = 9.0
     log[7, CYCLE_COLUMNS.index("z")] = -0.1
     arm.place(force=(3.0, 0.0, -4.0), log=log)
@@ -317,7 +319,8 @@ def test_a_hole_out_of_reach_is_refused_saying_by_how_much(real, position, messa
 
 def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is():
     arm = FakeArm()
-    arm.facts = replace(arm.facts, places_fixture=False)
+    traits = replace(arm.facts.traits, places_fixture=False)
+    arm.facts = replace(arm.facts, traits=traits)
     env = make_env(PegInHole, arm)
     with pytest.raises(ConfigError, match="cannot move the hole: say where it is"):
         env.reset(seed=0)

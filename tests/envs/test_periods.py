@@ -65,7 +65,7 @@ def test_a_twin_is_the_same_arm_at_every_period(ground, period, usual_tare):
     np.testing.assert_allclose(tare[:3], usual_tare[ground][:3], atol=0.1)
     assert [info["limit_violations"] for info in infos] == [0] * (STEPS + 1)
     assert not any(info["bad_input"] for info in infos)
-    drop = states[1].position - states[-1].position
+    drop = states[1].tool.position - states[-1].tool.position
     assert 0.004 < drop[2] < 0.01  # f* of -1.2 over a damping of 40 is 0.03 m/s
 
 

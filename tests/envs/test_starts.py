@@ -16,7 +16,9 @@ def test_every_start_is_reached_with_one_bend_far_from_the_wrists_limits(name):
         env.reset(seed=seed)  # a start out of reach is an error
         q.append(env.unwrapped.state.q)
     env.close()
-    margin = np.minimum(np.array(q) - robot.q_min, robot.q_max - q).min(axis=0)
+    margin = np.minimum(np.array(q) - robot.limits.q_min, robot.limits.q_max - q).min(
+        axis=0
+    )
     assert margin.min() > 0.1
     assert margin[6] > 2.0
     # With two bends for neighbouring starts a policy has two tasks to learn.

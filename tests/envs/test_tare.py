@@ -1,7 +1,5 @@
 """Tare: the f* that holds the weight, against the model's own gravity torque."""
 
-from dataclasses import replace
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ NEAR_NOTHING = np.array([0.0, 0.0, 1.0, -np.inf])
 
 
 def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
-    model = replace(nominal_model(), **changes)
+    model = nominal_model().having(**changes)
     name = "dovetail/PegInHole-v0"
     return gym.make(name, twin=model, tare=tare, task=task).unwrapped
 
@@ -27,7 +25,7 @@ def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
 def holding_f_star(env, q):
     """J M^-1 g of the residual gravity alone: what must be pulled against it."""
     chain = env.arm.facts.robot.chain(gravity=RESIDUAL)
-    M = chain.inertia_matrix(q) + np.diag(nominal_model().armature)
+    M = chain.inertia_matrix(q) + np.diag(nominal_model().arm.armature)
     return chain.jacobian(q) @ np.linalg.solve(M, chain.gravity(q))
 
 
@@ -65,7 +63,7 @@ def drift(env, steps=20):
     env.reset(seed=1)
     for _ in range(steps):
         env.step(np.full(4, 1e-6))  # at 0 an axis is held
-    return env.state.velocity[:3]
+    return env.state.tool.velocity[:3]
 
 
 def test_without_a_push_the_tool_stands_still_with_it_and_drifts_without():
@@ -81,12 +79,12 @@ def test_at_action_zero_an_axis_is_held_whatever_weight_is_missed():
     env.reset(seed=1)
     for _ in range(10):
         env.step(np.zeros(4))
-    start = env.state.position.copy()
+    start = env.state.tool.position.copy()
     for _ in range(100):
         env.step(np.zeros(4))
-    assert np.linalg.norm(env.state.position - start) < 0.005
+    assert np.linalg.norm(env.state.tool.position - start) < 0.005
     env.step(np.array([1.0, 0.0, 0.0, 0.0]))
-    assert env.state.velocity[0] > 0.01  # let go at once
+    assert env.state.tool.velocity[0] > 0.01  # let go at once
     env.close()
 
 
@@ -94,7 +92,9 @@ def test_a_tool_that_was_led_is_back_at_its_start_and_all_of_the_way_is_counted(
     led, placed = make(True), make(False)
     led.reset(seed=5)
     placed.reset(seed=5)
-    np.testing.assert_allclose(led.state.position, placed.state.position, atol=5e-4)
+    np.testing.assert_allclose(
+        led.state.tool.position, placed.state.tool.position, atol=5e-4
+    )
     heights = led.state.log[:, COLUMN["z"]]
     assert heights.max() - heights[0] == pytest.approx(TRAVEL, rel=0.1)
     assert heights.min() > heights[0] - 5e-4  # never down, where a table may be
@@ -114,14 +114,14 @@ def test_the_same_seed_measures_the_same(seed):
 
 def sag(name, axes, *, tare):
     """Largest position error of held axes [m] after a second at action 0."""
-    model = replace(nominal_model(), gravity_residual=RESIDUAL)
+    model = nominal_model().having(gravity_residual=RESIDUAL)
     env = gym.make(name, twin=model, tare=tare).unwrapped
     env.reset(seed=1)
-    start = env.state
+    start = env.state.tool
     for _ in range(20):
         env.step(np.zeros(env.action_space.shape))
-    moved = env.state.position - start.position
-    tilt = rotation_error(env._goal.quat_wxyz, env.state.quat_wxyz)
+    moved = env.state.tool.position - start.position
+    tilt = rotation_error(env._goal.quat_wxyz, env.state.tool.quat_wxyz)
     env.close()
     return np.abs(np.append(moved, tilt)[axes]).max()
 

@@ -103,9 +103,9 @@ class Drifting(Truth):
 def test_a_pose_that_changes_in_place_is_seen():
     env = make_env(PegInHole, tracker=Drifting())
     _, info = env.reset(seed=1)
-    before = info["position_error"][0] - env.state.position[0]
+    before = info["position_error"][0] - env.state.tool.position[0]
     *_, info = env.step(np.zeros(4, dtype=np.float32))
-    after = info["position_error"][0] - env.state.position[0]
+    after = info["position_error"][0] - env.state.tool.position[0]
     assert before - after == pytest.approx(0.01)
     env.close()
 
@@ -161,11 +161,12 @@ def test_lost_looks_let_the_estimate_grow_old():
 def test_the_tracker_twin_is_what_the_twins_file_says(twin):
     env = make_env(PegInHole, tracker="twin", twin=twin)
     camera = load_twin(twin).camera
-    assert env.tracker.bias == camera.bias > 0.0
-    assert (env.tracker.turn, env.tracker.rate) == (camera.turn, camera.rate)
+    sight, rate = camera.sight, camera.pictures.rate
+    assert env.tracker.bias == sight.bias > 0.0
+    assert (env.tracker.turn, env.tracker.rate) == (sight.turn, rate)
     env.reset(seed=1)
     told = env.tracker.estimate().pose.position - env.fixture.position
-    assert np.linalg.norm(told) == pytest.approx(camera.bias)
+    assert np.linalg.norm(told) == pytest.approx(sight.bias)
     env.close()
 
 

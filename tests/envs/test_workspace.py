@@ -32,7 +32,8 @@ def test_a_column_that_the_arm_does_not_measure_is_refused():
     arm = make_env(PegInHole).arm
     columns = PegInHole().columns
     require_columns(arm, [*columns, "force"])
-    arm.facts = replace(arm.facts, measures_contact=False)
+    traits = replace(arm.facts.traits, measures_contact=False)
+    arm.facts = replace(arm.facts, traits=traits)
     require_columns(arm, columns)
     with pytest.raises(ConfigError, match="'force'"):
         require_columns(arm, [*columns, "force"])

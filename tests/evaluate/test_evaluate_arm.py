@@ -127,7 +127,8 @@ def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
     class FixedArm(LocalArm):
         def __init__(self, *settings, **options):
             super().__init__(*settings, **options)
-            self.facts = replace(self.facts, places_fixture=False)
+            traits = replace(self.facts.traits, places_fixture=False)
+            self.facts = replace(self.facts, traits=traits)
 
     monkeypatch.setattr("dovetail.arms.from_address.LocalArm", FixedArm)
     with pytest.raises(ConfigError, match="say where it is with --fixture"):

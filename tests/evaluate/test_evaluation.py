@@ -5,7 +5,6 @@ import json
 import os
 import shlex
 import shutil
-from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -141,7 +140,7 @@ def test_a_twin_in_the_engine_of_the_training_is_noted(config, finished, policy_
 
 def test_a_twin_file_of_the_users_own_works(config, tmp_path):
     file = tmp_path / "mine.toml"
-    file.write_text(replace(load_twin("easy"), torque_noise=0.5).to_toml())
+    file.write_text(load_twin("easy").having(torque_noise=0.5).to_toml())
     evaluation = evaluate(config.having(twin=str(file)), silent())
     assert "twin mine (mujoco)" in evaluation.report.title
 

@@ -165,7 +165,7 @@ def test_the_moving_hole_is_where_the_environment_says_and_the_tracker_sees(
         np.testing.assert_allclose(moved[-1], env.core.fixture.position, atol=1e-12)
         assert env.core.tracker.estimate().pose is env.core.fixture
         goal = env.core.fixture.position - [0, 0, env.core.task.block.depth]
-        error = env.core.state.position - goal
+        error = env.core.state.tool.position - goal
         np.testing.assert_allclose(info["position_error"], error, atol=1e-12)
     jumps = np.linalg.norm(np.diff(moved, axis=0), axis=1)
     assert jumps.max() <= 0.03 * 0.005 + 1e-9

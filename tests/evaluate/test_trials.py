@@ -7,7 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmState, ToolState
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.observation import GROUPS, USUAL_GROUPS
@@ -24,7 +24,8 @@ CYCLES = 10
 
 def known(log):
     """The state of an arm of which nobody asks but its log and flags."""
-    return ArmState(*[np.zeros(3)] * 9, log=log)._replace(flags=0)
+    zero, tool = np.zeros(3), ToolState(*[np.zeros(3)] * 3)
+    return ArmState(zero, zero, zero, tool, zero, zero, flags=0, log=log)
 
 
 class FallingEnv(ContactEnv):

@@ -50,7 +50,7 @@ def over_fri(plant, period, **cabinet):
 
 
 def twin(name, delay):
-    return TwinPlant(replace(load_twin(name), command_delay=delay), CELL)
+    return TwinPlant(load_twin(name).having(command_delay=delay), CELL)
 
 
 def feel(arm, seconds=1.5):
@@ -98,7 +98,8 @@ def test_a_gravity_error_is_measured_and_its_load_found():
     heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
     arm = local(make_plant("mujoco", CELL, heavy), 0.002)
     robot = arm.facts.robot
-    planted = replace(robot, mass=robot.mass * np.array([1.0] * 6 + [1.5]))
+    mass = robot.links.mass * np.array([1.0] * 6 + [1.5])
+    planted = replace(robot, links=replace(robot.links, mass=mass))
     error = planted.chain().gravity(START) - robot.chain().gravity(START)
     feeling = feel(arm)
     found = np.array([fit.offset for fit in feeling.fits])
@@ -106,7 +107,7 @@ def test_a_gravity_error_is_measured_and_its_load_found():
     spread = np.array([fit.spread_of("offset") for fit in feeling.fits])
     load = explain_by_load(robot, START, found, spread)
     assert load.explained > 0.98
-    assert load.mass == pytest.approx(0.5 * robot.mass[6], abs=0.1)
+    assert load.mass == pytest.approx(0.5 * robot.links.mass[6], abs=0.1)
     arm.close()
 
 

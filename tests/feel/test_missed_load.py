@@ -15,7 +15,9 @@ TURN = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 
 def loaded(mass, com):
     payload = Payload(mass=mass, com=np.array(com), inertia=0.01 * np.eye(3))
-    robot = replace(iiwa14(), flange_rotation=TURN)
+    robot = iiwa14()
+    turned = replace(robot.geometry, flange_rotation=TURN)
+    robot = replace(robot, geometry=turned)
     return robot.with_tool(payload, np.array([0.01, 0.02, 0.15]))
 
 

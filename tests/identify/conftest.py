@@ -1,7 +1,5 @@
 """A short recording of a planted arm: three sequences of ten steps, without noise."""
 
-from dataclasses import replace
-
 import pytest
 from rich.console import Console
 
@@ -24,7 +22,7 @@ def quiet() -> Console:
 def planted_file(tmp_path_factory):
     """Twin file of the nominal model with other gravity, masses and damping."""
     file = tmp_path_factory.mktemp("planted") / "planted.toml"
-    file.write_text(replace(nominal_model(), **PLANTED).to_toml())
+    file.write_text(nominal_model().having(**PLANTED).to_toml())
     return file
 
 

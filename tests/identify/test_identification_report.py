@@ -279,12 +279,12 @@ def test_a_fit_that_follows_its_log_more_than_the_arm_is_called_so():
 
 @pytest.mark.parametrize("of_model", [0.0, 0.005])
 def test_a_delay_that_the_model_lacks_is_found(tmp_path, of_model):
-    twin = replace(load_twin("easy"), command_delay=0.02)
+    twin = load_twin("easy").having(command_delay=0.02)
     (tmp_path / "late.toml").write_text(twin.to_toml())
     arm = f"twin:{tmp_path / 'late.toml'}"
     config = RecordConfig.of(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
     replay = Replay(record(config, QUIET))
-    model = replace(nominal_model(), command_delay=of_model)
+    model = nominal_model().having(command_delay=of_model)
     assert hidden_delay(replay, model) == pytest.approx(0.02 - of_model, abs=0.003)
 
 

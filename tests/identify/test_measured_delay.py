@@ -2,7 +2,6 @@
 
 import io
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -36,7 +35,7 @@ def late(tmp_path):
 
     def write(delay):
         file = tmp_path / "late.toml"
-        file.write_text(replace(load_twin("medium"), command_delay=delay).to_toml())
+        file.write_text(load_twin("medium").having(command_delay=delay).to_toml())
         return f"twin:{file}"
 
     return write

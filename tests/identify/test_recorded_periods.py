@@ -1,7 +1,5 @@
 """A recording at any control period is replayed and fitted at its own."""
 
-from dataclasses import replace
-
 import pytest
 
 from dovetail.control.period import PERIODS
@@ -27,7 +25,7 @@ def planted(request, tmp_path_factory, quiet):
     """A recording of a late arm with planted parameters, and that arm's file."""
     folder = tmp_path_factory.mktemp("period")
     file = folder / "planted.toml"
-    late = replace(nominal_model(), command_delay=DELAY, **PLANTED)
+    late = nominal_model().having(command_delay=DELAY, **PLANTED)
     file.write_text(late.to_toml())
     config = RecordConfig.of(
         arm=f"twin:{file}",
@@ -54,7 +52,7 @@ def test_a_replay_is_at_the_period_of_the_recording(planted):
 def test_the_delay_is_found_at_every_period(planted):
     recording, file, _ = planted
     replay = Replay(recording)
-    punctual = replace(load_twin(file), command_delay=0.0)
+    punctual = load_twin(file).having(command_delay=0.0)
     assert hidden_delay(replay, punctual) == pytest.approx(DELAY, abs=1.1e-3)
     assert hidden_delay(replay, load_twin(file)) == 0.0
     replay.close()
@@ -76,7 +74,7 @@ def test_planted_parameters_are_recovered_at_every_period(planted, quiet, tmp_pa
     assert gravity == pytest.approx(0.15, abs=0.02)
     assert damping == pytest.approx(0.8, rel=0.05)
     assert result.rms_after < 0.02 * result.rms_before
-    assert load_twin(tmp_path / "fit/model.toml").command_delay == delay
+    assert load_twin(tmp_path / "fit/model.toml").channel.command_delay == delay
 
 
 @pytest.mark.parametrize("planted", [NOT_OF_FRI], indirect=True)

@@ -61,7 +61,7 @@ class CurvedReplay:
 
     def run(self, model):
         self.runs += 1
-        value = np.array(model.gravity_residual)
+        value = np.array(model.arm.gravity_residual)
         return [
             (b @ (value + self.curve * value**2)).reshape(-1, 3) for b in self.motion
         ]

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import shlex
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,8 +23,7 @@ from .conftest import SMALL
 
 def write_model(path):
     """Write a model file as identification does: the medium twin without its noise."""
-    twin = replace(
-        load_twin("medium"),
+    twin = load_twin("medium").having(
         description="identified",
         torque_noise=0.0,
         position_noise=0.0,
@@ -79,7 +77,7 @@ def test_the_model_is_simulated_in_the_plant_that_is_asked(small, model, plant):
 
 def test_the_models_command_delay_is_simulated(small, model):
     late = model.with_name("late.toml")
-    late.write_text(replace(load_twin(model), command_delay=0.05).to_toml())
+    late.write_text(load_twin(model).having(command_delay=0.05).to_toml())
     ends = []
     for path in (model, late):
         env = core(small.having(model=path, tare=False))  # late: it swings
@@ -98,7 +96,7 @@ def test_a_policy_carries_its_model_beside_the_environment_not_in_it(trained):
     assert said["sha256"] == hashlib.sha256(model.read_bytes()).hexdigest()
     assert said["file"] == "model.toml"
     assert said["table"] == policy.metadata["provenance"]["config"]["model"]
-    assert said["table"]["mass_scale"] == list(load_twin(model).mass_scale)
+    assert said["table"]["mass_scale"] == list(load_twin(model).arm.mass_scale)
     assert f"--model {model}" in policy.metadata["provenance"]["command"]
 
 
@@ -125,7 +123,7 @@ def test_resuming_compares_the_models_content_and_names_the_key(small, model):
     moved.write_text("# the same\n" + model.read_text())
     config.having(model=moved).require_same(noted)
     other = model.with_name("other.toml")
-    other.write_text(replace(load_twin(model), command_delay=0.01).to_toml())
+    other.write_text(load_twin(model).having(command_delay=0.01).to_toml())
     with pytest.raises(ConfigError, match=r"model.command_delay is 0.01, .* 0.005"):
         config.having(model=other).require_same(noted)
     with pytest.raises(ConfigError, match=r"model.description is None"):

@@ -11,7 +11,7 @@ from dovetail.perceive.detect import Blind, Detector, Sight, explain
 from dovetail.perceive.edges import Edges
 from dovetail.perceive.projection import Projection
 from dovetail.perceive.simulated import Simulated, spoil
-from dovetail.plants.twin_camera import TwinCamera
+from dovetail.plants.twin_camera import TwinCamera, TwinImage
 from dovetail.poses import Pose, compose, inverse, quat_about_z, rotation_error
 
 from .scene import PLACE, beside, looking
@@ -139,8 +139,8 @@ def test_glare_and_darkness_hide_the_board_and_do_not_move_it(source, picture):
 def test_a_sensor_blurs_and_adds_noise():
     grey = np.full((60, 80), 100.0, dtype=np.float32)
     rng = np.random.default_rng(0)
-    noisy = spoil(grey, TwinCamera(noise=5.0, blur=0.0), rng)
+    noisy = spoil(grey, TwinImage(noise=5.0, blur=0.0), rng)
     assert noisy.std() == pytest.approx(5.0, rel=0.05)
     grey[:, 40:] = 200.0
-    soft = spoil(grey, TwinCamera(noise=0.0, blur=2.0), rng)
+    soft = spoil(grey, TwinImage(noise=0.0, blur=2.0), rng)
     assert 100 < soft[30, 38] < 150 < soft[30, 41] < 200

@@ -78,5 +78,5 @@ def test_twin_hard_is_held_still_from_positions_alone(period):
     arm = LocalArm(plant, robot, osc, limits, task, period)
     arm.reset(Q_BENT, HOLE)
     target = _core.Target(joint_mode=True, q_d=Q_BENT)
-    places = [arm.step(target).position for _ in range(30)]
+    places = [arm.step(target).tool.position for _ in range(30)]
     assert np.linalg.norm(np.ptp(places[20:], axis=0)) < 2e-3

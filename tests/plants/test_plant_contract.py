@@ -263,7 +263,7 @@ def test_a_contact_is_as_stiff_at_every_period(contact_time):
 
 def test_closed_brakes_stop_the_arm_and_hold_it_under_a_wrong_gravity(make):
     plant = make(gravity_residual=(2.0, -2.0, 3.0))
-    brakes = plant.robot.tau_max
+    brakes = plant.robot.limits.tau_max
     plant.reset(Q_BENT, HOLE)
     for _ in range(40):
         plant.apply(np.zeros(7), DT)
@@ -285,7 +285,7 @@ def test_closed_brakes_stop_the_arm_and_hold_it_under_a_wrong_gravity(make):
 def test_a_reset_opens_the_brakes(make):
     plant = make()
     plant.reset(Q_BENT, HOLE)
-    plant.close_brakes(plant.robot.tau_max)
+    plant.close_brakes(plant.robot.limits.tau_max)
     plant.reset(Q_BENT, HOLE)
     plant.apply(np.full(7, 5.0), DT)
     assert np.abs(plant.read()[1]).max() > 0.01

@@ -5,7 +5,7 @@ import time
 
 import numpy as np
 
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmState, ToolState
 from dovetail.plants.plant import CYCLE_COLUMNS
 
 
@@ -58,8 +58,8 @@ class RecordingArm:
         none = np.full(3, np.nan)
         quat = np.array([0.0, 1.0, 0.0, 0.0])
         return ArmState(
-            *(self._stamp, np.zeros(7), np.zeros(7), np.zeros(3), quat, np.zeros(6)),
-            *(none, np.zeros(6), 0, log),
+            *(self._stamp, np.zeros(7), np.zeros(7)),
+            *(ToolState(np.zeros(3), quat, np.zeros(6)), none, np.zeros(6), 0, log),
         )
 
 

@@ -201,10 +201,10 @@ def test_every_setting_must_be_there_and_be_known(stub, configuration):
 
 
 def test_limits_wider_than_the_robots_are_refused(stub, configuration, cell):
-    robot = cell.loaded_robot()
-    setting(configuration, "tau_max").numbers[2] = 2.0 * robot.tau_max[2]
-    setting(configuration, "q_min").numbers[0] = robot.q_min[0] - 0.01
-    setting(configuration, "dq_max").numbers[6] = np.nextafter(robot.dq_max[6], INF)
+    own = cell.loaded_robot().limits
+    setting(configuration, "tau_max").numbers[2] = 2.0 * own.tau_max[2]
+    setting(configuration, "q_min").numbers[0] = own.q_min[0] - 0.01
+    setting(configuration, "dq_max").numbers[6] = np.nextafter(own.dq_max[6], INF)
     problem = refused(stub.configure, configuration)
     assert sorted(paths(problem)) == [
         *("limits.dq_max[A7]", "limits.q_min[A1]", "limits.tau_max[A3]"),

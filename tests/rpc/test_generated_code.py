@@ -5,7 +5,11 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
+from dovetail.robots.geometry import Geometry
+from dovetail.robots.links import Links
+from dovetail.robots.motors import Motors
 from dovetail.robots.robot import Robot
+from dovetail.robots.robot_limits import RobotLimits
 from dovetail.rpc import dovetail_pb2 as pb
 from extras import need
 
@@ -33,6 +37,9 @@ def test_generating_again_gives_the_same_bytes(tmp_path):
 
 def test_the_message_has_every_field_of_a_robot():
     in_message = {field.name for field in pb.RobotModel.DESCRIPTOR.fields}
+    parts = {"geometry": Geometry, "links": Links, "limits": RobotLimits}
+    parts["motors"] = Motors
     # Of no use to the controller.
     here = {"postures", "inertia_set", "inertia_sets", "drawn"}
-    assert in_message == {f.name for f in fields(Robot)} - here
+    named = {f.name for kind in (Robot, *parts.values()) for f in fields(kind)}
+    assert in_message == named - here - set(parts)

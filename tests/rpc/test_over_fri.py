@@ -90,4 +90,4 @@ def test_the_next_learner_takes_over_from_one_that_was_killed(
         successor = connect(server)
         successor.reset(start, HOLE)
         states = [successor.step(push(0.0, 0.0, -1.0)) for _ in range(5)]
-        assert states[-1].position[2] < states[0].position[2]
+        assert states[-1].tool.position[2] < states[0].tool.position[2]

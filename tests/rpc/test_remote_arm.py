@@ -66,7 +66,7 @@ def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
     builder = LocalBuilder("mujoco", make_plant("mujoco", cell, DynamicsConfig()))
     builder.places_fixture = places_fixture
     with ArmServer(builder, "127.0.0.1:0") as server:
-        assert connect(server).facts.places_fixture is places_fixture
+        assert connect(server).facts.traits.places_fixture is places_fixture
 
 
 @pytest.mark.parametrize("joint_mode", [False, True])
@@ -100,7 +100,7 @@ def test_robot_and_what_the_arm_is_come_from_the_service(simulation, cell, conne
     own = cell.loaded_robot()
     assert arm.facts.robot.name == own.name
     assert arm.facts.robot.payload.mass == own.payload.mass
-    np.testing.assert_array_equal(arm.facts.robot.inertia, own.inertia)
+    np.testing.assert_array_equal(arm.facts.robot.links.inertia, own.links.inertia)
     assert arm.info.arm == "mujoco"
     assert not arm.info.real_time
     assert tuple(arm.info.columns) == CYCLE_COLUMNS
@@ -282,7 +282,7 @@ def test_settings_the_service_refuses_arrive_with_their_names(
     server, cell, settings, connect
 ):
     robot = cell.loaded_robot()
-    wide = LimitConfig.for_period(robot, 0.005, q_max=robot.q_max + 0.1)
+    wide = LimitConfig.for_period(robot, 0.005, q_max=robot.limits.q_max + 0.1)
     with pytest.raises(ConfigError, match=r"limits\.q_max\[A1\] is .* rad; allowed"):
         connect(server, limits=wide)
     connect(server)

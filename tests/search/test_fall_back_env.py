@@ -88,7 +88,7 @@ def test_a_person_who_leads_is_asked_on():
     for _ in range(25):
         env.step(NOTHING)
     assert not core.is_searching
-    assert np.linalg.norm(core.state.velocity[:3]) < 0.002  # m/s
+    assert np.linalg.norm(core.state.tool.velocity[:3]) < 0.002  # m/s
 
 
 def test_a_batch_does_the_same():

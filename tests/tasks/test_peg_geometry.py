@@ -88,7 +88,7 @@ def test_tool_frame_is_the_pegs_end():
     robot = cell.loaded_robot()
     peg = cell.tool_primitives()[-1]
     end = peg.position[2] + peg.size[-1]
-    assert end == pytest.approx(robot.tool_position[2])
+    assert end == pytest.approx(robot.geometry.tool_position[2])
     tool = robot.tool_pose(np.zeros(7))
     assert tool.position[2] == pytest.approx(1.306 + 0.180)
 

@@ -149,9 +149,10 @@ def test_another_robot_is_one_function_away(tmp_path, monkeypatch):
         "from dovetail.robots.iiwa14 import iiwa14\n"
         "def long_arm():\n"
         "    arm = iiwa14()\n"
-        "    origins = np.array(arm.origin_position)\n"
+        "    origins = np.array(arm.geometry.origin_position)\n"
         "    origins[4, 1] += 0.05\n"
-        "    return replace(arm, name='long', origin_position=origins)\n"
+        "    geometry = replace(arm.geometry, origin_position=origins)\n"
+        "    return replace(arm, name='long', geometry=geometry)\n"
     )
     monkeypatch.syspath_prepend(tmp_path)
     env = gym.make("dovetail/PegInHole-v0", robot="long_arm:long_arm").unwrapped
@@ -159,7 +160,9 @@ def test_another_robot_is_one_function_away(tmp_path, monkeypatch):
     assert env.arm.facts.robot.name == "long"
     usual = make_env(PegInHole)
     usual.reset(seed=0)
-    np.testing.assert_allclose(env.state.position, usual.state.position, atol=1e-4)
+    np.testing.assert_allclose(
+        env.state.tool.position, usual.state.tool.position, atol=1e-4
+    )
     assert np.abs(env.state.q - usual.state.q).max() > 0.02
     for one in (env, usual):
         one.close()

@@ -51,15 +51,15 @@ def test_a_robot_of_a_urdf_is_drawn_by_its_meshes_where_they_are_in_the_file():
     model = pin.buildModelFromUrdf(str(path))
     frames = pin.Data(model)
     pin.framesForwardKinematics(model, frames, np.zeros(model.nq))
-    at = robot.origin_position[0], robot.origin_rotation[0]
+    at = robot.geometry.origin_position[0], robot.geometry.origin_rotation[0]
     for i in range(1, 8):
         link = frames.oMf[model.getFrameId(f"panda_link{i}")]
         one = robot.drawn[i][0].seen_from(*at)
         np.testing.assert_allclose(one.position, link.translation, atol=1e-9)
         np.testing.assert_allclose(one.rotation, link.rotation, atol=1e-9)
         if i < 7:
-            turn = at[1] @ robot.origin_rotation[i]
-            at = at[0] + at[1] @ robot.origin_position[i], turn
+            turn = at[1] @ robot.geometry.origin_rotation[i]
+            at = at[0] + at[1] @ robot.geometry.origin_position[i], turn
 
 
 def test_a_file_of_several_objects_is_drawn_whole():

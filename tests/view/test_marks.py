@@ -160,7 +160,9 @@ def test_a_film_shows_the_way_and_what_was_believed(renderer, tmp_path, believed
     for step in range(20):
         way = np.array([-0.005 * step, 0.004 * step, 0.0])
         state = SimpleNamespace(
-            q=ABOVE, position=PLACE.position + up + way, contact_force=np.zeros(3)
+            q=ABOVE,
+            tool=SimpleNamespace(position=PLACE.position + up + way),
+            contact_force=np.zeros(3),
         )
         film.add(state, PLACE, believed)
     with Image.open(film.write(tmp_path / "a.gif", renderer)) as shown:

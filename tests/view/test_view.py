@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from dovetail import mujoco_gl
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmState, ToolState
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError, MissingDependencyError
@@ -127,7 +127,8 @@ def test_a_long_film_never_has_all_its_pictures_at_once(tmp_path):
             return np.full((48, 64, 3), 200, dtype=np.uint8)
 
     film, still, count = Film(), Still(), 100
-    state = ArmState(*[np.zeros(3)] * 9, log=np.zeros(0))
+    tool = ToolState(*[np.zeros(3)] * 3)
+    state = ArmState(*[np.zeros(3)] * 3, tool, *[np.zeros(3)] * 3, log=np.zeros(0))
     for _ in range(count):
         film.add(state, HOLE, HOLE)
     with Image.open(film.write(tmp_path / "still.gif", still)) as written:

@@ -14,6 +14,17 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
 
 
+class ToolState(NamedTuple):
+    """Where the tool is and how it moves."""
+
+    position: Vec3
+    """TCP in the world by the controller's model [m], shape (3,)."""
+    quat_wxyz: Vec4
+    """TCP rotation in the world by the controller's model, w >= 0."""
+    velocity: Vec6
+    """TCP twist [m/s, rad/s], linear then angular, world axes."""
+
+
 class ArmState(NamedTuple):
     """What an arm knows of itself after a step."""
 
@@ -23,12 +34,8 @@ class ArmState(NamedTuple):
     """Measured configuration [rad], shape (7,)."""
     dq: Vec7
     """Measured joint velocity [rad/s], shape (7,)."""
-    position: Vec3
-    """TCP in the world by the controller's model [m], shape (3,)."""
-    quat_wxyz: Vec4
-    """TCP rotation in the world by the controller's model, w >= 0."""
-    velocity: Vec6
-    """TCP twist [m/s, rad/s], linear then angular, world axes."""
+    tool: ToolState
+    """Where the tool is and how it moves."""
     contact_force: Vec3
     """Largest contact force on the tool during the step [N], world axes, shape (3,);
     not-a-number where the arm cannot measure it."""
@@ -40,6 +47,21 @@ class ArmState(NamedTuple):
     """What limited any cycle of the step: the cycles' packed flags, or-ed."""
     log: Array
     """One row per control cycle of the step, columns CYCLE_COLUMNS."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArmTraits:
+    """What an arm can do and what it is like, beside where it is."""
+
+    is_simulated: bool
+    """Whether it is a `SimulatedArm`: it can be pushed and its fixture moved."""
+    is_real_time: bool
+    """Whether the arm moves on while the learner thinks."""
+    places_fixture: bool
+    """Whether the fixture goes where a reset says; if not, it is where it is."""
+    measures_contact: bool
+    """Whether it may tell contact forces; if not, they are not-a-number. Behind a
+    service only that knows: this says yes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,15 +80,8 @@ class ArmFacts:
     """Control period [s]."""
     address: str = ""
     """Where it is, as an address is written; empty where it was built without one."""
-    is_simulated: bool
-    """Whether it is a `SimulatedArm`: it can be pushed and its fixture moved."""
-    is_real_time: bool
-    """Whether the arm moves on while the learner thinks."""
-    places_fixture: bool
-    """Whether the fixture goes where a reset says; if not, it is where it is."""
-    measures_contact: bool
-    """Whether it may tell contact forces; if not, they are not-a-number. Behind a
-    service only that knows: this says yes."""
+    traits: ArmTraits
+    """What it can do and what it is like."""
 
 
 class Arm(Protocol):
@@ -147,4 +162,4 @@ def require_simulated(arm: Arm) -> SimulatedArm:
 
 def is_simulated(arm: Arm) -> TypeGuard[SimulatedArm]:
     """Say whether the arm can be pushed and its fixture moved."""
-    return arm.facts.is_simulated
+    return arm.facts.traits.is_simulated

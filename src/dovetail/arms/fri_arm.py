@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits, ToolState
 from dovetail.arms.cabinet_control import CabinetControl
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_errors import (
@@ -87,10 +87,12 @@ class FriArm:
             task=settings.task,
             period=check_period(settings.period),
             address=f"fri://{address.host}:{address.port}",
-            is_simulated=address.control is not None,
-            is_real_time=address.is_real_time,
-            places_fixture=address.places_fixture,
-            measures_contact=address.measures_contact,
+            traits=ArmTraits(
+                is_simulated=address.control is not None,
+                is_real_time=address.is_real_time,
+                places_fixture=address.places_fixture,
+                measures_contact=address.measures_contact,
+            ),
         )
         self._timeout = address.timeout
         self._approach = address.approach
@@ -373,7 +375,8 @@ class FriArm:
         q, dq, log = state.q, state.dq, self._rows(state.rows)
         self._left = q
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
-        return ArmState(stamp, q, dq, *seen[:3], np.full(3, np.nan), *seen[4:], log)
+        tool, none = ToolState(*seen[:3]), np.full(3, np.nan)
+        return ArmState(stamp, q, dq, tool, none, *seen[4:], log)
 
     def _rows(self, end: int) -> Array:
         begin = max(self._row, self._servo.oldest_row())

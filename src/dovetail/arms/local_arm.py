@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits, ToolState
 from dovetail.arms.disturbance import Disturbance
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
@@ -51,10 +51,12 @@ class LocalArm:
             task=task,
             period=period,
             address=address,
-            is_simulated=True,
-            is_real_time=False,
-            places_fixture=True,
-            measures_contact=True,
+            traits=ArmTraits(
+                is_simulated=True,
+                is_real_time=False,
+                places_fixture=True,
+                measures_contact=True,
+            ),
         )
         self.controller = make_controller(robot, osc, limits, task, period)
         self._period = period
@@ -73,7 +75,7 @@ class LocalArm:
         self._stamp = 0.0
         log = np.empty((0, len(CYCLE_COLUMNS)))
         seen = _core.summarize(self._chain, q_m, dq_m, log)  # position to flags
-        return ArmState(0.0, q_m, dq_m, *seen, log)
+        return ArmState(0.0, q_m, dq_m, ToolState(*seen[:3]), *seen[3:], log)
 
     def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
         """Follow the target for a duration [s], a whole number of periods.
@@ -90,7 +92,7 @@ class LocalArm:
             log, q, dq = self.plant.run_cycles(controller, target, cycles, period)
         self._stamp += duration
         seen = _core.summarize(self._chain, q, dq, log)  # position to flags
-        return ArmState(self._stamp, q, dq, *seen, log)
+        return ArmState(self._stamp, q, dq, ToolState(*seen[:3]), *seen[3:], log)
 
     def count_cycles(self, duration: float) -> int:
         """Return how many control periods a duration [s] has.

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.arms.arm import ArmFacts, ArmState
+from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import (
@@ -85,10 +85,12 @@ class RemoteArm:
                 task=settings.task,
                 period=settings.period,
                 address=address.text,
-                is_simulated=False,
-                is_real_time=info.real_time,
-                places_fixture=info.places_fixture,
-                measures_contact=True,
+                traits=ArmTraits(
+                    is_simulated=False,
+                    is_real_time=info.real_time,
+                    places_fixture=info.places_fixture,
+                    measures_contact=True,
+                ),
             )
             self._lease = self._acquire(name or client_name(), lease_timeout)
             self._steps = StepStream(self._connection, self._lease, timeout)
@@ -266,10 +268,10 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
         return offered
     if different := differences(robot, offered):
         first = different[0]
+        there, here = offered.arrays()[first], robot.arrays()[first]
         raise ConfigError(
             f"the service's robot {offered.name} is not this program's {robot.name}: "
             f"{', '.join(different)} differ, for example {first} is "
-            f"{vars(offered)[first].tolist()} there and "
-            f"{vars(robot)[first].tolist()} here; give both the same tool"
+            f"{there.tolist()} there and {here.tolist()} here; give both the same tool"
         )
     return robot

@@ -33,13 +33,13 @@ class CommandPolicy:
             config: Tolerances and the number of missed commands.
             robot: The arm whose limits stop the motion.
         """
-        self._config = config
-        self._q_min = robot.q_min.tolist()
-        self._q_max = robot.q_max.tolist()
-        self._dq_max = (config.speed_factor * robot.dq_max).tolist()
-        self._tau_max = (robot.tau_max + _TORQUE_SLACK).tolist()
+        self._config, limits = config, robot.limits
+        self._q_min = limits.q_min.tolist()
+        self._q_max = limits.q_max.tolist()
+        self._dq_max = (config.speed_factor * limits.dq_max).tolist()
+        self._tau_max = (limits.tau_max + _TORQUE_SLACK).tolist()
         slot = config.period * config.receive_multiplier
-        self._step_max = (config.command_speed_factor * robot.dq_max * slot).tolist()
+        self._step_max = (config.command_speed_factor * limits.dq_max * slot).tolist()
         self.mode = CommandMode[config.mode.upper()]
         self.begin([0.0] * 7)
 

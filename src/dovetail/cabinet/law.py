@@ -53,7 +53,7 @@ class JointLaw:
         self._K = np.array(stiffness)
         self._d = np.array(damping)
         self._coriolis = coriolis
-        self.tau_max = robot.tau_max
+        self.tau_max = robot.limits.tau_max
         """Torque limit of each joint, and what its brake holds [Nm]."""
         self.has_impedance = bool(self._K.any())
 

@@ -117,8 +117,9 @@ class Diary:
         """
         now = {FIXTURE: [*fixture.position, *fixture.quat_wxyz]}
         if moment is not None:
-            now[BELIEVED] = [*moment.seen.position, *moment.seen.quat_wxyz]
-            now[PULL] = [*moment.pull]
+            seen = moment.fixture.seen
+            now[BELIEVED] = [*seen.position, *seen.quat_wxyz]
+            now[PULL] = [*moment.load.pull]
         for key, values in now.items():
             row, rows = [float(value) for value in values], self._paths[key]
             if not rows or rows[-1][1:] != row:

@@ -104,7 +104,7 @@ class Guide:
             self._last = None
             return None
         if self._last is None:
-            here = Pose(core.state.position, core.state.quat_wxyz)
+            here = Pose(core.state.tool.position, core.state.tool.quat_wxyz)
             self._last = action_towards(core, here)
         self._last = resting_action(core.axes, self._last, core.commands.axes)
         return self._last
@@ -115,9 +115,9 @@ class Guide:
         moved = self._mouse.deflection
         way = _turned(moved[:3], self.heading) * (LEAD_SPEED / GAIN)
         turn = _turned(moved[3:], self.heading) * (TURN_RATE * _STEP)
-        before = core.state.quat_wxyz if self._quat is None else self._quat
+        before = core.state.tool.quat_wxyz if self._quat is None else self._quat
         self._quat = quat_normalized(quat_multiply(quat_from_vector(turn), before))
-        return Pose(core.state.position + way, self._quat)
+        return Pose(core.state.tool.position + way, self._quat)
 
 
 def _turned(vector: Vec3, heading: float) -> Vec3:

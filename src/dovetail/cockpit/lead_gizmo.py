@@ -55,7 +55,7 @@ class LeadGizmo:
             guide.let_go()
             return
         if event.phase == "start" or self._begin is None:
-            self._begin = Pose(moment.position, moment.quat_wxyz)
+            self._begin = moment.tool
         turn = np.array(event.target.wxyz, dtype=float)
         place = np.array(event.target.position, dtype=float)
         to = Pose(place, quat_multiply(turn, self._begin.quat_wxyz))
@@ -69,7 +69,7 @@ class LeadGizmo:
         gizmo = self._gizmo
         gizmo.visible = self._panel.leads.is_on
         if not (self._is_grabbed and self._session.guide.is_leading):
-            gizmo.position, gizmo.wxyz = moment.position, _STILL
+            gizmo.position, gizmo.wxyz = moment.tool.position, _STILL
         self._session.guide.heading = self._heading()
 
     def _heading(self) -> float:

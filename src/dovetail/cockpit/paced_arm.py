@@ -83,7 +83,7 @@ class PacedArm:
         """
         if not is_simulated(self._arm):
             return self._slice(self._commanded(target, 0.0), duration)
-        is_whole = self.facts.is_real_time  # it keeps its own time, step by step
+        is_whole = self.facts.traits.is_real_time  # it keeps its own time, step by step
         count = 1 if is_whole else max(1, round(duration / SLICE))
         length = SLICE if count > 1 else duration
         parts = []
@@ -91,7 +91,7 @@ class PacedArm:
             state, before = self._state, self.fixture
             if self._hand.is_busy and state is not None:
                 arm = require_simulated(self._arm)
-                self.fixture = self._hand.act(arm, state.position, before, length)
+                self.fixture = self._hand.act(arm, state.tool.position, before, length)
             parts.append(self._slice(self._commanded(target, i * length), length))
         return _joined(parts)
 
@@ -117,7 +117,7 @@ class PacedArm:
         begin = time.perf_counter()
         self._state = state = self._arm.step(target, duration)
         self.work = time.perf_counter() - begin
-        if not self.facts.is_real_time:
+        if not self.facts.traits.is_real_time:
             self._pace.wait(duration)
         self._see(state, self.fixture)
         return state
@@ -143,8 +143,8 @@ class PacedArm:
         """
         if self._state is None:
             return
-        hold = _core.Target()
-        hold.position_d, hold.quat_wxyz_d = self._state.position, self._state.quat_wxyz
+        hold, tool = _core.Target(), self._state.tool
+        hold.position_d, hold.quat_wxyz_d = tool.position, tool.quat_wxyz
         self._hold = hold
         if not is_simulated(self._arm):
             self._arm.stop()

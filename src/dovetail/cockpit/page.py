@@ -148,22 +148,23 @@ class Page:
         session, scene, panel = self._session, self._scene, self.panel
         moment = session.moment
         if moment is not None:
-            scene.place(moment.q, moment.fixture, moment.seen)
+            scene.place(moment.q, moment.fixture.true, moment.fixture.seen)
             shown = panel.forces.is_on
             nothing = np.zeros(3)
             scene.point(
-                moment.force if shown else nothing, moment.pull if shown else nothing
+                moment.load.force if shown else nothing,
+                moment.load.pull if shown else nothing,
             )
             self._lead.show(moment)
         if session.can_touch and moment is not None:
             self._grip.visible = panel.pulls.is_on and not panel.leads.is_on
             self._handle.visible = panel.drags.is_on
             if not self._pulled:
-                self._grip.position = moment.position
+                self._grip.position = moment.tool.position
             if not self._dragged:
                 facing = np.array(session.core.task.trial_poses[0].facing)
-                yaw = theta_about_vertical(moment.fixture.quat_wxyz, facing)
-                self._handle.position = moment.fixture.position
+                yaw = theta_about_vertical(moment.fixture.true.quat_wxyz, facing)
+                self._handle.position = moment.fixture.true.position
                 self._handle.wxyz = quat_about_z(yaw)
         scene.walls.visible = panel.walls.is_on
         if self.frames % _SELDOM == 0:
@@ -172,7 +173,7 @@ class Page:
             scene.trace(session.trace.path() if panel.path.is_on else np.zeros((0, 3)))
             scene.near.visible = panel.near.is_on and moment is not None
             if moment is not None:
-                scene.lay_near(*moment.near)
+                scene.lay_near(*moment.fixture.near)
 
     def close(self) -> None:
         """Draw no more; the server is stopped by whoever opened it."""

@@ -31,13 +31,9 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Recorded:
-    """One log and its cell."""
+class Motion:
+    """What the arm did, one row for each cycle."""
 
-    name: str
-    """Of its file, with its folder."""
-    cell: Workcell
-    """Where it was."""
     time: Array
     """Since the first cycle [s], shape (cycles,)."""
     q: Array
@@ -49,14 +45,34 @@ class Recorded:
     not measured, not-a-number where neither was known."""
     is_estimated: bool
     """Whether no cycle has a measured force."""
-    curves: Array
-    """`COLUMNS` of some cycles, shape (points, columns)."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Changes:
+    """What changed beside the arm, and from which time on [s]."""
+
     fixtures: tuple[tuple[float, Pose], ...]
-    """Where the fixture was, from which time on [s]."""
+    """Where the fixture was."""
     believed: tuple[tuple[float, Pose], ...]
     """Where it was believed, likewise; empty where the log does not say."""
     pulls: tuple[tuple[float, Vec3], ...]
     """Force of a hand's pull [N], world axes, likewise."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recorded:
+    """One log and its cell."""
+
+    name: str
+    """Of its file, with its folder."""
+    cell: Workcell
+    """Where it was."""
+    motion: Motion
+    """What the arm did."""
+    changes: Changes
+    """What changed beside it."""
+    curves: Array
+    """`COLUMNS` of some cycles, shape (points, columns)."""
 
     @classmethod
     def load(
@@ -92,46 +108,52 @@ class Recorded:
         return cls(
             name=f"{path.resolve().parent.name}/{path.stem}",
             cell=task.workcell(find_robot(robot_name)),
-            time=time,
-            q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
-            position=position,
-            force=_force(columns),
-            is_estimated=bool(np.isnan(columns["fx"]).all()),
+            motion=Motion(
+                time=time,
+                q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
+                position=position,
+                force=_force(columns),
+                is_estimated=bool(np.isnan(columns["fx"]).all()),
+            ),
+            changes=Changes(
+                fixtures=_fixtures(path, episode.metadata, float(stamp[0]), first),
+                believed=_believed(path, episode.metadata, float(stamp[0])),
+                pulls=_pulls(path, episode.metadata, float(stamp[0])),
+            ),
             curves=_curves(columns, time),
-            fixtures=_fixtures(path, episode.metadata, float(stamp[0]), first),
-            believed=_believed(path, episode.metadata, float(stamp[0])),
-            pulls=_pulls(path, episode.metadata, float(stamp[0])),
         )
 
     @property
     def end(self) -> float:
         """Length [s]."""
-        return float(self.time[-1])
+        return float(self.motion.time[-1])
 
     def at(self, time: float) -> tuple[Vec7, Vec3, Pose]:
         """Return joint angles, contact force and fixture at a time [s] since its begin.
 
         Before the first cycle they are the first one's, after the last the last one's.
         """
-        row = self._row(time)
-        return self.q[row], self.force[row], _latest(self.fixtures, time)
+        row, motion = self._row(time), self.motion
+        return motion.q[row], motion.force[row], _latest(self.changes.fixtures, time)
 
     def seen(self, time: float) -> Pose | None:
         """Return where the fixture was believed at a time [s]; None is unknown."""
-        return _latest(self.believed, time) if self.believed else None
+        believed = self.changes.believed
+        return _latest(believed, time) if believed else None
 
     def pull(self, time: float) -> Vec3:
         """Return the force of a hand's pull at a time [s], world axes [N]."""
-        return _latest(self.pulls, time) if self.pulls else np.zeros(3)
+        pulls = self.changes.pulls
+        return _latest(pulls, time) if pulls else np.zeros(3)
 
     def path(self, time: float) -> Array:
         """Return where the TCP was until a time [m], shape (points, 3)."""
         end = self._row(time) + 1
-        return self.position[: end : max(1, end // _POINTS)]
+        return self.motion.position[: end : max(1, end // _POINTS)]
 
     def _row(self, time: float) -> int:
-        row = int(np.searchsorted(self.time, time, side="right")) - 1
-        return min(max(row, 0), len(self.time) - 1)
+        row = int(np.searchsorted(self.motion.time, time, side="right")) - 1
+        return min(max(row, 0), len(self.motion.time) - 1)
 
     def compared(self, other: "Recorded") -> Array:
         """Return the curves, with how far the TCP is from another log's [mm].
@@ -139,10 +161,10 @@ class Recorded:
         Both are taken at the same time since their begin; beyond the other's end there
         is nothing to compare.
         """
-        curves = self.curves.copy()
+        curves, ours, theirs = self.curves.copy(), self.motion, other.motion
         for axis in range(3):
-            own = np.interp(curves[:, 0], self.time, self.position[:, axis])
-            their = np.interp(curves[:, 0], other.time, other.position[:, axis])
+            own = np.interp(curves[:, 0], ours.time, ours.position[:, axis])
+            their = np.interp(curves[:, 0], theirs.time, theirs.position[:, axis])
             curves[:, -1] = np.hypot(curves[:, -1], 1e3 * (own - their))
         curves[curves[:, 0] > other.end, -1] = np.nan
         return curves

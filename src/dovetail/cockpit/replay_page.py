@@ -51,7 +51,7 @@ class ReplayPage:
                 log.cell,
                 name=f"/log{i}",
                 shift=np.array([0.0, shift, 0.0]),
-                has_believed=bool(log.believed),
+                has_believed=bool(log.changes.believed),
             )
             for i, (log, shift) in enumerate(zip(logs, shifts, strict=True))
         ]
@@ -152,7 +152,8 @@ class ReplayPage:
             scene.trace(log.path(now))
             size = float(np.linalg.norm(force))
             told = "no force known" if np.isnan(size) else f"{size:.1f} N"
-            told += " (estimated)" if log.is_estimated and not np.isnan(size) else ""
+            is_estimated = log.motion.is_estimated and not np.isnan(size)
+            told += " (estimated)" if is_estimated else ""
             words.append(f"<div><b>{html.escape(log.name)}</b> {told}</div>")
         self._words.content = f"<div style='padding:0 .8em'>{''.join(words)}</div>"
         if self._is_playing or abs(self._line.value - now) > 0.006:

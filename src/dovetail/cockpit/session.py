@@ -185,7 +185,7 @@ class Session:
     @property
     def can_pace(self) -> bool:
         """Whether it can go slower or faster than the wall's time."""
-        return not self._core.arm.facts.is_real_time
+        return not self._core.arm.facts.traits.is_real_time
 
     def say(self, note: str) -> None:
         """Tell everybody something."""
@@ -368,7 +368,7 @@ class Session:
 
     def _rebuild(self, choice: Choice) -> None:
         before = self._env
-        if self._core.arm.facts.is_real_time:
+        if self._core.arm.facts.traits.is_real_time:
             self._note = "another choice for this arm needs another dovetail cockpit"
             return
         left = self._core.fixture if self._is_ready else None

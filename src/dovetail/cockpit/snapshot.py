@@ -9,11 +9,36 @@ from dovetail.envs.contact_env import ContactEnv
 from dovetail.errors import TrackerError
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose
-from dovetail.types import Array, Vec3, Vec4, Vec7
+from dovetail.types import Array, Vec3, Vec7
 
 _TAU = [COLUMN[f"tau{i}"] for i in range(1, 8)]
 USED = ("joint range", "joint speed", "torque", "walls")
 """Limits of which is shown how much is used."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeenFixture:
+    """Where the fixture is, and what is believed of it."""
+
+    true: Pose
+    """Where the fixture truly is."""
+    seen: Pose
+    """Where it is believed."""
+    near: tuple[Vec3, float]
+    """Normal, and where along it contact is near [m], as is believed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Load:
+    """What acts on the arm, and how near it is to its limits."""
+
+    force: Vec3
+    """Contact force on the tool [N], world axes: the estimated one where the arm
+    measures none; not-a-number where neither is known."""
+    pull: Vec3
+    """Force of the hand's spring [N], world axes."""
+    used: tuple[float, ...]
+    """How much of each of `USED` is used [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,23 +49,12 @@ class Moment:
     """Time of the episode [s]."""
     q: Vec7
     """Joint angles [rad]."""
-    position: Vec3
-    """TCP [m], world axes."""
-    quat_wxyz: Vec4
-    """Its rotation."""
-    fixture: Pose
-    """Where the fixture truly is."""
-    seen: Pose
-    """Where it is believed."""
-    near: tuple[Vec3, float]
-    """Normal, and where along it contact is near [m], as is believed."""
-    force: Vec3
-    """Contact force on the tool [N], world axes: the estimated one where the arm
-    measures none; not-a-number where neither is known."""
-    pull: Vec3
-    """Force of the hand's spring [N], world axes."""
-    used: tuple[float, ...]
-    """How much of each of `USED` is used [%]."""
+    tool: Pose
+    """TCP, world axes."""
+    fixture: SeenFixture
+    """Where the fixture is, and what is believed of it."""
+    load: Load
+    """What acts on the arm."""
     reward: float = 0.0
     """Of the last policy step."""
     depth: float = 0.0
@@ -85,14 +99,17 @@ def moment_of(
     return Moment(
         stamp=state.stamp,
         q=state.q,
-        position=state.position,
-        quat_wxyz=state.quat_wxyz,
-        fixture=fixture,
-        seen=seen,
-        near=(goal.normal, goal.surface + core.config.approach.near_distance),
-        force=known_force(state),
-        pull=pull,
-        used=used_limits(state, core.arm.facts),
+        tool=Pose(state.tool.position, state.tool.quat_wxyz),
+        fixture=SeenFixture(
+            true=fixture,
+            seen=seen,
+            near=(goal.normal, goal.surface + core.config.approach.near_distance),
+        ),
+        load=Load(
+            force=known_force(state),
+            pull=pull,
+            used=used_limits(state, core.arm.facts),
+        ),
         work=work,
     )
 
@@ -116,7 +133,7 @@ def used_limits(state: ArmState, facts: ArmFacts) -> tuple[float, ...]:
         _centred(state.q, limits.q_min, limits.q_max),
         np.abs(state.dq) / limits.dq_max,
         tau / limits.tau_max,
-        _centred(state.position, limits.x_min, limits.x_max),
+        _centred(state.tool.position, limits.x_min, limits.x_max),
     )
     return tuple(100.0 * float(share.max()) for share in shares)
 

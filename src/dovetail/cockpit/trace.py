@@ -35,13 +35,13 @@ class Trace:
         row = self._count % (2 * ROWS)
         self._rows[row] = (
             moment.stamp,
-            float(np.linalg.norm(moment.force)),
-            float(np.linalg.norm(moment.pull)),
+            float(np.linalg.norm(moment.load.force)),
+            float(np.linalg.norm(moment.load.pull)),
             moment.reward,
             1e3 * moment.work,
-            *moment.used,
+            *moment.load.used,
         )
-        self._places[row] = moment.position
+        self._places[row] = moment.tool.position
         self._count += 1
 
     def _indices(self) -> NDArray[np.int_]:

@@ -107,7 +107,7 @@ class CameraIntrinsics:
             f"(95 %)\n{len(corners)} pictures, corners {fit.error:.3f} pixels off",
             highlight=False,
         )
-        camera = Camera(
+        camera = Camera.of(
             lens=lens,
             mount="world",
             position=(0.0, 0.0, 0.0),
@@ -150,16 +150,18 @@ class CameraWatch:
         in_count("count", self.count, 0, _PICTURES_MAX, "pictures")
         camera, cell = load_camera(self.camera), find_cell(robot=self.robot)
         if self.twin is not None and not camera.is_simulated:
-            raise ConfigError(f"twin is given, and the pictures are of {camera.source}")
+            raise ConfigError(
+                f"twin is given, and the pictures are of {camera.pictures.source}"
+            )
         twin = None if self.twin is None else load_twin(self.twin).camera
-        detector = Detector(camera.board, camera.lens, camera.edge_noise)
+        detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
         source, seen_once, number = open_source(camera, cell, twin), False, 0
         is_placed = self._is_placed(camera, twin, console)
         q = cell.robot.posture("down")
         try:
             while number < self.count or not self.count:
                 number += 1
-                frame = source.look(FIXTURE, standing(q, number / camera.rate))
+                frame = source.look(FIXTURE, standing(q, number / camera.pictures.rate))
                 if frame is None:
                     continue
                 sight = detector.find(frame.picture)
@@ -180,8 +182,9 @@ class CameraWatch:
         self, camera: "CameraFile", twin: "TwinCamera | None", console: Console
     ) -> bool:
         """Say whether the camera's place is known, and what follows where it is not."""
+        is_exact = twin is None or not any(twin.misplaced.numbers())
         try:
-            camera.require_calibrated(is_exact=twin is None or not any(twin.misplaced))
+            camera.require_calibrated(is_exact=is_exact)
         except ConfigError as error:
             console.print(
                 f"{error}. Until then places are in the camera's frame: x right, y "

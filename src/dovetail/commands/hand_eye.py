@@ -1,7 +1,7 @@
 """`dovetail camera hand-eye`: find where a camera sits, by the poses of an arm."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -83,18 +83,19 @@ class CameraHandEye:
         if self.mount is not None:
             if self.mount not in ("world", "flange"):
                 raise ConfigError(f"mount is {self.mount!r}; known: world, flange")
-            camera = replace(camera, mount=self.mount)
+            camera = camera.having(mount=self.mount)
         if self.twin is not None and not camera.is_simulated:
             raise ConfigError(
-                f"twin is given, and the pictures are of {camera.source}; leave it out"
+                f"twin is given, and the pictures are of {camera.pictures.source}; "
+                "leave it out"
             )
         address = None if self.arm is None else parse_address(self.arm)
         twin = self.twin or (address and address.twin) or camera.twin or None
-        detector = Detector(camera.board, camera.lens, camera.edge_noise)
+        detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
         views = self._views(
             detector, self._shots(camera, address, twin, console), console
         )
-        found = calibrate(views, camera.lens, camera.mount)
+        found = calibrate(views, camera.lens, camera.place.mount)
         print_hand_eye(console, found, len(views))
         objections = found.objections()
         camera = camera.calibrated_from(self.camera, twin)
@@ -123,8 +124,9 @@ class CameraHandEye:
             return read_shots(self.folder, find_robot(self.robot))
         if address is None and not camera.is_simulated:
             raise ConfigError(
-                f"the camera's source is {camera.source}: give the --arm that is to go "
-                "through poses, or take pictures in 20 poses and give their --folder"
+                f"the camera's source is {camera.pictures.source}: give the --arm that "
+                "is to go through poses, or take pictures in 20 poses and give their "
+                "--folder"
             )
         in_count("count", self.count, VIEWS_MIN, _PICTURES_MAX, "pictures")
         if address is None:
@@ -150,7 +152,7 @@ class CameraHandEye:
         if self.approach:
             address = parse_address(address.with_approach())
         if not (address.is_here or self.yes):
-            holds = "holds the board" if camera.mount == "world" else "is empty"
+            holds = "holds the board" if camera.place.mount == "world" else "is empty"
             question = _MOVED.format(count=self.count, held=f"the tool {holds}")
             if not ask(question):
                 raise ConfigError("the arm was not moved; nothing is written")
@@ -225,8 +227,7 @@ def _placed(camera: "Camera", found: "HandEye") -> "Camera":
     """Return the camera with the place that was found."""
     deviation = np.sqrt(np.diag(found.covariance))
     correlation = found.covariance / np.outer(deviation, deviation)
-    return replace(
-        camera,
+    return camera.having(
         mount=found.mount,
         position=tuple(found.camera.position.tolist()),
         rotation=tuple(found.camera.quat_wxyz.tolist()),

@@ -56,8 +56,8 @@ def _available(
     rng = np.random.default_rng(0)
     shares = np.empty((_SAMPLES, 7))
     for row in shares:
-        q = rng.uniform(robot.q_min, robot.q_max)
-        dq = rng.uniform(-robot.dq_max, robot.dq_max)
+        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
+        dq = rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
         M = np.abs(chain.inertia_matrix(q)) + np.diag(armature)
         bias = np.abs(chain.coriolis(q, dq)) + np.asarray(damping) * np.abs(dq)
         row[:] = (tau_max - bias - np.abs(chain.gravity(q))) / (M @ REFERENCE)

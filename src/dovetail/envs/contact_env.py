@@ -173,7 +173,7 @@ class ContactEnv(
         if facts.limits.walls:
             self._walls = tuple(facts.limits.x_min), tuple(facts.limits.x_max)
         self.violations = ViolationCounter(facts.robot, *self._walls)
-        self.places_fixture = facts.places_fixture
+        self.places_fixture = facts.traits.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
         self._recall = Recall(seen.recall, self.scaling, size)

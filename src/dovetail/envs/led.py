@@ -41,13 +41,13 @@ def action_towards(core: ContactEnv, to: Pose) -> NDArray[np.float32]:
     state, commands = core.state, core.commands
     goal = core.task.goal(core.tracker.estimate().pose)
     damping = np.array(per_axis("force_damping", core.config.action.force_damping))
-    way = np.asarray(to.position, dtype=float) - state.position
+    way = np.asarray(to.position, dtype=float) - state.tool.position
     wanted = GAIN * way
     wanted *= min(1.0, LEAD_SPEED / max(float(np.abs(wanted).max()), 1e-12))
     brake = np.maximum(_BRAKE - damping, 0.0)
-    forward = damping * wanted + brake * (wanted - state.velocity[:3])
-    turn = rotation_error(np.asarray(to.quat_wxyz), state.quat_wxyz)
-    angular = _TURN * turn - _TURN_BRAKE * state.velocity[3:]
+    forward = damping * wanted + brake * (wanted - state.tool.velocity[:3])
+    turn = rotation_error(np.asarray(to.quat_wxyz), state.tool.quat_wxyz)
+    angular = _TURN * turn - _TURN_BRAKE * state.tool.velocity[3:]
     force = np.concatenate([forward, angular])
     shift = np.concatenate([to.position - goal.position, _turns(to, goal.quat_wxyz)])
     modes = core.axes.modes

@@ -44,8 +44,8 @@ class Sight(NamedTuple):
 
 def sight(state: ArmState, goal: Goal) -> Sight:
     """Compare the tool with a goal."""
-    turn = theta_about_vertical(state.quat_wxyz, goal.quat_wxyz)
-    return Sight(state, goal, state.position - goal.position, turn)
+    turn = theta_about_vertical(state.tool.quat_wxyz, goal.quat_wxyz)
+    return Sight(state, goal, state.tool.position - goal.position, turn)
 
 
 class Column(NamedTuple):
@@ -100,19 +100,19 @@ GROUPS: Mapping[str, Group] = {
         _columns("tilt_x tilt_y", "rad", "about the world's x and y, from the goal's"),
         THETA_SCALE,
         5.1,  # 3.2 rad
-        lambda s: rotation_error(s.state.quat_wxyz, s.goal.quat_wxyz)[:2],
+        lambda s: rotation_error(s.state.tool.quat_wxyz, s.goal.quat_wxyz)[:2],
     ),
     "velocity": Group(
         _columns("vx vy vz", "m/s", "tool, world axes"),
         VELOCITY_SCALE,
         5.0,  # 2.9 m/s
-        lambda sight: sight.state.velocity[:3],
+        lambda sight: sight.state.tool.velocity[:3],
     ),
     "spin": Group(
         _columns("wx wy wz", "rad/s", "tool, world axes"),
         VELOCITY_SCALE,
         7.0,  # 22 rad/s
-        lambda sight: sight.state.velocity[3:],
+        lambda sight: sight.state.tool.velocity[3:],
     ),
     "force": Group(
         _columns("fx fy fz", "N", "on the tool, world axes; simulations only"),
@@ -177,8 +177,8 @@ class Layout:
             self.places[name] = place
             self._unit[place], high[place] = group.scale, group.high
             if name == "joints":
-                self._zero[place] = (robot.q_max + robot.q_min) / 2.0
-                self._unit[place] = (robot.q_max - robot.q_min) / 2.0
+                self._zero[place] = (robot.limits.q_max + robot.limits.q_min) / 2.0
+                self._unit[place] = (robot.limits.q_max - robot.limits.q_min) / 2.0
                 self._is_log[place] = False
             if name == "position":
                 self._zero[place] = zero_offset

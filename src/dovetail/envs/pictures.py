@@ -56,7 +56,7 @@ class EpisodePictures:
     def add(self, state: ArmState) -> None:
         """Remember where the tool's end was measured."""
         if self._is_wanted:
-            self._path.append(state.position.copy())
+            self._path.append(state.tool.position.copy())
 
     def draw(
         self, state: ArmState, fixture: Pose, believed: Pose

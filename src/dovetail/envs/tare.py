@@ -75,8 +75,8 @@ def measure_tare(
             of the way.
     """
     target = _core.Target()
-    target.position_d = start = state.position.copy()
-    target.quat_wxyz_d = quat = state.quat_wxyz.copy()
+    target.position_d = start = state.tool.position.copy()
+    target.quat_wxyz_d = quat = state.tool.quat_wxyz.copy()
     target.near_plane = near_plane
     is_led = np.isin(np.arange(6), axes)
     lead = np.where(is_led, _STIFFNESS, 0.0)
@@ -89,8 +89,8 @@ def measure_tare(
     def follow() -> Vec6:
         """Command one step; return what is lacked on each axis before it."""
         nonlocal state
-        turn = rotation_error(quat, state.quat_wxyz)
-        error = np.append(reference - state.position, turn)
+        turn = rotation_error(quat, state.tool.quat_wxyz)
+        error = np.append(reference - state.tool.position, turn)
         pull = (lead * error).clip(-_F_MAX, _F_MAX)
         target.f_star = held + pull
         # No press on what is near: the controller would cut it, one way and not the
@@ -192,7 +192,7 @@ class ToolTare:
         Raises:
             ArmError: Something is in the way.
         """
-        start = state.position
+        start = state.tool.position
         direction = np.where(start >= fixture.position, 1.0, -1.0)
         direction[2] = 1.0
         end = start + 2.0 * TRAVEL * direction

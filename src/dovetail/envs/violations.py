@@ -35,9 +35,10 @@ class ViolationCounter:
         """
         self._low = np.full(len(CYCLE_COLUMNS), -np.inf)
         self._high = np.full(len(CYCLE_COLUMNS), np.inf)
+        joints = robot.limits
         for names, low, high in (
-            ([f"q{i}" for i in range(1, 8)], robot.q_min, robot.q_max),
-            ([f"dq{i}" for i in range(1, 8)], -robot.dq_max, robot.dq_max),
+            ([f"q{i}" for i in range(1, 8)], joints.q_min, joints.q_max),
+            ([f"dq{i}" for i in range(1, 8)], -joints.dq_max, joints.dq_max),
             (["x", "y", "z"], x_min, x_max),
         ):
             columns = [COLUMN[name] for name in names]

@@ -107,7 +107,7 @@ def require_placed(task: Task, cell: Workcell, arm: Arm) -> None:
     Raises:
         ConfigError: The arm cannot move the fixture.
     """
-    if not (arm.facts.places_fixture or task.has_fixed_fixture()):
+    if not (arm.facts.traits.places_fixture or task.has_fixed_fixture()):
         raise ConfigError(
             f"the arm cannot move the {cell.fixture.name}: say where it is, with "
             "--fixed-goal --fixture X Y Z YAW [m, rad] or "
@@ -141,7 +141,7 @@ def require_columns(arm: Arm, columns: Sequence[str]) -> None:
             "the task's column 'wrench' is what the disturbance estimate says, and the "
             "limits' estimate_rate is 0 1/s, which is off: give it above 0, as 60"
         )
-    if "force" in columns and not arm.facts.measures_contact:
+    if "force" in columns and not arm.facts.traits.measures_contact:
         raise ConfigError(
             "the task's column 'force' is the force of contact, which this arm does "
             "not measure: train and run without it"

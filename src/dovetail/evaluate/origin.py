@@ -4,7 +4,7 @@ import os
 import platform
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -131,7 +131,7 @@ def describe_settings(
         pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
     }
     if config.place.twin is not None:
-        settings["twin file"] = asdict(load_twin(config.place.twin))
+        settings["twin file"] = load_twin(config.place.twin).table()
     return {name: value for name, value in settings.items() if value is not None}
 
 

@@ -68,10 +68,10 @@ def load_torques(robot: Robot, q: Vec7) -> Array:
     """
     chain = robot.chain()
     _, R_tool = chain.pose(q)
-    R = np.asarray(R_tool) @ robot.tool_rotation.T  # flange axes in the world
+    R = np.asarray(R_tool) @ robot.geometry.tool_rotation.T  # flange axes in the world
     jacobian = np.asarray(chain.jacobian(q))
     linear, angular = jacobian[:3], jacobian[3:]
-    to_flange = -R @ robot.tool_position
+    to_flange = -R @ robot.geometry.tool_position
     columns = [linear[2] + _turned(angular, to_flange)]
     columns += [_turned(angular, R[:, k]) for k in range(3)]
     return _GRAVITY * np.stack(columns, axis=1)

@@ -3,7 +3,7 @@
 import os
 import time
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -314,7 +314,7 @@ def _warnings(
 def _describe(model: TwinConfig, recording: Recording, after: float) -> TwinConfig:
     arm = recording.metadata["arm"].partition("?")[0]
     text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
-    return replace(model, description=text)
+    return model.having(description=text)
 
 
 def _write(

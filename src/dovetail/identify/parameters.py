@@ -172,19 +172,15 @@ class ParameterSet:
         changed: dict[str, list[float]] = {}
         for p, value in zip(self.parameters, values.tolist(), strict=True):
             _put(changed, model, p.name, value)
-        delay = changed.pop("command_delay", [model.command_delay])[0]
+        delay = changed.pop("command_delay", [model.channel.command_delay])[0]
         arrays: dict[str, Any] = {name: tuple(v) for name, v in changed.items()}
-        return replace(
-            model,
-            command_delay=delay,
-            **arrays,
-        )
+        return model.having(command_delay=delay, **arrays)
 
 
 def nominal_model(engine: str = "mujoco") -> TwinConfig:
     """Return the controller's own model as a twin without noise."""
     d = _NOMINAL
-    return TwinConfig(
+    return TwinConfig.of(
         description="the controller's model",
         engine=find_engine(engine),
         seed=0,
@@ -222,10 +218,12 @@ def _put(
         return
     stem, _, part = name.rpartition("_")
     if stem == "gravity":
-        residual = changed.setdefault("gravity_residual", list(model.gravity_residual))
+        residual = changed.setdefault(
+            "gravity_residual", list(model.arm.gravity_residual)
+        )
         residual["xyz".index(part)] = value
     elif part.isdigit():
-        changed.setdefault(stem, list(vars(model)[stem]))[int(part) - 1] = value
+        changed.setdefault(stem, list(vars(model.arm)[stem]))[int(part) - 1] = value
     else:
         changed[name] = [value] * 7
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ class ModelFile:
 
     def table(self) -> dict[str, Any]:
         """Return the file's table, as JSON knows it."""
-        table: dict[str, Any] = json.loads(json.dumps(asdict(self.twin)))
+        table: dict[str, Any] = json.loads(json.dumps(self.twin.table()))
         return table
 
     def describe(self) -> dict[str, Any]:

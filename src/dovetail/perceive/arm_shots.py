@@ -47,7 +47,7 @@ def take_shots(
         TrackerError: No picture comes.
         ArmError: The arm does not arrive.
     """
-    if camera.is_simulated and not arm.facts.is_simulated:
+    if camera.is_simulated and not arm.facts.traits.is_simulated:
         raise ConfigError(
             "the pictures of this camera are simulated, and this arm is not: give the "
             "file another source, device:NUMBER"
@@ -85,9 +85,9 @@ def _stand(
 ) -> Shot:
     """Hold the arm where it is until a picture of that comes."""
     target = _core.Target(
-        position_d=state.position.copy(), quat_wxyz_d=state.quat_wxyz.copy()
+        position_d=state.tool.position.copy(), quat_wxyz_d=state.tool.quat_wxyz.copy()
     )
-    wait = _SETTLE + camera.delay + _PATIENCE
+    wait = _SETTLE + camera.pictures.delay + _PATIENCE
     for _ in range(round(wait / POLICY_PERIOD)):
         state = arm.step(target, POLICY_PERIOD)
         frame = source.look(board_of(camera, cell, state.q), state)

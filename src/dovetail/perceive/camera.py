@@ -6,22 +6,25 @@ what it is mounted on, the world or the arm's flange.
 """
 
 import tomllib
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.sections import Sectioned, settings_in
 from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
-from dovetail.poses import Pose, quat_normalized
+from dovetail.perceive.camera_parts import CameraOrigin, CameraPictures, CameraPlace
+from dovetail.poses import Pose
 from dovetail.types import Array, Mat33
 
 PIXELS = Range(16, 20_000, "pixels")
+TABLE = "a table of a file"
+"""Note on what is given as a whole: its numbers have no flat names."""
 _TWIN = "?twin="
-_AXES = tuple("xyz")
-_SIX = tuple(f"{what} {axis}" for what in ("shift", "turn") for axis in _AXES)
+_AXES = tuple("xy")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +52,7 @@ class Lens:
         """Refuse a lens that there is not."""
         check_ranges(self, "lens")
         for middle, size, name in zip(
-            self.centre, (self.width, self.height), _AXES, strict=False
+            self.centre, (self.width, self.height), _AXES, strict=True
         ):
             if not 0.0 < middle < size:
                 raise ConfigError(
@@ -74,74 +77,45 @@ class Lens:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Camera:
-    """Everything that is known of a camera, and how well."""
+class Camera(Sectioned):
+    """Everything that is known of a camera, and how well.
 
-    lens: Lens
+    `of` and `having` know every number by its key in a camera's file; lens and board
+    are tables there.
+    """
+
+    whose: ClassVar[str] = "a camera"
+
+    lens: Annotated[Lens, TABLE]
     """Its lens."""
-    mount: Literal["world", "flange"]
-    """What it is fixed to."""
-    position: Annotated[tuple[float, float, float], Range(-10.0, 10.0, "m", _AXES)]
-    """T_mount_camera: the camera's origin in its mount's frame [m]."""
-    rotation: Annotated[
-        tuple[float, float, float, float], Range(-1.0, 1.0, "1", tuple("wxyz"))
-    ]
-    """T_mount_camera: its rotation (wxyz) in its mount's frame."""
-    deviation: Annotated[tuple[float, ...], Range(0.0, 1.0, "m, rad", _SIX)] = (
-        0.0,
-    ) * 6
-    """Standard deviations of position [m] and rotation vector [rad], mount's axes."""
-    correlation: tuple[tuple[float, ...], ...] = ()
-    """Correlation of these six, rows; empty is none."""
-    edge_noise: Annotated[float, Range(0.005, 5.0, "pixels")] = 0.05
-    """Standard deviation of the place of a marker's edge in a picture [pixels]."""
-    rate: Annotated[float, Range(0.1, 1000.0, "1/s")] = 30.0
-    """Pictures per second."""
-    delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.05
-    """Age of a picture when it can be used [s]."""
-    source: str = "simulated"
-    """Where pictures come from: simulated, device:NUMBER or folder:PATH. Of a simulated
-    camera that was calibrated, simulated:PATH?twin=NAME: the file of what was believed
-    of it, and the twin whose file says in what it differs from that."""
-    board: Board = field(default_factory=Board)
+    place: CameraPlace
+    """Where it sits."""
+    pictures: CameraPictures = field(default_factory=CameraPictures)
+    """Where its pictures come from."""
+    board: Annotated[Board, TABLE] = field(default_factory=Board)
     """What is looked for."""
-    made_by: str = ""
-    """Command that made this."""
-    made_on: str = ""
-    """When."""
-
-    def __post_init__(self) -> None:
-        """Refuse a number out of range, by name."""
-        check_ranges(self, "camera")
-        quat = quat_normalized(np.array(self.rotation))
-        object.__setattr__(self, "rotation", tuple(quat.tolist()))
-        rows = tuple(tuple(map(float, row)) for row in self.correlation)
-        object.__setattr__(self, "correlation", rows)
-        if rows and not _is_correlation(rows):
-            raise ConfigError(
-                "camera correlation is not 6 rows of 6 numbers, 1 on the diagonal, "
-                "symmetric and positive; leave it out or calibrate again"
-            )
+    origin: CameraOrigin = field(default_factory=CameraOrigin)
+    """Where its file is from."""
 
     @property
     def pose(self) -> Pose:
         """The camera in its mount's frame."""
-        return Pose(np.array(self.position), np.array(self.rotation))
+        return Pose(np.array(self.place.position), np.array(self.place.rotation))
 
     @property
     def is_simulated(self) -> bool:
         """Whether its pictures are drawn."""
-        return self.source.partition(":")[0] == "simulated"
+        return self.pictures.source.partition(":")[0] == "simulated"
 
     @property
     def twin(self) -> str:
         """The twin with which a simulated camera was calibrated; empty is none."""
-        return self.source.partition(_TWIN)[2] if self.is_simulated else ""
+        return self.pictures.source.partition(_TWIN)[2] if self.is_simulated else ""
 
     @property
     def is_calibrated(self) -> bool:
         """Whether somebody has measured its place: no calibration is without doubt."""
-        return any(self.deviation)
+        return any(self.place.deviation)
 
     def calibrated_from(self, path: Path, twin: str | None) -> "Camera":
         """Return the camera with the source from which it can be drawn again.
@@ -152,13 +126,13 @@ class Camera:
         """
         if not self.is_simulated:
             return self
-        first = self.source.partition(_TWIN)[0].partition(":")[2]
+        first = self.pictures.source.partition(_TWIN)[0].partition(":")[2]
         source = f"simulated:{first or path.expanduser().absolute()}"
         if twin is not None:
             is_file = Path(twin).suffix == ".toml"
             name = Path(twin).expanduser().absolute() if is_file else twin
             source += f"{_TWIN}{name}"
-        return replace(self, source=source)
+        return self.having(source=source)
 
     def as_it_is(self) -> "Camera":
         """Return the simulated camera that this file is a calibration of, or itself.
@@ -166,21 +140,21 @@ class Camera:
         Raises:
             ConfigError: Its file is not there, or is of no simulated camera.
         """
-        path = self.source.partition(_TWIN)[0].partition(":")[2]
+        path = self.pictures.source.partition(_TWIN)[0].partition(":")[2]
         if not path:
             return self
         camera = load_camera(path)
-        if camera.source != "simulated":
+        if camera.pictures.source != "simulated":
             raise ConfigError(
                 f"camera file {path} is to be of a simulated camera and has the source "
-                f"{camera.source!r}"
+                f"{camera.pictures.source!r}"
             )
-        return replace(camera, mount=self.mount)
+        return camera.having(mount=self.place.mount)
 
     def covariance(self) -> Array:
         """Return that of position [m] and rotation vector [rad], shape (6, 6)."""
-        scale = np.array(self.deviation)
-        R = np.array(self.correlation) if self.correlation else np.eye(6)
+        scale, rows = np.array(self.place.deviation), self.place.correlation
+        R = np.array(rows) if rows else np.eye(6)
         return R * np.outer(scale, scale)
 
     def require_calibrated(self, *, is_exact: bool = False) -> None:
@@ -192,7 +166,7 @@ class Camera:
         Raises:
             ConfigError: The deviations are all 0, which no calibration gives.
         """
-        if self.is_calibrated or (is_exact and self.source == "simulated"):
+        if self.is_calibrated or (is_exact and self.pictures.source == "simulated"):
             return
         raise ConfigError(
             "this camera is not calibrated: its deviations are 0; run `dovetail camera "
@@ -202,29 +176,18 @@ class Camera:
 
     def to_toml(self) -> str:
         """Write the camera as the text of a file that `load_camera` reads."""
-        lines = _lines(self, skip=("lens", "board"))
-        for name, part in (("lens", self.lens), ("board", self.board)):
-            lines += ["", f"[{name}]", *_lines(part)]
+        parts = (self.place, self.pictures, self.origin)
+        lines = [line for part in parts for line in _lines(part)]
+        for name, table in (("lens", self.lens), ("board", self.board)):
+            lines += ["", f"[{name}]", *_lines(table)]
         return "\n".join(lines) + "\n"
 
 
-def _is_correlation(rows: tuple[tuple[float, ...], ...]) -> bool:
-    if [len(row) for row in rows] != [6] * 6:
-        return False
-    R = np.array(rows)
-    is_whole = np.isfinite(R).all() and np.allclose(np.diag(R), 1.0, atol=1e-6)
-    return bool(
-        is_whole
-        and np.allclose(R, R.T, atol=1e-6)
-        and np.linalg.eigvalsh(R).min() > -1e-6
-    )
-
-
-def _lines(config: Any, skip: tuple[str, ...] = ()) -> list[str]:
+def _lines(config: Any) -> list[str]:
     lines = []
     for f in fields(config):
         value = vars(config)[f.name]
-        if f.name in skip or value in ("", ()):
+        if value in ("", ()):
             continue
         note = f'"{_escaped(value)}"' if isinstance(value, str) else _numbers(value)
         lines.append(f"{f.name} = {note}")
@@ -265,7 +228,7 @@ def load_camera(path: str | Path) -> Camera:
         lens = Lens(**_known(Lens, table.pop("lens", None), "lens"))
         board = Board(**_known(Board, table.pop("board", {}), "board"))
         known = _known(Camera, table, "camera", given=("lens", "board"))
-        return Camera(lens=lens, board=board, **known)
+        return Camera.of(lens=lens, board=board, **known)
     except ConfigError as error:
         raise ConfigError(f"camera file {path}: {error}") from error
     except TypeError as error:  # a value that is no number, or a row that is none
@@ -278,14 +241,12 @@ def _known(
     """Return the keys of a table, or say which are unknown or missing."""
     if not isinstance(table, dict):
         raise ConfigError(f"the table [{name}] is missing; calibrate the camera first")
-    names = {f.name for f in fields(kind)} - set(given)
-    needed = set(kind.__annotations__) - set(vars(kind)) - set(given)
-    unknown, missing = sorted(set(table) - names), sorted(needed - set(table))
-    if name == "camera":
-        missing = [key for key in missing if key not in given]
+    known = {n: s for n, s in settings_in(kind).items() if n not in given}
+    needed = {n for n, setting in known.items() if setting.default is MISSING}
+    unknown, missing = sorted(set(table) - set(known)), sorted(needed - set(table))
     if unknown or missing:
         raise ConfigError(
             f"[{name}] has unknown keys: {', '.join(unknown) or 'none'}; missing keys: "
-            f"{', '.join(missing) or 'none'}; known: {', '.join(sorted(names))}"
+            f"{', '.join(missing) or 'none'}; known: {', '.join(sorted(known))}"
         )
     return table

@@ -28,17 +28,17 @@ def open_source(
     Raises:
         ConfigError: No such source, or a calibration with another twin.
     """
-    kind, _, rest = camera.source.partition(":")
+    kind, _, rest = camera.pictures.source.partition(":")
     if camera.is_simulated:
         return Simulated(camera.as_it_is(), cell, twin_of(camera, twin))
     if kind == "folder" and rest:
-        return Folder(Path(rest).expanduser(), camera.delay)
+        return Folder(Path(rest).expanduser(), camera.pictures.delay)
     if kind == "device" and rest.isdecimal():
         lens = camera.lens
-        return Device(int(rest), lens.width, lens.height, camera.delay)
+        return Device(int(rest), lens.width, lens.height, camera.pictures.delay)
     raise ConfigError(
-        f"camera source {camera.source!r} is unknown; known: simulated, device:NUMBER, "
-        "folder:PATH"
+        f"camera source {camera.pictures.source!r} is unknown; known: simulated, "
+        "device:NUMBER, folder:PATH"
     )
 
 
@@ -53,7 +53,7 @@ def twin_of(camera: Camera, twin: "TwinCamera | None") -> "TwinCamera | None":
         ConfigError: The two put the camera in different places.
     """
     own = load_twin(camera.twin).camera if camera.twin else None
-    if twin is None or camera.source == "simulated":
+    if twin is None or camera.pictures.source == "simulated":
         return twin or own
     if twin.misplaced != (own or TwinCamera()).misplaced:
         with_what = f"twin {camera.twin}" if camera.twin else "no twin"

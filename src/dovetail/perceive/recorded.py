@@ -63,16 +63,17 @@ def read_shots(folder: Path, robot: Robot) -> Iterator[Shot]:
 
 def _require_joints(q: Vec7, robot: Robot, where: str) -> None:
     """Refuse angles that are far beyond the joints' limits."""
-    outside = np.maximum(robot.q_min - q, q - robot.q_max)
+    low, high = robot.limits.q_min, robot.limits.q_max
+    outside = np.maximum(low - q, q - high)
     i = int(outside.argmax())
     if outside[i] <= _BEYOND:
         return
     words = "see whether the columns are in order"
-    if (np.radians(q) >= robot.q_min).all() and (np.radians(q) <= robot.q_max).all():
+    if (np.radians(q) >= low).all() and (np.radians(q) <= high).all():
         words = "these are degrees instead of radians: multiply by pi / 180"
     raise ConfigError(
-        f"{where}: q{i + 1} is {q[i]:g} rad; the joint goes from {robot.q_min[i]:.2f} "
-        f"to {robot.q_max[i]:.2f} rad: {words}"
+        f"{where}: q{i + 1} is {q[i]:g} rad; the joint goes from {low[i]:.2f} "
+        f"to {high[i]:.2f} rad: {words}"
     )
 
 

@@ -101,24 +101,24 @@ class BulletPlant:
 
         robot = self.cell.loaded_robot(dynamics.inertia)
         scale = np.array(dynamics.mass_scale)
-        self._mass = robot.mass * scale
-        self._inertia = robot.inertia * scale[:, None, None]
+        self._mass = robot.links.mass * scale
+        self._inertia = robot.links.inertia * scale[:, None, None]
         spin = np.zeros((7, 3, 3))
         spin[:, 2, 2] = _SPIN * np.array(dynamics.armature)
         self._body_inertia = self._inertia + spin
-        self._com = robot.com
+        self._com = robot.links.com
         self._gravity = np.add(GRAVITY, dynamics.gravity_residual)
 
         def chain(inertia: Array) -> "_core.Chain":
-            R = robot.flange_rotation
+            position, rotation = robot.geometry.tool_in_link()
             return _core.Chain(
-                origin_position=robot.origin_position,
-                origin_rotation=robot.origin_rotation,
+                origin_position=robot.geometry.origin_position,
+                origin_rotation=robot.geometry.origin_rotation,
                 mass=self._mass,
-                com=robot.com,
+                com=robot.links.com,
                 inertia=inertia,
-                tool_position=robot.flange_position + R @ robot.tool_position,
-                tool_rotation=R @ robot.tool_rotation,
+                tool_position=position,
+                tool_rotation=rotation,
                 gravity=self._gravity,
             )
 
@@ -334,11 +334,9 @@ class BulletPlant:
         state = p.getLinkState(
             self._body, 6, computeForwardKinematics=1, physicsClientId=self._client
         )
-        R_flange = self.robot.flange_rotation
-        tool = self.robot.flange_position + R_flange @ self.robot.tool_position
-        rotation = quat_from_matrix(R_flange @ self.robot.tool_rotation)
+        tool, axes = self.robot.geometry.tool_in_link()
         position, quat = p.multiplyTransforms(
-            state[4], state[5], tool.tolist(), xyzw(rotation)
+            state[4], state[5], tool.tolist(), xyzw(quat_from_matrix(axes))
         )
         x, y, z, w = quat
         sign = -1.0 if w < 0.0 else 1.0

@@ -116,8 +116,10 @@ class BulletWorld:
             linkMasses=mass.tolist(),
             linkCollisionShapeIndices=[-1] * 6 + [shapes],
             linkVisualShapeIndices=[-1] * 7,
-            linkPositions=robot.origin_position.tolist(),
-            linkOrientations=[xyzw(quat_from_matrix(R)) for R in robot.origin_rotation],
+            linkPositions=robot.geometry.origin_position.tolist(),
+            linkOrientations=[
+                xyzw(quat_from_matrix(R)) for R in robot.geometry.origin_rotation
+            ],
             linkInertialFramePositions=com.tolist(),
             linkInertialFrameOrientations=[xyzw(quat_from_matrix(R)) for R in axes],
             linkParentIndices=_JOINTS,
@@ -144,7 +146,7 @@ class BulletWorld:
 
 def _in_link(part: Primitive, robot: Robot) -> Primitive:
     """Move a part from the flange frame to the link-7 frame."""
-    R = robot.flange_rotation
-    position = robot.flange_position + R @ part.position
+    R = robot.geometry.flange_rotation
+    position = robot.geometry.flange_position + R @ part.position
     quat = quat_multiply(quat_from_matrix(R), part.quat_wxyz)
     return part._replace(position=position, quat_wxyz=quat)

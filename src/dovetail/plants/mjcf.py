@@ -113,40 +113,40 @@ def _fixture(cell: Workcell) -> list[str]:
 
 def _links(robot: Robot, cell: Workcell, looks: _Looks) -> list[str]:
     """Write the serial chain; the tool is geoms of the last link."""
-    lines = [_link_visual(0, robot, looks)]
+    lines, at = [_link_visual(0, robot, looks)], robot.geometry
     for i in range(7):
         pad = "    " + "  " * i
-        pos = _numbers(robot.origin_position[i])
-        quat = _numbers(quat_from_matrix(robot.origin_rotation[i]))
+        pos = _numbers(at.origin_position[i])
+        quat = _numbers(quat_from_matrix(at.origin_rotation[i]))
         lines.append(f'{pad}<body name="link{i + 1}" pos="{pos}" quat="{quat}">')
         lines.append(f"{pad}  {_inertial(robot, i)}")
         lines.append(f'{pad}  <joint name="A{i + 1}" type="hinge" axis="0 0 1"/>')
         lines.append(f"{pad}  {_link_visual(i + 1, robot, looks)}")
-    flange = _pose(robot.flange_position, robot.flange_rotation)
+    flange = _pose(at.flange_position, at.flange_rotation)
     hidden = {part.name for part in cell.tool.primitives} if looks.tool else set()
     for part in cell.tool_primitives():
         T_flange = np.eye(4)
-        T_flange[:3, :3], T_flange[:3, 3] = robot.flange_rotation, robot.flange_position
+        T_flange[:3, :3], T_flange[:3, 3] = at.flange_rotation, at.flange_position
         position = (T_flange @ [*part.position, 1.0])[:3]
-        quat = quat_from_matrix(robot.flange_rotation)
+        quat = quat_from_matrix(at.flange_rotation)
         quat = quat_multiply(quat, part.quat_wxyz)
         placed = part._replace(position=position, quat_wxyz=quat)
         group = "hidden" if part.name in hidden else "tool"
         lines.append("                  " + _geom(placed, group))
     for name, one in looks.tool.items():
-        placed = one.seen_from(robot.flange_position, robot.flange_rotation)
+        placed = one.seen_from(at.flange_position, at.flange_rotation)
         lines.append("                  " + geom_xml(name, placed, _GREY))
     lines.append(f'                  <body name="flange" {flange}>')
-    tool = _pose(robot.tool_position, robot.tool_rotation)
+    tool = _pose(at.tool_position, at.tool_rotation)
     lines.append(f'                    <site name="tcp" size="0.003" {tool}/></body>')
     return [*lines, "    " + "</body>" * 7]
 
 
 def _inertial(robot: Robot, i: int) -> str:
-    I = robot.inertia[i]
+    links, I = robot.links, robot.links.inertia[i]
     full = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
     return (
-        f'<inertial pos="{_numbers(robot.com[i])}" mass="{robot.mass[i]:.17g}" '
+        f'<inertial pos="{_numbers(links.com[i])}" mass="{links.mass[i]:.17g}" '
         f'fullinertia="{_numbers(full)}"/>'
     )
 
@@ -155,7 +155,8 @@ def _link_visual(link: int, robot: Robot, looks: _Looks) -> str:
     """Draw a link by its meshes, or by a capsule to the next joint."""
     if meshes := looks.links[link]:
         return "".join(geom_xml(name, one, _ORANGE) for name, one in meshes.items())
-    end = robot.origin_position[link] if link < 7 else robot.flange_position
+    at = robot.geometry
+    end = at.origin_position[link] if link < 7 else at.flange_position
     radius = 0.06 if link < 5 else 0.045
     if np.linalg.norm(end) < 1e-6:  # MuJoCo builds no capsule without a length
         return (

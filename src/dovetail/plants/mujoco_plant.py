@@ -98,7 +98,7 @@ class MujocoPlant:
         put at the TCP.
         """
         body = self.model.body("flange").id
-        self.model.body_ipos[body] = self.robot.tool_position
+        self.model.body_ipos[body] = self.robot.geometry.tool_position
         self.model.body_sameframe[body] = 0  # the centre is not the body's origin
         return body
 
@@ -109,12 +109,12 @@ class MujocoPlant:
         robot = self.cell.loaded_robot(dynamics.inertia)
         for i in range(7):
             body = model.body(f"link{i + 1}").id
-            moments, axes = np.linalg.eigh(robot.inertia[i])
+            moments, axes = np.linalg.eigh(robot.links.inertia[i])
             if np.linalg.det(axes) < 0.0:
                 axes[:, 0] = -axes[:, 0]
             scale = dynamics.mass_scale[i]
-            model.body_mass[body] = robot.mass[i] * scale
-            model.body_ipos[body] = robot.com[i]
+            model.body_mass[body] = robot.links.mass[i] * scale
+            model.body_ipos[body] = robot.links.com[i]
             model.body_inertia[body] = moments * scale
             model.body_iquat[body] = quat_from_matrix(axes)
         model.dof_damping[:] = dynamics.damping

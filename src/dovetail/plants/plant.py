@@ -11,7 +11,7 @@ from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
 from dovetail.robots.iiwa14 import INERTIA_SETS
-from dovetail.robots.robot import NOMINAL
+from dovetail.robots.links import NOMINAL
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
@@ -104,9 +104,9 @@ class DynamicsConfig:
     def of(cls, robot: "Robot") -> Self:
         """Return the dynamics that a robot's model has."""
         return cls(
-            inertia=robot.inertia_set,
-            damping=tuple(robot.damping.tolist()),
-            armature=tuple(robot.armature.tolist()),
+            inertia=robot.links.inertia_set,
+            damping=tuple(robot.motors.damping.tolist()),
+            armature=tuple(robot.motors.armature.tolist()),
         )
 
 

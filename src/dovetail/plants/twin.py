@@ -8,28 +8,18 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 import difflib
 import tomllib
 import warnings
-from dataclasses import MISSING, dataclass, fields, replace
+from dataclasses import MISSING, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from dovetail.control.proven import unproven
 from dovetail.control.ranges import Range, check_ranges, ranges_of
+from dovetail.control.sections import Sectioned, settings_in
 from dovetail.errors import ConfigError, UnprovenWarning
 from dovetail.plants.find import make_plant
-from dovetail.plants.plant import (
-    ARMATURE,
-    CONTACT_FRICTION,
-    CONTACT_TIME,
-    COULOMB,
-    DAMPING,
-    GRAVITY_RESIDUAL,
-    MASS_SCALE,
-    DrivenPlant,
-    DynamicsConfig,
-    Engine,
-    require_inertia_set,
-)
+from dovetail.plants.plant import DrivenPlant, DynamicsConfig, Engine
 from dovetail.plants.twin_camera import TwinCamera
+from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact
 from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.types import Array, Vec7
 
@@ -41,21 +31,15 @@ if TYPE_CHECKING:
 TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 """Where the shipped twins are."""
 
-_DYNAMICS = (
-    "inertia",
-    "mass_scale",
-    "gravity_residual",
-    "damping",
-    "coulomb",
-    "armature",
-    "contact_friction",
-    "contact_time",
-)
-
 
 @dataclass(frozen=True, kw_only=True)
-class TwinConfig:
-    """Everything in which a twin differs from the model. No number has a default."""
+class TwinConfig(Sectioned):
+    """Everything in which a twin differs from the model. No number has a default.
+
+    `of`, `having` and `table` know every number by its key in a twin's file.
+    """
+
+    whose: ClassVar[str] = "a twin"
 
     description: str
     """What this twin stands for, one line."""
@@ -63,31 +47,12 @@ class TwinConfig:
     """Physics engine: another one than the policy was trained in."""
     seed: Annotated[int, Range(0, 2**63 - 1, "1")]
     """Seed of the noise, >= 0."""
-    inertia: str
-    """Published inertia set of the arm; the controller's is drake."""
-    mass_scale: Annotated[tuple[float, ...], MASS_SCALE]
-    """Mass and inertia of each link over the set's, payload in link 7 [1]."""
-    gravity_residual: Annotated[tuple[float, float, float], GRAVITY_RESIDUAL]
-    """True gravity minus the compensated one, world axes [m/s2]."""
-    damping: Annotated[tuple[float, ...], DAMPING]
-    """Viscous friction of each joint [Nms/rad]."""
-    coulomb: Annotated[tuple[float, ...], COULOMB]
-    """Dry friction of each joint [Nm]."""
-    armature: Annotated[tuple[float, ...], ARMATURE]
-    """Rotor inertia at each joint [kg m2]."""
-    command_delay: Annotated[float, Range(0.0, 0.1, "s")]
-    """Delay of the torque command [s], the same at every control period: where it is no
-    whole number of physics steps, a change of the torque takes one step to come."""
-    torque_noise: Annotated[float, Range(0.0, 20.0, "Nm")]
-    """Standard deviation of the torque, per joint and command [Nm]."""
-    position_noise: Annotated[float, Range(0.0, 0.01, "rad")]
-    """Standard deviation of the encoders, per joint and reading [rad]."""
-    velocity_noise: Annotated[float, Range(0.0, 0.5, "rad/s")]
-    """Standard deviation of the measured velocity, per joint and reading [rad/s]."""
-    contact_friction: Annotated[float, CONTACT_FRICTION]
-    """Sliding friction coefficient of the tool [1]."""
-    contact_time: Annotated[float, CONTACT_TIME]
-    """Time constant of contact [s], see `DynamicsConfig`; MuJoCo only."""
+    arm: TwinArm
+    """What moves."""
+    channel: TwinChannel
+    """Between controller and joints."""
+    contact: TwinContact
+    """What happens where the tool touches."""
     clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
     camera: TwinCamera | None = None
@@ -99,26 +64,31 @@ class TwinConfig:
             raise ConfigError(
                 f"twin description is {self.description!r}; give one line of text"
             )
-        require_inertia_set(self.inertia, "twin")
         if self.camera is not None and not isinstance(self.camera, TwinCamera):
             object.__setattr__(self, "camera", _camera(self.camera))
         check_ranges(self, "twin")
 
+    def table(self) -> dict[str, Any]:
+        """Return what its file holds by key, the camera's as a table of its own."""
+        camera = None if self.camera is None else self.camera.flat()
+        return self.flat() | {"camera": camera}
+
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
-        return DynamicsConfig(**{name: vars(self)[name] for name in _DYNAMICS})
+        return DynamicsConfig(**vars(self.arm), **vars(self.contact))
 
     def on(self, robot: "Robot") -> Self:
         """Return the twin of a robot: with its own inertia set where it lacks this."""
-        return replace(self, inertia=robot.inertia_set) if self.lacks(robot) else self
+        own = robot.links.inertia_set
+        return self.having(inertia=own) if self.lacks(robot) else self
 
     def lacks(self, robot: "Robot") -> str:
         """Say that a robot has not the twin's inertia set; empty where it has."""
-        own = robot.inertia_set
-        if self.inertia in (own, *robot.inertia_sets):
+        own, inertia = robot.links.inertia_set, self.arm.inertia
+        if inertia in (own, *robot.links.inertia_sets):
             return ""
         return (
-            f"the twin's inertia set {self.inertia!r} is of another robot: in its "
+            f"the twin's inertia set {inertia!r} is of another robot: in its "
             f"place {own!r} of {robot.name} is taken; a file that says so: dovetail "
             f"twin show NAME > mine.toml, there inertia = {own!r}, --twin mine.toml"
         )
@@ -129,9 +99,9 @@ class TwinConfig:
         Returns:
             A sentence with value, allowed range and remedy for each such field.
         """
-        error = max(abs(scale - 1.0) for scale in self.mass_scale)
+        error = max(abs(scale - 1.0) for scale in self.arm.mass_scale)
         said = {
-            "command_delay": unproven(delay=self.command_delay),
+            "command_delay": unproven(delay=self.channel.command_delay),
             "mass_scale": unproven(mass_error=error),
         }
         return {name: texts[0] for name, texts in said.items() if texts}
@@ -150,8 +120,8 @@ class TwinConfig:
 
 def _keys(config: "TwinConfig | TwinCamera", is_ascii: bool) -> list[str]:
     """Return a line for each key that is no table."""
-    lines, ranges = [], ranges_of(type(config))
-    for name, value in vars(config).items():
+    lines, known = [], settings_in(type(config))
+    for name, value in config.flat().items():
         if isinstance(value, TwinCamera) or value is None:
             continue
         if isinstance(value, str):
@@ -160,6 +130,7 @@ def _keys(config: "TwinConfig | TwinCamera", is_ascii: bool) -> list[str]:
             text = "[" + ", ".join(repr(v) for v in value) + "]"
         else:
             text = repr(value)
+        ranges = ranges_of(known[name].owner)
         unit = ranges[name].unit if name in ranges else "1"
         lines.append(f"{name} = {text}" + (f"  # {unit}" if unit != "1" else ""))
     return lines
@@ -208,25 +179,25 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ConfigError(f"twin file {path} is not TOML: {error}") from error
-    known = [f.name for f in fields(TwinConfig)]
+    known = settings_in(TwinConfig)
     unknown = [key for key in table if key not in known]
-    needed = [f.name for f in fields(TwinConfig) if f.default is MISSING]
+    needed = [name for name, setting in known.items() if setting.default is MISSING]
     missing = [key for key in needed if key not in table]
     if unknown or missing:
         raise ConfigError(
             f"twin file {path}: unknown keys: "
-            f"{', '.join(_meant(key, known) for key in unknown) or 'none'}; missing "
+            f"{', '.join(_meant(key, [*known]) for key in unknown) or 'none'}; missing "
             f"keys: {', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
         )
     try:
-        return TwinConfig(**table)
+        return TwinConfig.of(**table)
     except ConfigError as error:
         raise ConfigError(f"twin file {path}: {error}") from error
 
 
 def _camera(table: object) -> TwinCamera:
     """Return what a table of a file says."""
-    known = [f.name for f in fields(TwinCamera)]
+    known = [*settings_in(TwinCamera)]
     if not isinstance(table, dict):
         raise ConfigError("camera is no table; give [camera] and its keys below it")
     if unknown := [str(key) for key in table if key not in known]:
@@ -235,7 +206,7 @@ def _camera(table: object) -> TwinCamera:
             f"{', '.join(_meant(key, known) for key in unknown)}; known: "
             f"{', '.join(known)}"
         )
-    return TwinCamera(**{str(key): value for key, value in table.items()})
+    return TwinCamera.of(**{str(key): value for key, value in table.items()})
 
 
 class TwinPlant(WrappedPlant[DrivenPlant]):
@@ -264,10 +235,10 @@ class TwinPlant(WrappedPlant[DrivenPlant]):
         super().__init__(make_plant(name, widened, config.dynamics()))
         self.plant.attach_channel(
             _core.Channel(
-                delay=config.command_delay,
-                torque_noise=config.torque_noise,
-                position_noise=config.position_noise,
-                velocity_noise=config.velocity_noise,
+                delay=config.channel.command_delay,
+                torque_noise=config.channel.torque_noise,
+                position_noise=config.channel.position_noise,
+                velocity_noise=config.channel.velocity_noise,
                 seed=config.seed,
             )
         )

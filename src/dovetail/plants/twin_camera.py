@@ -1,22 +1,20 @@
 """In what a twin's camera differs from what is believed of it."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, ClassVar
 
-from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.ranges import Range
+from dovetail.control.sections import Section, Sectioned
 
 _AXES = tuple("xyz")
 _SHIFT, _TURN = Range(-0.1, 0.1, "m", _AXES), Range(-0.2, 0.2, "rad", _AXES)
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwinCamera:
-    """The table [camera] of a twin's file; what is left out is exact.
+class TwinPictures(Section):
+    """When pictures come."""
 
-    `bias`, `turn` and `jitter` are what is left of a camera without pictures, the
-    tracker `twin`. With pictures they come about by themselves, from the errors of lens
-    and place. Delay, rate and drop-outs hold for both.
-    """
+    owner: ClassVar[str] = "twin camera"
 
     delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.05
     """Age of a picture when it can be used [s]."""
@@ -24,6 +22,14 @@ class TwinCamera:
     """Pictures per second."""
     dropout: Annotated[float, Range(0.0, 1.0, "1")] = 0.0
     """Share of the pictures that are lost."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinSight(Section):
+    """What is left of a camera without pictures, the tracker `twin`."""
+
+    owner: ClassVar[str] = "twin camera"
+
     bias: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """How far beside the fixture it is seen [m], in a horizontal direction that is
     drawn for each try."""
@@ -31,6 +37,14 @@ class TwinCamera:
     """How far it is seen turned about the vertical [rad]; its sign is drawn."""
     jitter: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Standard deviation of a normal error of each picture, each of x y z [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinMisplaced(Section):
+    """Errors of lens and place, which a calibration has to find."""
+
+    owner: ClassVar[str] = "twin camera"
+
     focal_error: Annotated[float, Range(-0.2, 0.2, "1")] = 0.0
     """True focal lengths over the camera file's, minus 1."""
     centre_error: Annotated[
@@ -41,6 +55,23 @@ class TwinCamera:
     """True place of the camera minus the camera file's, mount's axes [m]."""
     rotation_error: Annotated[tuple[float, float, float], _TURN] = (0.0, 0.0, 0.0)
     """Rotation vector from the camera file's to the true one, mount's axes [rad]."""
+
+    def numbers(self) -> tuple[float, ...]:
+        """Return every error; 0 is exact."""
+        return (
+            self.focal_error,
+            *self.centre_error,
+            *self.position_error,
+            *self.rotation_error,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwinImage(Section):
+    """What a picture has that a clean drawing has not."""
+
+    owner: ClassVar[str] = "twin camera"
+
     noise: Annotated[float, Range(0.0, 100.0, "grey values")] = 2.0
     """Standard deviation of each pixel [grey values of 255]."""
     blur: Annotated[float, Range(0.0, 10.0, "pixels")] = 0.7
@@ -51,16 +82,22 @@ class TwinCamera:
     """Light of a lamp's reflection on the board, at a place drawn for each try [grey
     values]."""
 
-    @property
-    def misplaced(self) -> tuple[float, ...]:
-        """Errors of lens and place, which a calibration has to find; 0 is exact."""
-        return (
-            self.focal_error,
-            *self.centre_error,
-            *self.position_error,
-            *self.rotation_error,
-        )
 
-    def __post_init__(self) -> None:
-        """Refuse a number out of range, by name."""
-        check_ranges(self, "twin camera")
+@dataclass(frozen=True, kw_only=True)
+class TwinCamera(Sectioned):
+    """The table [camera] of a twin's file; what is left out is exact.
+
+    Without pictures `sight` holds, with pictures it comes about by itself, from
+    `misplaced` and `image`. When pictures come holds for both.
+    """
+
+    whose: ClassVar[str] = "a twin's camera"
+
+    pictures: TwinPictures = field(default_factory=TwinPictures)
+    """When pictures come."""
+    sight: TwinSight = field(default_factory=TwinSight)
+    """What is left of a camera without pictures."""
+    misplaced: TwinMisplaced = field(default_factory=TwinMisplaced)
+    """Errors of lens and place."""
+    image: TwinImage = field(default_factory=TwinImage)
+    """What a picture has that a clean drawing has not."""

@@ -66,7 +66,7 @@ def fit_model(sitting: Sitting) -> dict[str, Any]:
         "evaluations": result.evaluations,
         "wall_time_s": result.wall_time,
         "warnings": list(result.warnings),
-        "model": asdict(result.model),
+        "model": result.model.table(),
     }
 
 

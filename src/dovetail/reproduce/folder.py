@@ -4,7 +4,6 @@ import fcntl
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +63,7 @@ def write_twins(root: Path, twins: Mapping[str, TwinConfig]) -> None:
     (root / TWINS).mkdir(exist_ok=True)
     for name, twin in twins.items():
         write_atomic(twin_file(root, name), twin.to_toml())
-        other = replace(twin, engine="bullet")
+        other = twin.having(engine="bullet")
         write_atomic(twin_file(root, f"{name}-in-bullet"), other.to_toml())
 
 

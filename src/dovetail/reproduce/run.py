@@ -2,7 +2,7 @@
 
 import importlib.util
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -87,7 +87,7 @@ def reproduce(
     _require_installed(settings.plant)
     stages = plan(settings)
     check_plan(stages)
-    tables = {name: asdict(twin) for name, twin in twins.items()}
+    tables = {name: twin.table() for name, twin in twins.items()}
     described = {
         "budget": settings.budget.to_json(),
         "twins": tables,

@@ -8,7 +8,10 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.robots.drawn import Drawn, read_drawn
+from dovetail.robots.geometry import Geometry
 from dovetail.robots.inertia import merge_bodies
+from dovetail.robots.links import Links
+from dovetail.robots.robot_limits import RobotLimits
 from dovetail.types import Array, Mat33, Vec3
 
 if TYPE_CHECKING:
@@ -59,20 +62,23 @@ def load_robot(
     if not all(model.jnt_limited[ids]):
         free = names[list(model.jnt_limited[ids]).index(0)]
         raise ConfigError(f"joint {free} in {path} has no position limits: add a range")
+    speed = _limit("dq_max", dq_max, names, limits["velocity"], path)
+    effort = limits["effort"] or _motor_limits(model)
+    torque = _limit("tau_max", tau_max, names, effort, path)
     return {
         "name": path.stem,
-        "origin_position": np.array([p for p, _ in _relative(frames)]),
-        "origin_rotation": np.array([R for _, R in _relative(frames)]),
-        "mass": mass,
-        "com": com,
-        "inertia": inertia,
-        "flange_position": last.T @ (position - frames[-1][0]),
-        "flange_rotation": last.T @ rotation,
-        "q_min": model.jnt_range[ids, 0],
-        "q_max": model.jnt_range[ids, 1],
-        "dq_max": _limit("dq_max", dq_max, names, limits["velocity"], path),
-        "tau_max": _limit(
-            "tau_max", tau_max, names, limits["effort"] or _motor_limits(model), path
+        "geometry": Geometry(
+            origin_position=np.array([p for p, _ in _relative(frames)]),
+            origin_rotation=np.array([R for _, R in _relative(frames)]),
+            flange_position=last.T @ (position - frames[-1][0]),
+            flange_rotation=last.T @ rotation,
+        ),
+        "links": Links(mass=mass, com=com, inertia=inertia),
+        "limits": RobotLimits(
+            q_min=model.jnt_range[ids, 0],
+            q_max=model.jnt_range[ids, 1],
+            dq_max=speed,
+            tau_max=torque,
         ),
         "drawn": _drawn(model, data, ids, frames, shapes),
     }

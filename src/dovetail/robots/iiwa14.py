@@ -3,7 +3,10 @@
 import numpy as np
 
 from dovetail.robots.drawn import Drawn, bullet_file
-from dovetail.robots.robot import InertiaSet, Robot
+from dovetail.robots.geometry import Geometry
+from dovetail.robots.links import InertiaSet, Links
+from dovetail.robots.robot import Robot
+from dovetail.robots.robot_limits import RobotLimits
 from dovetail.types import Array
 
 # Joint origins and fixed rotations at q = 0, all axes local z: the convention of the
@@ -112,17 +115,23 @@ def iiwa14(inertia: str = "drake") -> Robot:
     q_max = np.deg2rad(_Q_MAX_DEG)
     return Robot(
         name="iiwa14-drake",
-        origin_position=np.array(_ORIGINS),
-        origin_rotation=np.array(_ROTATIONS, dtype=float),
-        **drake._asdict(),
-        flange_position=np.array(_FLANGE),
-        q_min=-q_max,
-        q_max=q_max,
-        dq_max=np.deg2rad(_DQ_MAX_DEG),
-        tau_max=np.array(_TAU_MAX, dtype=float),
+        geometry=Geometry(
+            origin_position=np.array(_ORIGINS),
+            origin_rotation=np.array(_ROTATIONS, dtype=float),
+            flange_position=np.array(_FLANGE),
+        ),
+        links=Links(
+            **drake._asdict(),
+            inertia_set="drake",
+            inertia_sets={"drake": drake, "pybullet": pybullet, "lbr": lbr},
+        ),
+        limits=RobotLimits(
+            q_min=-q_max,
+            q_max=q_max,
+            dq_max=np.deg2rad(_DQ_MAX_DEG),
+            tau_max=np.array(_TAU_MAX, dtype=float),
+        ),
         postures=_POSTURES,
-        inertia_set="drake",
-        inertia_sets={"drake": drake, "pybullet": pybullet, "lbr": lbr},
         drawn=_drawn(),
     ).with_inertia(inertia)
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.arm import ArmState
+from dovetail.arms.arm import ArmState, ToolState
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.rpc import dovetail_pb2 as pb
@@ -176,7 +176,9 @@ def read_configuration(message: pb.ResetRequest, robot: "Robot") -> tuple[Vec7, 
         FieldError: Names every wrong field.
     """
     fields = FieldReader()
-    q = fields.vector("q", message.q, JOINTS, "rad", (robot.q_min, robot.q_max))
+    q = fields.vector(
+        "q", message.q, JOINTS, "rad", (robot.limits.q_min, robot.limits.q_max)
+    )
     fixture = read_pose("fixture", message.fixture, fields)
     fields.finish()
     return q, fixture
@@ -187,9 +189,9 @@ def write_state(state: ArmState, message: pb.ArmState) -> None:
     message.stamp = state.stamp
     message.q.extend(state.q.tolist())
     message.dq.extend(state.dq.tolist())
-    message.position.extend(state.position.tolist())
-    message.quat_wxyz.extend(state.quat_wxyz.tolist())
-    message.velocity.extend(state.velocity.tolist())
+    message.position.extend(state.tool.position.tolist())
+    message.quat_wxyz.extend(state.tool.quat_wxyz.tolist())
+    message.velocity.extend(state.tool.velocity.tolist())
     message.contact_force.extend(state.contact_force.tolist())
     message.wrench.extend(state.wrench.tolist())
     message.flags = state.flags
@@ -203,9 +205,11 @@ def read_state(message: pb.ArmState) -> ArmState:
         message.stamp,
         np.array(message.q[:]),
         np.array(message.dq[:]),
-        np.array(message.position[:]),
-        np.array(message.quat_wxyz[:]),
-        np.array(message.velocity[:]),
+        ToolState(
+            np.array(message.position[:]),
+            np.array(message.quat_wxyz[:]),
+            np.array(message.velocity[:]),
+        ),
         np.array(message.contact_force[:]),
         np.array(message.wrench[:]),
         message.flags,

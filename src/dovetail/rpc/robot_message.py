@@ -1,17 +1,26 @@
 """The controller's model in a message, so that both ends compute with the same."""
 
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from dovetail.robots.robot import Payload, Robot, array_shapes
+from dovetail.robots.arrays import ArrayFacts
+from dovetail.robots.geometry import Geometry
+from dovetail.robots.links import Links
+from dovetail.robots.motors import Motors
+from dovetail.robots.robot import Payload, Robot
+from dovetail.robots.robot_limits import RobotLimits
 from dovetail.rpc import dovetail_pb2 as pb
+
+Part = TypeVar("Part", bound=ArrayFacts)
 
 
 def write_robot(robot: Robot, message: pb.RobotModel) -> None:
     """Put a robot into an empty message."""
     message.name = robot.name
-    arrays = {name: vars(robot)[name].ravel().tolist() for name in array_shapes()}
+    arrays: dict[str, Any] = {
+        name: array.ravel().tolist() for name, array in robot.arrays().items()
+    }
     message.MergeFrom(pb.RobotModel(**arrays))
     if robot.payload is not None:
         message.payload.mass = robot.payload.mass
@@ -26,10 +35,11 @@ def read_robot(message: pb.RobotModel) -> Robot:
         ConfigError: It is none, see `Robot`.
     """
     sent = {field.name: value for field, value in message.ListFields()}
-    arrays: dict[str, Any] = {
-        name: _shaped(sent.get(name, ()), shape)
-        for name, shape in array_shapes().items()
-    }
+
+    def part(kind: type[Part]) -> Part:
+        shapes = kind.shapes.items()
+        return kind(**{name: _shaped(sent.get(name, ()), n) for name, n in shapes})
+
     payload = None
     if message.HasField("payload"):
         payload = Payload(
@@ -37,15 +47,24 @@ def read_robot(message: pb.RobotModel) -> Robot:
             com=np.array(message.payload.com),
             inertia=_shaped(message.payload.inertia, (3, 3)),
         )
-    return Robot(name=message.name, payload=payload, **arrays)
+    return Robot(
+        name=message.name,
+        geometry=part(Geometry),
+        links=part(Links),
+        limits=part(RobotLimits),
+        motors=part(Motors),
+        payload=payload,
+    )
 
 
 def differences(one: Robot, other: Robot) -> list[str]:
-    """Return the names of the fields in which two robots differ."""
+    """Return the names of the arrays in which two robots differ, as a message's."""
+    ours, theirs = one.arrays(), other.arrays()
     return [
-        name
-        for name in array_shapes()
-        if not np.array_equal(vars(one)[name], vars(other)[name])
+        field.name
+        for field in pb.RobotModel.DESCRIPTOR.fields
+        if field.name in ours
+        and not np.array_equal(ours[field.name], theirs[field.name])
     ]
 
 

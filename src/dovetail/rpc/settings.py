@@ -130,9 +130,10 @@ def _read_field(
 
 def _require_inside(limits: LimitConfig, robot: Robot, reader: FieldReader) -> None:
     """Refuse limits that are wider than the robot's own."""
-    lowest = {"dq_max": 0.0, "tau_max": 0.0, "q_min": robot.q_min, "q_max": robot.q_min}
+    own = robot.limits
+    lowest = {"dq_max": 0.0, "tau_max": 0.0, "q_min": own.q_min, "q_max": own.q_min}
     for name, low in lowest.items():
-        high = robot.q_max if name == "q_min" else vars(robot)[name]
+        high = own.q_max if name == "q_min" else vars(own)[name]
         unit = {"dq_max": "rad/s", "tau_max": "Nm"}.get(name, "rad")
         reader.vector(
             f"limits.{name}", vars(limits)[name].tolist(), JOINTS, unit, (low, high)

@@ -177,11 +177,11 @@ class CornerSearch:
         goal = self._env.task.goal(seen)
         self._rotation: Mat33 = matrix_from_quat(seen.quat_wxyz)
         R = self._rotation.T
-        turn = quat_multiply(state.quat_wxyz, quat_conjugate(goal.quat_wxyz))
+        turn = quat_multiply(state.tool.quat_wxyz, quat_conjugate(goal.quat_wxyz))
         turned = R @ matrix_from_quat(turn) @ self._rotation
-        self._end: Vec3 = R @ (state.position - seen.position)
+        self._end: Vec3 = R @ (state.tool.position - seen.position)
         self._corner: Vec3 = self._end + turned @ self._part_corner
-        self._velocity: Vec3 = R @ state.velocity[:3]
+        self._velocity: Vec3 = R @ state.tool.velocity[:3]
         self._yaw = math.atan2(turned[1, 0], turned[0, 0])
 
     def _action(self, force: Vec3, tilt: float, turn: float) -> NDArray[np.float32]:

@@ -53,7 +53,7 @@ class Site:
     ) -> Self:
         """Return an arm's workcell, with the camera that a twin's file describes."""
         camera = None if twin is None else load_twin(twin).camera
-        return cls(cell=cell, twin=camera, is_simulated=arm.facts.is_simulated)
+        return cls(cell=cell, twin=camera, is_simulated=arm.facts.traits.is_simulated)
 
 
 def list_trackers() -> tuple[str, ...]:
@@ -122,13 +122,13 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
     from dovetail.perceive.camera import load_camera
 
     camera = load_camera(name)
-    is_exact = site.twin is None or not any(site.twin.misplaced)
+    is_exact = site.twin is None or not any(site.twin.misplaced.numbers())
     camera.require_calibrated(is_exact=is_exact)
     if not _wants_images(f"{name}?{query}", query):
-        shift, turn = camera.deviation[:3], camera.deviation[3:]
+        shift, turn = camera.place.deviation[:3], camera.place.deviation[3:]
         return Late(
-            delay=camera.delay,
-            rate=camera.rate,
+            delay=camera.pictures.delay,
+            rate=camera.pictures.rate,
             bias=_FEW * max(shift),
             turn=_FEW * max(turn),
         )
@@ -157,14 +157,14 @@ def _of_twin(site: Site) -> Tracker:
             "has a table [camera], as `dovetail twin show medium` has, or --tracker "
             "truth"
         )
-    camera = site.twin
+    pictures, sight = site.twin.pictures, site.twin.sight
     return Late(
-        delay=camera.delay,
-        rate=camera.rate,
-        bias=camera.bias,
-        turn=camera.turn,
-        jitter=camera.jitter,
-        dropout=camera.dropout,
+        delay=pictures.delay,
+        rate=pictures.rate,
+        bias=sight.bias,
+        turn=sight.turn,
+        jitter=sight.jitter,
+        dropout=pictures.dropout,
     )
 
 

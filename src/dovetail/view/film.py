@@ -36,7 +36,7 @@ class Film:
         """
         frame = state.q.copy(), fixture, believed, state.contact_force.copy()
         self._frames.append(frame)
-        self._path.append(state.position.copy())
+        self._path.append(state.tool.position.copy())
 
     def write(self, file: Path, renderer: Renderer) -> Path:
         """Draw what was remembered, at real time, as an animated GIF.

@@ -31,22 +31,22 @@ class Reach(NamedTuple):
 def reach_of(robot: Robot) -> Reach:
     """Return what a robot with its tool reaches, by its chain: origin 2, 4 and 6."""
     position, rotation = np.zeros(3), np.eye(3)
-    origins, frames = [], []
-    for p, R in zip(robot.origin_position, robot.origin_rotation, strict=True):
+    origins, frames, at = [], [], robot.geometry
+    for p, R in zip(at.origin_position, at.origin_rotation, strict=True):
         position, rotation = position + rotation @ p, rotation @ R
         origins.append(position)
         frames.append(rotation)
     shoulder, elbow, wrist = origins[1], origins[3], origins[5]
     forearm = frames[3].T @ (wrist - elbow)
-    angles = np.linspace(robot.q_min[3], robot.q_max[3], _ANGLES)
+    angles = np.linspace(robot.limits.q_min[3], robot.limits.q_max[3], _ANGLES)
     c, s = np.cos(angles), np.sin(angles)
     x, y, z = forearm
     ends = np.stack([c * x - s * y, s * x + c * y, np.full(_ANGLES, z)], axis=1)
     distances = np.linalg.norm(elbow + ends @ frames[3].T - shoulder, axis=1)
-    flange = position + rotation @ robot.flange_position
-    turn = rotation @ robot.flange_rotation
-    axis = (turn @ robot.tool_rotation)[:, 2]
-    offset = flange + turn @ robot.tool_position - wrist
+    flange = position + rotation @ at.flange_position
+    turn = rotation @ at.flange_rotation
+    axis = (turn @ at.tool_rotation)[:, 2]
+    offset = flange + turn @ at.tool_position - wrist
     above = float(offset @ axis)
     return Reach(
         shoulder,
