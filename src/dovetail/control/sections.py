@@ -44,7 +44,7 @@ class Setting(NamedTuple):
     """Where nothing is given; MISSING where it has to be."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Section:
     """Settings that belong together, checked when they are made."""
 
@@ -53,7 +53,7 @@ class Section:
         check_ranges(self)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Sectioned:
     """Settings that are made, changed and read by their flat names, too."""
 
@@ -67,8 +67,7 @@ class Sectioned:
         Raises:
             ConfigError: See `having`.
         """
-        usual = {f.name: _usual(f) for f in fields(cls)}
-        return cls(**_changed(usual, cls._trails(given)))
+        return _made(cls, cls._trails(given))
 
     def having(self, **given: Any) -> Self:
         """Return these settings with others changed, by their flat names.
@@ -128,7 +127,9 @@ def settings_in(kind: type) -> Mapping[str, Setting]:
                 continue
             if name in found:
                 raise TypeError(f"{kind.__name__} has two settings called {name}")
-            default = reduce(lambda at, part: vars(at)[part], inner.trail, usual)
+            default = inner.default
+            if usual is not MISSING:
+                default = reduce(lambda at, part: vars(at)[part], inner.trail, usual)
             found[name] = inner._replace(trail=(f.name, *inner.trail), default=default)
     return found
 
@@ -143,16 +144,40 @@ def _usual(field: Any) -> Any:
     return field.default
 
 
+def _made(kind: type, given: Mapping[Trail, Any]) -> Any:
+    """Return a dataclass with these settings, and the usual ones besides."""
+    usual = {f.name: _usual(f) for f in fields(kind)}
+    after, deeper = _by_section(given)
+    for f in fields(kind):
+        if usual[f.name] is MISSING and _is_section(f.type):
+            after[f.name] = _made(f.type, deeper.pop(f.name, {}))
+    return kind(**after, **_sections_changed(usual, deeper))
+
+
 def _changed(before: Mapping[str, Any], given: Mapping[Trail, Any]) -> dict[str, Any]:
     """Return the fields that are another after these settings are given."""
-    after: dict[str, Any] = {}
+    after, deeper = _by_section(given)
+    return after | _sections_changed(before, deeper)
+
+
+def _by_section(
+    given: Mapping[Trail, Any],
+) -> tuple[dict[str, Any], dict[str, dict[Trail, Any]]]:
+    """Return settings of the dataclass itself, and those of each section in it."""
+    own: dict[str, Any] = {}
     deeper: dict[str, dict[Trail, Any]] = {}
     for (name, *rest), value in given.items():
         if rest:
             deeper.setdefault(name, {})[tuple(rest)] = value
         else:
-            after[name] = value
-    for name, inner in deeper.items():
-        section = before[name]
-        after[name] = replace(section, **_changed(vars(section), inner))
-    return after
+            own[name] = value
+    return own, deeper
+
+
+def _sections_changed(
+    before: Mapping[str, Any], deeper: Mapping[str, Mapping[Trail, Any]]
+) -> dict[str, Any]:
+    return {
+        name: replace(before[name], **_changed(vars(before[name]), inner))
+        for name, inner in deeper.items()
+    }
