@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.control.build import make_controller
-from dovetail.control.config import BOUNDS, SCHEMES, LimitConfig, OscConfig
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.limits import BOUNDS, SCHEMES
 from dovetail.envs.registered import find_cell
 from dovetail.poses import quat_about_z, quat_multiply
 from dovetail.robots.robot import Robot
@@ -194,15 +195,15 @@ class Adversary:
 
     def start(self) -> Array:
         """Return a posture inside joint limits and, where they are on, walls [rad]."""
-        limits = self.limits
+        joints, tool = self.limits.joints, self.limits.tool
         if self.settings.home:
             return np.array([0.0, 0.6, 0.0, -1.55, 0.0, 0.99, 0.0])
         margin = 0.05  # rad
         while True:
-            q = self.rng.uniform(limits.q_min + margin, limits.q_max - margin)
+            q = self.rng.uniform(joints.q_min + margin, joints.q_max - margin)
             p = self.chain.pose(q)[0]
-            room = np.minimum(p - limits.x_min, limits.x_max - p).min()
-            if not limits.walls or room > START_ROOM:
+            room = np.minimum(p - tool.x_min, tool.x_max - p).min()
+            if not tool.walls or room > START_ROOM:
                 return q
 
     def plant(self) -> _core.RigidPlant:
@@ -235,7 +236,8 @@ class Adversary:
             signs = self.rng.choice([-1.0, 1.0], 3)
             if kind == 2:
                 joint = self.rng.integers(7)
-                middle = 0.5 * (self.limits.q_min + self.limits.q_max)
+                limits = self.limits.joints
+                middle = 0.5 * (limits.q_min + limits.q_max)
                 signs = np.sign(self.chain.jacobian(q)[:3, joint])
                 signs = signs * (1.0 if q[joint] > middle[joint] else -1.0)
             target.f_star = np.append(self.settings.f_star * signs, np.zeros(3))
@@ -265,23 +267,23 @@ class Adversary:
 
     def inspect(self, states: list[tuple[Array, Array]], motor: Array) -> None:
         """Compare an episode with the limits, margins not taken off."""
-        report, limits = self.report, self.limits
+        report, joints, tool = self.report, self.limits.joints, self.limits.tool
         report.cycles += len(motor)
         q = np.array([s[0] for s in states])
         dq = np.array([s[1] for s in states])
         keep = (np.abs(q) < LOST).all(axis=1) & (np.abs(dq) < LOST).all(axis=1)
         q, dq = q[keep], dq[keep]
         report.looks += len(q)
-        report.position.add(np.maximum(q - limits.q_max, limits.q_min - q))
-        report.speed.add(np.abs(dq) - limits.dq_max)
-        report.torque.add(np.abs(motor) - limits.tau_max)
-        if not limits.walls:
+        report.position.add(np.maximum(q - joints.q_max, joints.q_min - q))
+        report.speed.add(np.abs(dq) - joints.dq_max)
+        report.torque.add(np.abs(motor) - joints.tau_max)
+        if not tool.walls:
             return
         p = np.array([self.chain.pose(row)[0] for row in q])
         J = [self.chain.jacobian(row)[:3] for row in q]
         dx = np.array([j @ v for j, v in zip(J, dq, strict=True)])
-        report.wall.add(np.maximum(p - limits.x_max, limits.x_min - p))
-        report.tcp_speed.add(np.abs(dx) - limits.dx_max)
+        report.wall.add(np.maximum(p - tool.x_max, tool.x_min - p))
+        report.tcp_speed.add(np.abs(dx) - tool.dx_max)
 
 
 def print_report(settings: Settings, report: Report, seconds: float) -> None:

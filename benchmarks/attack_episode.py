@@ -90,18 +90,19 @@ class Attacked:
 
     def room(self, q: Array) -> float:
         """Return how far inside a start's allowed region q is, negative outside."""
-        limits = self.limits
-        joints = np.minimum(q - limits.q_min, limits.q_max - q).min() - JOINT_ROOM
-        if not limits.walls:
-            return float(joints)
+        joints, tool = self.limits.joints, self.limits.tool
+        turn = np.minimum(q - joints.q_min, joints.q_max - q).min() - JOINT_ROOM
+        if not tool.walls:
+            return float(turn)
         p = self.chain.pose(q)[0]
-        walls = np.minimum(p - limits.x_min, limits.x_max - p).min() - START_ROOM
-        return float(min(joints, walls))
+        way = np.minimum(p - tool.x_min, tool.x_max - p).min() - START_ROOM
+        return float(min(turn, way))
 
     def start(self, rng: np.random.Generator) -> Array:
         """Return a random posture inside joint limits and walls [rad]."""
+        joints = self.limits.joints
         while True:
-            q = rng.uniform(self.limits.q_min, self.limits.q_max)
+            q = rng.uniform(joints.q_min, joints.q_max)
             if self.room(q) > 0.0:
                 return q
 

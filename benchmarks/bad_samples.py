@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.control.config import LimitConfig
+from dovetail.control.limits import ApproachLimits
 from dovetail.control.observer import observer_gain
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm
@@ -73,7 +73,7 @@ class Case:
                 period=period,
                 force_damping=FORCE_DAMPING,
                 near_speed=NEAR_SPEED,
-                near_press=LimitConfig.near_press,
+                near_press=ApproachLimits.near_press,
             ),
         )
         self.observer = None
@@ -170,15 +170,15 @@ class Case:
 
     def is_broken(self) -> bool:
         """Return whether the arm is outside a limit, margins not taken off."""
-        limits = self.arm.facts.limits
+        joints, tool = self.arm.facts.limits.joints, self.arm.facts.limits.tool
         q, dq = self.arm.plant.read()
         p = self.chain.pose(q)[0]
         return bool(
-            (q > limits.q_max).any()
-            or (q < limits.q_min).any()
-            or (np.abs(dq) > limits.dq_max).any()
-            or (p > limits.x_max).any()
-            or (p < limits.x_min).any()
+            (q > joints.q_max).any()
+            or (q < joints.q_min).any()
+            or (np.abs(dq) > joints.dq_max).any()
+            or (p > tool.x_max).any()
+            or (p < tool.x_min).any()
         )
 
 

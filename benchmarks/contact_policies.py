@@ -7,7 +7,7 @@ from contact_choices import Array, Choices
 from contact_scene import Start
 
 from dovetail import _core
-from dovetail.control.config import LimitConfig
+from dovetail.control.limits import ApproachLimits
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.config import ApproachConfig
@@ -30,7 +30,7 @@ TASK = "XYZ:force A:pose BC:hold"
 def near_press_of(choices: Choices) -> float:
     """Return the controller's near_press [m/s2]: as in the environment, or none."""
     is_limited = choices.is_press_limited or choices.policy == "shipped"
-    return ApproachConfig.near_press if is_limited else LimitConfig.near_press
+    return ApproachConfig.near_press if is_limited else ApproachLimits.near_press
 
 
 class Commander:

@@ -67,10 +67,10 @@ def settings_of(
         EnvConfig.of(period=period, near_press=near_press),
         is_hardware=is_hardware,
     )
-    usual, given = vars(osc) | vars(limits), dict(overrides)
+    usual, given = osc.flat() | limits.flat(), dict(overrides)
     others: dict[str, Any] = {k: type(usual[k])(given[k]) for k in given}
-    law = {name: others.pop(name) for name in vars(osc).keys() & others.keys()}
-    return replace(osc, **law), replace(limits, **others)
+    law = {name: others.pop(name) for name in osc.flat().keys() & others.keys()}
+    return osc.having(**law), limits.having(**others)
 
 
 @lru_cache(maxsize=16)
@@ -252,9 +252,8 @@ class Trial:
             pose.position + rng.normal(0.0, 0.02, 3),
             quat_multiply(turn, pose.quat_wxyz),
         )
-        near_q = np.clip(
-            q + rng.normal(0.0, 0.1, 7), self.limits.q_min, self.limits.q_max
-        )
+        limits = self.limits.joints
+        near_q = np.clip(q + rng.normal(0.0, 0.1, 7), limits.q_min, limits.q_max)
         self.latched, self.latched_q = pose, q
         kind = CHANGES[rng.integers(len(CHANGES))]
         if kind.startswith("hold"):
@@ -292,12 +291,12 @@ class Trial:
     def _statics(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the missed weight as f*, Lambda and J, rotations scaled by L."""
         J = self.chain.jacobian(q)
-        J[3:] *= self.osc.length_scale
+        J[3:] *= self.osc.task_inertia.length_scale
         M = self.chain.inertia_matrix(q)
         M[np.diag_indices(7)] += ARMATURE
         Minv_JT = np.linalg.solve(M, J.T)
         values, vectors = np.linalg.eigh(J @ Minv_JT)
-        Lambda = (vectors / np.maximum(values, self.osc.s0)) @ vectors.T
+        Lambda = (vectors / np.maximum(values, self.osc.task_inertia.s0)) @ vectors.T
         missed = self.chain.gravity(q) - self.true_chain.gravity(q)
         return Minv_JT.T @ missed, Lambda, J
 
@@ -305,15 +304,16 @@ class Trial:
         """Tell the judge the resting push."""
         joint, f = np.zeros(7), np.zeros(6)
         if target.joint_mode:
-            joint = self.osc.joint_stiffness * (target.q_d - self.latched_q)
-            joint = np.clip(joint, -self.limits.ddq_max, self.limits.ddq_max)
+            joint = self.osc.joints.joint_stiffness * (target.q_d - self.latched_q)
+            ddq_max = self.limits.joints.ddq_max
+            joint = np.clip(joint, -ddq_max, ddq_max)
         else:
             e = rotation_error(self.hold.quat_wxyz, self.latched.quat_wxyz)
             e[2] = rotation_error(target.quat_wxyz_d, self.latched.quat_wxyz)[2]
-            clamp = self.osc.error_clamp_rotation
+            clamp = self.osc.clamps.error_clamp_rotation
             e *= min(1.0, clamp / max(float(np.linalg.norm(e)), 1e-9))
             f = np.array(target.f_star)
-            f[3:] = self.osc.length_scale * self.osc.stiffness[3:] * e
+            f[3:] = self.osc.task_inertia.length_scale * self.osc.axes.stiffness[3:] * e
         forces = []
         for weight, Lambda, J in (self._statics(self.plant.data.qpos), self.at_start):
             asked = J @ joint if target.joint_mode else f

@@ -35,7 +35,8 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
     q = robot.inverse_kinematics(START, robot.posture("rest"))
     felt.reset(q, FIXTURE)
     step = simulated_step(period)
-    feeling = feel_arm(felt, q, limits.armature, integration_step=step, seed=seed)
+    rotors = limits.prediction.armature
+    feeling = feel_arm(felt, q, rotors, integration_step=step, seed=seed)
     felt.close()
     return config.channel.command_delay, feeling.delay.delay
 

@@ -66,10 +66,11 @@ def count_outside(rows: Array, limits: LimitConfig) -> int:
     q = rows[:, COLUMN["q1"] : COLUMN["q7"] + 1]
     dq = rows[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]
     x = rows[:, COLUMN["x"] : COLUMN["z"] + 1]
+    joints, tool = limits.joints, limits.tool
     outside = (
-        ((q < limits.q_min) | (q > limits.q_max)).any(axis=1)
-        | (np.abs(dq) > limits.dq_max).any(axis=1)
-        | ((x < limits.x_min) | (x > limits.x_max)).any(axis=1)
+        ((q < joints.q_min) | (q > joints.q_max)).any(axis=1)
+        | (np.abs(dq) > joints.dq_max).any(axis=1)
+        | ((x < tool.x_min) | (x > tool.x_max)).any(axis=1)
     )
     for row in rows[outside]:
         print(f"outside: q {row[1:8].round(4)} dq {row[8:15].round(3)} x {row[22:25]}")

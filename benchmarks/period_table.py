@@ -119,11 +119,10 @@ def _rebuild(env: Any, cell: Cell) -> None:
             facts.robot,
             facts.period,
             hardware=False,
-            x_min=facts.limits.x_min,
-            x_max=facts.limits.x_max,
-            dx_max=facts.limits.dx_max,
-            near_speed=facts.limits.near_speed,
-            near_press=facts.limits.near_press,
+            x_min=limits.tool.x_min,
+            x_max=limits.tool.x_max,
+            dx_max=limits.tool.dx_max,
+            **vars(limits.approach),
         )
     plant: Any = old.plant
     if cell.encoders:

@@ -91,7 +91,7 @@ def plain(config: OscConfig | LimitConfig) -> dict[str, Any]:
     """Return settings as JSON knows them."""
     return {
         name: value if isinstance(value, str | bool) else np.asarray(value).tolist()
-        for name, value in vars(config).items()
+        for name, value in config.flat().items()
     }
 
 

@@ -6,7 +6,6 @@ the arm feels like is asked in `arm_feel`.
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -166,12 +165,13 @@ def _checks_in_motion(
         f"Every joint will be pushed to and fro, and turned by {TURN:g} rad and back",
     ):
         return
+    rotors = arm.facts.limits.prediction.armature
     yield from feel_checks(
         arm,
         rest.q,
         arm.facts.limits,
         declared,
-        spring=lambda delay: feel_spring(arm, rest.q, arm.facts.limits.armature, delay),
+        spring=lambda delay: feel_spring(arm, rest.q, rotors, delay),
         integration_step=simulated_step(arm.facts.period) if address.control else 0.0,
     )
     yield check_turns(arm, rest.q)
@@ -187,7 +187,7 @@ def _hold_as_configured(
     period: float,
 ) -> Check:
     """Hold the arm where it stands with a task's settings, walls apart."""
-    arm = _build(address, cell, osc, replace(limits, walls=False), period)
+    arm = _build(address, cell, osc, limits.having(walls=False), period)
     try:
         arm.connect()
         return check_as_configured(arm, lambda: last_words(arm, is_resting=True))

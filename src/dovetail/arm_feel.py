@@ -59,13 +59,14 @@ def feel_checks(
     Raises:
         ArmError: The arm was stopped, or the motion ended.
     """
-    feeling = feel_arm(arm, q, limits.armature, integration_step=integration_step)
+    rotors = limits.prediction.armature
+    feeling = feel_arm(arm, q, rotors, integration_step=integration_step)
     yield check_delay(feeling, declared)
     if spring is not None:
         delay = feeling.delay.delay - 0.5 * integration_step
         fits = spring(delay)
         inertia = np.asarray(arm.facts.robot.chain().inertia_matrix(q))
-        yield check_spring(fits, feeling, inertia + np.diag(limits.armature))
+        yield check_spring(fits, feeling, inertia + np.diag(rotors))
     fixed = check_fixed_spring(feeling)
     if fixed is not None:
         yield fixed

@@ -208,7 +208,7 @@ def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     monkeypatch.setattr(
         from_address,
         "fri_arm",
-        lambda address, cell, s: built.append((s.limits.delta_v, s.period)),
+        lambda address, cell, s: built.append((s.limits.joints.delta_v, s.period)),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
         build_arm(f"fri://0.0.0.0?{keys}", find_cell(), TASK)

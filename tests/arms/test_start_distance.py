@@ -63,7 +63,7 @@ def test_on_a_robot_all_axes_together_keep_the_speed_of_t1():
         address = parse_address(f"fri://127.0.0.1:{free_port()}{keys}")
         arm = arm_from_address(address, CELL, settings)
         arm.close()
-        return arm.facts.limits.dx_max
+        return arm.facts.limits.tool.dx_max
 
     assert np.linalg.norm(speed("")) == pytest.approx(0.25)
     assert speed("?control=127.0.0.1:30301").max() == pytest.approx(0.25)

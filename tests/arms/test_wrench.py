@@ -83,7 +83,7 @@ def test_a_push_is_told_as_quickly_as_the_estimates_bandwidth_says(period):
     arm.push(np.array([0.0, 0.0, 20.0]), 1.0)
     told = arm.step(target, 0.2).log[:, WRENCH][:, 2]
     passed = period * np.arange(len(told))
-    rate = arm.facts.limits.estimate_rate
+    rate = arm.facts.limits.disturbance.estimate_rate
     expected = 20.0 * (1.0 - np.exp(-rate * passed))
     np.testing.assert_allclose(told, expected, atol=0.2)
     arm.close()
@@ -100,7 +100,7 @@ def test_the_wrench_is_that_of_the_tool_centre_point():
     speed = state.log[-1, COLUMN["dq1"] : COLUMN["dq7"] + 1]
     middle = joints + 0.0005 * speed  # the model is half a period ahead
     J = q.jacobian(middle)
-    M = q.inertia_matrix(middle) + np.diag(arm.facts.limits.armature)
+    M = q.inertia_matrix(middle) + np.diag(arm.facts.limits.prediction.armature)
     Minv = np.linalg.inv(M)
     expected = np.linalg.solve(J @ Minv @ J.T, J @ Minv @ controller.disturbance)
     np.testing.assert_allclose(controller.wrench, expected, rtol=1e-6, atol=1e-9)
@@ -125,12 +125,11 @@ def test_over_fri_the_cabinets_torques_tell_it():
 
 
 def test_before_the_first_cycle_it_is_zero_and_without_the_estimate_unknown():
-    from dataclasses import replace
 
     arm = build("mujoco", 0.005)
     target = start(arm, FREE)
     robot = arm.facts.robot
-    limits = replace(arm.facts.limits, estimate_rate=0.0)
+    limits = arm.facts.limits.having(estimate_rate=0.0)
     blind = LocalArm(arm.plant, robot, arm.facts.osc, limits, TASK, 0.005)
     q = robot.posture("rest")
     np.testing.assert_array_equal(blind.reset(q, FIXTURE).wrench, np.zeros(6))

@@ -74,7 +74,7 @@ def run_loop(robot: Robot, q_home: np.ndarray):
             result = controller.step(q, dq, target)
             q_mid = q + 0.5 * period * dq
             drift = chain.jacobian_dot_dq(q_mid, dq)
-            M = chain.inertia_matrix(q_mid) + np.diag(limits.armature)
+            M = chain.inertia_matrix(q_mid) + np.diag(limits.prediction.armature)
             asked = result.a - np.linalg.solve(M, controller.disturbance)
             rows["asked"].append(asked)
             rows["asked_x"].append((chain.jacobian(q_mid) @ asked + drift)[:3])

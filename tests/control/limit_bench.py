@@ -1,7 +1,5 @@
 """Loose limits, and pushes towards one of them: for test_limits_enumerated.py."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from dovetail.control.config import LimitConfig
@@ -42,9 +40,9 @@ class Bench:
         return self.run_loop(limits, lambda q: f, HOLD, **options)
 
     def with_element(self, name, i, value):
-        array = np.array(getattr(self.loose, name))
+        array = np.array(self.loose.flat()[name])
         array[i] = value
-        return replace(self.loose, **{name: array})
+        return self.loose.having(**{name: array})
 
 
 NEAR_CONTACT = {"near_plane": [0.0, 0.0, 1.0, 9.0], "gain": 0.0}
@@ -58,7 +56,7 @@ def moving_along_x(bench, speed):
 
 def check_near_press(bench):  # test_near_press.py has where it begins and what is left
     everywhere = [0.0, 0.0, 1.0, 9.0]  # z below 9 m
-    soft = replace(bench.loose, near_press=0.5)
+    soft = bench.loose.having(near_press=0.5)
 
     def gone(limits, sign, **options):
         run = bench.axis(limits, 2, sign=sign, gain=2.0, cycles=100, **options)

@@ -1,13 +1,12 @@
 """Settings: what worked on the arm is the default; wrong values are refused by name."""
 
-from dataclasses import fields
-
 import numpy as np
 import pytest
 
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.proven import DECLARED
+from dovetail.control.sections import settings_in
 from dovetail.errors import ConfigError
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.robots.robot import Payload
@@ -17,7 +16,7 @@ TASK = "XYZ:force A:pose BC:hold"
 
 def settings_of(config):
     """Every field that is not a switch."""
-    return [f.name for f in fields(config) if f.type is not bool]
+    return [name for name, s in settings_in(config).items() if s.kind is not bool]
 
 
 @pytest.mark.parametrize(
@@ -32,11 +31,12 @@ def test_limits_at_a_tabulated_period_are_the_table(
     robot, period, kappa, delta_q, delta_v, delta_x, k_rotation
 ):
     limits = LimitConfig.for_period(robot, period, hardware=False)
-    assert limits.kappa == pytest.approx(kappa)
-    assert (limits.delta_q, limits.delta_v) == (delta_q, delta_v)
-    assert (limits.eta, limits.delta_x) == (0.6, delta_x)
-    assert (limits.estimate_rate, limits.brake_rate) == (60.0, 60.0)
-    assert OscConfig.for_period(period).stiffness[5] == k_rotation
+    joints, disturbance = limits.joints, limits.disturbance
+    assert limits.saturation.kappa == pytest.approx(kappa)
+    assert (joints.delta_q, joints.delta_v) == (delta_q, delta_v)
+    assert (joints.eta, limits.tool.delta_x) == (0.6, delta_x)
+    assert (disturbance.estimate_rate, disturbance.brake_rate) == (60.0, 60.0)
+    assert OscConfig.for_period(period).axes.stiffness[5] == k_rotation
 
 
 @pytest.mark.parametrize(
@@ -51,12 +51,12 @@ def test_an_arm_that_nothing_is_said_of_gets_all_that_is_declared(
     robot, period, interval, rate, delta_q, delta_v, delta_x
 ):
     limits = LimitConfig.for_period(robot, period)
-    assert {name: getattr(limits, name) for name in DECLARED} == DECLARED
-    assert limits.kappa * period == pytest.approx(interval)
-    assert limits.estimate_rate == limits.brake_rate == pytest.approx(rate)
-    assert (limits.delta_q, limits.delta_v, limits.delta_x) == pytest.approx(
-        (delta_q, delta_v, delta_x)
-    )
+    assert vars(limits.declared) == DECLARED
+    assert limits.saturation.kappa * period == pytest.approx(interval)
+    disturbance, flat = limits.disturbance, limits.flat()
+    assert disturbance.estimate_rate == disturbance.brake_rate == pytest.approx(rate)
+    margins = [flat[name] for name in ("delta_q", "delta_v", "delta_x")]
+    assert margins == pytest.approx([delta_q, delta_v, delta_x])
 
 
 @pytest.mark.parametrize("name", DECLARED)
@@ -67,21 +67,21 @@ def test_margins_grow_with_the_largest_error_that_is_declared(robot, name, share
     value = {name: share * DECLARED[name]}
     limits = LimitConfig.for_period(robot, 2e-3, hardware=False, **value)
     for margin in ("delta_q", "delta_v", "delta_x"):
-        low, high = getattr(exact, margin), getattr(worst, margin)
+        low, high = exact.flat()[margin], worst.flat()[margin]
         expected = low + share * (high - low)
-        assert getattr(limits, margin) == pytest.approx(expected)
+        assert limits.flat()[margin] == pytest.approx(expected)
     if name == "delay":  # what a loop with this delay bears
         lag = 2e-3 + share * DECLARED[name]
-        assert limits.estimate_rate == pytest.approx(min(60.0, 0.75 / lag))
-        assert limits.kappa * 2e-3 >= 2.5 * lag - 1e-12
+        assert limits.disturbance.estimate_rate == pytest.approx(min(60.0, 0.75 / lag))
+        assert limits.saturation.kappa * 2e-3 >= 2.5 * lag - 1e-12
 
 
 def test_margins_between_tabulated_periods_are_those_of_the_longer_one(robot):
     limits = LimitConfig.for_period(robot, 3e-3, hardware=False)
-    assert (limits.delta_q, limits.delta_v) == (5e-3, 0.05)
-    assert 8e-3 < limits.kappa * 3e-3 < 10e-3
+    assert (limits.joints.delta_q, limits.joints.delta_v) == (5e-3, 0.05)
+    assert 8e-3 < limits.saturation.kappa * 3e-3 < 10e-3
     short = LimitConfig.for_period(robot, 5e-4, hardware=False)
-    assert short.kappa == pytest.approx(5.0)
+    assert short.saturation.kappa == pytest.approx(5.0)
 
 
 def test_hardware_margins_are_wider(robot):
@@ -89,7 +89,7 @@ def test_hardware_margins_are_wider(robot):
         simulated = LimitConfig.for_period(robot, period, hardware=False)
         hardware = LimitConfig.for_period(robot, period)
         for name in ("delta_q", "delta_v", "delta_x"):
-            assert getattr(hardware, name) > getattr(simulated, name)
+            assert hardware.flat()[name] > simulated.flat()[name]
 
 
 @pytest.mark.parametrize("period", [0.0, 5e-5, 0.006, np.nan])
@@ -100,22 +100,22 @@ def test_a_period_without_proven_limits_is_refused(robot, period):
 
 def test_acceleration_with_the_gripper_is_the_measured_one(robot):
     limits = LimitConfig.for_period(robot, 1e-3)
-    np.testing.assert_allclose(limits.ddq_max, [15, 15, 15, 15, 20, 20, 20])
+    np.testing.assert_allclose(limits.joints.ddq_max, [15, 15, 15, 15, 20, 20, 20])
 
 
 def test_motors_can_give_the_derived_acceleration_everywhere(rng):
     heavy = Payload(mass=5.0, com=np.array([0, 0, 0.1]), inertia=np.eye(3) * 0.02)
     robot = iiwa14().with_tool(heavy, np.array([0.0, 0.0, 0.2]))
     limits = LimitConfig.for_period(robot, 1e-3)
-    assert limits.ddq_max[5] < 20.0
-    chain = robot.chain()
+    assert limits.joints.ddq_max[5] < 20.0
+    chain, model = robot.chain(), limits.prediction
     for _ in range(5000):
         q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
         dq = rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
-        M = np.abs(chain.inertia_matrix(q)) + np.diag(limits.armature)
-        tau = M @ limits.ddq_max + limits.damping * np.abs(dq)
+        M = np.abs(chain.inertia_matrix(q)) + np.diag(model.armature)
+        tau = M @ limits.joints.ddq_max + model.damping * np.abs(dq)
         tau += np.abs(chain.coriolis(q, dq)) + np.abs(chain.gravity(q))
-        assert (tau <= limits.tau_max).all()
+        assert (tau <= limits.joints.tau_max).all()
 
 
 def test_a_payload_beyond_the_motors_names_the_joint():
@@ -136,7 +136,7 @@ def test_every_limit_refuses_values_out_of_its_range(robot, name, bad):
 @pytest.mark.parametrize("bad", [np.nan, -1.0, [1.0, 2.0]])
 def test_every_law_setting_refuses_values_out_of_its_range(name, bad):
     with pytest.raises(ConfigError, match=name):
-        OscConfig(**{name: bad})
+        OscConfig.of(**{name: bad})
 
 
 def test_a_wrong_element_is_named_with_unit_and_range(robot):
@@ -147,7 +147,7 @@ def test_a_wrong_element_is_named_with_unit_and_range(robot):
     ):
         LimitConfig.for_period(robot, 1e-3, dq_max=dq_max)
     with pytest.raises(ConfigError, match=r"stiffness\[B\] is nan 1/s2"):
-        OscConfig(stiffness=np.array([1, 1, 1, 1, np.nan, 1]))
+        OscConfig.of(stiffness=np.array([1, 1, 1, 1, np.nan, 1]))
     with pytest.raises(
         ConfigError, match=r"x_min\[Y\] is 0.3 m and x_max\[Y\] is 0.2 m"
     ):
@@ -166,24 +166,23 @@ def test_unknown_scheme_and_bounds_list_the_known_ones(robot):
 def test_settings_cannot_be_changed_behind_the_controller(robot):
     limits = LimitConfig.for_period(robot, 1e-3)
     with pytest.raises(AttributeError):
-        limits.eta = 0.9
+        limits.joints.eta = 0.9
     with pytest.raises(ValueError, match="read-only"):
-        limits.q_max[0] = 9.0
+        limits.joints.q_max[0] = 9.0
 
 
 def test_every_setting_reaches_the_cpp_parameters(robot):
     limits = LimitConfig.for_period(robot, 2e-3, scheme="paper", bounds="paper-printed")
     params = limits.params()
-    for f in fields(limits):
-        if f.name in ("scheme", "bounds", *DECLARED):  # these make margins
+    for name, value in limits.flat().items():
+        if name in ("scheme", "bounds", *DECLARED):  # these make margins
             continue
-        np.testing.assert_array_equal(getattr(params, f.name), getattr(limits, f.name))
+        np.testing.assert_array_equal(getattr(params, name), value)
     assert "paper" in str(params.scheme).lower()
     assert "printed" in str(params.bounds).lower()
     osc = OscConfig.for_period(2e-3, use_jdot=True)
-    for f in fields(osc):
-        value = getattr(osc.params(), f.name)
-        np.testing.assert_array_equal(value, getattr(osc, f.name))
+    for name, value in osc.flat().items():
+        np.testing.assert_array_equal(getattr(osc.params(), name), value)
 
 
 def test_the_builder_takes_a_task_as_text(robot, q_home):

@@ -1,7 +1,5 @@
 """Details of a cycle that closed loops forgive: memory, sides of flags, instants."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -22,7 +20,9 @@ class Loop:
             robot, OscConfig.for_period(PERIOD), limits, TASK, PERIOD
         )
         self.plant = _core.RigidPlant(
-            robot.chain(), damping=limits.damping, armature=limits.armature
+            robot.chain(),
+            damping=limits.prediction.damping,
+            armature=limits.prediction.armature,
         )
         self.plant.reset(q, np.zeros(7) if dq is None else dq)
         self.hold = robot.tool_pose(q)
@@ -56,7 +56,7 @@ def limits(robot):
 
 @pytest.fixture
 def open_space(limits):
-    return replace(limits, walls=False)
+    return limits.having(walls=False)
 
 
 def test_a_reset_leaves_nothing_of_what_was(robot, q_home, limits):
@@ -83,7 +83,7 @@ def test_a_hold_after_a_reset_begins_without_what_pushed_before(robot, q_home, l
     used, fresh = (Loop(robot, q_home, limits) for _ in range(2))
     used.plant.set_external_force(np.array([0.0, 20.0, -30.0]))
     used.run(100)
-    too_fast = 1.1 * limits.dq_max * np.eye(7)[6]
+    too_fast = 1.1 * limits.joints.dq_max * np.eye(7)[6]
     torques = []
     for loop in (used, fresh):
         pose = loop.hold
@@ -116,8 +116,9 @@ def test_a_joint_target_is_flagged_for_what_bounds_it_on_its_side(
 ):
     """Beyond a limit the position bounds it; the other side has the acceleration."""
     q = q_home.copy()
-    end = open_space.q_max if side > 0 else open_space.q_min
-    q[joint] = end[joint] - side * (open_space.delta_q + 0.01)
+    joints = open_space.joints
+    end = joints.q_max if side > 0 else joints.q_min
+    q[joint] = end[joint] - side * (joints.delta_q + 0.01)
     target = _core.Target(joint_mode=True, q_d=q)
     q_d = q.copy()
     q_d[joint] = end[joint] + side * 1.0
@@ -143,20 +144,23 @@ def test_bounds_are_those_of_the_measured_state(robot, q_home, limits, rng):
         p, v = chain.pose(q)[0], (chain.jacobian(q) @ dq)[:3]
         # walls where the tool is about to be
         low, high = np.array([0.03, 0.02, 0.04]), np.array([0.02, 0.04, 0.03])
-        box = replace(limits, x_min=p - low, x_max=p + high)
+        box = limits.having(x_min=p - low, x_max=p + high)
         loop = Loop(robot, q, box, dq=dq)
         terms = loop.controller.osc_terms(q, dq)
-        shape = {"dt": PERIOD, "kappa": box.kappa, "authority": box.authority}
+        joints, tool = box.joints, box.tool
+        shape = {"dt": PERIOD, "kappa": box.saturation.kappa}
+        shape["authority"] = box.disturbance.authority
         for low, high, x, speed, lowest, highest, most, a, eta, margin in (
-            *zip(terms["cl"], terms["cu"], p, v, box.x_min, box.x_max, box.dx_max,
-                 box.ddx_max, [box.eta_wall] * 3, [box.delta_x] * 3, strict=True),
-            *zip(terms["lb"], terms["ub"], q, dq, box.q_min, box.q_max, box.dq_max,
-                 box.ddq_max, [box.eta] * 7, [box.delta_q] * 7, strict=True),
+            *zip(terms["cl"], terms["cu"], p, v, tool.x_min, tool.x_max, tool.dx_max,
+                 tool.ddx_max, [tool.eta_wall] * 3, [tool.delta_x] * 3, strict=True),
+            *zip(terms["lb"], terms["ub"], q, dq, joints.q_min, joints.q_max,
+                 joints.dq_max, joints.ddq_max, [joints.eta] * 7, [joints.delta_q] * 7,
+                 strict=True),
         ):  # fmt: skip
             bounds = _core.acceleration_bounds(
                 x, speed, lowest, highest, most, a, **shape,
-                eta=eta, delta_x=margin, delta_v=box.delta_v,
+                eta=eta, delta_x=margin, delta_v=joints.delta_v,
             )  # fmt: skip
             np.testing.assert_allclose((low, high), bounds, atol=1e-6)
-        near_wall += (terms["cu"] < box.ddx_max).any()
+        near_wall += (terms["cu"] < tool.ddx_max).any()
     assert near_wall > 50

@@ -32,7 +32,9 @@ class LateLoop:
         osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
         self.controller = make_controller(robot, osc, self.limits, TASK, period)
         self.plant = _core.RigidPlant(
-            robot.chain(), damping=self.limits.damping, armature=self.limits.armature
+            robot.chain(),
+            damping=self.limits.prediction.damping,
+            armature=self.limits.prediction.armature,
         )
         self.plant.reset(q, np.zeros(7))
         pose = robot.tool_pose(q)
@@ -85,7 +87,9 @@ def test_a_target_whose_rotation_jumps_to_and_fro_explains_the_swing(
     osc = OscConfig.for_period(period, force_damping=[40.0] * 3 + [0.0] * 3)
     controller = make_controller(robot, osc, limits, "XYZ:force ABC:pose", period)
     plant = _core.RigidPlant(
-        robot.chain(), damping=limits.damping, armature=limits.armature
+        robot.chain(),
+        damping=limits.prediction.damping,
+        armature=limits.prediction.armature,
     )
     plant.reset(q_home, np.zeros(7))
     pose = robot.tool_pose(q_home)
@@ -144,7 +148,9 @@ def free_arm(robot, q, task="XYZABC:force", dq=None, **limits):
     settings = LimitConfig.for_period(robot, 1e-3, **limits)
     controller = make_controller(robot, OscConfig(), settings, task, 1e-3)
     plant = _core.RigidPlant(
-        robot.chain(), damping=settings.damping, armature=settings.armature
+        robot.chain(),
+        damping=settings.prediction.damping,
+        armature=settings.prediction.armature,
     )
     plant.reset(q, dq)
     pose = robot.tool_pose(q)
@@ -198,7 +204,9 @@ def test_a_tare_that_changes_explains_what_it_changes(robot, q_home):
     limits = LimitConfig.for_period(robot, period, hardware=False, **wide)
     controller = make_controller(robot, OscConfig(), limits, TASK, period)
     plant = _core.RigidPlant(
-        robot.chain(), damping=limits.damping, armature=limits.armature
+        robot.chain(),
+        damping=limits.prediction.damping,
+        armature=limits.prediction.armature,
     )
     plant.reset(q_home, np.zeros(7))
     pose = robot.tool_pose(q_home)

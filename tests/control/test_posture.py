@@ -18,9 +18,10 @@ class Loop:
     def __init__(self, robot, q, task=TASKS[0], **osc):
         limits = LimitConfig.for_period(robot, PERIOD, **WIDE)
         self.robot, self.q_start = robot, q
-        self.controller = make_controller(robot, OscConfig(**osc), limits, task, PERIOD)
+        law, model = OscConfig.of(**osc), limits.prediction
+        self.controller = make_controller(robot, law, limits, task, PERIOD)
         self.plant = _core.RigidPlant(
-            robot.chain(), damping=limits.damping, armature=limits.armature
+            robot.chain(), damping=model.damping, armature=model.armature
         )
         self.plant.reset(q, np.zeros(7))
         self.hold(q)

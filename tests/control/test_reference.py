@@ -56,7 +56,7 @@ def largest_difference(
     limit, and how many tasks left the problem that both solve before their end.
     """
     worst, states, limited, exotic = 0.0, 0, 0, 0
-    plant = _core.RigidPlant(robot.chain(), armature=limits.armature)
+    plant = _core.RigidPlant(robot.chain(), armature=limits.prediction.armature)
     for task in tasks:
         mine = ReferenceController(robot, osc, limits, task, period)
         theirs = make_controller(robot, osc, limits, task, period)

@@ -20,7 +20,9 @@ def run(robot, q, period, plan, *, push=PUSH, dq=None):
     osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
     controller = make_controller(robot, osc, limits, TASK, period)
     plant = _core.RigidPlant(
-        robot.chain(), damping=limits.damping, armature=limits.armature
+        robot.chain(),
+        damping=limits.prediction.damping,
+        armature=limits.prediction.armature,
     )
     plant.reset(q, np.zeros(7) if dq is None else dq)
     plant.set_external_force(push)

@@ -56,7 +56,11 @@ def twin(name, delay):
 def feel(arm, seconds=1.5):
     step = simulated_step(arm.facts.period)
     return feel_arm(
-        arm, START, arm.facts.limits.armature, integration_step=step, seconds=seconds
+        arm,
+        START,
+        arm.facts.limits.prediction.armature,
+        integration_step=step,
+        seconds=seconds,
     )
 
 
@@ -81,7 +85,7 @@ def test_the_delay_of_a_twin_is_found(name, period, delay_ms):
 def test_the_delay_and_the_spring_of_a_cabinet_are_found():
     plant = twin("medium", 0.005)
     arm = over_fri(plant, 0.005, stiffness=(200.0,) * 7, damping=(0.7,) * 7)
-    fits = feel_spring(arm, START, arm.facts.limits.armature, 0.005)
+    fits = feel_spring(arm, START, arm.facts.limits.prediction.armature, 0.005)
     np.testing.assert_allclose([f.sent_spring for f in fits], 200.0, rtol=0.15)
     arm.close()
 
@@ -89,7 +93,7 @@ def test_the_delay_and_the_spring_of_a_cabinet_are_found():
 def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
     arm = over_fri(twin("hard", 0.01), 0.005)
     assert feel(arm).delay.delay == pytest.approx(0.01, abs=5e-4)
-    fits = feel_spring(arm, START, arm.facts.limits.armature, 0.01)
+    fits = feel_spring(arm, START, arm.facts.limits.prediction.armature, 0.01)
     assert max(abs(f.sent_spring) for f in fits) < 5.0
     arm.close()
 

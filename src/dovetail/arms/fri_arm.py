@@ -358,13 +358,14 @@ class FriArm:
         if not self._approach:
             require_near(self.facts.robot, self._servo.state().q, q, self._left)
         cycles = max(1, round(TICK / self.facts.period))
+        tool = self.facts.limits.tool
         drive_to(
             self.facts.robot,
             self._servo.state,
             lambda target: self._follow(target, cycles),
             q,
             fixture,
-            float(self.facts.limits.x_max[2] - 2.0 * self.facts.limits.delta_x),
+            float(tool.x_max[2] - 2.0 * tool.delta_x),
         )
 
     def _state(self) -> ArmState:

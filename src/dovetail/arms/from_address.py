@@ -68,6 +68,6 @@ def fri_arm(
     require_period(settings.period, address.period_name, address.periods)
     if address.control is None:  # a robot: T1's limit is one of the velocity's norm
         limits = settings.limits
-        limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
+        limits = limits.having(dx_max=limits.tool.dx_max / np.sqrt(3.0))
         settings = replace(settings, limits=limits)
     return FriArm(address, cell.loaded_robot(), settings, watchdog=watchdog)

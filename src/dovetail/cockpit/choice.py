@@ -8,7 +8,7 @@ import gymnasium
 import numpy as np
 
 from dovetail.arms.address import parse_address
-from dovetail.control.config import SCHEMES
+from dovetail.control.limits import SCHEMES
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.log_facts import describe_cell

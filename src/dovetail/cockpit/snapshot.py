@@ -127,13 +127,13 @@ def used_limits(state: ArmState, facts: ArmFacts) -> tuple[float, ...]:
         state: What the arm said; of its log the largest torques.
         facts: The arm's limits.
     """
-    limits = facts.limits
+    joints, tool = facts.limits.joints, facts.limits.tool
     tau: Array = np.abs(state.log[:, _TAU]).max(axis=0, initial=0.0)
     shares = (
-        _centred(state.q, limits.q_min, limits.q_max),
-        np.abs(state.dq) / limits.dq_max,
-        tau / limits.tau_max,
-        _centred(state.tool.position, limits.x_min, limits.x_max),
+        _centred(state.q, joints.q_min, joints.q_max),
+        np.abs(state.dq) / joints.dq_max,
+        tau / joints.tau_max,
+        _centred(state.tool.position, tool.x_min, tool.x_max),
     )
     return tuple(100.0 * float(share.max()) for share in shares)
 

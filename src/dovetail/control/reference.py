@@ -53,9 +53,10 @@ class ReferenceController:
         self.chain, self.osc, self.limits, self.dt = robot.chain(), osc, limits, dt
         self.modes = np.array(TaskSpec.parse(task).modes)
         self.is_servo = np.isin(self.modes, (POSE, HOLD))
-        self.scale = (self.modes != FREE) * np.repeat([1.0, osc.length_scale], 3)
-        D = 2.0 * osc.damping_ratio * np.sqrt(osc.stiffness)
-        self.D = np.where(self.is_servo, D, osc.force_damping)
+        self.weights = np.repeat([1.0, osc.task_inertia.length_scale], 3)
+        self.scale = (self.modes != FREE) * self.weights
+        D = 2.0 * osc.axes.damping_ratio * np.sqrt(osc.axes.stiffness)
+        self.D = np.where(self.is_servo, D, osc.axes.force_damping)
 
     def reset(self, q: Array, position_hold: Array, quat_hold: Array) -> None:
         """Latch the pose that hold axes keep; forget disturbance and posture."""
@@ -70,33 +71,35 @@ class ReferenceController:
     def step(self, q: Array, dq: Array, target: "_core.Target") -> tuple[Array, ...]:
         """Return overlay torque [Nm], its acceleration and the wanted one [rad/s2]."""
         chain, osc, lim, dt = self.chain, self.osc, self.limits, self.dt
+        joints, tool, saturation = lim.joints, lim.tool, lim.saturation
+        q_min, q_max, tau_max = joints.q_min, joints.q_max, joints.tau_max
         self.estimate(dq)
         # Model  M a + h = u  half a period ahead; the arm does a + push
-        q_model = q + 0.5 * dt * dq if lim.mid_interval else q
-        M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
+        q_model = q + 0.5 * dt * dq if lim.prediction.mid_interval else q
+        M = chain.inertia_matrix(q_model) + np.diag(lim.prediction.armature)
         Minv: Array = np.asarray(np.linalg.inv(M), dtype=np.float64)
         c = chain.coriolis(q_model, dq)
-        h = c + lim.damping * dq
+        h = c + lim.prediction.damping * dq
         J_tool, dJdq = chain.jacobian(q_model), chain.jacobian_dot_dq(q_model, dq)
-        push = Minv @ np.clip(self.r, -USUAL * lim.tau_max, USUAL * lim.tau_max)
+        push = Minv @ np.clip(self.r, -USUAL * tau_max, USUAL * tau_max)
         push_x = J_tool[:3] @ push
-        middle, half = 0.5 * (lim.q_max + lim.q_min), 0.5 * (lim.q_max - lim.q_min)
-        is_inside = np.abs(q - middle) < half - lim.delta_q
+        middle, half = 0.5 * (q_max + q_min), 0.5 * (q_max - q_min)
+        is_inside = np.abs(q - middle) < half - joints.delta_q
         push_q = np.where(is_inside, push, Minv @ self.r)  # in full at a limit
         # Limits  lb <= a <= ub,  cl <= Jc a + dJc dq <= cu,  lo <= M a + h <= hi
         (p, R), twist = chain.pose(q), chain.jacobian(q) @ dq
-        joint = (lim.q_min, lim.q_max, lim.dq_max, lim.ddq_max, lim.eta, lim.delta_q)
+        bounds = (q_min, q_max, joints.dq_max, joints.ddq_max)
         self.walls = walls(lim, dt, p, self.walls)
-        wall = (*self.walls, lim.dx_max, lim.ddx_max, lim.eta_wall)
-        lb, ub = intervals(lim, dt, q, dq, push_q, *joint)
-        cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall, lim.delta_x)
+        wall = (*self.walls, tool.dx_max, tool.ddx_max, tool.eta_wall, tool.delta_x)
+        lb, ub = intervals(lim, dt, q, dq, push_q, *bounds, joints.eta, joints.delta_q)
+        cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall)
         g = chain.gravity(q)
-        lo, hi = -lim.tau_max - g, lim.tau_max - g
+        lo, hi = -tau_max - g, tau_max - g
         if target.joint_mode:  # a spring in each joint, what pushes is held against
-            K, zeta = osc.joint_stiffness, osc.joint_damping_ratio
+            K, zeta = osc.joints.joint_stiffness, osc.joints.joint_damping_ratio
             spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
-            most = np.clip(HELD * lim.tau_max, HELD_LEAST, None)
-            most = np.minimum(most, 0.5 * lim.tau_max)
+            most = np.clip(HELD * tau_max, HELD_LEAST, None)
+            most = np.minimum(most, 0.5 * tau_max)
             held = self.r / max(1.0, np.max(np.abs(self.r) / most))
             self.posture = self.turn = None
             a0 = np.clip(spring - Minv @ held, lb, ub)
@@ -104,21 +107,22 @@ class ReferenceController:
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
             f -= osc.use_jdot * dJdq
-            if lim.walls:  # ask for no more than the tool's limits allow
+            if tool.walls:  # ask for no more than the tool's limits allow
                 drift = (dJdq - J_tool @ Minv @ (h - osc.use_coriolis * c))[:3]
                 low, high = self.near_interval(p, twist, push_x, target)
-                if lim.scheme == "qp":
+                if saturation.scheme == "qp":
                     low, high = np.maximum(low, cl), np.minimum(high, cu)
                 f[:3] = np.maximum(np.minimum(f[:3], high - drift), low - drift)
             u0 = self.task_torque(q, dq, f, J_tool, M, Minv)
             a0 = Minv @ (u0 + osc.use_coriolis * c - h)
-        rows = (J_tool[:3], dJdq[:3], cl, cu) if lim.walls else None
-        if lim.scheme == "qp":
-            a = solve_qp(M, a0, lb, ub, rows, (M, h, lo, hi), lim.rho)
+        rows = (J_tool[:3], dJdq[:3], cl, cu) if tool.walls else None
+        if saturation.scheme == "qp":
+            a = solve_qp(M, a0, lb, ub, rows, (M, h, lo, hi), saturation.rho)
         else:
-            a = saturate(a0, Minv, *rows, lim.s0_wall) if rows else a0
+            a = saturate(a0, Minv, *rows, saturation.s0_wall) if rows else a0
             box = (np.eye(7), np.zeros(7), lb, ub, 1e-12)  # SJS: nothing fades
-            a = solve_qp(M, a, lb, ub) if lim.exact_sjs else saturate(a, Minv, *box)
+            exact = saturation.exact_sjs
+            a = solve_qp(M, a, lb, ub) if exact else saturate(a, Minv, *box)
             a = blend(np.clip(a, lb, ub), np.clip(0.0, lb, ub), M, h, lo, hi)
         u = np.clip(M @ a + h, lo, hi)
         self.last = (M, h, dq, u)
@@ -128,14 +132,15 @@ class ReferenceController:
         """Add  r += share (M ddq + h - u - r)  of the interval that has ended."""
         if self.last is None:
             return
-        lim, dt = self.limits, self.dt
+        lim, dt, tau_max = self.limits, self.dt, self.limits.joints.tau_max
         M, h, dq_last, u = self.last
         ddq = (dq - dq_last) / dt
-        lost = M @ ddq + h + 0.5 * lim.damping * dt * ddq - u - self.r  # mean speed
-        most = SURPRISE * lim.tau_max
-        share = 1.0 - np.exp(-lim.estimate_rate * dt)
+        slowed = 0.5 * lim.prediction.damping * dt * ddq  # at the mean speed
+        lost = M @ ddq + h + slowed - u - self.r
+        most = SURPRISE * tau_max
+        share = 1.0 - np.exp(-lim.disturbance.estimate_rate * dt)
         r = self.r + share * np.clip(lost, -most, most)
-        self.r = np.clip(r, -LARGEST * lim.tau_max, LARGEST * lim.tau_max)
+        self.r = np.clip(r, -LARGEST * tau_max, LARGEST * tau_max)
 
     def task_torque(
         self, q: Array, dq: Array, f: Array, J_tool: Array, M: Array, Minv: Array
@@ -150,13 +155,13 @@ class ReferenceController:
         way = way * (POSTURE_MAX / max(POSTURE_MAX, float(np.linalg.norm(way))))
 
         def projected(J: Array, a: Array) -> tuple[Array, Array]:
-            Lambda = faded_inverse(J @ Minv @ J.T, osc.s0)
+            Lambda = faded_inverse(J @ Minv @ J.T, osc.task_inertia.s0)
             return Lambda, M @ a - J.T @ Lambda @ J @ a
 
         J = self.scale[:, None] * J_tool
-        J_all = np.repeat([1.0, osc.length_scale], 3)[:, None] * J_tool
-        Lambda, damping = projected(J, -osc.k_null * dq)
-        _, posture = projected(J_all, osc.posture_stiffness * way)
+        J_all = self.weights[:, None] * J_tool
+        Lambda, damping = projected(J, -osc.null_space.k_null * dq)
+        _, posture = projected(J_all, osc.null_space.posture_stiffness * way)
         return J.T @ Lambda @ (self.scale * f) + damping + posture
 
     def stay(self, p: Array, twist: Array, bits: int) -> Array:
@@ -166,33 +171,34 @@ class ReferenceController:
         self.anchor = np.where(self.is_staying, self.anchor, p)
         self.is_staying |= asked & (np.abs(twist[:3]) < STAY_SPEED)
         way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
-        return asked * self.osc.stiffness[:3] * way
+        return asked * self.osc.axes.stiffness[:3] * way
 
     def desired_acceleration(
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
     ) -> Array:
         """f* = action + xddot_d - D (xdot - xdot_d), + K e on pose and hold axes."""
-        osc, quat = self.osc, poses.quat_from_matrix(R)
+        clamps, quat = self.osc.clamps, poses.quat_from_matrix(R)
         p_path, quat_path, v_d, a_d = desired_motion(target)
         turn = self.turned_to(quat_path, quat, v_d[3:])
         v_d, a_d = (self.modes != HOLD) * v_d, (self.modes != HOLD) * a_d
         p_d = np.where(self.modes[:3] == POSE, p_path, self.p_hold)
         e_rot = poses.rotation_error(self.desired_rotation(quat, turn), quat)
         e = self.is_servo * np.append(p_d - p, e_rot)
-        clamps = np.array([osc.error_clamp_position, osc.error_clamp_rotation])
+        used = np.array([clamps.error_clamp_position, clamps.error_clamp_rotation])
         lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
-        e *= np.repeat(clamps / np.maximum(clamps, lengths), 3)  # direction kept
-        most = np.repeat([osc.f_clamp_linear, osc.f_clamp_angular], 3)
-        asked = self.without_press(p, target) if self.limits.walls else target.f_star
+        e *= np.repeat(used / np.maximum(used, lengths), 3)  # direction kept
+        most = np.repeat([clamps.f_clamp_linear, clamps.f_clamp_angular], 3)
+        has_walls = self.limits.tool.walls
+        asked = self.without_press(p, target) if has_walls else target.f_star
         action = np.clip(asked, -most, most)
-        drive = osc.stiffness * e + action + a_d
+        drive = self.osc.axes.stiffness * e + action + a_d
         return np.clip(drive - self.D * (twist - v_d), -most, most)
 
     def turned_to(self, quat_d: Array, quat: Array, speed: Array) -> Array:
         """Turn to the Target's rotation, by at most (turn_speed + |w_d|) dt."""
         turn = quat if self.turn is None else self.turn
         way = poses.rotation_error(poses.quat_normalized(quat_d), turn)
-        most = (self.osc.turn_speed + float(np.linalg.norm(speed))) * self.dt
+        most = (self.osc.clamps.turn_speed + float(np.linalg.norm(speed))) * self.dt
         way = way * min(1.0, most / max(float(np.linalg.norm(way)), 1e-12))
         self.turn = poses.quat_multiply(poses.quat_from_vector(way), turn)
         return self.turn
@@ -217,7 +223,7 @@ class ReferenceController:
         normal, asked = target.near_plane[:3], np.array(target.f_star)
         share = 1.0 - np.clip((normal @ p - target.near_plane[3]) / NEAR_BAND, 0.0, 1.0)
         press = normal @ (target.f_tare - asked)[:3]
-        asked[:3] += share * max(press - self.limits.near_press, 0.0) * normal
+        asked[:3] += share * max(press - self.limits.approach.near_press, 0.0) * normal
         return asked
 
     def near_interval(
@@ -226,7 +232,8 @@ class ReferenceController:
         """Speed near_speed below the plane, above it what can be braked to in time."""
         lim, v, plane = self.limits, twist[:3], target.near_plane
         height = max(plane[:3] @ p - plane[3] + NEAR_TIME * min(plane[:3] @ v, 0.0), 0)
-        near = np.sqrt(lim.near_speed**2 + 2.0 * lim.eta_wall * lim.ddx_max * height)
+        brake = lim.tool.eta_wall * lim.tool.ddx_max
+        near = np.sqrt(lim.approach.near_speed**2 + 2.0 * brake * height)
         tare = target.f_tare[:3]
         push = push_x + tare  # weight is held already
         is_force = np.array([int(m) == FORCE for m in self.modes[:3]])

@@ -19,9 +19,10 @@ def walls(
     lim: LimitConfig, dt: float, p: Array, last: tuple[Array, Array] | None
 ) -> tuple[Array, Array]:
     """Lower and upper walls [m]: at a tool that begins outside, and slowly inwards."""
-    low, high = last or (p - lim.delta_x, p + lim.delta_x)
+    tool = lim.tool
+    low, high = last or (p - tool.delta_x, p + tool.delta_x)
     way = RETURN_SPEED * dt if last else 0.0
-    return np.minimum(low + way, lim.x_min), np.maximum(high - way, lim.x_max)
+    return np.minimum(low + way, tool.x_min), np.maximum(high - way, tool.x_max)
 
 
 def intervals(
@@ -32,22 +33,23 @@ def intervals(
 
     `push` comes on top of what is asked for [rad/s2 or m/s2].
     """
-    T = lim.kappa * dt
+    T, bounds = lim.saturation.kappa * dt, lim.saturation.bounds
+    against = lim.disturbance
 
     def upper(
         d: float, v: float, push: float, speed: float, V: float, A: float
     ) -> float:
-        if lim.bounds == "viability":
-            d, V, full = d - delta, (1.0 - lim.delta_v) * V, A + max(push, 0.0)
+        if bounds == "viability":
+            d, V, full = d - delta, (1.0 - lim.joints.delta_v) * V, A + max(push, 0.0)
             a = max(viable(d, v, V, full, T, eta * A), -A)
             beyond = min(2.0 * (d - v * T) / T**2, (V - v) / T)  # the limit already
-            a = min(a, max(beyond, -lim.authority * A))
-            if not lim.passive:
+            a = min(a, max(beyond, -against.authority * A))
+            if not against.passive:
                 return min(a, A) - push
-            met = d - 0.5 * max(v, 0.0) / max(lim.brake_rate, 1.0)
+            met = d - 0.5 * max(v, 0.0) / max(against.brake_rate, 1.0)
             held = min(max(-met / max(delta, HOLD_WIDTH), 0.0), 1.0)
             return min(under_push(lim, a, push, v, held), A + max(-push, 0.0))
-        is_printed = lim.bounds == "paper-printed"
+        is_printed = bounds == "paper-printed"
         speed = speed if is_printed else v  # printed: position there
         a = min(2.0 * (d - v * dt) / dt**2, (V - speed) / dt, A)
         return (a if is_printed else max(a, -A)) - push
@@ -73,8 +75,9 @@ def under_push(
     lim: LimitConfig, limit: float, push: float, v: float, held: float
 ) -> float:
     """Return what may be asked for below a limit: against a push only braking."""
-    if push <= 0.0 or not lim.passive:
+    rate = lim.disturbance.brake_rate
+    if push <= 0.0 or not lim.disturbance.passive:
         return limit - push
-    braking = -lim.brake_rate * max(v, 0.0) - held * (push + max(-limit, 0.0))
-    damping = _DAMPING_AWAY * lim.brake_rate * max(-v, 0.0) * (1.0 - held)
+    braking = -rate * max(v, 0.0) - held * (push + max(-limit, 0.0))
+    damping = _DAMPING_AWAY * rate * max(-v, 0.0) * (1.0 - held)
     return min(limit, max(limit - push, braking + damping))

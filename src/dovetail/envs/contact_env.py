@@ -170,8 +170,8 @@ class ContactEnv(
         facts, seen, own = self.arm.facts, self.config.observation, self.task.columns
         self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
-        if facts.limits.walls:
-            self._walls = tuple(facts.limits.x_min), tuple(facts.limits.x_max)
+        if (tool := facts.limits.tool).walls:
+            self._walls = tuple(tool.x_min), tuple(tool.x_max)
         self.violations = ViolationCounter(facts.robot, *self._walls)
         self.places_fixture = facts.traits.places_fixture
         self._target = _core.Target()

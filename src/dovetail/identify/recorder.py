@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 
 from dovetail.arms.address import parse_address
-from dovetail.control.config import LimitConfig
+from dovetail.control.limits import ApproachLimits
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
@@ -145,7 +145,7 @@ def record(
         max_steps=motions.steps + 1,
         f_scale=motions.f_scale,
         force_damping=motions.force_damping,
-        near_press=LimitConfig.near_press,  # none: the motions are as they were drawn
+        near_press=ApproachLimits.near_press,  # none: motions are as they were drawn
     )
     cell = task.workcell(find_robot(where.robot))
     box = start_box(cell, place.pose(), may_touch=held.allow_contact)

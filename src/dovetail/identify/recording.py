@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.limits import ApproachLimits
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
@@ -122,7 +123,7 @@ class Recording:
             period=self.period,
             force_damping=given["force_damping"],
             near_speed=given["near_speed"],
-            near_press=LimitConfig.near_press,  # none: see `recorder`
+            near_press=ApproachLimits.near_press,  # none: see `recorder`
             scheme=given["scheme"],
         )
         cell = replace(self.cell, walls=(tuple(low), tuple(high)))

@@ -67,7 +67,7 @@ def _go_through(
     count: int,
     seed: int,
 ) -> Iterator[Shot]:
-    rng, margin = np.random.default_rng(seed), 2.0 * arm.facts.limits.delta_x
+    rng, margin = np.random.default_rng(seed), 2.0 * arm.facts.limits.tool.delta_x
     for number in range(count):
         q = reachable(camera, cell, rng, margin=margin)
         state = arm.reset(q, FIXTURE)

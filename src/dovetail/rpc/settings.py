@@ -1,19 +1,13 @@
 """What a learner sets up: task, law, limits and period, each field checked."""
 
-from dataclasses import fields
 from typing import Any, TypeVar, get_args
 
 import numpy as np
 
-from dovetail.control.config import (
-    BOUNDS,
-    PERIOD_MAX,
-    PERIOD_MIN,
-    SCHEMES,
-    LimitConfig,
-    OscConfig,
-)
+from dovetail.control.config import PERIOD_MAX, PERIOD_MIN, LimitConfig, OscConfig
+from dovetail.control.limits import BOUNDS, SCHEMES
 from dovetail.control.ranges import Range
+from dovetail.control.sections import settings_in
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import FORCE, POSE, TaskSpec
 from dovetail.errors import ConfigError
@@ -59,15 +53,14 @@ def read_settings(message: pb.Configuration, robot: Robot) -> ControllerSettings
     return ControllerSettings(osc=osc, limits=limits, task=task, period=period)
 
 
-def _write_config(config: Any, settings: Any) -> None:
-    for f in fields(config):
-        value = vars(config)[f.name]
+def _write_config(config: OscConfig | LimitConfig, settings: Any) -> None:
+    for name, value in config.flat().items():
         if isinstance(value, bool):
-            settings.add(name=f.name, is_on=value)
+            settings.add(name=name, is_on=value)
         elif isinstance(value, str):
-            settings.add(name=f.name, choice=value)
+            settings.add(name=name, choice=value)
         else:
-            settings.add(name=f.name, numbers=np.atleast_1d(value).tolist())
+            settings.add(name=name, numbers=np.atleast_1d(value).tolist())
 
 
 def _read_task(text: str, reader: FieldReader) -> TaskSpec | None:
@@ -89,42 +82,42 @@ def _read_config(
     kind: type[_Config], settings: Any, path: str, reader: FieldReader
 ) -> _Config | None:
     wrong = len(reader.wrong)
-    known = {f.name: f for f in fields(kind)}
+    known = settings_in(kind)
     given = {setting.name: setting for setting in settings}
     for name in given.keys() - known.keys():
         reader.refuse(f"{path}.{name}", "unknown", ", ".join(known))
     if len(given) < len(settings):
         reader.refuse(path, "given with a name twice", "each name once")
     values = {
-        name: _read_field(f, given.get(name), f"{path}.{name}", reader)
-        for name, f in known.items()
+        name: _read_setting(name, setting.kind, given.get(name), path, reader)
+        for name, setting in known.items()
     }
     if len(reader.wrong) > wrong:
         return None
     try:
-        return kind(**values)
+        return kind.of(**values)
     except ConfigError as error:
         reader.refuse(path, f"wrong: {error}", "settings that fit together")
         return None
 
 
-def _read_field(
-    field: Any, setting: pb.Setting | None, path: str, reader: FieldReader
+def _read_setting(
+    name: str, kind: Any, setting: pb.Setting | None, path: str, reader: FieldReader
 ) -> Any:
-    sent = setting or pb.Setting()
-    for allowed in get_args(field.type)[1:]:
+    path, sent = f"{path}.{name}", setting or pb.Setting()
+    for allowed in get_args(kind)[1:]:
         if isinstance(allowed, Range):
             labels = allowed.labels or ("",)
             bounds = (allowed.low, allowed.high)
             array = reader.vector(path, sent.numbers, labels, allowed.unit, bounds)
             return array if allowed.labels else float(array[0])
-    if field.type is bool:
+    if kind is bool:
         if not sent.HasField("is_on"):
             reader.refuse(path, "missing", "on or off")
         return sent.is_on
-    if sent.choice not in _CHOICES[field.name]:
+    if sent.choice not in _CHOICES[name]:
         value = repr(sent.choice) if sent.choice else "missing"
-        reader.refuse(path, value, ", ".join(_CHOICES[field.name]))
+        reader.refuse(path, value, ", ".join(_CHOICES[name]))
     return sent.choice
 
 
@@ -136,5 +129,9 @@ def _require_inside(limits: LimitConfig, robot: Robot, reader: FieldReader) -> N
         high = own.q_max if name == "q_min" else vars(own)[name]
         unit = {"dq_max": "rad/s", "tau_max": "Nm"}.get(name, "rad")
         reader.vector(
-            f"limits.{name}", vars(limits)[name].tolist(), JOINTS, unit, (low, high)
+            f"limits.{name}",
+            vars(limits.joints)[name].tolist(),
+            JOINTS,
+            unit,
+            (low, high),
         )

@@ -71,7 +71,7 @@ class StraightenConfig(Section):
     hold_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.3
     """f* towards the opening's corner while the part is turned upright [m/s2]."""
     straighten_time: Annotated[float, Range(0.05, 10.0, "s")] = 0.35
-    """Time of that turn [s], slower than `OscConfig.turn_speed`: what is pushed in
+    """Time of that turn [s], slower than `ClampConfig.turn_speed`: what is pushed in
     before it stands upright wedges."""
     leaning: Annotated[float, Range(0.0, 0.2, "rad")] = 0.08
     """Tilt that is left until the end is in [rad]: the corner stays in the opening's.

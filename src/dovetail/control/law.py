@@ -1,0 +1,80 @@
+"""Sections of the operational-space law, axes in twist order X Y Z C B A."""
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+
+from dovetail.control.ranges import Range
+from dovetail.control.sections import Section
+from dovetail.control.task_spec import AXES
+from dovetail.types import Vec6
+
+_TASK_AXES = tuple(AXES)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AxisGains(Section):
+    """Gains of the task axes."""
+
+    stiffness: Annotated[Vec6, Range(0.0, 1e4, "1/s2", _TASK_AXES)] = field(
+        default_factory=lambda: np.full(6, 400.0)
+    )
+    """Stiffness K of pose and hold axes [1/s2], unit mass; less at long periods."""
+    damping_ratio: Annotated[Vec6, Range(0.0, 10.0, "1", _TASK_AXES)] = field(
+        default_factory=lambda: np.full(6, 1.0)
+    )
+    """Damping ratio zeta of pose and hold axes [1]; D = 2 zeta sqrt(K)."""
+    force_damping: Annotated[Vec6, Range(0.0, 200.0, "1/s", _TASK_AXES)] = field(
+        default_factory=lambda: np.full(6, 0.0)
+    )
+    """Damping of force axes [1/s]; 0 is the paper: f* accelerates to the limits."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClampConfig(Section):
+    """How much of an error is used, and how large f* becomes."""
+
+    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.25
+    """Largest rotation error used [rad], so that a jump of theta is no torque step."""
+    turn_speed: Annotated[float, Range(1e-2, 1e4, "rad/s")] = 1.0
+    """Speed at which the desired rotation turns to one that jumps [rad/s], beside the
+    Target's own: a jump saturates joints, which then lack what holds the other axes."""
+    error_clamp_position: Annotated[float, Range(1e-4, 2.0, "m")] = 0.1
+    """Largest position error used [m]."""
+    f_clamp_linear: Annotated[float, Range(1e-3, 1e3, "m/s2")] = 30.0
+    """Largest f* on a translation axis [m/s2]."""
+    f_clamp_angular: Annotated[float, Range(1e-3, 1e4, "rad/s2")] = 200.0
+    """Largest f* on a rotation axis [rad/s2]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NullSpaceGains(Section):
+    """Gains of the motion that the task leaves free."""
+
+    k_null: Annotated[float, Range(0.0, 100.0, "1/s")] = 10.0
+    """Null-space damping k [1/s]; it can only take energy out."""
+    posture_stiffness: Annotated[float, Range(0.0, 1e3, "1/s2")] = 50.0
+    """Null-space stiffness towards the configuration where the task began [1/s2]:
+    without it the elbow falls where gravity compensation is wrong."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TaskInertiaConfig(Section):
+    """How the task inertia is made from the joints' inertia."""
+
+    length_scale: Annotated[float, Range(1e-2, 10.0, "m/rad")] = 0.15
+    """Length L that weighs rotation rows in the task inertia [m/rad]."""
+    s0: Annotated[float, Range(1e-6, 10.0, "1/kg")] = 0.005
+    """Task inertia eigenvalue below which a direction fades out [1/kg]. With rotor
+    inertia in the model the tool-down home pose has 0.0145: 0.02 would fade there."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointGains(Section):
+    """Gains of joint targets."""
+
+    joint_stiffness: Annotated[float, Range(0.0, 1e4, "1/s2")] = 100.0
+    """Stiffness K of joint targets [1/s2], each joint alone; 0.2 s to settle."""
+    joint_damping_ratio: Annotated[float, Range(0.0, 10.0, "1")] = 1.0
+    """Damping ratio zeta of joint targets [1]; D = 2 zeta sqrt(K)."""
