@@ -3,6 +3,8 @@
 Those of the task's law, 1 to 5, are in test_invariants_task.py.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
