@@ -106,7 +106,7 @@ class TwinConfig:
 
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
-        return DynamicsConfig(**{name: vars(self)[name] for name in _DYNAMICS})
+        return DynamicsConfig.of(**{name: vars(self)[name] for name in _DYNAMICS})
 
     def on(self, robot: "Robot") -> Self:
         """Return the twin of a robot: with its own inertia set where it lacks this."""
