@@ -44,7 +44,7 @@ PERIODS = (1.0, 2.0, 2.5, 5.0)
 """Control periods [ms]."""
 IDEAL = {
     "none": None,
-    "stiff": DynamicsConfig(contact_time=2e-3),
+    "stiff": DynamicsConfig.of(contact_time=2e-3),
 }
 """Grounds without a twin: MuJoCo as it is, and with contacts as stiff as at 1 ms."""
 COUNTED = ("bad_input", "unsafe", "implausible", "ended")

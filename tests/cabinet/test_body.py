@@ -19,7 +19,7 @@ from dovetail.poses import Pose
 from .conftest import FIXTURE, Q_START, LightPlant
 
 PERIOD = 0.005
-STILL = DynamicsConfig(damping=(0.0,) * 7)
+STILL = DynamicsConfig.of(damping=(0.0,) * 7)
 
 
 @pytest.fixture

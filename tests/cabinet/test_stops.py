@@ -18,7 +18,7 @@ from .test_wire import Direct, push_with
 
 ACTIVE = SessionState.COMMANDING_ACTIVE
 SPEED = 0.25  # m/s, of the TCP along y
-CROOKED = DynamicsConfig(gravity_residual=(-0.2, 0.3, -0.4))
+CROOKED = DynamicsConfig.of(gravity_residual=(-0.2, 0.3, -0.4))
 TWINS = ["easy", "medium", "hard"]
 
 

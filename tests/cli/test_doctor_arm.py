@@ -106,7 +106,7 @@ def test_the_wrong_sign_of_the_external_torque_is_found():
 
 
 def test_a_wrong_load_shows_in_the_external_torque():
-    heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (3.0,))
+    heavy = DynamicsConfig.of(mass_scale=(1.0,) * 6 + (3.0,))
     with cabinet(heavy) as address:
         check = check_at(address, "hold")
     assert check.status == "broken"

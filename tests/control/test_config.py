@@ -171,6 +171,17 @@ def test_settings_cannot_be_changed_behind_the_controller(robot):
         limits.joints.q_max[0] = 9.0
 
 
+def test_settings_are_taken_by_their_names(robot):
+    limits = LimitConfig.for_period(robot, 1e-3)
+    with pytest.raises(ConfigError, match=r"of the limits: deltaq; .* mean delta_q\?"):
+        limits.having(deltaq=0.01)
+    with pytest.raises(ConfigError, match=r"of the law: stifness; .* mean stiffness\?"):
+        OscConfig.for_period(1e-3, stifness=100.0)
+    again = LimitConfig.of(**limits.flat())
+    np.testing.assert_equal(again.flat(), limits.flat())
+    assert again != limits  # arrays have no one answer: each is only itself
+
+
 def test_every_setting_reaches_the_cpp_parameters(robot):
     limits = LimitConfig.for_period(robot, 2e-3, scheme="paper", bounds="paper-printed")
     params = limits.params()

@@ -99,7 +99,7 @@ def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
 
 
 def test_a_gravity_error_is_measured_and_its_load_found():
-    heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
+    heavy = DynamicsConfig.of(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
     arm = local(make_plant("mujoco", CELL, heavy), 0.002)
     robot = arm.facts.robot
     mass = robot.links.mass * np.array([1.0] * 6 + [1.5])

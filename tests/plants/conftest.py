@@ -1,7 +1,5 @@
 """Engines under test, and a pose above the hole that every test can start from."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -33,7 +31,7 @@ def make(engine):
 
     def build(cell=None, **dynamics):
         base = DynamicsConfig()
-        plant = make_plant(engine, cell or find_cell(), replace(base, **dynamics))
+        plant = make_plant(engine, cell or find_cell(), base.having(**dynamics))
         plants.append(plant)
         return plant
 

@@ -6,6 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from dovetail.control.ranges import ranges_of
+from dovetail.control.sections import settings_in
 from dovetail.errors import ConfigError
 from dovetail.plants.find import find_engine
 from dovetail.plants.plant import DynamicsConfig
@@ -187,15 +188,15 @@ def nominal_model(engine: str = "mujoco") -> TwinConfig:
         inertia=d.inertia,
         mass_scale=d.mass_scale,
         gravity_residual=d.gravity_residual,
-        damping=d.damping,
-        coulomb=d.coulomb,
-        armature=d.armature,
+        damping=d.joints.damping,
+        coulomb=d.joints.coulomb,
+        armature=d.joints.armature,
         command_delay=0.0,
         torque_noise=0.0,
         position_noise=0.0,
         velocity_noise=0.0,
-        contact_friction=d.contact_friction,
-        contact_time=d.contact_time,
+        contact_friction=d.contact.contact_friction,
+        contact_time=d.contact.contact_time,
         clearance_offset=0.0,
     )
 
@@ -205,7 +206,7 @@ def _allowed(name: str) -> tuple[float, float]:
     if name == "command_delay":
         return DELAY_RANGE
     stem = "gravity_residual" if name.startswith("gravity") else name.rstrip("_1234567")
-    allowed = ranges_of(DynamicsConfig)[stem]
+    allowed = ranges_of(settings_in(DynamicsConfig)[stem].owner)[stem]
     return allowed.low, allowed.high
 
 

@@ -10,7 +10,7 @@ from dovetail.robots.robot import Robot
 from dovetail.workcell.parts import Primitive
 from dovetail.workcell.workcell import TABLE, Workcell
 
-# The time constant is DynamicsConfig.contact_time, set on the compiled model, and at
+# The time constant is ContactDynamics.contact_time, set on the compiled model, and at
 # least twice the step. With 5 ms this impedance lets 30 N press a wall in by 3 um;
 # closer to 1, a part in a corner chatters. Fewer line-search iterations than this let
 # the solver stop early and throw the arm. MuJoCo's own convex collisions (nativeccd)

@@ -1,13 +1,22 @@
 """What a plant is: joint torques in for one control period, joint state out."""
 
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Literal, Protocol, Self, TypeAlias
+from dataclasses import dataclass, field
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    ClassVar,
+    Literal,
+    Protocol,
+    Self,
+    TypeAlias,
+)
 
 import numpy as np
 
 from dovetail import _core
 from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
 from dovetail.robots.iiwa14 import INERTIA_SETS
@@ -37,6 +46,7 @@ COLUMN: dict[str, int] = {name: i for i, name in enumerate(CYCLE_COLUMNS)}
 """Index of each column of a cycle log."""
 
 _INERTIA_SETS = (*INERTIA_SETS, NOMINAL)
+_OWNER = "dynamics"
 
 FLAG_MASK: dict[str, int] = {
     name: (1 << width) - 1 << bit for name, (bit, width) in _core.flag_bits().items()
@@ -63,8 +73,47 @@ def require_inertia_set(name: str, owner: str) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DynamicsConfig:
-    """The physics behind the torque: everything here may differ from the model."""
+class JointDynamics(Section):
+    """Friction and rotors of the joints."""
+
+    damping: Annotated[tuple[float, ...], DAMPING] = (0.5,) * 7
+    """Viscous friction of each joint [Nms/rad]."""
+    coulomb: Annotated[tuple[float, ...], COULOMB] = (0.0,) * 7
+    """Dry friction of each joint [Nm]."""
+    armature: Annotated[tuple[float, ...], ARMATURE] = (0.1,) * 7
+    """Rotor inertia at each joint [kg m2]."""
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no joint has, by name and index."""
+        check_ranges(self, _OWNER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ContactDynamics(Section):
+    """What the tool meets where it touches."""
+
+    contact_friction: Annotated[float, CONTACT_FRICTION] = 0.3
+    """Sliding friction coefficient of the tool on fixture and table [1]."""
+    contact_time: Annotated[float, CONTACT_TIME] = 0.005
+    """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the tool on the
+    stiffness k of joints, gripper and surfaces. It is the same at every control period:
+    MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
+    step, whatever this says."""
+
+    def __post_init__(self) -> None:
+        """Refuse numbers that no contact has, by name."""
+        check_ranges(self, _OWNER)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DynamicsConfig(Sectioned):
+    """The physics behind the torque: everything here may differ from the model.
+
+    `DynamicsConfig.of(damping=(0.0,) * 7)` takes the settings of both sections by their
+    names.
+    """
+
+    whose: ClassVar[str] = "the dynamics"
 
     inertia: str = "drake"
     """Published inertia set of the simulated arm; the iiwa 14's controller has drake,
@@ -79,31 +128,22 @@ class DynamicsConfig:
     """True gravity minus the compensated one, world axes [m/s2]."""
     gravity_compensation: bool = True
     """The lowest level adds the nominal model's gravity torque, as the cabinet does."""
-    damping: Annotated[tuple[float, ...], DAMPING] = (0.5,) * 7
-    """Viscous friction of each joint [Nms/rad]."""
-    coulomb: Annotated[tuple[float, ...], COULOMB] = (0.0,) * 7
-    """Dry friction of each joint [Nm]."""
-    armature: Annotated[tuple[float, ...], ARMATURE] = (0.1,) * 7
-    """Rotor inertia at each joint [kg m2]."""
-    contact_friction: Annotated[float, CONTACT_FRICTION] = 0.3
-    """Sliding friction coefficient of the tool on fixture and table [1]."""
-    contact_time: Annotated[float, CONTACT_TIME] = 0.005
-    """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the tool on the
-    stiffness k of joints, gripper and surfaces. It is the same at every control period:
-    MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
-    step, whatever this says."""
+    joints: JointDynamics = field(default_factory=JointDynamics)
+    """Friction and rotors of the joints."""
+    contact: ContactDynamics = field(default_factory=ContactDynamics)
+    """What the tool meets where it touches."""
     physics_dt: Annotated[float, Range(1e-4, 5e-3, "s")] = 0.0025
     """Largest physics step [s]; a control period is split into equal steps."""
 
     def __post_init__(self) -> None:
         """Refuse numbers that no arm has, by name and index."""
-        require_inertia_set(self.inertia, "dynamics")
-        check_ranges(self, "dynamics")
+        require_inertia_set(self.inertia, _OWNER)
+        check_ranges(self, _OWNER)
 
     @classmethod
-    def of(cls, robot: "Robot") -> Self:
+    def of_robot(cls, robot: "Robot") -> Self:
         """Return the dynamics that a robot's model has."""
-        return cls(
+        return cls.of(
             inertia=robot.links.inertia_set,
             damping=tuple(robot.motors.damping.tolist()),
             armature=tuple(robot.motors.armature.tolist()),

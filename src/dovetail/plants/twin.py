@@ -75,7 +75,7 @@ class TwinConfig(Sectioned):
 
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
-        return DynamicsConfig(**vars(self.arm), **vars(self.contact))
+        return DynamicsConfig.of(**vars(self.arm), **vars(self.contact))
 
     def on(self, robot: "Robot") -> Self:
         """Return the twin of a robot: with its own inertia set where it lacks this."""
