@@ -45,7 +45,7 @@ def run_cabinet(options: argparse.Namespace, pipe: Connection) -> None:
     else:
         plant = TwinPlant(load_twin(options.plant), cell)
     plant.reset(Q_SEED, HOLE)
-    config = CabinetConfig(
+    config = CabinetConfig.of(
         clock=options.clock,
         period=options.period,
         client=Endpoint(LOOPBACK, pipe.recv()),

@@ -24,7 +24,7 @@ def free_port():
 
 def make_cabinet(plant, port, period, **settings):
     """A cabinet over the plant that sends to a port of this machine."""
-    config = CabinetConfig(
+    config = CabinetConfig.of(
         period=period,
         client=Endpoint(LOOPBACK, port),
         bind=Endpoint(LOOPBACK, 0),

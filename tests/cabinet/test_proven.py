@@ -28,7 +28,7 @@ def test_the_shipped_twins_are_inside_the_table(twin, period):
     ],
 )
 def test_what_is_outside_is_named(settings, faults, delay, message):
-    config = CabinetConfig(**settings)
+    config = CabinetConfig.of(**settings)
     (text,) = find_unproven(config, parse_faults(faults), delay)
     assert message in text
     assert "proven for" in text

@@ -70,7 +70,8 @@ class Cabinet:
         self.log = EventLog(log)
         self.controller = RobotController(plant, config, self.log.write)
         self._wire = Wire(self.controller)
-        self._port = UdpPort(config.bind, config.client, self.controller.counts)
+        place, counts = config.connection, self.controller.counts
+        self._port = UdpPort(place.bind, place.client, counts)
         self._wake, self._woken = socket.socketpair()
         self._woken.setblocking(False)
         self._exchange = self._make_exchange()
@@ -88,24 +89,24 @@ class Cabinet:
         self.address = self._port.address
         """The cabinet's UDP address."""
         self._control: ControlPort | None = None
-        if config.control is not None:
+        if place.control is not None:
             try:
-                self._control = ControlPort(config.control, self.request)
+                self._control = ControlPort(place.control, self.request)
             except ConfigError:
                 self._port.close()
                 raise
 
     def _make_exchange(self) -> Exchange:
-        config, wake = self.config, self._woken.fileno()
-        if config.clock == "wall":
-            return WallExchange(self._port, wake, self, config.period)
+        pace, wake = self.config.pace, self._woken.fileno()
+        if pace.clock == "wall":
+            return WallExchange(self._port, wake, self, pace.period)
         return LockstepExchange(
             self._port,
             wake,
             self,
-            config.period,
-            patience=config.patience,
-            multiplier=config.receive_multiplier,
+            pace.period,
+            patience=pace.patience,
+            multiplier=pace.receive_multiplier,
         )
 
     @property
@@ -158,7 +159,8 @@ class Cabinet:
     def run(self) -> None:
         """Run until `close` is called or a KeyboardInterrupt comes."""
         self._started = self._exchange.now
-        self.log.write("start", version=self.config.version, clock=self.config.clock)
+        version, clock = self.config.connection.version, self.config.pace.clock
+        self.log.write("start", version=version, clock=clock)
         try:
             while not self._is_closing:
                 if self.controller.application.is_open:
@@ -184,8 +186,9 @@ class Cabinet:
             exchange.is_patient = controller.state >= SessionState.MONITORING_READY
         payload = self._wire.encode(self._stamp())
         if self._faults.values != 7:
+            is_framed = self.config.connection.version == "2.7"
             payload = with_joint_values(
-                payload, self._faults.values, is_framed=self.config.version == "2.7"
+                payload, self._faults.values, is_framed=is_framed
             )
         is_due = controller.is_slot_end
         exchange.transact(payload, controller.sequence, is_due=is_due)
@@ -325,7 +328,7 @@ class Cabinet:
         status = self.controller.status()
         status["rate"] = round(self._rate, 1)
         status["counts"]["overruns"] = self._exchange.overruns
-        status["clock"] = self.config.clock
+        status["clock"] = self.config.pace.clock
         status["faults"] = self._faults.describe()
         status["last_error"] = self.last_error
         status["log_failure"] = self.log.failure

@@ -17,7 +17,7 @@ def find_unproven(
         command_delay: The twin's own delay [s].
     """
     found = []
-    slot = config.period_ms * config.receive_multiplier
+    slot = config.pace.period_ms * config.pace.receive_multiplier
     if slot not in [round(1e3 * period) for period in FRI_PERIODS]:
         found.append(
             f"period is {slot} ms between two commands; dovetail's limits are proven "

@@ -157,7 +157,7 @@ class Cabinet:
         control = None
         if self.control != "none":
             control = parse_endpoint(self.control, "--control")
-        return CabinetConfig(
+        return CabinetConfig.of(
             version=self.version,
             period=self.period,
             receive_multiplier=self.multiplier,
@@ -169,11 +169,9 @@ class Cabinet:
             patience=parse_duration(self.patience, "--patience"),
             stiffness=_seven(self.stiffness, "--stiffness"),
             damping=_seven(self.damping, "--damping"),
-            quality=QualityRule(
-                fair_from=min(self.good_from, QualityRule.fair_from),
-                good_from=self.good_from,
-                excellent_from=max(self.good_from, QualityRule.excellent_from),
-            ),
+            fair_from=min(self.good_from, QualityRule.fair_from),
+            good_from=self.good_from,
+            excellent_from=max(self.good_from, QualityRule.excellent_from),
             mirror_tolerance=self.mirror_tolerance,
             hold_slots=self.hold_slots,
             stop_slots=self.stop_slots,
@@ -232,9 +230,9 @@ def _prepare_process() -> None:
 
 
 def _announce(server: Server, console: Console) -> None:
-    config = server.config
+    config, pace = server.config.connection, server.config.pace
     console.print(
-        f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
+        f"cabinet: FRI {config.version}, {pace.period_ms} ms, clock {pace.clock}; "
         f"UDP {server.address} to client {config.client}; control "
         f"{server.control_address or 'none'}; Ctrl-C ends it",
         soft_wrap=True,

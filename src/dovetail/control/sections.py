@@ -48,9 +48,12 @@ class Setting(NamedTuple):
 class Section:
     """Settings that belong together, checked when they are made."""
 
+    owner: ClassVar[str] = ""
+    """Whose settings they are, put before a name in messages."""
+
     def __post_init__(self) -> None:
         """Refuse what is out of its range."""
-        check_ranges(self)
+        check_ranges(self, self.owner)
 
 
 @dataclass(frozen=True, kw_only=True)
