@@ -74,7 +74,7 @@ def test_a_port_in_use_is_said(capsys):
 
 
 def test_settings_reach_the_cabinet():
-    command = Cabinet(
+    command = Cabinet.of(
         version="2.7",
         period=0.002,
         stiffness="200",
