@@ -85,7 +85,7 @@ def main() -> None:
     process.start()
     here.send(options.port)
     robot = find_cell().loaded_robot()
-    address = FriAddress(
+    address = FriAddress.of(
         host=LOOPBACK,
         port=options.port,
         clock=options.clock,

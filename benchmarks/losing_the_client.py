@@ -118,7 +118,7 @@ def run_client(
         task=TaskSpec.parse(TASK),
         period=period,
     )
-    address = FriAddress(
+    address = FriAddress.of(
         host=LOOPBACK,
         port=port,
         clock="wall" if clock == "wall" else "lockstep",
