@@ -185,11 +185,9 @@ class Cabinet:
         if isinstance(exchange, LockstepExchange):
             exchange.is_patient = controller.state >= SessionState.MONITORING_READY
         payload = self._wire.encode(self._stamp())
-        if self._faults.values != 7:
+        if (values := self._faults.robot.values) != 7:
             is_framed = self.config.connection.version == "2.7"
-            payload = with_joint_values(
-                payload, self._faults.values, is_framed=is_framed
-            )
+            payload = with_joint_values(payload, values, is_framed=is_framed)
         is_due = controller.is_slot_end
         exchange.transact(payload, controller.sequence, is_due=is_due)
         if self._is_closing:
@@ -232,11 +230,12 @@ class Cabinet:
         """Put faults in the place of the present ones."""
         self._faults = faults
         self._exchange.configure(faults)
-        self.controller.quality.forced = faults.quality
-        self._freeze = faults.freeze
+        robot = faults.robot
+        self.controller.quality.forced = robot.quality
+        self._freeze = robot.freeze
         self._stop_at = None
-        if faults.stop_at is not None:
-            self._stop_at = self._exchange.now + faults.stop_at
+        if robot.stop_at is not None:
+            self._stop_at = self._exchange.now + robot.stop_at
         self.log.write("faults", faults=faults.describe())
 
     def _change_faults(self, now: float) -> None:
@@ -244,8 +243,8 @@ class Cabinet:
             self._install(self._script.pop(0)[1])
         if self._stop_at is not None and now >= self._stop_at:
             self._stop_at = None
-            level = SafetyState(self._faults.stop)
-            self.controller.stop_safely(level, self._faults.stop_time)
+            robot = self._faults.robot
+            self.controller.stop_safely(SafetyState(robot.stop), robot.stop_time)
         if self._freeze:
             duration, self._freeze = self._freeze, 0.0
             self.log.write("freeze", duration=duration)

@@ -24,8 +24,9 @@ def find_unproven(
             "for 1, 2 and 5 ms (send period times receive multiplier): give one of "
             "these, or use another client than dovetail's"
         )
-    ways = 2 if faults.direction == "both" else 1
-    wire = ways * (faults.delay + faults.jitter)
+    link = faults.link
+    ways = 2 if link.direction == "both" else 1
+    wire = ways * (link.delay + link.jitter)
     longest = DECLARED["delay"]
     if command_delay + wire > longest + 1e-9:
         found.append(
