@@ -30,7 +30,6 @@ from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
-from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
@@ -119,7 +118,7 @@ def run_client(
         task=TaskSpec.parse(TASK),
         period=period,
     )
-    address = FriAddress(
+    address = FriAddress.of(
         host=LOOPBACK,
         port=port,
         clock="wall" if clock == "wall" else "lockstep",
@@ -173,11 +172,12 @@ def lose(
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "events.jsonl"
         client_port = 30209
-        config = CabinetConfig(
+        config = CabinetConfig.of(
             period=period,
-            clock=clock,  # type: ignore[arg-type]
+            clock=clock,
             patience=0.2,
-            quality=QualityRule(fair_from=0.0, good_from=0.3),
+            fair_from=0.0,
+            good_from=0.3,
             restart_delay=None,
             client=Endpoint(LOOPBACK, client_port),
             bind=Endpoint(LOOPBACK, 0),
@@ -212,7 +212,7 @@ def _lose(
         if client.poll() is not None or time.monotonic() > end:
             raise NoMotionError(cabinet.status())
         time.sleep(0.0005)
-    time.sleep(cabinet.config.period * rng.random())
+    time.sleep(cabinet.config.pace.period * rng.random())
     speed, lost = plant.speed(), time.monotonic()
     if cause == "cable":
         cabinet.request({"do": "fault", "text": "loss=1"})
@@ -228,10 +228,10 @@ def _lose(
     if len(stops) != 1 or samples[-1].clock < lost:
         raise NoMotionError(cabinet.status())
     (stop,) = stops
-    period = cabinet.config.period
+    period = cabinet.config.pace.period
     begin = stop["time"] - (cabinet.config.stop_misses - 1) * period
     first = _index(samples, begin)  # the arm, as the first command is missing
-    if cabinet.config.clock == "wall":
+    if cabinet.config.pace.clock == "wall":
         # A signal takes its time: a client that still answers is not lost.
         lost = max(lost, samples[_index(samples, begin - period)].clock)
         first = next(i for i, s in enumerate(samples) if s.clock >= lost)
@@ -241,7 +241,7 @@ def _lose(
     times = np.diff([s.time for s in samples])
     rest = 1 + int(np.flatnonzero(steps / times > AT_REST)[-1])
     arm_rest = samples[rest].time - samples[first].time
-    if cabinet.config.clock == "wall":
+    if cabinet.config.pace.clock == "wall":
         duration = samples[rest].clock - lost
     else:
         duration = arm_rest

@@ -79,7 +79,7 @@ def build_behind_fri(
     here.send(port)
     osc, limits = make_settings(cell, EnvConfig.of(period=period))
     settings = ControllerSettings(osc=osc, limits=limits, task=TASK, period=period)
-    address = FriAddress(
+    address = FriAddress.of(
         host=LOOPBACK, port=port, clock="lockstep", control=here.recv()
     )
     arm = FriArm(address, cell.loaded_robot(), settings, log_folder=None)

@@ -146,7 +146,7 @@ def _build(
 ) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
     # Whether the measured torque follows the commanded one is what has to be found out.
-    timeout = address.target_timeout
+    timeout = address.pace.target_timeout
     watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
     return fri_arm(address, cell, settings, watchdog)
@@ -172,7 +172,9 @@ def _checks_in_motion(
         arm.facts.limits,
         declared,
         spring=lambda delay: feel_spring(arm, rest.q, rotors, delay),
-        integration_step=simulated_step(arm.facts.period) if address.control else 0.0,
+        integration_step=simulated_step(arm.facts.period)
+        if address.cabinet.control
+        else 0.0,
     )
     yield check_turns(arm, rest.q)
     yield check_push(arm, rest.q, address, ask)
@@ -201,9 +203,9 @@ def check_connection(arm: FriArm, address: FriAddress) -> Check:
     return Check(
         "connection",
         "ok",
-        f"FRI {address.version} from {statistics['peer']}, {state.send_period} ms x "
-        f"{state.multiplier}, {_MODES[state.operation_mode]}, quality "
-        f"{_QUALITIES[state.quality]}",
+        f"FRI {address.cabinet.version} from {statistics['peer']}, "
+        f"{state.send_period} ms x {state.multiplier}, {_MODES[state.operation_mode]}, "
+        f"quality {_QUALITIES[state.quality]}",
     )
 
 
@@ -245,7 +247,7 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
     detail = f"{scale:+.2f} times the model's ({_list(rest.measured - gravity)} Nm off)"
     low, high = GRAVITY_SCALE
     if scale < 0.0:
-        other = -address.measured_sign
+        other = -address.cabinet.measured_sign
         return Check(
             name,
             "broken",
@@ -327,8 +329,8 @@ def check_push(arm: FriArm, q: Vec7, address: FriAddress, ask: Ask | None) -> Ch
     """See that a push away from the base is felt as one."""
     name = "push, external torque"
     before = hold(arm, q, 1.0).external
-    if address.control is not None:
-        _push_simulated(address.control)
+    if address.cabinet.control is not None:
+        _push_simulated(address.cabinet.control)
     elif not _may(
         ask, f"Push the gripper away from the base for {PUSH_TIME:g} s", False
     ):
@@ -347,8 +349,8 @@ def check_push(arm: FriArm, q: Vec7, address: FriAddress, ask: Ask | None) -> Ch
         return Check(
             name,
             "broken",
-            f"{detail}, towards the base: add external_sign={-address.external_sign} "
-            "to the address",
+            f"{detail}, towards the base: add external_sign="
+            f"{-address.cabinet.external_sign} to the address",
         )
     if force[0] < 0.5 * largest:
         return Check(name, "broken", f"{detail}, not away from the base: push again")

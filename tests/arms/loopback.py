@@ -2,13 +2,13 @@
 
 import socket
 from contextlib import contextmanager
-from dataclasses import fields
 
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.control.period import format_period
+from dovetail.control.sections import settings_in
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 
@@ -24,7 +24,7 @@ def free_port():
 
 def make_cabinet(plant, port, period, **settings):
     """A cabinet over the plant that sends to a port of this machine."""
-    config = CabinetConfig(
+    config = CabinetConfig.of(
         period=period,
         client=Endpoint(LOOPBACK, port),
         bind=Endpoint(LOOPBACK, 0),
@@ -53,7 +53,7 @@ class CabinetArm(FriArm):
         self.plant = plant
         self._is_open = True
         options = {"clock": "lockstep", "log_folder": None, **options}
-        names = {field.name for field in fields(FriAddress)}
+        names = settings_in(FriAddress).keys()
         where = {name: options.pop(name) for name in names & options.keys()}
         port = where.pop("port", None) or free_port()
         settings = {"clock": where["clock"], **(cabinet or {})}
@@ -62,7 +62,7 @@ class CabinetArm(FriArm):
         spec = TaskSpec.parse(task) if isinstance(task, str) else task
         made_of = ControllerSettings(osc=osc, limits=limits, task=spec, period=period)
         try:
-            address = FriAddress(host=LOOPBACK, port=port, **where)
+            address = FriAddress.of(host=LOOPBACK, port=port, **where)
             super().__init__(address, plant.cell.loaded_robot(), made_of, **options)
         except Exception:
             self.cabinet.close()

@@ -44,7 +44,7 @@ def test_every_fri_key_is_read():
         "&control=127.0.0.1:30301&reset=place&timeout=3s&target_timeout=100ms&realtime=yes"
         "&margins=model&peer=192.170.10.2"
     )
-    assert address == FriAddress(
+    assert address == FriAddress.of(
         host="127.0.0.1",
         port=30205,
         version="2.7",
@@ -62,24 +62,24 @@ def test_every_fri_key_is_read():
 
 
 def test_what_public_reports_leave_open_can_be_said():
-    usual = parse_address("fri://0.0.0.0")
+    usual = parse_address("fri://0.0.0.0").cabinet
     assert (usual.measured_sign, usual.commanded_sign, usual.external_sign) == (
         -1,
         -1,
         1,
     )
-    address = parse_address(
+    cabinet = parse_address(
         "fri://0.0.0.0?measured_sign=1&commanded_sign=1&external_sign=-1"
         "&commanded_is_total=yes"
-    )
-    assert (address.measured_sign, address.commanded_sign) == (1, 1)
-    assert (address.external_sign, address.commanded_is_total) == (-1, True)
+    ).cabinet
+    assert (cabinet.measured_sign, cabinet.commanded_sign) == (1, 1)
+    assert (cabinet.external_sign, cabinet.commanded_is_total) == (-1, True)
 
 
 def test_a_simulated_cabinet_places_the_arm_where_nothing_else_is_asked():
-    assert parse_address("fri://0.0.0.0?control=a:1").reset == "place"
-    assert parse_address("fri://0.0.0.0?control=a:1&reset=move").reset == "move"
-    assert parse_address("fri://0.0.0.0").reset == "move"
+    assert parse_address("fri://0.0.0.0?control=a:1").start.reset == "place"
+    assert parse_address("fri://0.0.0.0?control=a:1&reset=move").start.reset == "move"
+    assert parse_address("fri://0.0.0.0").start.reset == "move"
 
 
 @pytest.mark.parametrize(
@@ -92,7 +92,8 @@ def test_a_period_is_given_in_milliseconds_or_seconds(text, seconds):
 
 @pytest.mark.parametrize("version", ["1.14", "1.15", "1.16"])
 def test_versions_with_the_same_wire_format_are_one(version):
-    assert parse_address(f"fri://0.0.0.0?version={version}").version == "1.15"
+    address = parse_address(f"fri://0.0.0.0?version={version}")
+    assert address.cabinet.version == "1.15"
 
 
 def test_a_service_on_this_machine_needs_no_certificate():

@@ -3,7 +3,7 @@
 import errno
 import socket
 import time
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +15,7 @@ from dovetail.arms.fri_errors import socket_error
 from dovetail.arms.servo_params import servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.sections import settings_in
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
@@ -53,9 +54,9 @@ def make_arm(**options):
 
 def alone(port=0, **options):
     """An arm without a cabinet."""
-    names = {field.name for field in fields(FriAddress)}
+    names = settings_in(FriAddress).keys()
     where = {name: options.pop(name) for name in names & options.keys()}
-    address = FriAddress(**{"host": LOOPBACK, "port": port, **where})
+    address = FriAddress.of(**{"host": LOOPBACK, "port": port, **where})
     return FriArm(address, CELL.loaded_robot(), SETTINGS, log_folder=None, **options)
 
 
@@ -279,7 +280,7 @@ def test_a_receive_multiplier_gives_the_period_of_two_messages():
     port = free_port()
     settings = {"receive_multiplier": 2, "clock": "lockstep"}
     with make_cabinet(plant, port, 0.002, **settings) as cabinet:
-        address = FriAddress(
+        address = FriAddress.of(
             host=LOOPBACK,
             port=port,
             clock="lockstep",

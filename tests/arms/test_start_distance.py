@@ -97,8 +97,8 @@ def test_an_arm_that_was_brought_somewhere_goes_on_from_there_unasked():
 
 
 def test_approach_is_a_key_of_the_address():
-    assert not parse_address("fri://0.0.0.0").approach
-    assert parse_address(parse_address("fri://0.0.0.0").with_approach()).approach
+    assert not parse_address("fri://0.0.0.0").start.approach
+    assert parse_address(parse_address("fri://0.0.0.0").with_approach()).start.approach
     period = parse_address("fri://h?period=1ms").with_approach()
     assert period == "fri://h?period=1ms&approach=yes"
     assert parse_address(period).with_approach() == period

@@ -1,7 +1,5 @@
 """Cabinets over a light plant, and scripted clients."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -92,7 +90,7 @@ def make(client):
     cabinets = []
 
     def build(plant=None, *, faults=None, script=(), log=None, to=None, **changes):
-        config = CabinetConfig(
+        config = CabinetConfig.of(
             bind=Endpoint("127.0.0.1", 0),
             control=Endpoint("127.0.0.1", 0),
             client=Endpoint(*(to or client.address)),
@@ -100,7 +98,7 @@ def make(client):
         )
         cabinet = Cabinet(
             plant or LightPlant(),
-            replace(config, **changes),
+            config.having(**changes),
             faults=faults,
             script=script,
             log=log,

@@ -11,7 +11,7 @@ from dovetail.commands.cabinet import Cabinet
 @pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.005])
 def test_the_shipped_twins_are_inside_the_table(twin, period):
-    command = Cabinet(twin=twin, period=period, control="none")
+    command = Cabinet.of(twin=twin, period=period, control="none")
     plant = command._build_plant()
     config = command.settings()
     assert find_unproven(config, parse_faults("none"), plant.command_delay) == []
@@ -28,7 +28,7 @@ def test_the_shipped_twins_are_inside_the_table(twin, period):
     ],
 )
 def test_what_is_outside_is_named(settings, faults, delay, message):
-    config = CabinetConfig(**settings)
+    config = CabinetConfig.of(**settings)
     (text,) = find_unproven(config, parse_faults(faults), delay)
     assert message in text
     assert "proven for" in text

@@ -32,7 +32,7 @@ def over_fri(cell, clock, news):
     with make_cabinet(plant, port, PERIOD, clock=clock) as cabinet:
 
         def make(settings):
-            address = FriAddress(
+            address = FriAddress.of(
                 host=LOOPBACK,
                 port=port,
                 clock=clock,

@@ -1,11 +1,12 @@
 """Where a cabinet, real or simulated, sends to: `fri://0.0.0.0:30200?KEY=VALUE&...`."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from ipaddress import IPv4Address
 from typing import ClassVar, Literal, Self, TypeAlias
 
 from dovetail.arms.arm_address import ArmAddress, Keys, parse_endpoint
 from dovetail.control.period import FRI_PERIODS
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 
 PORT = 30200
@@ -29,36 +30,15 @@ _KEYS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class FriAddress(ArmAddress):
-    """A cabinet, real or simulated, that sends its messages to this machine."""
+class FriCabinet:
+    """What is known of the cabinet."""
 
-    measures_contact: ClassVar[bool] = False
-    periods: ClassVar[tuple[float, ...]] = FRI_PERIODS
-    period_name: ClassVar[str] = "control period of an arm behind FRI"
-
-    host: str
-    """Address of this machine to listen at; 0.0.0.0 is every one of them."""
-    port: int
-    """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
     version: Version = "1.15"
     """Wire format; the messages themselves do not name it."""
-    clock: Clock = "wall"
-    """Lockstep: a simulated cabinet waits for the learner."""
     control: str | None = None
     """Control port HOST:PORT of a simulated cabinet; a real one has none."""
-    reset: Reset | None = None
-    """How an episode starts: move there below the limits, or be placed, which only a
-    simulated cabinet can do, and does where nothing else is asked (None)."""
-    approach: bool = False
-    """Move to a start that is far away, too."""
-    timeout: float = 10.0
-    """How long to wait for the cabinet [s]."""
-    target_timeout: float = 0.15
-    """Time without a new target after which the arm is held [s]; wall clock only."""
     peer: str | None = None
     """The cabinet's IPv4 address: datagrams of no other are taken."""
-    realtime: bool = False
-    """Ask the system for real-time priority and locked memory."""
     measured_sign: int = -1
     """Sign of the measured torque on the wire over the torque on the joint."""
     commanded_sign: int = -1
@@ -68,16 +48,63 @@ class FriAddress(ArmAddress):
     commanded_is_total: bool = False
     """The commanded torque on the wire contains gravity."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class FriPace(Section):
+    """Whose clock it is, and how long is waited."""
+
+    owner: ClassVar[str] = "arm"
+
+    clock: Clock = "wall"
+    """Lockstep: a simulated cabinet waits for the learner."""
+    timeout: float = 10.0
+    """How long to wait for the cabinet [s]."""
+    target_timeout: float = 0.15
+    """Time without a new target after which the arm is held [s]; wall clock only."""
+    realtime: bool = False
+    """Ask the system for real-time priority and locked memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FriStart:
+    """How an episode starts."""
+
+    reset: Reset | None = None
+    """Move there below the limits, or be placed, which only a simulated cabinet can
+    do, and does where nothing else is asked (None)."""
+    approach: bool = False
+    """Move to a start that is far away, too."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FriAddress(Sectioned, ArmAddress):
+    """A cabinet, real or simulated, that sends its messages to this machine.
+
+    `FriAddress.of(host=..., port=..., clock="lockstep")` takes the keys of an address.
+    """
+
+    whose: ClassVar[str] = "the address of an arm behind FRI"
+    measures_contact: ClassVar[bool] = False
+    periods: ClassVar[tuple[float, ...]] = FRI_PERIODS
+    period_name: ClassVar[str] = "control period of an arm behind FRI"
+
+    host: str
+    """Address of this machine to listen at; 0.0.0.0 is every one of them."""
+    port: int
+    """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
+    cabinet: FriCabinet = field(default_factory=FriCabinet)
+    """What is known of the cabinet."""
+    pace: FriPace = field(default_factory=FriPace)
+    """Whose clock it is, and how long is waited."""
+    start: FriStart = field(default_factory=FriStart)
+    """How an episode starts."""
+
     def __post_init__(self) -> None:
         """Say how an episode starts, and refuse what no cabinet can do."""
-        if self.clock not in CLOCKS:
-            raise ConfigError(
-                f"arm clock is {self.clock!r}; known: {', '.join(CLOCKS)}"
-            )
-        if self.reset is None:
-            usual = "move" if self.control is None else "place"
-            object.__setattr__(self, "reset", usual)
-        if self.reset == "place" and self.control is None:
+        control = self.cabinet.control
+        if self.start.reset is None:
+            self._settle(reset="move" if control is None else "place")
+        if self.start.reset == "place" and control is None:
             raise ConfigError(
                 "arm reset=place needs control=HOST:PORT, the control port of a "
                 "simulated cabinet; a real arm starts its episodes with reset=move"
@@ -101,7 +128,7 @@ class FriAddress(ArmAddress):
         control = keys.get("control")
         if control is not None:
             parse_endpoint(control, "arm control")
-        return cls(
+        return cls.of(
             text=text,
             host=keys.host,
             port=keys.port,
@@ -111,8 +138,8 @@ class FriAddress(ArmAddress):
             control=control,
             reset=None if keys.get("reset") is None else keys.choice("reset", RESETS),
             approach=keys.is_on("approach"),
-            timeout=keys.time("timeout", cls.timeout),
-            target_timeout=keys.time("target_timeout", cls.target_timeout),
+            timeout=keys.time("timeout", FriPace.timeout),
+            target_timeout=keys.time("target_timeout", FriPace.target_timeout),
             realtime=keys.is_on("realtime"),
             peer=_peer(keys.get("peer")),
             margins=keys.choice("margins", ("hardware", "model")),
@@ -123,23 +150,23 @@ class FriAddress(ArmAddress):
     @property
     def is_real_time(self) -> bool:
         """Whether the arm moves on while the learner thinks."""
-        return self.clock == "wall"
+        return self.pace.clock == "wall"
 
     @property
     def places_fixture(self) -> bool:
         """Whether it can put the fixture: not without a control port."""
-        return self.control is not None
+        return self.cabinet.control is not None
 
     def describe_ground(self) -> str:
         """Return where a result was found."""
-        if self.control is not None:
+        if self.cabinet.control is not None:
             return f"simulated cabinet ({self.text})"
         return f"the arm at {self.text.partition('?')[0]}"
 
     @property
     def undisturbed(self) -> str:
         """Why nothing can push the arm; empty with a control port."""
-        if self.control is not None:
+        if self.cabinet.control is not None:
             return ""
         return (
             "needs a simulation, or the control port of a simulated cabinet "
@@ -148,13 +175,13 @@ class FriAddress(ArmAddress):
 
     def with_approach(self) -> str:
         """Return the address of the arm where it may move to a start far away."""
-        if self.approach:
+        if self.start.approach:
             return self.text
         return f"{self.text}{'&' if '?' in self.text else '?'}approach=yes"
 
     def with_realtime(self) -> Self:
         """Return the address of the arm with real-time priority."""
-        return replace(self, realtime=True)
+        return self.having(realtime=True)
 
 
 def _peer(peer: str | None) -> str | None:

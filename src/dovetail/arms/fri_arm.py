@@ -78,8 +78,9 @@ class FriArm:
             ArmError: The port is in use or not permitted.
             ConfigError: A setting is out of range.
         """
-        self._address = address
-        self._is_lockstep = address.clock == "lockstep"
+        self._address, pace = address, address.pace
+        self._is_lockstep = pace.clock == "lockstep"
+        control = address.cabinet.control
         self.facts = ArmFacts(
             robot=robot,
             osc=settings.osc,
@@ -88,33 +89,33 @@ class FriArm:
             period=check_period(settings.period),
             address=f"fri://{address.host}:{address.port}",
             traits=ArmTraits(
-                is_simulated=address.control is not None,
+                is_simulated=control is not None,
                 is_real_time=address.is_real_time,
                 places_fixture=address.places_fixture,
                 measures_contact=address.measures_contact,
             ),
         )
-        self._timeout = address.timeout
-        self._approach = address.approach
+        self._timeout = pace.timeout
+        self._approach = address.start.approach
         self._left: Vec7 | None = None  # where it was when it last followed
         self._control: CabinetControl | None = None
-        if address.control is not None:
-            self._control = CabinetControl(address.control, address.timeout)
+        if control is not None:
+            self._control = CabinetControl(control, pace.timeout)
         self._chain = robot.chain()
         from dovetail import _core
 
         loop = _core.LoopParams()
         loop.address, loop.port = address.host, address.port
-        loop.peer = address.peer or ""
-        loop.priority = _PRIORITY if address.realtime else 0
-        loop.lock_memory = address.realtime
+        loop.peer = address.cabinet.peer or ""
+        loop.priority = _PRIORITY if pace.realtime else 0
+        loop.lock_memory = pace.realtime
         loop.processor = -1 if processor is None else processor
         loop.log_folder = "" if log_folder is None else str(log_folder)
         loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         self._servo = self._make_servo(
             loop,
             servo or servo_params(settings.period),
-            watchdog or WatchdogConfig(target_timeout=address.target_timeout),
+            watchdog or WatchdogConfig(target_timeout=pace.target_timeout),
         )
         self._seed: int | None = None
         self._motion = 0
@@ -131,16 +132,16 @@ class FriArm:
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
-        facts, address = self.facts, self._address
-        servo.measured_sign = address.measured_sign
-        servo.commanded_sign = address.commanded_sign
-        servo.external_sign = address.external_sign
-        servo.commanded_is_total = address.commanded_is_total
+        facts, cabinet = self.facts, self._address.cabinet
+        servo.measured_sign = cabinet.measured_sign
+        servo.commanded_sign = cabinet.commanded_sign
+        servo.external_sign = cabinet.external_sign
+        servo.commanded_is_total = cabinet.commanded_is_total
         servo.period = facts.period
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
         try:
-            servo.version = address.version
+            servo.version = cabinet.version
             return _core.ServoLoop(
                 loop,
                 servo,
@@ -169,7 +170,7 @@ class FriArm:
         """
         q = require_configuration(q)
         self._servo.clear()
-        if self._address.reset == "place" and self._control is not None:
+        if self._address.start.reset == "place" and self._control is not None:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
@@ -297,7 +298,7 @@ class FriArm:
                     self._servo,
                     self._address.host,
                     self.port,
-                    self._address.version,
+                    self._address.cabinet.version,
                     pace,
                 )
         self._motion = self._servo.state().motion

@@ -66,7 +66,8 @@ def fri_arm(
         watchdog: When the arm must not follow; None is as usual.
     """
     require_period(settings.period, address.period_name, address.periods)
-    if address.control is None:  # a robot: T1's limit is one of the velocity's norm
+    if address.cabinet.control is None:
+        # A robot: T1's limit is one of the velocity's norm.
         limits = settings.limits
         limits = limits.having(dx_max=limits.tool.dx_max / np.sqrt(3.0))
         settings = replace(settings, limits=limits)

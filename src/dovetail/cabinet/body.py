@@ -39,20 +39,21 @@ class Body:
             config: Law, period and filter.
         """
         self.plant = plant
-        self.period = config.period
+        self.period = config.pace.period
         self._steps = max(1, round(self.period / _LAW_PERIOD))
         self._step = self.period / self._steps
         self.law = JointLaw(
             plant.robot,
             plant.dynamics,
-            config.stiffness,
-            config.damping,
-            coriolis=config.coriolis,
+            config.law.stiffness,
+            config.law.damping,
+            coriolis=config.law.coriolis,
         )
-        self.sensors = TorqueSensors(self.law, config.period, config.external_filter)
-        self._mode = config.mode
-        self._is_torque = config.mode == "torque"
-        self._path = LatePath(config.period, plant.command_delay)
+        filter_time = config.torques.external_filter
+        self.sensors = TorqueSensors(self.law, self.period, filter_time)
+        self._mode = config.law.mode
+        self._is_torque = self._mode == "torque"
+        self._path = LatePath(self.period, plant.command_delay)
         self.failure = ""
         """Why the plant cannot go on; empty while it can. `place` mends it."""
         self._push_force = np.zeros(3)

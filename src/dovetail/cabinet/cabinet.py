@@ -70,7 +70,8 @@ class Cabinet:
         self.log = EventLog(log)
         self.controller = RobotController(plant, config, self.log.write)
         self._wire = Wire(self.controller)
-        self._port = UdpPort(config.bind, config.client, self.controller.counts)
+        place, counts = config.connection, self.controller.counts
+        self._port = UdpPort(place.bind, place.client, counts)
         self._wake, self._woken = socket.socketpair()
         self._woken.setblocking(False)
         self._exchange = self._make_exchange()
@@ -88,24 +89,24 @@ class Cabinet:
         self.address = self._port.address
         """The cabinet's UDP address."""
         self._control: ControlPort | None = None
-        if config.control is not None:
+        if place.control is not None:
             try:
-                self._control = ControlPort(config.control, self.request)
+                self._control = ControlPort(place.control, self.request)
             except ConfigError:
                 self._port.close()
                 raise
 
     def _make_exchange(self) -> Exchange:
-        config, wake = self.config, self._woken.fileno()
-        if config.clock == "wall":
-            return WallExchange(self._port, wake, self, config.period)
+        pace, wake = self.config.pace, self._woken.fileno()
+        if pace.clock == "wall":
+            return WallExchange(self._port, wake, self, pace.period)
         return LockstepExchange(
             self._port,
             wake,
             self,
-            config.period,
-            patience=config.patience,
-            multiplier=config.receive_multiplier,
+            pace.period,
+            patience=pace.patience,
+            multiplier=pace.receive_multiplier,
         )
 
     @property
@@ -158,7 +159,8 @@ class Cabinet:
     def run(self) -> None:
         """Run until `close` is called or a KeyboardInterrupt comes."""
         self._started = self._exchange.now
-        self.log.write("start", version=self.config.version, clock=self.config.clock)
+        version, clock = self.config.connection.version, self.config.pace.clock
+        self.log.write("start", version=version, clock=clock)
         try:
             while not self._is_closing:
                 if self.controller.application.is_open:
@@ -183,10 +185,9 @@ class Cabinet:
         if isinstance(exchange, LockstepExchange):
             exchange.is_patient = controller.state >= SessionState.MONITORING_READY
         payload = self._wire.encode(self._stamp())
-        if self._faults.values != 7:
-            payload = with_joint_values(
-                payload, self._faults.values, is_framed=self.config.version == "2.7"
-            )
+        if (values := self._faults.robot.values) != 7:
+            is_framed = self.config.connection.version == "2.7"
+            payload = with_joint_values(payload, values, is_framed=is_framed)
         is_due = controller.is_slot_end
         exchange.transact(payload, controller.sequence, is_due=is_due)
         if self._is_closing:
@@ -229,11 +230,12 @@ class Cabinet:
         """Put faults in the place of the present ones."""
         self._faults = faults
         self._exchange.configure(faults)
-        self.controller.quality.forced = faults.quality
-        self._freeze = faults.freeze
+        robot = faults.robot
+        self.controller.quality.forced = robot.quality
+        self._freeze = robot.freeze
         self._stop_at = None
-        if faults.stop_at is not None:
-            self._stop_at = self._exchange.now + faults.stop_at
+        if robot.stop_at is not None:
+            self._stop_at = self._exchange.now + robot.stop_at
         self.log.write("faults", faults=faults.describe())
 
     def _change_faults(self, now: float) -> None:
@@ -241,8 +243,8 @@ class Cabinet:
             self._install(self._script.pop(0)[1])
         if self._stop_at is not None and now >= self._stop_at:
             self._stop_at = None
-            level = SafetyState(self._faults.stop)
-            self.controller.stop_safely(level, self._faults.stop_time)
+            robot = self._faults.robot
+            self.controller.stop_safely(SafetyState(robot.stop), robot.stop_time)
         if self._freeze:
             duration, self._freeze = self._freeze, 0.0
             self.log.write("freeze", duration=duration)
@@ -325,7 +327,7 @@ class Cabinet:
         status = self.controller.status()
         status["rate"] = round(self._rate, 1)
         status["counts"]["overruns"] = self._exchange.overruns
-        status["clock"] = self.config.clock
+        status["clock"] = self.config.pace.clock
         status["faults"] = self._faults.describe()
         status["last_error"] = self.last_error
         status["log_failure"] = self.log.failure

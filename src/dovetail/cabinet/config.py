@@ -2,13 +2,14 @@
 
 import math
 from dataclasses import dataclass, field
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 from dovetail.cabinet.protocol import VERSIONS
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.signals import Signal, require_signals, require_transformations
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.ranges import Range, check_ranges
+from dovetail.control.ranges import Range
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 from dovetail.types import JOINTS
 
@@ -48,27 +49,76 @@ def parse_endpoint(text: str, name: str) -> Endpoint:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CabinetConfig:
-    """Everything about a cabinet but the arm behind it."""
+class ConnectionConfig(Section):
+    """The ports, and what is spoken there."""
+
+    owner: ClassVar[str] = "cabinet"
 
     version: str = "1.15"
     """Wire version: 1.15 (1.14 to 1.16), 2.5 or 2.7; client and cabinet must agree."""
-    period: float = DEFAULT_PERIOD
-    """Send period [s], 1 to 100 ms in whole ms."""
-    receive_multiplier: Annotated[int, Range(1, _SLOTS_MAX, "messages")] = 1
-    """The client answers every so many messages."""
     client: Endpoint = _CLIENT
     """Where messages go, and the only address commands are taken from."""
     bind: Endpoint = _BIND
     """The cabinet's own UDP address; port 0 takes a free one."""
     control: Endpoint | None = _CONTROL
     """Control port (TCP); None for none, port 0 for a free one."""
-    mode: Literal["torque", "position", "wrench"] = "torque"
-    """What the overlay wants from the client, besides the position in every command."""
+
+    def __post_init__(self) -> None:
+        """Refuse a version that is not known."""
+        if self.version not in VERSIONS:
+            raise ConfigError(
+                f"FRI version {self.version!r} is unknown; known versions: "
+                f"{', '.join(VERSIONS)} (1.14 and 1.16 speak 1.15)"
+            )
+        super().__post_init__()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaceConfig(Section):
+    """When messages and answers are due."""
+
+    owner: ClassVar[str] = "cabinet"
+
+    period: float = DEFAULT_PERIOD
+    """Send period [s], 1 to 100 ms in whole ms."""
+    receive_multiplier: Annotated[int, Range(1, _SLOTS_MAX, "messages")] = 1
+    """The client answers every so many messages."""
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the reply to the last has come."""
     patience: Annotated[float, Range(0.01, 3600.0, "s")] = 10.0
     """How long lockstep waits for a reply before it counts as missed [s]."""
+
+    def __post_init__(self) -> None:
+        """Refuse a period that the wire cannot tell."""
+        period_ms = 1e3 * self.period
+        if not (0.999 < period_ms < 100.001 and abs(period_ms % 1.0 - 0.5) > 0.499):
+            raise ConfigError(
+                f"send period is {period_ms:g} ms; allowed are whole ms, 1 to 100, as "
+                "on the wire (dovetail's controller takes 1, 2 and 5 ms, and 2.5 ms "
+                "only on arms in its own process)"
+            )
+        object.__setattr__(self, "period", 1e-3 * round(period_ms))
+        super().__post_init__()
+
+    @property
+    def period_ms(self) -> int:
+        """Send period as on the wire [ms]."""
+        return round(1e3 * self.period)
+
+    @property
+    def slot(self) -> float:
+        """Time between two answers [s]."""
+        return self.period * self.receive_multiplier
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawConfig(Section):
+    """What moves the arm besides its own gravity compensation."""
+
+    owner: ClassVar[str] = "cabinet"
+
+    mode: Literal["torque", "position", "wrench"] = "torque"
+    """What the overlay wants from the client, besides the position in every command."""
     stiffness: Annotated[tuple[float, ...], Range(0.0, 1e4, "Nm/rad", JOINTS)] = (
         0.0,
     ) * 7
@@ -78,8 +128,14 @@ class CabinetConfig:
     coriolis: bool = True
     """The cabinet compensates Coriolis and centrifugal torques where its impedance
     acts; real cabinets probably do under an overlay, but no source says so."""
-    quality: QualityRule = field(default_factory=QualityRule)
-    """When the link is poor, fair, good or excellent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionStartConfig(Section):
+    """What a motion waits for before it starts."""
+
+    owner: ClassVar[str] = "cabinet"
+
     mirror_tolerance: Annotated[float, Range(0.0, math.pi, "rad")] = 0.15
     """Distance of the command from the interpolator in COMMANDING_WAIT [rad]."""
     sync_slots: Annotated[int, Range(1, _SLOTS_MAX, "slots")] = 10
@@ -91,6 +147,14 @@ class CabinetConfig:
     restart_delay: Annotated[float | None, Range(0.0, 3600.0, "s")] = 0.5
     """Time after a motion that ended with an error until the next [s]; None waits for
     the control port's resume."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionEndConfig(Section):
+    """What ends a motion with an error."""
+
+    owner: ClassVar[str] = "cabinet"
+
     hold_slots: Annotated[int | None, Range(0, _SLOTS_MAX, "slots")] = None
     """Missed commands for which the last one is held; None is 3, but 5 ms at most."""
     stop_slots: Annotated[int | None, Range(1, _SLOTS_MAX, "slots")] = None
@@ -102,6 +166,14 @@ class CabinetConfig:
     """Speed of the position command over the joint's limit that stops the motion."""
     speed_factor: Annotated[float, Range(0.0, 100.0, "1")] = 1.2
     """Speed of the joint over its limit that stops the motion [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class WireTorqueConfig(Section):
+    """What the torques on the wire are."""
+
+    owner: ClassVar[str] = "cabinet"
+
     measured_sign: Literal[-1, 1] = -1
     """Sign of the measured torque on the wire over the torque on the joint."""
     commanded_sign: Literal[-1, 1] = -1
@@ -113,52 +185,73 @@ class CabinetConfig:
     impedance."""
     external_filter: Annotated[float, Range(0.0, 10.0, "s")] = 0.02
     """Time constant of the external torque's estimate [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SignalConfig(Section):
+    """What is passed along."""
+
+    owner: ClassVar[str] = "cabinet"
+
     io: tuple[Signal, ...] = ()
     """IO signals that the Java application has registered."""
     transformations: tuple[str, ...] = ()
     """Names of the transformations that the cabinet requests."""
 
     def __post_init__(self) -> None:
-        """Refuse settings out of range, by name."""
-        if self.version not in VERSIONS:
-            raise ConfigError(
-                f"FRI version {self.version!r} is unknown; known versions: "
-                f"{', '.join(VERSIONS)} (1.14 and 1.16 speak 1.15)"
-            )
-        period_ms = 1e3 * self.period
-        if not (0.999 < period_ms < 100.001 and abs(period_ms % 1.0 - 0.5) > 0.499):
-            raise ConfigError(
-                f"send period is {period_ms:g} ms; allowed are whole ms, 1 to 100, as "
-                "on the wire (dovetail's controller takes 1, 2 and 5 ms, and 2.5 ms "
-                "only on arms in its own process)"
-            )
-        object.__setattr__(self, "period", 1e-3 * round(period_ms))
-        check_ranges(self, "cabinet")
+        """Refuse what a message cannot carry."""
+        super().__post_init__()
+        require_signals(self.io)
+        require_transformations(self.transformations)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CabinetConfig(Sectioned):
+    """Everything about a cabinet but the arm behind it.
+
+    `CabinetConfig.of(period=0.002, clock="lockstep")` takes the settings of every
+    section by their short names; `flat` gives them back.
+    """
+
+    whose: ClassVar[str] = "a cabinet"
+
+    connection: ConnectionConfig = field(default_factory=ConnectionConfig)
+    """The ports, and what is spoken there."""
+    pace: PaceConfig = field(default_factory=PaceConfig)
+    """When messages and answers are due."""
+    law: LawConfig = field(default_factory=LawConfig)
+    """What moves the arm."""
+    quality: QualityRule = field(default_factory=QualityRule)
+    """When the link is poor, fair, good or excellent."""
+    start: MotionStartConfig = field(default_factory=MotionStartConfig)
+    """What a motion waits for."""
+    end: MotionEndConfig = field(default_factory=MotionEndConfig)
+    """What ends it with an error."""
+    torques: WireTorqueConfig = field(default_factory=WireTorqueConfig)
+    """What the torques on the wire are."""
+    signals: SignalConfig = field(default_factory=SignalConfig)
+    """What is passed along."""
+
+    def __post_init__(self) -> None:
+        """Refuse to stop a motion while a command is held."""
         if self.stop_misses < self.held_misses:
             raise ConfigError(
                 f"stop_slots is {self.stop_misses}, less than hold_slots "
                 f"{self.held_misses}: the motion would stop while a command is held"
             )
-        require_signals(self.io)
-        require_transformations(self.transformations)
 
     @property
     def held_misses(self) -> int:
         """Missed commands for which the last one is held."""
-        return self._misses(*_HOLD) if self.hold_slots is None else self.hold_slots
+        given = self.end.hold_slots
+        return self._misses(*_HOLD) if given is None else given
 
     @property
     def stop_misses(self) -> int:
         """Missed commands in a row that end the motion."""
-        if self.stop_slots is not None:
-            return self.stop_slots
+        if self.end.stop_slots is not None:
+            return self.end.stop_slots
         return max(self._misses(*_STOP), self.held_misses + 1)
 
     def _misses(self, most: int, duration: float) -> int:
-        slot = self.period * self.receive_multiplier
-        return max(1, min(most, math.floor(duration / slot + 1e-9)))
-
-    @property
-    def period_ms(self) -> int:
-        """Send period as on the wire [ms]."""
-        return round(1e3 * self.period)
+        return max(1, min(most, math.floor(duration / self.pace.slot + 1e-9)))

@@ -6,12 +6,13 @@ was started: ``2s loss=0.1`` and then ``5s none``. Lines may have a # comment.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from dovetail.cabinet.protocol import Quality, SafetyState
 from dovetail.control.ranges import Range, check_ranges, ranges_of
+from dovetail.control.sections import Section, Sectioned, settings_in
 from dovetail.durations import parse_duration
 from dovetail.errors import ConfigError
 
@@ -21,8 +22,10 @@ Share = Annotated[float, Range(0.0, 1.0, "1")]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FaultConfig:
-    """Faults that act together; the defaults are none."""
+class LinkFaults(Section):
+    """What the link does to datagrams."""
+
+    owner: ClassVar[str] = "fault"
 
     loss: Share = 0.0
     """Share of datagrams that are lost [1]."""
@@ -41,6 +44,20 @@ class FaultConfig:
     """Largest further time, uniformly distributed [s]."""
     direction: Literal["both", "to_client", "from_client"] = "both"
     """Which way the faults above act."""
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether every datagram passes at once and as it is."""
+        names = (*_PROBABILITIES, "delay", "jitter")
+        return not any(vars(self)[name] for name in names)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotFaults(Section):
+    """What the robot does, its cabinet and its safety controller."""
+
+    owner: ClassVar[str] = "fault"
+
     freeze: Annotated[float, Range(0.0, 60.0, "s")] = 0.0
     """Time for which the cabinet stands still, once [s]."""
     quality: Quality | None = None
@@ -53,6 +70,21 @@ class FaultConfig:
     """How long the safety controller then keeps the arm stopped [s]."""
     values: Annotated[int, Range(0, 14, "values")] = 7
     """Joint values in each array of the messages; a real cabinet sends 7."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultConfig(Sectioned):
+    """Faults that act together; the defaults are none.
+
+    `FaultConfig.of(loss=0.02, delay=0.003)` takes them by the names of their text.
+    """
+
+    whose: ClassVar[str] = "faults"
+
+    link: LinkFaults = field(default_factory=LinkFaults)
+    """What the link does to datagrams."""
+    robot: RobotFaults = field(default_factory=RobotFaults)
+    """What the robot does."""
     seed: Annotated[int, Range(0, 2**32 - 1, "1")] = 0
     """Start of the random numbers."""
 
@@ -60,26 +92,21 @@ class FaultConfig:
         """Refuse a number out of its range."""
         check_ranges(self, "fault")
 
-    @property
-    def touches_link(self) -> bool:
-        """Whether datagrams are handled any differently."""
-        return any(vars(self)[name] for name in (*_PROBABILITIES, "delay", "jitter"))
-
     def describe(self) -> str:
         """Return the faults as `parse_faults` reads them."""
         parts = []
-        for f in fields(self):
-            value = vars(self)[f.name]
-            if value == f.default:
+        for name, value in self.flat().items():
+            if value == _KNOWN[name].default:
                 continue
             if isinstance(value, Quality):
                 value = value.name.lower()
-            unit = "s" if f.name in _TIMES else ""
-            parts.append(f"{f.name}={value}{unit}")
+            unit = "s" if name in _TIMES else ""
+            parts.append(f"{name}={value}{unit}")
         return ",".join(parts) or "none"
 
 
-_RANGES = ranges_of(FaultConfig)
+_KNOWN = settings_in(FaultConfig)
+_RANGES = ranges_of(LinkFaults) | ranges_of(RobotFaults)
 _PROBABILITIES = ("loss", "duplicate", "reorder", "corrupt", "truncate")
 _TIMES = tuple(name for name, allowed in _RANGES.items() if allowed.unit == "s")
 _WHOLE = ("stop", "values", "seed")
@@ -132,7 +159,7 @@ def parse_faults(text: str) -> FaultConfig:
         ConfigError: Unknown name, a name twice, or a value out of range; the message
             lists the known names.
     """
-    known = ", ".join(f.name for f in fields(FaultConfig))
+    known = ", ".join(_KNOWN)
     values: dict[str, Any] = {}
     for part in text.split(","):
         if part.strip() in ("", "none"):
@@ -145,7 +172,7 @@ def parse_faults(text: str) -> FaultConfig:
         if name in values:
             raise ConfigError(f"fault {name} is given twice in {text!r}")
         values[name] = _READERS[name](name, value)
-    return FaultConfig(**values)
+    return FaultConfig.of(**values)
 
 
 def read_script(path: Path) -> list[tuple[float, FaultConfig]]:

@@ -4,7 +4,7 @@ import heapq
 import random
 from typing import NamedTuple
 
-from dovetail.cabinet.faults import FaultConfig
+from dovetail.cabinet.faults import FaultConfig, LinkFaults
 
 
 class Parcel(NamedTuple):
@@ -34,7 +34,7 @@ class Link:
         self._queue: list[Parcel] = []
         self._serial = 0
         self._random = random.Random(0)
-        self.faults = FaultConfig()
+        self.faults = LinkFaults()
         self._is_clear = True
         self.lost = 0
         """Datagrams lost so far."""
@@ -46,9 +46,9 @@ class Link:
             faults: The faults.
             way: Which way this link is, "to_client" or "from_client".
         """
-        acts = faults.direction in ("both", way)
-        self.faults = faults if acts else FaultConfig(seed=faults.seed)
-        self._is_clear = not self.faults.touches_link
+        acts = faults.link.direction in ("both", way)
+        self.faults = faults.link if acts else LinkFaults()
+        self._is_clear = self.faults.is_clear
         self._random = random.Random(f"{way} {faults.seed}")
 
     @property

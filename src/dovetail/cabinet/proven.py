@@ -17,15 +17,16 @@ def find_unproven(
         command_delay: The twin's own delay [s].
     """
     found = []
-    slot = config.period_ms * config.receive_multiplier
+    slot = config.pace.period_ms * config.pace.receive_multiplier
     if slot not in [round(1e3 * period) for period in FRI_PERIODS]:
         found.append(
             f"period is {slot} ms between two commands; dovetail's limits are proven "
             "for 1, 2 and 5 ms (send period times receive multiplier): give one of "
             "these, or use another client than dovetail's"
         )
-    ways = 2 if faults.direction == "both" else 1
-    wire = ways * (faults.delay + faults.jitter)
+    link = faults.link
+    ways = 2 if link.direction == "both" else 1
+    wire = ways * (link.delay + link.jitter)
     longest = DECLARED["delay"]
     if command_delay + wire > longest + 1e-9:
         found.append(

@@ -5,11 +5,9 @@ import signal
 import sys
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, ClassVar
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
@@ -21,9 +19,17 @@ from dovetail.cabinet.proven import find_unproven
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.realtime import request_realtime
 from dovetail.cabinet.signals import parse_signal
-from dovetail.commands.help_page import Groups
-from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.period_option import Period
+from dovetail.commands.cabinet_options import (
+    CellOptions,
+    ConnectionOptions,
+    EventOptions,
+    LawOptions,
+    MotionEndOptions,
+    PaceOptions,
+    SignalOptions,
+)
+from dovetail.commands.help_page import sections_of
+from dovetail.control.sections import Sectioned
 from dovetail.durations import parse_duration
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, PlantError
@@ -31,9 +37,7 @@ from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
-from dovetail.robots.find import DEFAULT_ROBOT, find_robot
-from dovetail.tasks.options import TaskOptions
-from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.robots.find import find_robot
 
 _FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 _ABOVE = 0.06
@@ -41,97 +45,46 @@ _ABOVE = 0.06
 _PLAIN_EVERY = 10.0
 """Time between two status lines where there is no terminal [s]."""
 
-GROUPS: Groups = {
-    "the robot": ("twin", "plant", "robot", "env", "task_options"),
-    "the connection": ("version", "client", "bind", "port", "control"),
-    "time": ("period", "multiplier", "clock", "patience", "realtime"),
-    "control": ("mode", "stiffness", "damping", "mirror_tolerance"),
-    "when a motion ends": ("good_from", "hold_slots", "stop_slots", "restart_delay"),
-    "what is passed along": ("io", "transformation"),
-    "faults and events": ("fault", "script", "log"),
-}
-
 
 @dataclass(frozen=True, kw_only=True)
-class Cabinet:
+class Cabinet(Sectioned):
     """Simulate an LBR iiwa 14 on FRI, for dovetail's and for KUKA's own clients."""
 
-    twin: str | None = None
-    """Twin that plays the robot: the name of a shipped one, or a .toml file."""
-    plant: str | None = None
-    """Plain plant in place of a twin: mujoco or bullet."""
-    version: str = "1.15"
-    """FRI version on the wire: 1.15 (1.14 to 1.16), 2.5 or 2.7."""
-    period: Period = DEFAULT_PERIOD
-    """Send period: whole milliseconds, 1ms to 100ms. An arm of dovetail takes 1ms, 2ms
-    and 5ms, the multiplier counted."""
-    multiplier: int = 1
-    """Receive multiplier: the client answers every so many messages."""
-    client: str = "127.0.0.1:30200"
-    """The client's address; commands from any other are counted and ignored."""
-    bind: str = "127.0.0.1"
-    """Own address, of the network the client is in."""
-    port: int = 30300
-    """Own UDP port. KUKA's clients that were given the cabinet's name expect 30200."""
-    control: str = "127.0.0.1:30301"
-    """Control port (TCP), or none."""
-    mode: Literal["torque", "position", "wrench"] = "torque"
-    """What the overlay wants from the client."""
-    clock: Literal["wall", "lockstep"] = "wall"
-    """wall sends by the clock; lockstep sends when the last message was answered."""
-    patience: Annotated[str, tyro.conf.arg(aliases=["--watchdog"])] = "10s"
-    """How long lockstep waits for an answer."""
-    stiffness: str = "0"
-    """Joint stiffness [Nm/rad]: one number, or seven separated by commas."""
-    damping: str = "0"
-    """Joint damping ratio, 0 to 1: one number, or seven separated by commas."""
-    mirror_tolerance: float = 0.15
-    """Distance from the interpolator that COMMANDING_WAIT accepts [rad]."""
-    good_from: float = 0.80
-    """Share of the last 100 answers in time that commanding needs."""
-    hold_slots: int | None = None
-    """Missing commands for which the last one is held; by default 3, at most 5 ms."""
-    stop_slots: int | None = None
-    """Missing commands in a row that end the motion; by default 10, at most 50 ms."""
-    restart_delay: str = "500ms"
-    """Time after a motion that ended with an error until the next, or never."""
-    env: str = DEFAULT_ENV
-    """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
-    robot: str = DEFAULT_ROBOT
-    """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
-    """Fields of the task; left out, they are its own."""
-    io: tuple[str, ...] = ()
-    """IO signals, each NAME:TYPE:DIRECTION[=VALUE]; TYPE is boolean, digital or analog,
-    DIRECTION input or output."""
-    transformation: tuple[str, ...] = ()
-    """Names of transformations that are requested from the client."""
-    fault: str = "none"
-    """Faults from the start, as loss=0.02,delay=3ms."""
-    script: Path | None = None
-    """File of faults by time: lines TIME FAULTS, as 2s loss=0.1."""
-    log: Path | None = None
-    """File for the events, as JSON lines; it is appended to."""
-    realtime: bool = False
-    """Ask for real-time priority (SCHED_FIFO)."""
+    whose: ClassVar[str] = "the command cabinet"
+
+    cell: CellOptions = field(default_factory=CellOptions)
+    """The robot and what stands around it."""
+    connection: ConnectionOptions = field(default_factory=ConnectionOptions)
+    """The ports, and what is spoken there."""
+    pace: PaceOptions = field(default_factory=PaceOptions)
+    """When messages and answers are due."""
+    law: LawOptions = field(default_factory=LawOptions)
+    """What moves the arm."""
+    end: MotionEndOptions = field(default_factory=MotionEndOptions)
+    """When a motion ends."""
+    signals: SignalOptions = field(default_factory=SignalOptions)
+    """What is passed along."""
+    events: EventOptions = field(default_factory=EventOptions)
+    """Faults, and what is told of them."""
 
     def run(self, console: Console) -> int:
         """Run until interrupted."""
         config = self.settings()
-        faults = parse_faults(self.fault)
-        script = read_script(self.script) if self.script else []
-        if self.realtime:
+        events, cell = self.events, self.cell
+        faults = parse_faults(events.fault)
+        script = read_script(events.script) if events.script else []
+        if self.pace.realtime:
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
-        if self.plant is None:
-            lack = load_twin(self.twin or "medium").lacks(find_robot(self.robot))
+        if cell.plant is None:
+            lack = load_twin(cell.twin or "medium").lacks(find_robot(cell.robot))
             if lack:
                 console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
         for text in find_unproven(config, faults, plant.command_delay):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         server = None
         try:
-            server = Server(plant, config, faults=faults, script=script, log=self.log)
+            server = Server(plant, config, faults=faults, script=script, log=events.log)
             _announce(server, console)
             _prepare_process()
             server.start()
@@ -153,48 +106,47 @@ class Cabinet:
         Raises:
             ConfigError: One of them is wrong.
         """
-        never = self.restart_delay == "never"
-        control = None
-        if self.control != "none":
-            control = parse_endpoint(self.control, "--control")
-        return CabinetConfig(
-            version=self.version,
-            period=self.period,
-            receive_multiplier=self.multiplier,
-            client=parse_endpoint(self.client, "--client"),
-            bind=parse_endpoint(f"{self.bind}:{self.port}", "--bind and --port"),
+        place, pace, law, end = self.connection, self.pace, self.law, self.end
+        delay, control = end.restart_delay, None
+        if place.control != "none":
+            control = parse_endpoint(place.control, "--control")
+        return CabinetConfig.of(
+            version=place.version,
+            period=pace.period,
+            receive_multiplier=pace.multiplier,
+            client=parse_endpoint(place.client, "--client"),
+            bind=parse_endpoint(f"{place.bind}:{place.port}", "--bind and --port"),
             control=control,
-            mode=self.mode,
-            clock=self.clock,
-            patience=parse_duration(self.patience, "--patience"),
-            stiffness=_seven(self.stiffness, "--stiffness"),
-            damping=_seven(self.damping, "--damping"),
-            quality=QualityRule(
-                fair_from=min(self.good_from, QualityRule.fair_from),
-                good_from=self.good_from,
-                excellent_from=max(self.good_from, QualityRule.excellent_from),
-            ),
-            mirror_tolerance=self.mirror_tolerance,
-            hold_slots=self.hold_slots,
-            stop_slots=self.stop_slots,
+            mode=law.mode,
+            clock=pace.clock,
+            patience=parse_duration(pace.patience, "--patience"),
+            stiffness=_seven(law.stiffness, "--stiffness"),
+            damping=_seven(law.damping, "--damping"),
+            fair_from=min(end.good_from, QualityRule.fair_from),
+            good_from=end.good_from,
+            excellent_from=max(end.good_from, QualityRule.excellent_from),
+            mirror_tolerance=law.mirror_tolerance,
+            hold_slots=end.hold_slots,
+            stop_slots=end.stop_slots,
             restart_delay=(
-                None if never else parse_duration(self.restart_delay, "--restart-delay")
+                None if delay == "never" else parse_duration(delay, "--restart-delay")
             ),
-            io=tuple(parse_signal(text) for text in self.io),
-            transformations=self.transformation,
+            io=tuple(parse_signal(text) for text in self.signals.io),
+            transformations=self.signals.transformation,
         )
 
     def _build_plant(self) -> DrivenPlant:
         """Return the arm, at rest over the fixture."""
-        if self.twin is not None and self.plant is not None:
+        given = self.cell
+        if given.twin is not None and given.plant is not None:
             raise ConfigError(
                 "--twin and --plant exclude each other: a twin has its own"
             )
-        cell = find_cell(self.env, self.robot, **self.task_options)
-        if self.plant is not None:
-            plant = make_plant(self.plant, cell)
+        cell = find_cell(given.env, given.robot, **given.task_options)
+        if given.plant is not None:
+            plant = make_plant(given.plant, cell)
         else:
-            twin = load_twin(self.twin or "medium")
+            twin = load_twin(given.twin or "medium")
             plant = TwinPlant(twin, cell)
         above = _FIXTURE.position + np.array([0.0, 0.0, _ABOVE])
         robot = plant.robot
@@ -202,6 +154,9 @@ class Cabinet:
         start = robot.inverse_kinematics(pose, robot.posture("rest"))
         plant.reset(start, _FIXTURE)
         return plant
+
+
+GROUPS = sections_of(Cabinet)
 
 
 def _seven(text: str, name: str) -> tuple[float, ...]:
@@ -232,9 +187,9 @@ def _prepare_process() -> None:
 
 
 def _announce(server: Server, console: Console) -> None:
-    config = server.config
+    config, pace = server.config.connection, server.config.pace
     console.print(
-        f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
+        f"cabinet: FRI {config.version}, {pace.period_ms} ms, clock {pace.clock}; "
         f"UDP {server.address} to client {config.client}; control "
         f"{server.control_address or 'none'}; Ctrl-C ends it",
         soft_wrap=True,
