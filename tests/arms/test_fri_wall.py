@@ -9,7 +9,6 @@ import pytest
 from dovetail import _core
 from dovetail.arms.reset_motion import LIFT, plan_reset
 from dovetail.arms.watchdog import WatchdogConfig
-from dovetail.cabinet.quality import QualityRule
 from dovetail.errors import ArmError
 from dovetail.plants.plant import COLUMN, FLAG_MASK
 
@@ -19,7 +18,9 @@ LATE, STOPPED = FLAG_MASK["target_late"], FLAG_MASK["stopped"]
 PATIENT = {
     "stop_slots": 400,
     "hold_slots": 100,
-    "quality": QualityRule(fair_from=0.0, good_from=0.05, misses_max=400),
+    "fair_from": 0.0,
+    "good_from": 0.05,
+    "misses_max": 400,
 }
 """The machine may be busy: the cabinet forgives 2 s without an answer."""
 

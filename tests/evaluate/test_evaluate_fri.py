@@ -8,7 +8,6 @@ import pytest
 from rich.console import Console
 
 from arms.loopback import free_port, lockstep_address, make_cabinet
-from dovetail.cabinet.quality import QualityRule
 from dovetail.envs.registered import find_cell
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
@@ -72,9 +71,8 @@ def test_a_hidden_hole_is_found_over_a_link_that_loses(policy, search, tmp_path)
     plant = TwinPlant(load_twin("medium"), find_cell(clearance=0.0005))
     plant.reset(Q_START, HOLE)
     # Twice 5 % of 100 answers are missing now and then in more than 20.
-    rule = QualityRule(good_from=0.5)
     port = free_port()
-    asked = {"patience": 1.0, "quality": rule}
+    asked = {"patience": 1.0, "good_from": 0.5}
     cabinet = make_cabinet(plant, port, 0.005, clock="lockstep", **asked)
     with cabinet:
         cabinet.request({"do": "fault", "text": "loss=0.05"})
