@@ -147,7 +147,7 @@ def found_by_hand_eye(camera: Camera, cell: Workcell, seed: int) -> Camera:
         if isinstance(sight, Sight):
             flange = cell.robot.tool_pose(shot.q)
             views.append(View(flange, sight.pose, sight.corners, sight.points))
-    found = calibrate(views, camera.lens, camera.mount)
+    found = calibrate(views, camera.lens, camera.place.mount)
     deviation = np.sqrt(np.diag(found.covariance))
     correlation = found.covariance / np.outer(deviation, deviation)
     return camera.having(
