@@ -9,6 +9,7 @@ from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.arm_service import WATCHERS_MAX
 from dovetail.rpc.messages import read_state, rows_from_bytes
 from dovetail.rpc.version import own_version
+from states import state_numbers
 
 from .conftest import HOLE, push, refused
 
@@ -29,8 +30,9 @@ def test_a_watcher_sees_the_states_of_the_learner(
     np.testing.assert_array_equal(read_state(report.state).q, reset.q)
     step = arm.step(push(1.0))
     seen = read_state(next(reports).state)
-    for name, a, b in zip(step._fields, seen, step, strict=True):
-        np.testing.assert_array_equal(a, b, err_msg=name)
+    others = state_numbers(step)
+    for name, a in state_numbers(seen).items():
+        np.testing.assert_array_equal(a, others[name], err_msg=name)
 
 
 def test_a_slow_watcher_gets_the_newest(simulation, start, connect, open_stub):
