@@ -9,7 +9,8 @@ from rich.console import Console
 
 from dovetail.arms.address import parse_address
 from dovetail.errors import ConfigError
-from dovetail.evaluate.evaluation import EvaluationConfig, command_line, evaluate
+from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.evaluate.origin import command_line
 from dovetail.evaluate.perturbation import (
     TRAVEL,
     Perturbation,
