@@ -160,21 +160,20 @@ def _checks_in_motion(
     yield check_rest(measure_rest(rest.log, arm.facts.period))
     yield check_gravity(arm, rest, address)
     yield check_drift(arm, rest)
-    if not _may(
-        ask,
-        f"Every joint will be pushed to and fro, and turned by {TURN:g} rad and back",
-    ):
+    moves = (
+        f"Every joint will be pushed to and fro, and turned by {TURN:g} rad and back"
+    )
+    if not _may(ask, moves):
         return
-    rotors = arm.facts.limits.prediction.armature
+    limits, is_simulated = arm.facts.limits, arm.facts.traits.is_simulated
+    rotors = limits.prediction.armature
     yield from feel_checks(
         arm,
         rest.q,
-        arm.facts.limits,
+        limits,
         declared,
         spring=lambda delay: feel_spring(arm, rest.q, rotors, delay),
-        integration_step=simulated_step(arm.facts.period)
-        if address.cabinet.control
-        else 0.0,
+        integration_step=simulated_step(arm.facts.period) if is_simulated else 0.0,
     )
     yield check_turns(arm, rest.q)
     yield check_push(arm, rest.q, address, ask)
