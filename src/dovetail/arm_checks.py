@@ -160,10 +160,8 @@ def _checks_in_motion(
     yield check_rest(measure_rest(rest.log, arm.facts.period))
     yield check_gravity(arm, rest, address)
     yield check_drift(arm, rest)
-    moves = (
-        f"Every joint will be pushed to and fro, and turned by {TURN:g} rad and back"
-    )
-    if not _may(ask, moves):
+    turns = f"turned by {TURN:g} rad and back"
+    if not _may(ask, f"Every joint will be pushed to and fro, and {turns}"):
         return
     limits, is_simulated = arm.facts.limits, arm.facts.traits.is_simulated
     rotors = limits.prediction.armature
