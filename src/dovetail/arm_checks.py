@@ -157,8 +157,8 @@ def _checks_in_motion(
     arm: FriArm, address: FriAddress, ask: Ask | None, declared: dict[str, float]
 ) -> Iterator[Check]:
     yield check_period_proven(arm.facts.period)
-    rest = hold(arm, arm.monitoring().q, HOLD_TIME)
-    yield check_rest(measure_rest(rest.log, arm.facts.period))
+    rest, facts = hold(arm, arm.monitoring().q, HOLD_TIME), arm.facts
+    yield check_rest(measure_rest(rest.log, facts.period))
     yield check_gravity(arm, rest, address)
     yield check_drift(arm, rest)
     if not _may(
@@ -169,12 +169,10 @@ def _checks_in_motion(
     yield from feel_checks(
         arm,
         rest.q,
-        arm.facts.limits,
+        facts.limits,
         declared,
-        spring=lambda delay: feel_spring(arm, rest.q, arm.facts.limits.armature, delay),
-        integration_step=simulated_step(arm.facts.period)
-        if address.cabinet.control
-        else 0.0,
+        spring=lambda delay: feel_spring(arm, rest.q, facts.limits.armature, delay),
+        integration_step=simulated_step(facts.period) if facts.is_simulated else 0.0,
     )
     yield check_turns(arm, rest.q)
     yield check_push(arm, rest.q, address, ask)
