@@ -16,6 +16,7 @@ from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.serve import Serve
 from dovetail.commands.task_flags import parse
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.control.sections import Sectioned
 from dovetail.plants.twin import TWIN_FOLDER
 
 ROOT = Path(__file__).parent.parent
@@ -65,8 +66,9 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
         assert "--help" in words or " -" not in line
         assert "Unrecognized" not in capsys.readouterr().err
         return
-    if getattr(settings, "arm", None):
-        parse_address(settings.arm)
+    given = settings.flat() if isinstance(settings, Sectioned) else vars(settings)
+    if given.get("arm"):
+        parse_address(given["arm"])
 
 
 def served_learners():
@@ -88,7 +90,7 @@ def test_a_learner_in_the_docs_fits_its_service(
     for name in CERTIFICATES:
         Path(name).touch()
     words = shlex.split(service, comments=True)[2:]
-    offered = parse_address(parse(Serve, words).arm)
+    offered = parse_address(parse(Serve, words).offered.arm)
     asked = parse(Evaluate, shlex.split(learner, comments=True)[2:])
     arm = parse_address(asked.place.arm)
     period = arm.control_period(asked.place.period, DEFAULT_PERIOD)

@@ -127,7 +127,9 @@ def _run_command(name: str, words: list[str]) -> int:
             print(help_page(settings, name, groups))
             raise SystemExit(0)
         words = ["--help" if word == "--help-all" else word for word in words]
-        return tyro.cli(settings, args=words, prog=prog).run(make_console())
+        flat = (tyro.conf.OmitArgPrefixes,)
+        given = tyro.cli(settings, args=words, prog=prog, config=flat)
+        return given.run(make_console())
     from dovetail.commands.task_flags import describe_options, find_task, parse
 
     find = vars(module).get("defaults")  # of what the words continue

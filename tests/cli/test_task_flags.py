@@ -35,9 +35,9 @@ class Screw(RailClip):
 
 def test_the_options_of_the_chosen_task_are_taken():
     words = ["--peg", "round", "--clearance", "0.001"]
-    assert parse(Serve, words).task_options == {"peg": "round", "clearance": 0.001}
-    assert parse(Serve, []).task_options == {}
-    assert parse(Serve, [*CLIP, "--clearance", "0.002"]).task_options["clearance"]
+    assert parse(Serve, words).cell.task_options == {"peg": "round", "clearance": 0.001}
+    assert parse(Serve, []).cell.task_options == {}
+    assert parse(Serve, [*CLIP, "--clearance", "0.002"]).cell.task_options["clearance"]
 
 
 def test_an_option_of_another_task_is_not_known(capsys):
@@ -48,7 +48,7 @@ def test_an_option_of_another_task_is_not_known(capsys):
 
 def test_each_plain_field_is_an_option_with_its_type():
     words = ["--size", "M3", "--turns", "3", "--pitch", "1e-3", "--is-left", "True"]
-    given = parse(Serve, words, Screw).task_options
+    given = parse(Serve, words, Screw).cell.task_options
     assert given == {"size": "M3", "turns": 3, "pitch": 1e-3, "is_left": True}
     told = describe_options(Screw)
     assert told["--size NAME"] == "Size of the screw (M4)"

@@ -6,17 +6,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
 from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.server import PORT, open_server
-from dovetail.commands.demo import Demo
-from dovetail.commands.help_page import Groups
+from dovetail.commands.demo import DEFAULT_TWIN
+from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period_option import Period
+from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 from dovetail.files import dated_folder, require_writable
 from dovetail.tasks.options import TaskOptions
@@ -25,17 +26,10 @@ from dovetail.tasks.shipped import DEFAULT_POLICY
 if TYPE_CHECKING:
     import viser
 
-GROUPS: Groups = {
-    "what runs": ("policy", "env", "task_options", "tare", "accept_contact"),
-    "where, one of two": ("twin", "arm"),
-    "how it runs there": ("robot", "tracker", "period", "fixture"),
-    "the page": ("port", "keep_running", "logs"),
-}
-
 
 @dataclass(frozen=True, kw_only=True)
-class Cockpit:
-    """Show an arm in the browser: start, stop, pull it, move its fixture, replay it."""
+class ShownPolicyOptions(Section):
+    """What runs."""
 
     policy: str = DEFAULT_POLICY
     """Policy: the name of a shipped one, a file, or none."""
@@ -47,10 +41,22 @@ class Cockpit:
     """Measure at each reset the weight that nobody compensates."""
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownPlaceOptions(Section):
+    """Where, one of two."""
+
     twin: str | None = None
     """Twin to run on: a shipped one's name or a .toml file; default medium."""
     arm: str | None = None
     """Arm to run on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShownCellOptions(Section):
+    """How it runs there."""
+
     robot: str | None = None
     """Robot in the cell; default the policy's."""
     tracker: str | None = None
@@ -61,6 +67,12 @@ class Cockpit:
     fixture: tuple[float, float, float, float] | None = None
     """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes; default
     the task's first trial pose. Needed for an arm that cannot move it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PageOptions(Section):
+    """The page."""
+
     port: int = PORT
     """Port of the page, on this machine alone; 0 is any free one."""
     keep_running: bool = False
@@ -68,9 +80,25 @@ class Cockpit:
     logs: Path | None = None
     """Folder for the Episode logs; default a new one, by the time, in cockpit-logs."""
 
+
+@dataclass(frozen=True, kw_only=True)
+class Cockpit(Sectioned):
+    """Show an arm in the browser: start, stop, pull it, move its fixture, replay it."""
+
+    whose: ClassVar[str] = "the command cockpit"
+
+    actor: ShownPolicyOptions = field(default_factory=ShownPolicyOptions)
+    """What runs."""
+    place: ShownPlaceOptions = field(default_factory=ShownPlaceOptions)
+    """Where, one of two."""
+    cell: ShownCellOptions = field(default_factory=ShownCellOptions)
+    """How it runs there."""
+    page: PageOptions = field(default_factory=PageOptions)
+    """The page."""
+
     def run(self, console: Console) -> int:
         """Show the page until Ctrl-C or SIGTERM, then hold the arm and close."""
-        self.show(console, self.logs or dated_folder("cockpit-logs"))
+        self.show(console, self.page.logs or dated_folder("cockpit-logs"))
         return 0
 
     def show(self, console: Console, logs: Path) -> list[Path]:
@@ -84,12 +112,13 @@ class Cockpit:
 
         require_writable(logs, "--logs")
         choice = self.choice()
-        warn_of_twin(console, None, choice.place, self.robot)
-        session = Session(choice, logs=logs, fixture=self.fixture)
+        warn_of_twin(console, None, choice.place, self.cell.robot)
+        session = Session(choice, logs=logs, fixture=self.cell.fixture)
         try:
-            server = open_server(self.port)
+            server = open_server(self.page.port)
             try:
-                page = Page(server, session, keep_running=self.keep_running)
+                keep_running = self.page.keep_running
+                page = Page(server, session, keep_running=keep_running)
                 serve_page(server, console)
                 page.close()
             finally:
@@ -109,26 +138,30 @@ class Cockpit:
         Raises:
             ConfigError: Both a twin and an arm.
         """
-        if self.twin is not None and self.arm is not None:
+        actor, where = self.actor, self.place
+        if where.twin is not None and where.arm is not None:
             raise ConfigError("--twin and --arm exclude each other; give one")
-        twin = self.twin or Demo.twin
+        twin = where.twin or DEFAULT_TWIN
         if Path(twin).suffix == ".toml":
             twin = str(Path(twin).expanduser().absolute())
         names = ("robot", "tracker", "period")
-        given = {name: vars(self)[name] for name in names}
+        given = {name: vars(self.cell)[name] for name in names}
         settings: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
-        settings |= self.task_options
-        if not self.tare:
+        settings |= actor.task_options
+        if not actor.tare:
             settings["tare"] = False
-        place = self.arm or f"twin:{twin}"
+        place = where.arm or f"twin:{twin}"
         parse_address(place)
         return Choice(
-            policy=self.policy,
+            policy=actor.policy,
             place=place,
-            env=self.env,
+            env=actor.env,
             settings=settings,
-            accept_contact=self.accept_contact,
+            accept_contact=actor.accept_contact,
         )
+
+
+GROUPS = sections_of(Cockpit)
 
 
 @contextmanager

@@ -1,9 +1,9 @@
 """`dovetail camera hand-eye`: find where a camera sits, by the poses of an arm."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 import tyro
@@ -15,6 +15,7 @@ from dovetail.arms.arm_address import ArmAddress
 from dovetail.commands.asking import ask
 from dovetail.commands.camera_result import decide, now
 from dovetail.control.ranges import in_count
+from dovetail.control.sections import Section, Sectioned
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.registered import find_cell
@@ -40,17 +41,24 @@ _MOVED = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraHandEye:
-    """Find where a camera sits, and say how sure that is: go or no-go."""
+class PictureOptions(Section):
+    """The pictures, taken or read."""
 
-    camera: Annotated[Path, tyro.conf.Positional]
-    """Camera file with the lens, and its place, roughly: from there the poses are
-    drawn, but with --folder."""
-    out: Path = Path("calibrated.toml")
-    """Camera file to write; not overwritten."""
     folder: Path | None = None
     """Pictures with poses.csv: the picture's file, then q1 to q7 [rad]. Default an arm
     goes through poses inside its limits."""
+    count: int = 20
+    """Pictures that are taken."""
+    seed: int = 0
+    """Of the poses."""
+    keep: Path | None = None
+    """Folder, new or empty, for the pictures and poses.csv: --folder takes it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MovedArmOptions(Section):
+    """The arm that goes through the poses."""
+
     arm: str | None = None
     """Arm that goes there: twin:NAME, fri://HOST:PORT, grpc://HOST:PORT. Default a
     simulated one that stands in each pose at once, of a simulated camera."""
@@ -58,20 +66,39 @@ class CameraHandEye:
     """Let an arm behind fri:// go to the first pose from afar, slowly."""
     yes: bool = False
     """Ask nothing before a real arm is moved."""
+    robot: str = DEFAULT_ROBOT
+    """Which robot the arm is: one of dovetail's, or MODULE:FUNCTION of your own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownCameraOptions(Section):
+    """What is known of the camera beside its file."""
+
     mount: str | None = None
     """What the camera is fixed to: world (the board is on the flange) or flange.
     Default what its file says."""
     twin: str | None = None
     """Twin whose file says what the simulated camera has wrong. It is written into the
     calibrated file. With --folder: that with which the pictures were taken."""
-    robot: str = DEFAULT_ROBOT
-    """Which robot the arm is: one of dovetail's, or MODULE:FUNCTION of your own."""
-    count: int = 20
-    """Pictures that are taken."""
-    seed: int = 0
-    """Of the poses."""
-    keep: Path | None = None
-    """Folder, new or empty, for the pictures and poses.csv: --folder takes it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraHandEye(Sectioned):
+    """Find where a camera sits, and say how sure that is: go or no-go."""
+
+    whose: ClassVar[str] = "the command camera hand-eye"
+
+    camera: Annotated[Path, tyro.conf.Positional]
+    """Camera file with the lens, and its place, roughly: from there the poses are
+    drawn, but with --folder."""
+    out: Path = Path("calibrated.toml")
+    """Camera file to write; not overwritten."""
+    pictures: PictureOptions = field(default_factory=PictureOptions)
+    """The pictures, taken or read."""
+    moved: MovedArmOptions = field(default_factory=MovedArmOptions)
+    """The arm that goes through the poses."""
+    known: KnownCameraOptions = field(default_factory=KnownCameraOptions)
+    """What is known of the camera beside its file."""
 
     def run(self, console: Console) -> int:
         """Calibrate, and write where it is good enough."""
@@ -80,17 +107,19 @@ class CameraHandEye:
         from dovetail.perceive.hand_eye import calibrate
 
         file, camera = require_new(self.out), load_camera(self.camera)
-        if self.mount is not None:
-            if self.mount not in ("world", "flange"):
-                raise ConfigError(f"mount is {self.mount!r}; known: world, flange")
-            camera = camera.having(mount=self.mount)
-        if self.twin is not None and not camera.is_simulated:
+        if self.known.mount is not None:
+            if self.known.mount not in ("world", "flange"):
+                raise ConfigError(
+                    f"mount is {self.known.mount!r}; known: world, flange"
+                )
+            camera = camera.having(mount=self.known.mount)
+        if self.known.twin is not None and not camera.is_simulated:
             raise ConfigError(
                 f"twin is given, and the pictures are of {camera.pictures.source}; "
                 "leave it out"
             )
-        address = None if self.arm is None else parse_address(self.arm)
-        twin = self.twin or (address and address.twin) or camera.twin or None
+        address = None if self.moved.arm is None else parse_address(self.moved.arm)
+        twin = self.known.twin or (address and address.twin) or camera.twin or None
         detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
         views = self._views(
             detector, self._shots(camera, address, twin, console), console
@@ -115,53 +144,59 @@ class CameraHandEye:
         from dovetail.perceive.hand_eye import VIEWS_MIN
         from dovetail.perceive.recorded import keep_shots, read_shots
 
-        if self.folder is not None:
-            if self.keep is not None or address is not None:
+        if self.pictures.folder is not None:
+            if self.pictures.keep is not None or address is not None:
                 raise ConfigError(
                     "folder has pictures that were taken: --keep and --arm are for "
                     "taking them; leave them out"
                 )
-            return read_shots(self.folder, find_robot(self.robot))
+            return read_shots(self.pictures.folder, find_robot(self.moved.robot))
         if address is None and not camera.is_simulated:
             raise ConfigError(
                 f"the camera's source is {camera.pictures.source}: give the --arm that "
                 "is to go through poses, or take pictures in 20 poses and give their "
                 "--folder"
             )
-        in_count("count", self.count, VIEWS_MIN, _PICTURES_MAX, "pictures")
+        in_count("count", self.pictures.count, VIEWS_MIN, _PICTURES_MAX, "pictures")
         if address is None:
             shots = self._rehearsed(camera, twin)
         else:
             shots = self._taken(camera, address, twin)
-        if self.keep is not None:
-            shots = keep_shots(shots, claim_output_folder(self.keep))
-        return track(shots, "poses", total=self.count, console=console)
+        if self.pictures.keep is not None:
+            shots = keep_shots(shots, claim_output_folder(self.pictures.keep))
+        return track(shots, "poses", total=self.pictures.count, console=console)
 
     def _rehearsed(self, camera: "Camera", twin: str | None) -> "Iterator[Shot]":
         from dovetail.perceive.rehearsal import shoot
 
         errors = None if twin is None else load_twin(twin).camera
-        cell = find_cell(robot=self.robot)
-        return shoot(camera.as_it_is(), cell, errors, self.count, self.seed)
+        cell = find_cell(robot=self.moved.robot)
+        return shoot(
+            camera.as_it_is(), cell, errors, self.pictures.count, self.pictures.seed
+        )
 
     def _taken(
         self, camera: "Camera", address: ArmAddress, twin: str | None
     ) -> "Iterator[Shot]":
         from dovetail.perceive.arm_shots import TASK, take_shots
 
-        if self.approach:
+        if self.moved.approach:
             address = parse_address(address.with_approach())
-        if not (address.is_here or self.yes):
+        if not (address.is_here or self.moved.yes):
             holds = "holds the board" if camera.place.mount == "world" else "is empty"
-            question = _MOVED.format(count=self.count, held=f"the tool {holds}")
+            question = _MOVED.format(
+                count=self.pictures.count, held=f"the tool {holds}"
+            )
             if not ask(question):
                 raise ConfigError("the arm was not moved; nothing is written")
         errors = None if twin is None else load_twin(twin).camera
-        cell = find_cell(robot=self.robot)
+        cell = find_cell(robot=self.moved.robot)
         arm = build_arm(address, cell, TaskSpec.parse(TASK))
         try:
             taken = camera.as_it_is() if camera.is_simulated else camera
-            yield from take_shots(taken, arm, cell, errors, self.count, self.seed)
+            yield from take_shots(
+                taken, arm, cell, errors, self.pictures.count, self.pictures.seed
+            )
         finally:
             arm.close()
 
@@ -171,7 +206,7 @@ class CameraHandEye:
         from dovetail.perceive.detect import Blind, explain
         from dovetail.perceive.hand_eye import View
 
-        robot, views = find_robot(self.robot), []
+        robot, views = find_robot(self.moved.robot), []
         for number, shot in enumerate(shots, 1):
             seen = detector.find(shot.picture)
             if isinstance(seen, Blind):

@@ -1,15 +1,15 @@
 """`dovetail record`: a person shows the task; Episode logs and a LeRobotDataset."""
 
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from rich.console import Console
 
 from dovetail.cockpit.choice import NOBODY
 from dovetail.commands.cockpit import GROUPS as _OF_COCKPIT
-from dovetail.commands.cockpit import Cockpit
+from dovetail.commands.cockpit import Cockpit, ShownPolicyOptions
 from dovetail.commands.help_page import Groups
 from dovetail.errors import LogError
 from dovetail.files import dated_folder
@@ -22,14 +22,24 @@ LEROBOT = "lerobot"
 
 
 @dataclass(frozen=True, kw_only=True)
+class CorrectedPolicyOptions(ShownPolicyOptions):
+    """What runs."""
+
+    policy: str = NOBODY
+    """Policy that is corrected: the name of a shipped one, a file, or none."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Record(Cockpit):
     """Record demonstrations: the cockpit's page, then a LeRobotDataset of them."""
+
+    whose: ClassVar[str] = "the command record"
 
     written: Annotated[tuple[Path, ...], some_paths("--written", Path)] = ()
     """Episode logs of before, or folders of them. They become the data set, and no page
     is shown."""
-    policy: str = NOBODY
-    """Policy that is corrected: the name of a shipped one, a file, or none."""
+    actor: CorrectedPolicyOptions = field(default_factory=CorrectedPolicyOptions)
+    """What runs, and is corrected."""
 
     def run(self, console: Console) -> int:
         """Show the page until it is ended, and write what was shown there.
@@ -38,7 +48,7 @@ class Record(Cockpit):
             LogError: Nothing was shown; or logs do not make one data set.
             ConfigError: The folder has a data set already.
         """
-        folder = self.logs or dated_folder("demonstrations")
+        folder = self.page.logs or dated_folder("demonstrations")
         require_room(folder / LEROBOT, "--logs")
         shown = list(self.written) or self.show(console, folder)
         if not shown:

@@ -5,7 +5,7 @@ import threading
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
 
@@ -16,6 +16,7 @@ from dovetail.arms.from_address import arm_from_address
 from dovetail.commands.unproven import warn_of_twin
 from dovetail.control.period import format_period
 from dovetail.control.period_option import Period
+from dovetail.control.sections import Section, Sectioned
 from dovetail.control.settings import ControllerSettings
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
@@ -30,8 +31,8 @@ _STATUS_PERIOD = 0.5  # s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Serve:
-    """Offer an arm to one learner at a time, and to watchers, until Ctrl-C."""
+class OfferedArmOptions(Section):
+    """The arm."""
 
     arm: str = "mujoco"
     """Arm: mujoco, bullet, twin:NAME or fri://HOST:PORT?KEY=VALUE&..."""
@@ -40,12 +41,26 @@ class Serve:
     period: Period | None = None
     """Control period that a learner has to ask for: 1ms, 2ms, 2.5ms or 5ms; default the
     one in the arm's address, or else whichever it asks for."""
+    realtime: bool = False
+    """Ask the system for real-time priority and locked memory; fri:// only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfferedCellOptions(Section):
+    """What stands around it."""
+
     env: str = DEFAULT_ENV
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     task_options: TaskOptions = field(default_factory=TaskOptions)
     """Fields of the task; left out, they are its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ServiceOptions(Section):
+    """Where learners reach it, and who may."""
+
     listen: str = "127.0.0.1:50051"
     """Where to listen; anything but this machine's loopback needs certificates."""
     cert: Path | None = None
@@ -54,8 +69,20 @@ class Serve:
     """Its private key, PEM, not encrypted."""
     client_ca: Path | None = None
     """Certificate of the authority that signs the clients' certificates, PEM."""
-    realtime: bool = False
-    """Ask the system for real-time priority and locked memory; fri:// only."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serve(Sectioned):
+    """Offer an arm to one learner at a time, and to watchers, until Ctrl-C."""
+
+    whose: ClassVar[str] = "the command serve"
+
+    offered: OfferedArmOptions = field(default_factory=OfferedArmOptions)
+    """The arm."""
+    cell: OfferedCellOptions = field(default_factory=OfferedCellOptions)
+    """What stands around it."""
+    service: ServiceOptions = field(default_factory=ServiceOptions)
+    """Where learners reach it, and who may."""
 
     def run(self, console: Console) -> int:
         """Serve until Ctrl-C or SIGTERM, then hold the arm and close."""
@@ -68,8 +95,9 @@ class Serve:
                 f"{install_command('rpc')}"
             ) from error
         names = ("--cert", "--key", "--client-ca")
+        service = self.service
         files = certificates(
-            cert=self.cert, key=self.key, ca=self.client_ca, names=names
+            cert=service.cert, key=service.key, ca=service.client_ca, names=names
         )
         end = threading.Event()
 
@@ -79,11 +107,12 @@ class Serve:
                 f"{now:%H:%M:%S} {line}", markup=False, highlight=False, soft_wrap=True
             )
 
-        address = _address(self)
-        builder = _builder(self, address)
-        warn_of_twin(console, self.twin, self.arm, self.robot)
+        offered = self.offered
+        address = _address(offered)
+        builder = _builder(self.cell, address)
+        warn_of_twin(console, offered.twin, offered.arm, self.cell.robot)
         try:
-            server = ArmServer(builder, self.listen, files, notify)
+            server = ArmServer(builder, service.listen, files, notify)
         except BaseException:
             builder.close()
             raise
@@ -117,10 +146,10 @@ def _show_status(console: Console, server: Any, end: threading.Event) -> None:
             line.update(server.service.status)
 
 
-def _builder(settings: Serve, address: ArmAddress) -> "ArmBuilder":
+def _builder(around: OfferedCellOptions, address: ArmAddress) -> "ArmBuilder":
     from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
 
-    cell = find_cell(settings.env, settings.robot, **settings.task_options)
+    cell = find_cell(around.env, around.robot, **around.task_options)
     plant = address.make_plant(cell)
     if plant is not None:
         return LocalBuilder(address.text, plant, address.period)
@@ -138,10 +167,10 @@ def _builder(settings: Serve, address: ArmAddress) -> "ArmBuilder":
     )
 
 
-def _address(settings: Serve) -> ArmAddress:
+def _address(settings: OfferedArmOptions) -> ArmAddress:
     text = settings.arm
     if settings.twin is not None:
-        if text != Serve.arm:
+        if text != OfferedArmOptions.arm:
             raise ConfigError("--arm and --twin exclude each other; give one")
         text = f"twin:{settings.twin}"
     address = parse_address(text)
