@@ -33,7 +33,7 @@ def test_the_readable_controller_gives_the_vectors(case):
 
 
 def test_the_file_has_the_model_that_it_was_made_with():
-    robot = vars(find_cell().loaded_robot())
+    robot = find_cell().loaded_robot().arrays()
     for name, value in GOLDEN["model"].items():
         np.testing.assert_allclose(robot[name], value, atol=1e-12)
 
