@@ -42,8 +42,8 @@ class ContactForce:
     peak: float
     """Largest in any control cycle [N]."""
     step: float
-    """Largest over the policy steps (50 ms) of the cycles' peaks' mean, as vectors: what
-    shakes to and fro cancels [N]."""
+    """Largest over the policy steps (50 ms) of the mean of the cycles' peaks [N]. It is
+    one of vectors: what shakes to and fro cancels."""
     cycles: int
     """Control cycles in contact; 0 where the arm does not measure it."""
 
