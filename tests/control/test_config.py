@@ -175,8 +175,8 @@ def test_settings_are_taken_by_their_names(robot):
     limits = LimitConfig.for_period(robot, 1e-3)
     with pytest.raises(ConfigError, match=r"of the limits: deltaq; .* mean delta_q\?"):
         limits.having(deltaq=0.01)
-    with pytest.raises(ConfigError, match=r"of the law: stifness; .* mean stiffness\?"):
-        OscConfig.for_period(1e-3, stifness=100.0)
+    with pytest.raises(ConfigError, match=r"of the law: stifnes; .* mean stiffness\?"):
+        OscConfig.for_period(1e-3, stifnes=100.0)
     again = LimitConfig.of(**limits.flat())
     np.testing.assert_equal(again.flat(), limits.flat())
     assert again != limits  # arrays have no one answer: each is only itself
