@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms import from_address
+from dovetail.arms import fri_transport
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import parse_endpoint
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
 from dovetail.arms.local_arm import LocalArm
+from dovetail.arms.transport import list_schemes, part_of_transport
 from dovetail.control.task_spec import TaskSpec
 from dovetail.durations import parse_time
 from dovetail.envs.arm_setup import build_arm
@@ -204,11 +205,21 @@ def test_what_an_address_names_cannot_be_given_twice():
         build_arm("fri://0.0.0.0", find_cell(), TASK, physics)
 
 
+def test_a_transport_is_found_by_its_file():
+    assert list_schemes() == ("fri", "grpc")
+    addresses = {name: parse_address(f"{name}://127.0.0.1") for name in list_schemes()}
+    addresses["local"] = parse_address("mujoco")
+    assert {name: a.transport for name, a in addresses.items()} == {
+        name: name for name in addresses
+    }
+    assert all(callable(part_of_transport(name, "build_arm")) for name in addresses)
+
+
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
-        from_address,
-        "fri_arm",
+        fri_transport,
+        "build_arm",
         lambda address, cell, s: built.append((s.limits.joints.delta_v, s.period)),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):

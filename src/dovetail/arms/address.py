@@ -3,15 +3,12 @@
 from pathlib import Path
 
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
+from dovetail.arms.transport import list_schemes, part_of_transport
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import PLANTS
 
-NETWORK = {"fri": FriAddress.parse, "grpc": GrpcAddress.parse}
-"""Who reads an address with a host and a port, by its scheme."""
-SCHEMES = (*PLANTS, "twin:NAME", *(f"{scheme}://HOST:PORT" for scheme in NETWORK))
+SCHEMES = (*PLANTS, "twin:NAME", *(f"{name}://HOST:PORT" for name in list_schemes()))
 """How an address may look."""
 
 
@@ -32,8 +29,8 @@ def parse_address(text: str) -> ArmAddress:
     if text.startswith("twin:") and len(text) > len("twin:"):
         return TwinAddress(text=text, config=text.removeprefix("twin:"))
     scheme, separator, _ = text.partition("://")
-    if separator and scheme in NETWORK:
-        return NETWORK[scheme](text)
+    if separator and scheme in list_schemes():
+        return part_of_transport(scheme, "parse")(text)
     raise ConfigError(f"arm {text!r} is unknown; known addresses: {', '.join(SCHEMES)}")
 
 

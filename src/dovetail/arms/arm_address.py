@@ -28,6 +28,8 @@ class ArmAddress(ABC):
     margins: Literal["model", "hardware"] = "hardware"
     """Limit margins: for an arm that is as the model says, or for one that is not."""
 
+    transport: ClassVar[str]
+    """Name of what builds its arm; see `arms.transport`."""
     is_here: ClassVar[bool] = False
     """Whether it is a simulation of this process: any number can be built."""
     is_service: ClassVar[bool] = False

@@ -84,6 +84,7 @@ class FriAddress(Sectioned, ArmAddress):
     """
 
     whose: ClassVar[str] = "the address of an arm behind FRI"
+    transport: ClassVar[str] = "fri"
     measures_contact: ClassVar[bool] = False
     periods: ClassVar[tuple[float, ...]] = FRI_PERIODS
     period_name: ClassVar[str] = "control period of an arm behind FRI"

@@ -17,6 +17,7 @@ _FILES = ("ca", "cert", "key")
 class GrpcAddress(ArmAddress):
     """A service that owns an arm and its controller, here or on another machine."""
 
+    transport: ClassVar[str] = "grpc"
     is_service: ClassVar[bool] = True
 
     host: str

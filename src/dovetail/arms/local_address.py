@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.transport import LOCAL
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 class LocalAddress(ArmAddress):
     """A controller over a plant, both here."""
 
+    transport: ClassVar[str] = LOCAL
     is_here: ClassVar[bool] = True
 
     @property
