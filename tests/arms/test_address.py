@@ -213,6 +213,8 @@ def test_a_transport_is_found_by_its_file():
         name: name for name in addresses
     }
     assert all(callable(part_of_transport(name, "build_arm")) for name in addresses)
+    with pytest.raises(ConfigError, match="transport 'local' has no parse"):
+        part_of_transport("local", "parse")
 
 
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
