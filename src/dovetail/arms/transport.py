@@ -8,6 +8,7 @@ NAME as its `transport`. A new one needs no line elsewhere.
 import importlib
 import pkgutil
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ LOCAL = "local"
 _ENDING = "_transport"
 
 
+@cache
 def list_schemes() -> tuple[str, ...]:
     """Return the schemes of addresses on a network."""
     files = pkgutil.iter_modules([str(Path(__file__).parent)])
