@@ -112,7 +112,7 @@ void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   if (!has_last_ || limits_.estimate_rate == 0.0) return;
   double rate = limits_.estimate_rate;
   if (last_line_.cause() != EndCause::kNone) rate = std::min(rate, kEndRate);
-  const double share = 1.0 - std::exp(-rate * elapsed);
+  const double share = 1.0 - decay_.left(rate, elapsed);
   const Vec7 change = dq - dq_last_;
   const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
   const Vec7 most = kLargestSurprise * limits_.tau_max;

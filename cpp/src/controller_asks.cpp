@@ -72,29 +72,29 @@ void Controller::update_walls(double elapsed) noexcept {
   has_walls_ = true;
 }
 
-/// Speed limit of a TCP axis [m/s]: near_speed below the near plane, above it what can
-/// be braked to that in time.
-double Controller::speed_limit(int axis, const Target& target) const noexcept {
+/// Height over the near plane [m] in which the tool can be braked to near_speed.
+double Controller::braking_room(const Target& target) const noexcept {
   const Vec3 normal = target.near_plane.head<3>();
   const double fall = std::min(normal.dot(tool_.twist.head<3>()), 0.0);
   const double height = normal.dot(tool_.p) - target.near_plane[3];
-  const double room = std::max(height + kNearTime * fall, 0.0);
+  return std::max(height + kNearTime * fall, 0.0);
+}
+
+/// Speed limit of a TCP axis [m/s]: near_speed below the near plane, above it what can
+/// be braked to that in the room that there is.
+double Controller::speed_limit(int axis, double room) const noexcept {
   const double brake = limits_.eta_wall * limits_.ddx_max[axis];
   return std::sqrt(limits_.near_speed * limits_.near_speed + 2.0 * brake * room);
 }
 
-/// The Target, its f* cut to near_press against the near plane's normal: below the
-/// plane whole, above it less and less over kNearBand, so that nothing switches.
-Target Controller::without_press(const Target& target) const noexcept {
+/// How much of f* against the near plane's normal is more than near_press [m/s2]: below
+/// the plane whole, above it less and less over kNearBand, so that nothing switches.
+double Controller::excess_press(const Target& target) const noexcept {
   const Vec3 normal = target.near_plane.head<3>();
   const double height = normal.dot(tool_.p) - target.near_plane[3];
   const double share = 1.0 - std::clamp(height / kNearBand, 0.0, 1.0);
   const double press = normal.dot((target.f_tare - target.f_star).head<3>());
-  Target eased = target;
-  if (share > 0.0 && press > limits_.near_press) {
-    eased.f_star.head<3>() += share * (press - limits_.near_press) * normal;
-  }
-  return eased;
+  return share * std::max(press - limits_.near_press, 0.0);
 }
 
 /// `under_push` of a limit that nothing is held against at.
@@ -112,12 +112,13 @@ void Controller::keep_inside(const Target& target, Vec6& f_star,
   Vec3 drift = terms_.J.topRows<3>() * (Minv_ * -lost).eval();
   if (!osc_.params().use_jdot) drift += terms_.dJdq.head<3>();
   const bool is_qp = limits_.scheme == Scheme::kQp;
-  const Vec6 wanted = desired_motion(target).velocity;
+  const Vec6 wanted = desired_velocity(target);
+  const double room = braking_room(target);
   unsigned upper = 0;
   unsigned lower = 0;
   for (int i = 0; i < 3; ++i) {
     if (osc_.task()[i] == AxisMode::kFree) continue;
-    const double near = speed_limit(i, target);
+    const double near = speed_limit(i, room);
     const double speed = tool_.twist[i];
     const bool is_force = osc_.task()[i] == AxisMode::kForce;
     const double surface =
@@ -168,8 +169,15 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
                              StepResult& result) noexcept {
   if (!has_posture_) posture_ = q;
   has_posture_ = true;
-  Vec6 f_star = osc_.desired_acceleration(
-      tool_.p, tool_.R, tool_.twist, limits_.walls ? without_press(target) : target);
+  Vec6 f_star;
+  const double excess = limits_.walls ? excess_press(target) : 0.0;
+  if (excess > 0.0) {
+    Target eased = target;
+    eased.f_star.head<3>() += excess * target.near_plane.head<3>();
+    f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, eased);
+  } else {
+    f_star = osc_.desired_acceleration(tool_.p, tool_.R, tool_.twist, target);
+  }
   stay(target, f_star);
   const Vec3 asked = f_star.head<3>();
   if (limits_.walls) keep_inside(target, f_star, result);

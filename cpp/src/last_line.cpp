@@ -84,8 +84,8 @@ bool LastLine::swings(int joint, const LastLineInput& input,
 
 bool LastLine::check(const LastLineInput& input) noexcept {
   if (!is_on_) return false;
-  const Fading fading{std::exp(-kForget * input.elapsed),
-                      1.0 - std::exp(-kSlowRate * input.elapsed)};
+  const Fading fading{forget_.left(kForget, input.elapsed),
+                      1.0 - slow_.left(kSlowRate, input.elapsed)};
   for (int i = 0; i < kNumJoints; ++i) {
     if (swings(i, input, fading)) {
       const Swing& s = swing_[static_cast<std::size_t>(i)];

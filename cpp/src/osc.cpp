@@ -94,17 +94,20 @@ double twist_about_z(const Mat3& R) noexcept {
   return std::remainder(2.0 * std::atan2(quat.z(), quat.w()), 2.0 * M_PI);
 }
 
+Vec6 desired_velocity(const Target& target) noexcept {
+  if (target.age >= kPathTime) return Vec6::Zero();
+  return target.velocity_d + target.age * target.acceleration_d;
+}
+
 DesiredMotion desired_motion(const Target& target) noexcept {
   const double t = std::min(target.age, kPathTime);
   const Vec6 way = t * target.velocity_d + (0.5 * t * t) * target.acceleration_d;
   const Quaterniond quat =
       rotation_from_vector(way.tail<3>()) * quaternion(target.quat_wxyz_d);
   DesiredMotion motion{target.position_d + way.head<3>(),
-                       Vec4(quat.w(), quat.x(), quat.y(), quat.z()), Vec6::Zero(),
-                       Vec6::Zero()};
-  if (target.age >= kPathTime) return motion;
-  motion.velocity = target.velocity_d + t * target.acceleration_d;
-  motion.acceleration = target.acceleration_d;
+                       Vec4(quat.w(), quat.x(), quat.y(), quat.z()),
+                       desired_velocity(target), Vec6::Zero()};
+  if (target.age < kPathTime) motion.acceleration = target.acceleration_d;
   return motion;
 }
 
@@ -119,6 +122,7 @@ OperationalSpace::OperationalSpace(const OscParams& params, const TaskSpec& task
                       ? 2.0 * params.damping_ratio[i] * std::sqrt(params.stiffness[i])
                       : params.force_damping[i];
     has_free_ = has_free_ || task[i] == AxisMode::kFree;
+    follows_measured_ = follows_measured_ || !(is_linear || is_impedance(task[i]));
   }
 }
 
@@ -126,15 +130,19 @@ void OperationalSpace::reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept
   p_hold_ = p_hold;
   error_.setZero();
   forget_turn();
-  R_hold_ = quaternion(quat_hold).normalized().toRotationMatrix();
+  const Quaterniond hold(quaternion(quat_hold).normalized().toRotationMatrix());
+  quat_hold_ = Vec4(hold.w(), hold.x(), hold.y(), hold.z());
 }
 
 Mat3 OperationalSpace::desired_rotation(const Mat3& R,
                                         const Vec4& quat_wxyz) const noexcept {
   const Quaterniond quat_d = quaternion(quat_wxyz).normalized();
-  const Quaterniond quat_hold(R_hold_);
+  const Quaterniond quat_hold = quaternion(quat_hold_);
   const SwingTwist wanted = split_about_z(quat_d * quat_hold.conjugate());
-  const SwingTwist measured = split_about_z(Quaterniond(R) * quat_hold.conjugate());
+  SwingTwist measured;  // what no axis follows need not be known
+  if (follows_measured_) {
+    measured = split_about_z(Quaterniond(R) * quat_hold.conjugate());
+  }
   Vec3 swing = Vec3::Zero();
   for (int i = 0; i < 2; ++i) {
     const AxisMode mode = task_[3 + i];

@@ -60,7 +60,8 @@ class DualActiveSet {
     const Mat7 L = factor.matrixL();
     const Mat7 L_inverse =
         L.template triangularView<Eigen::Lower>().solve(Mat7::Identity());
-    gradient_.setZero();
+    gradient_.template rightCols<kDim - 7>().setZero();
+    gradient_.template bottomLeftCorner<kPadded - kRows, 7>().setZero();
     gradient_.template block<7, 7>(0, 0) = L_inverse.transpose();
     gradient_.template block<3, 7>(kWall, 0) = problem.Jc * L_inverse.transpose();
     gradient_.template block<7, 7>(kTorque, 0) = L;

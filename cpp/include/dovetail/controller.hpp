@@ -7,6 +7,7 @@
 #include "dovetail/bounds.hpp"
 #include "dovetail/chain.hpp"
 #include "dovetail/cholesky.hpp"
+#include "dovetail/decay.hpp"
 #include "dovetail/last_line.hpp"
 #include "dovetail/osc.hpp"
 #include "dovetail/state_check.hpp"
@@ -103,8 +104,9 @@ class Controller {
   void update_walls(double elapsed) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
   double below(double limit, double push, double speed) const noexcept;
-  double speed_limit(int axis, const Target& target) const noexcept;
-  Target without_press(const Target& target) const noexcept;
+  double braking_room(const Target& target) const noexcept;
+  double speed_limit(int axis, double room) const noexcept;
+  double excess_press(const Target& target) const noexcept;
   void keep_inside(const Target& target, Vec6& f_star,
                    StepResult& result) const noexcept;
   void follow_task(const Vec7& q, const Vec7& dq, const Target& target,
@@ -172,6 +174,7 @@ class Controller {
 
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally
+  Decay decay_;  // of what the disturbance was
   Vec7 disturbance_ = Vec7::Zero();
   Vec7 weight_ = Vec7::Zero();  // the disturbance's slow part [Nm]
   Vec7 a_last_ = Vec7::Zero();

@@ -12,6 +12,7 @@
 #include <array>
 #include <cstdint>
 
+#include "dovetail/decay.hpp"
 #include "dovetail/types.hpp"
 
 namespace dovetail {
@@ -75,6 +76,7 @@ class LastLine {
   Vec7 dq_end_;  // three fifths of the speed margin are used beyond it [rad/s]
   bool is_on_;
   std::array<Swing, 7> swing_;
+  Decay forget_, slow_;
   double work_ = 0.0;  // that limiters did of late [J]
   EndCause cause_ = EndCause::kNone;
   int joint_ = -1;

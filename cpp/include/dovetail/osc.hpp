@@ -26,6 +26,9 @@ struct DesiredMotion {
 /// The Target's path: constant acceleration, ended after `kPathTime`.
 [[nodiscard]] DesiredMotion desired_motion(const Target& target) noexcept;
 
+/// How that pose moves now [m/s, rad/s].
+[[nodiscard]] Vec6 desired_velocity(const Target& target) noexcept;
+
 /// The task at one state; rows of free axes are zero throughout.
 struct OscTerms {
   Mat67 J;      ///< task Jacobian, rotation rows scaled by L
@@ -102,8 +105,9 @@ class OperationalSpace {
   Vec6 damping_;  // D per row [1/s]
   double period_;
   bool has_free_ = false;
+  bool follows_measured_ = false;  // a rotation axis without impedance
   Vec3 p_hold_ = Vec3::Zero();
-  Mat3 R_hold_ = Mat3::Identity();
+  Vec4 quat_hold_{1.0, 0.0, 0.0, 0.0};
   Vec3 error_ = Vec3::Zero();  // the last rotation error [rad]
   bool has_turn_ = false;
   Vec4 quat_turn_{1.0, 0.0, 0.0, 0.0};  // the desired rotation on its way
