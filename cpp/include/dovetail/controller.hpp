@@ -174,7 +174,7 @@ class Controller {
 
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally
-  Decay decay_;  // of what the disturbance was
+  Decay decay_;            // of what the disturbance was
   Vec7 disturbance_ = Vec7::Zero();
   Vec7 weight_ = Vec7::Zero();  // the disturbance's slow part [Nm]
   Vec7 a_last_ = Vec7::Zero();
