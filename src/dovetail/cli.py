@@ -126,9 +126,16 @@ def _run_command(name: str, words: list[str]) -> int:
         if is_page:
             print(help_page(settings, name, groups))
             raise SystemExit(0)
+        from dovetail.commands.box_titles import titled_by
+
         words = ["--help" if word == "--help-all" else word for word in words]
-        flat = (tyro.conf.OmitArgPrefixes,)
-        given = tyro.cli(settings, args=words, prog=prog, config=flat)
+        given = tyro.cli(
+            settings,
+            args=words,
+            prog=prog,
+            config=(tyro.conf.OmitArgPrefixes,),
+            registry=titled_by(),
+        )
         return given.run(make_console())
     from dovetail.commands.task_flags import describe_options, find_task, parse
 

@@ -1,10 +1,14 @@
 """The help of commands with many options: groups, each option on a line."""
 
 import importlib
+from dataclasses import is_dataclass
+from itertools import pairwise
+from typing import get_args
 
 import pytest
 
 from dovetail.cli import COMMANDS, run
+from dovetail.commands.help_page import title_of
 from dovetail.control.sections import settings_in
 from dovetail.tasks.options import option_types
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -16,9 +20,23 @@ GROUPED = {
 }
 
 
+def pages():
+    """Every command that has a help, subcommands too, and its settings."""
+    for name, (settings, _) in COMMANDS.items():
+        kind = vars(importlib.import_module(f"dovetail.commands.{name}"))[settings]
+        if is_dataclass(kind):
+            yield name, kind
+        for part in get_args(kind):
+            inner, subcommand = get_args(part)
+            yield f"{name} {subcommand.name}", inner
+
+
+PAGES = dict(pages())
+
+
 def shown(name, capsys, option="--help"):
     with pytest.raises(SystemExit) as stop:
-        run([name, option])
+        run([*name.split(), option])
     assert stop.value.code == 0
     return capsys.readouterr().out.splitlines()
 
@@ -32,6 +50,20 @@ def test_every_option_is_in_one_group(name):
     module = GROUPED[name]
     grouped = [field for names in module["GROUPS"].values() for field in names]
     assert sorted(grouped) == sorted(settings_in(module[COMMANDS[name][0]]))
+
+
+@pytest.mark.parametrize("option", ["--help", "--help-all"])
+@pytest.mark.parametrize("name", PAGES)
+def test_options_are_titled_in_words(name, option, capsys, monkeypatch):
+    """Not by the fields that lead to them, as "cell.task-options options"."""
+    monkeypatch.setenv("COLUMNS", "100")
+    settings = settings_in(PAGES[name]).values()
+    lines = ["", *(line.strip() for line in shown(name, capsys, option))]
+    titles = {line for above, line in pairwise(lines) if line and not above}
+    said = {title_of(s.owner) for s in settings if s.owner is not PAGES[name]}
+    assert said <= titles
+    sections = {field for s in settings for field in s.trail[:-1]}
+    assert not [t for t in titles if t in sections or t.endswith(" options")]
 
 
 @pytest.mark.parametrize("width", [60, 80, 100, 200])

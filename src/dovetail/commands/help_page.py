@@ -64,10 +64,19 @@ def sections_of(settings: type) -> Groups:
     for name, setting in settings_in(settings).items():
         title = "options"
         if setting.owner is not settings:
-            said = (inspect.getdoc(setting.owner) or "").partition(".")[0]
-            title = said[:1].lower() + said[1:]
+            title = title_of(setting.owner)
         groups.setdefault(title, []).append(name)
     return groups
+
+
+def title_of(section: type) -> str:
+    """Return the title of a section: the first sentence of its docstring."""
+    return to_title((inspect.getdoc(section) or "").partition(".")[0])
+
+
+def to_title(sentence: str) -> str:
+    """Return a sentence as a title."""
+    return sentence[:1].lower() + sentence[1:].rstrip(".")
 
 
 def _option(setting: Setting) -> str:

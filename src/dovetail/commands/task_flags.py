@@ -8,13 +8,9 @@ from typing import Any, get_args
 
 import tyro
 from tyro.conf import Fixed
-from tyro.constructors import (
-    ConstructorRegistry,
-    StructConstructorSpec,
-    StructFieldSpec,
-    StructTypeInfo,
-)
+from tyro.constructors import StructConstructorSpec, StructFieldSpec, StructTypeInfo
 
+from dovetail.commands.box_titles import titled_by
 from dovetail.commands.field_words import field_words
 from dovetail.control.sections import settings_in
 from dovetail.envs.registered import old_fixture_word, task_class
@@ -68,11 +64,10 @@ def parse(
         ConfigError: The task has an option, or a word for the fixture, that means
             something else to the command.
     """
-    task, registry = task or find_task(words), ConstructorRegistry()
+    task = task or find_task(words)
     fixture = _fixture_option(task, _names(settings))
 
-    @registry.struct_rule
-    def _(info: StructTypeInfo) -> StructConstructorSpec | None:
+    def options(info: StructTypeInfo) -> StructConstructorSpec | None:
         if info.type is TaskOptions:
             return StructConstructorSpec(_given, _fields(task, info.default))
         return _without_fixed(info)
@@ -82,7 +77,7 @@ def parse(
         args=[fixture.sub("--fixture", word) for word in words],
         prog=prog,
         config=(tyro.conf.OmitArgPrefixes,),
-        registry=registry,
+        registry=titled_by(options),
         **({} if default is None else {"default": default}),
     )
 

@@ -122,7 +122,7 @@ def settings_in(kind: type) -> Mapping[str, Setting]:
     found: dict[str, Setting] = {}
     for f in fields(kind):
         section, usual = f.type, _usual(f)
-        if not _is_section(section):
+        if not is_section(section):
             found[f.name] = Setting((f.name,), kind, section, usual)
             continue
         for name, inner in settings_in(section).items():
@@ -137,7 +137,8 @@ def settings_in(kind: type) -> Mapping[str, Setting]:
     return found
 
 
-def _is_section(kind: Any) -> TypeGuard[type]:
+def is_section(kind: Any) -> TypeGuard[type]:
+    """Say whether the type of a field is a section."""
     return isinstance(kind, type) and is_dataclass(kind)
 
 
@@ -152,7 +153,7 @@ def _made(kind: type, given: Mapping[Trail, Any]) -> Any:
     usual = {f.name: _usual(f) for f in fields(kind)}
     after, deeper = _by_section(given)
     for f in fields(kind):
-        if usual[f.name] is MISSING and _is_section(f.type):
+        if usual[f.name] is MISSING and is_section(f.type):
             after[f.name] = _made(f.type, deeper.pop(f.name, {}))
     return kind(**after, **_sections_changed(usual, deeper))
 

@@ -16,7 +16,10 @@ _PLAIN = (str, float, int, bool)
 
 
 class TaskOptions(dict[str, Any]):
-    """Options of a task that are given, by name; the others are the task's own."""
+    """Details of the task.
+
+    Options of it that are given, by name; the others are the task's own.
+    """
 
 
 def option_types(task: type[Task]) -> dict[str, type]:
