@@ -1,11 +1,13 @@
 """STOP is in view and Escape stops, whatever a person scrolled or clicked before."""
 
+import time
+
 import pytest
 
 from .conftest import from_benchmarks
 
 driven = from_benchmarks("cockpit_browser")
-ESCAPE = "\ue00c"
+ESCAPE, CONTROL, SHIFT = "\ue00c", "\ue009", "\ue008"
 SIZES = {"wide": (driven.WIDTH, driven.HEIGHT), "narrow": (420, 800)}
 
 
@@ -78,3 +80,60 @@ def test_escape_stops_whatever_was_clicked_before(browser, cockpit, monkeypatch)
     kinds = list(clicked.values())
     assert kinds.count("input") >= 8
     assert kinds.count("button") >= 24
+
+
+def show_hint(browser):
+    """Rest the mouse on viser's icon of the commands, and give it the focus."""
+    from selenium.webdriver import ActionChains
+
+    icon = browser.execute_script(
+        "const icons = [...document.querySelectorAll('.mantine-ActionIcon-root')];"
+        "return icons.find((icon) => icon.querySelector('.tabler-icon-list-search'))"
+    )
+    ActionChains(browser).move_to_element(icon).perform()
+    driven.wait_for(lambda: is_shown(browser, "[role=tooltip]"))
+    browser.execute_script("arguments[0].focus()", icon)
+
+
+def open_palette(browser):
+    """Open viser's list of commands, and search in it."""
+    from selenium.webdriver import ActionChains
+
+    keys = ActionChains(browser)
+    keys.key_down(CONTROL).send_keys("k").key_up(CONTROL).perform()
+    driven.wait_for(lambda: is_shown(browser, ".mantine-Spotlight-search"))
+    driven.press(browser, "res")
+
+
+def hold_shift(browser):
+    """Press Shift, and keep it."""
+    from selenium.webdriver import ActionChains
+
+    ActionChains(browser).key_down(SHIFT).perform()
+
+
+def is_shown(browser, selector):
+    """Whether the page has such an element in view."""
+    return browser.execute_script(
+        "return document.querySelector(arguments[0])?.checkVisibility()", selector
+    )
+
+
+@pytest.mark.parametrize("before", [show_hint, open_palette, hold_shift])
+def test_each_escape_is_one_stop_whatever_takes_keys_before(
+    before, browser, cockpit, monkeypatch
+):
+    from selenium.webdriver import ActionChains
+
+    session, _ = cockpit
+    stops = []
+    monkeypatch.setattr(session, "stop", lambda: stops.append(True))
+    before(browser)
+    try:
+        for presses in (1, 2, 3):
+            driven.press(browser, ESCAPE)
+            driven.wait_for(lambda presses=presses: len(stops) >= presses, timeout=5.0)
+    finally:
+        ActionChains(browser).key_up(SHIFT).perform()
+    time.sleep(0.3)  # a second stop would be there by now
+    assert len(stops) == 3

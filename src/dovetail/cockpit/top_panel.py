@@ -38,18 +38,23 @@ _ON_TOP = """<style class="on-top">
   [role=button][aria-label$=" panel Drive"] { display: none !important; }
 }
 </style>"""
-# The browser keeps keys for a field that has the focus: a choice, or its own search.
-# Escape leaves the field, and is then pressed on the page, where it is the stop.
+# Viser hears a key at the page's root, and some never get there: it leaves out what is
+# pressed in a field or with Shift, and an icon's hint keeps the Escape that closes it.
+# So Escape is pressed on the root itself, before anything else gets it. What has the
+# focus still gets its own, which ends below the root: one press is one stop.
 _ESCAPE = """<img alt="" src="data:," style="display: none" onerror="
 if (!window.escapeStops) {
   window.escapeStops = true;
+  const root = document.documentElement;
   window.addEventListener('keydown', (event) => {
-    if (event.key !== 'Escape' || !event.target.matches('input, textarea, select'))
-      return;
-    event.target.blur();
-    document.documentElement.dispatchEvent(new KeyboardEvent(
+    if (event.key !== 'Escape' || event.target === root) return;
+    document.activeElement?.blur();
+    root.dispatchEvent(new KeyboardEvent(
       'keydown', {key: 'Escape', code: 'Escape', bubbles: true}));
   }, true);
+  document.body.addEventListener('keydown', (event) => {
+    if (event.key === 'Escape') event.stopPropagation();
+  });
 }">"""
 
 Callback = Callable[[Any], None]
