@@ -85,6 +85,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
     disturbance_.setZero();
     weight_.setZero();
   }
+  of_jump_.setZero();
   dq_last_.setZero();
   tau_last_.setZero();
   a_last_.setZero();
@@ -118,7 +119,9 @@ void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
   const Vec7 most = kLargestSurprise * limits_.tau_max;
   const Vec7 lost =
       terms_.M * change / elapsed + h_ + viscous - tau_last_ - disturbance_;
+  const Vec7 before = disturbance_;
   disturbance_ += share * lost.cwiseMax(-most).cwiseMin(most);
+  if (check_.is_jump()) of_jump_ = disturbance_ - before;
   const Vec7 largest = kLargestEstimate * limits_.tau_max;
   disturbance_ = disturbance_.cwiseMax(-largest).cwiseMin(largest);
   if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
@@ -345,14 +348,20 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
                             const Target& target, double elapsed) noexcept {
   const bool is_time = std::isfinite(elapsed) && elapsed < kLongestTime;
   const double since = is_time && elapsed > kShortestTime ? elapsed : period_;
-  check_.take(q_measured, dq_measured, a_last_, terms_.M.diagonal(), since);
+  check_.take(q_measured, dq_measured, a_last_, Minv_ * of_jump_, terms_.M.diagonal(),
+              since);
   const Vec7& q = check_.q();
   const Vec7& dq = check_.dq();
   const bool is_number = is_configuration(q_measured) && is_speed(dq_measured);
   const bool is_believed = check_.implausible() == 0;
   const bool is_ended = last_line_.cause() != EndCause::kNone;
+  if (check_.is_jump() || check_.is_return()) {
+    if (check_.is_return()) disturbance_ -= of_jump_;
+    of_jump_.setZero();
+  }
   // Where belief comes back, its step is no push.
-  if (is_believed && was_believed_) update_disturbance(dq, since);
+  if (is_believed && was_believed_ && !check_.is_return())
+    update_disturbance(dq, since);
   was_believed_ = is_believed;
   StepResult result;
   if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time ||

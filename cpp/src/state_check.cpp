@@ -57,8 +57,8 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   dq_ = dq_seen_ = dq;
   seen_.fill(q);
   since_ = since_seen_ = 0.0;
-  implausible_ = agreed_ = repeated_ = in_doubt_ = 0;
-  is_surprised_ = is_remarked_ = is_refused_ = false;
+  implausible_ = agreed_ = repeated_ = in_doubt_ = without_ = 0;
+  is_surprised_ = is_jump_ = is_return_ = is_remarked_ = is_refused_ = false;
   is_fresh_ = true;
 }
 
@@ -79,6 +79,21 @@ bool StateCheck::is_within(const Vec7& farther, const Vec7& faster,
 bool StateCheck::is_remarkable(const Vec7& farther, const Vec7& faster) const noexcept {
   return farther.cwiseAbs().maxCoeff() > remarkable_way_ ||
          faster.cwiseAbs().maxCoeff() > remarkable_speed_;
+}
+
+/// Whether the way of this sample is the one without the surprise that was believed.
+/// Then it is taken.
+bool StateCheck::returns(const Vec7& q, const Vec7& dq, const Vec7& inertia) noexcept {
+  if (without_ == 0 || !is_within(q - q_without_, Vec7::Zero(), inertia)) return false;
+  const bool is_speed_too = is_within(Vec7::Zero(), dq - dq_without_, inertia);
+  q_ = q;
+  dq_ = is_speed_too ? dq : dq_without_;
+  without_ = implausible_ = agreed_ = 0;
+  since_ = 0.0;
+  is_surprised_ = false;
+  is_return_ = true;
+  in_doubt_ = kDoubt;
+  return true;
 }
 
 /// The prediction stands for this sample.
@@ -132,10 +147,12 @@ bool StateCheck::is_first(const Vec7& q, const Vec7& dq,
          (dq.cwiseAbs() - fastest).maxCoeff() <= 0.0;
 }
 
-void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& inertia,
-                      double elapsed) noexcept {
+void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& of_jump,
+                      const Vec7& inertia, double elapsed) noexcept {
   const Vec7 q_next = q_ + elapsed * dq_ + (0.5 * elapsed * elapsed) * a;
-  const Vec7 dq_next = (dq_ + elapsed * a).cwiseMax(-dq_max_).cwiseMin(dq_max_);
+  // Nothing that is expected makes a joint too fast; one that is slows down from there.
+  const Vec7 fastest = dq_max_.cwiseMax(dq_.cwiseAbs());
+  const Vec7 dq_next = (dq_ + elapsed * a).cwiseMax(-fastest).cwiseMin(fastest);
   const bool is_number = is_configuration(q) && is_speed(dq);
   // The first sample after a reset that is where the reset said: it may be in motion.
   const bool is_start = is_fresh_ && is_number && is_first(q, dq, elapsed);
@@ -146,10 +163,14 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     seen_.fill(q);
     return;
   }
-  is_remarked_ = is_refused_ = false;
+  is_jump_ = is_return_ = is_remarked_ = is_refused_ = false;
   since_ += elapsed;
   since_seen_ += elapsed;
   in_doubt_ = std::max(in_doubt_ - 1, 0);
+  without_ = std::max(without_ - 1, 0);
+  const Vec7 a_without = a - of_jump;
+  q_without_ += elapsed * dq_without_ + (0.5 * elapsed * elapsed) * a_without;
+  dq_without_ += elapsed * a_without;
   // An old sample, until too many say the same: then the arm does stand there.
   const bool was_seen = is_number && is_old(q);
   const bool is_late =
@@ -165,6 +186,10 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
       is_number &&
       is_near(q, dq, q_next, dq_next, kick, is_surprised_ ? 0.0 : kBlowSpeed, since_);
   const bool is_expected = is_plausible && is_within(q - q_next, dq - dq_next, inertia);
+  if (is_number && !is_expected && returns(q, dq, inertia)) {
+    remember(q, dq_);
+    return;
+  }
   // Not where it was expected: does it agree with the sample before?
   const bool agrees =
       is_number && is_near(q, dq, seen_[newest_] + since_seen_ * dq_seen_, dq_seen_,
@@ -185,11 +210,25 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     is_remarked_ = is_remarkable(q - q_next, dq - dq_next);
     q_ = q_next + (q - q_next);
     dq_ = dq_next + (dq - dq_next);
-    if (is_confirmed) in_doubt_ = kDoubt;
+    if (is_confirmed) {
+      in_doubt_ = kDoubt;
+      if (without_ == 0) {
+        is_jump_ = true;
+        q_without_ = q_next;
+        dq_without_ = dq_next;
+        without_ = kRemembered;
+      }
+    }
   } else {
     is_refused_ = !is_surprised_ || was_surprised;
     if (is_refused_) ++implausible_;
     refuse(q_next, dq_next);
+    // One of two samples is wrong, then: it may be the surprise that was believed.
+    if (is_refused_ && without_ > 0) {
+      q_.swap(q_without_);
+      dq_.swap(dq_without_);
+      is_return_ = true;
+    }
   }
 }
 

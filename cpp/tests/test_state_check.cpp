@@ -27,7 +27,7 @@ struct Check {
   Check() { check.reset(q, dq); }
 
   void take(const Vec7& q_seen, const Vec7& dq_seen) {
-    check.take(q_seen, dq_seen, Vec7::Zero(), Vec7::Ones(), kPeriod);
+    check.take(q_seen, dq_seen, Vec7::Zero(), Vec7::Zero(), Vec7::Ones(), kPeriod);
   }
 
   void move() { q += kPeriod * dq; }
@@ -182,6 +182,60 @@ BOOST_AUTO_TEST_CASE(a_surprise_is_believed_and_leaves_a_doubt) {
       q = q_expected;
       dq = dq_expected;
     }
+    move();
+    take(q, dq);
+    BOOST_TEST(check.implausible() == 0);
+    BOOST_TEST((check.q() - q).norm() < 1e-12);
+    BOOST_TEST((check.dq() - dq).norm() < 1e-12);
+  }
+}
+
+/// A speed that is made of positions is wrong twice: where a wrong one comes, and where
+/// it goes.
+BOOST_AUTO_TEST_CASE(a_surprise_that_the_next_sample_knows_nothing_of_was_none) {
+  for (const double speed_error : {0.0, -0.25}) {
+    check.reset(q, dq);
+    take(q, dq);
+    move();
+    Vec7 wrong = q, wrong_speed = dq;
+    wrong[2] += 0.5 * kPeriod * 0.25;
+    wrong_speed[2] += 0.25;
+    take(wrong, wrong_speed);
+    BOOST_TEST(check.implausible() == 0);
+    BOOST_TEST(check.is_jump());
+    move();
+    Vec7 seen = dq;
+    seen[2] += speed_error;
+    take(q, seen);
+    BOOST_TEST(check.implausible() == 0);
+    BOOST_TEST(check.is_return());
+    BOOST_TEST((check.q() - q).norm() < 1e-12);
+    BOOST_TEST((check.dq() - dq).norm() < 1e-12);
+    move();
+    take(q, dq);
+    BOOST_TEST(!(check.is_jump() || check.is_return()));
+    BOOST_TEST((check.q() - q).norm() < 1e-12);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(of_a_surprise_and_what_contradicts_it_either_may_be_wrong) {
+  for (const bool is_real : {true, false}) {
+    check.reset(q, dq);
+    take(q, dq);
+    move();
+    Vec7 blow = Vec7::Zero();
+    blow[2] = 0.25;
+    take(q + 0.5 * kPeriod * blow, dq + blow);
+    if (is_real) {
+      dq += blow;
+      q += 0.5 * kPeriod * blow;
+    }
+    move();
+    Vec7 wrong = q;
+    wrong[4] += 0.05;
+    take(wrong, dq);
+    BOOST_TEST(check.implausible() == 1);
+    if (!is_real) BOOST_TEST((check.dq() - dq).norm() < 1e-12);
     move();
     take(q, dq);
     BOOST_TEST(check.implausible() == 0);

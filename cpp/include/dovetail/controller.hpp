@@ -176,7 +176,8 @@ class Controller {
   bool has_last_ = false;  // the last cycle ended normally
   Decay decay_;            // of what the disturbance was
   Vec7 disturbance_ = Vec7::Zero();
-  Vec7 weight_ = Vec7::Zero();  // the disturbance's slow part [Nm]
+  Vec7 of_jump_ = Vec7::Zero();  // what the last surprise was worth of it [Nm]
+  Vec7 weight_ = Vec7::Zero();   // the disturbance's slow part [Nm]
   Vec7 a_last_ = Vec7::Zero();
   Vec7 a0_last_ = Vec7::Zero();
   Target target_last_;

@@ -17,6 +17,11 @@
 ///
 /// After each of them the state is in doubt for a while.
 ///
+/// Where a surprise is believed, what was expected without it is kept for a while: a
+/// later sample whose way fits that again, and not the surprise, unmasks the surprise
+/// as a wrong sample. Its way is believed; its speed only where that fits, too, for a
+/// speed made of positions is wrong once more where a wrong one ends.
+///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed.
 #pragma once
@@ -39,9 +44,10 @@ class StateCheck {
 
   /// Takes a sample `elapsed` [s] after the last one.
   /// \param a        acceleration expected since then [rad/s2]
+  /// \param of_jump  what of it is there for the last surprise alone [rad/s2]
   /// \param inertia  diagonal of the joint inertia, rotors included [kg m2]
-  void take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& inertia,
-            double elapsed) noexcept;
+  void take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& of_jump,
+            const Vec7& inertia, double elapsed) noexcept;
 
   const Vec7& q() const noexcept { return q_; }    ///< believed [rad]
   const Vec7& dq() const noexcept { return dq_; }  ///< believed [rad/s]
@@ -54,6 +60,10 @@ class StateCheck {
   bool is_in_doubt() const noexcept { return in_doubt_ > 0; }
   /// Whether the last one was old or implausible, which no motion is.
   bool is_refused() const noexcept { return is_refused_; }
+  /// Whether the last one was the first surprise of a while that was believed.
+  bool is_jump() const noexcept { return is_jump_; }
+  /// Whether that surprise is not believed any more, since the last one.
+  bool is_return() const noexcept { return is_return_; }
   /// Whether the last one was believed as it is, but is worth much to the limits.
   bool is_remarked() const noexcept { return is_remarked_; }
 
@@ -72,6 +82,7 @@ class StateCheck {
   bool is_within(const Vec7& farther, const Vec7& faster,
                  const Vec7& inertia) const noexcept;
   bool is_remarkable(const Vec7& farther, const Vec7& faster) const noexcept;
+  bool returns(const Vec7& q, const Vec7& dq, const Vec7& inertia) noexcept;
   void refuse(const Vec7& q_next, const Vec7& dq_next) noexcept;
   void remember(const Vec7& q, const Vec7& dq) noexcept;
 
@@ -84,13 +95,17 @@ class StateCheck {
   std::array<Vec7, kRemembered> seen_;  // the last samples, believed or not
   int newest_ = 0;                      // of them
   Vec7 dq_seen_ = Vec7::Zero();
-  double since_ = 0.0;       // time since a sample was believed [s]
-  double since_seen_ = 0.0;  // time since the newest of seen_ [s]
+  Vec7 q_without_, dq_without_;  // where the arm is if the last surprise was none
+  int without_ = 0;              // cycles for which that is kept, to go
+  double since_ = 0.0;           // time since a sample was believed [s]
+  double since_seen_ = 0.0;      // time since the newest of seen_ [s]
   int implausible_ = 0;
   int agreed_ = 0;
   int repeated_ = 0;           // samples in a row that were seen before
   int in_doubt_ = 0;           // cycles to go
   bool is_surprised_ = false;  // the last sample was plausible, and not believed
+  bool is_jump_ = false;
+  bool is_return_ = false;
   bool is_remarked_ = false;
   bool is_refused_ = false;
   bool is_fresh_ = true;  // nothing was taken since the reset

@@ -1,0 +1,38 @@
+"""Wrong positions behind FRI, where velocities are made of them."""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
+MOST = 20.0  # Nm, of one cycle
+
+
+@pytest.fixture(scope="module")
+def spikes():
+    """The benchmark."""
+    sys.path.insert(0, BENCHMARKS)
+    yield importlib.import_module("bad_samples")
+    sys.path.remove(BENCHMARKS)
+
+
+@pytest.mark.parametrize(
+    ("scene", "seed"),
+    [
+        ("rest", 0),  # 32 Nm: the torque that answered one wrong sample was held
+        ("motion", 0),  # 65 Nm after two, and 4 cycles outside a wall
+        ("motion", 2),  # 5 cycles outside a wall, after five in turns of sign
+    ],
+)
+def test_a_spike_on_a_late_arm_is_worth_a_bounded_torque(spikes, scene, seed):
+    case = spikes.Case("hard", scene, "observed", 0.005)
+    rng = np.random.default_rng([seed, *map(ord, case.name)])
+    case.episode(rng, is_clean=True)
+    while case.tally.spikes < 420:
+        case.episode(rng, is_clean=False)
+    case.arm.close()
+    assert case.tally.broken == 0
+    assert 1.0 < case.tally.step < MOST, case.tally.worst
