@@ -128,3 +128,19 @@ def test_axes_that_do_not_tilt_are_refused_with_what_to_give():
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
         CornerSearchConfig.of(**wrong)
+
+
+def test_what_is_pushed_off_the_fixture_goes_back_to_it():
+    """It searched on beside the block, ever deeper."""
+    env, core = make((0.0, 0.0), max_steps=200)
+    actor = CornerSearch(core)
+    observation, _ = env.reset(seed=3)
+    success = ended = cut = is_pushed = False
+    while not (ended or cut):
+        if actor.phase in ("touch", "slide", "seat") and not is_pushed:
+            is_pushed = True
+            core.arm.push(np.array([40.0, 20.0, 20.0]), 0.6)
+        observation, _, ended, cut, info = env.step(actor(observation))
+        success = info["success"]
+    assert is_pushed
+    assert success

@@ -50,6 +50,8 @@ _LOST = 0.00024
 """Depth above which a corner that leaned in the opening has come out [m]."""
 _BESIDE = 0.010
 """Depth that a tilted part has only beside the fixture [m]."""
+_ASTRAY = 0.010
+"""Way beyond the widest ring and the opening that is no path's [m]."""
 _SHAKES = 2.5
 """How often a push goes from side to side [Hz]."""
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
@@ -109,6 +111,8 @@ class CornerSearch:
         most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
         self._air_speed = min(self.config.air.speed, most)
         """What an action asks for at most."""
+        self._farthest = max(self.config.slide.rings) + self._wide + _ASTRAY
+        """Way from the fixture on which the part is where no path leads [m]."""
         self.reset()
 
     def _without_wedging(self, play: float) -> float:
@@ -131,6 +135,8 @@ class CornerSearch:
     def __call__(self, observation: NDArray[np.float32], /) -> NDArray[np.float32]:
         """Return the next action; what is measured is read from the arm's state."""
         self._look()
+        if self._phase != self._go_over and self._is_astray():
+            self._search()
         self._steps += 1
         self._track.append(self._end)
         force, tilt = self._phase()
@@ -220,6 +226,10 @@ class CornerSearch:
         if is_in:
             self._fell_at = self._corner * _LEVEL + 0.15 * self._part_corner
         return is_in
+
+    def _is_astray(self) -> bool:
+        """Say whether somebody pushed the part away: no path leads there."""
+        return math.hypot(*self._end[:2]) > self._farthest
 
     def _go_over(self) -> tuple[Vec3, float]:
         """Go through free air to where the path begins."""
