@@ -167,10 +167,12 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   since_ += elapsed;
   since_seen_ += elapsed;
   in_doubt_ = std::max(in_doubt_ - 1, 0);
-  without_ = std::max(without_ - 1, 0);
-  const Vec7 a_without = a - of_jump;
-  q_without_ += elapsed * dq_without_ + (0.5 * elapsed * elapsed) * a_without;
-  dq_without_ += elapsed * a_without;
+  if (without_ > 0) {
+    --without_;
+    const Vec7 a_without = a - of_jump;
+    q_without_ += elapsed * dq_without_ + (0.5 * elapsed * elapsed) * a_without;
+    dq_without_ += elapsed * a_without;
+  }
   // An old sample, until too many say the same: then the arm does stand there.
   const bool was_seen = is_number && is_old(q);
   const bool is_late =
