@@ -121,10 +121,10 @@ void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
       terms_.M * change / elapsed + h_ + viscous - tau_last_ - disturbance_;
   const Vec7 before = disturbance_;
   disturbance_ += share * lost.cwiseMax(-most).cwiseMin(most);
-  if (check_.is_jump()) of_jump_ = disturbance_ - before;
   const Vec7 largest = kLargestEstimate * limits_.tau_max;
   disturbance_ = disturbance_.cwiseMax(-largest).cwiseMin(largest);
   if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
+  of_jump_ = check_.is_jump() ? Vec7(disturbance_ - before) : (1.0 - share) * of_jump_;
   weight_ += std::min(kWeightRate * elapsed, 1.0) * (disturbance_ - weight_);
 }
 
@@ -264,13 +264,6 @@ void Controller::limit_by_cascade(StepResult& result) noexcept {
   }
 }
 
-/// What the last known motion needs to end, softly [rad/s2].
-Vec7 Controller::braking() const noexcept {
-  const double time = std::max(limits_.kappa * period_, 0.02);  // [s]
-  const Vec7 most = limits_.eta * limits_.ddq_max;
-  return (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
-}
-
 /// The damped hold: this acceleration, by a torque that holds against h, softly.
 StepResult Controller::hold(const Vec7& a, const Vec7& h) noexcept {
   StepResult result;
@@ -348,20 +341,18 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
                             const Target& target, double elapsed) noexcept {
   const bool is_time = std::isfinite(elapsed) && elapsed < kLongestTime;
   const double since = is_time && elapsed > kShortestTime ? elapsed : period_;
-  check_.take(q_measured, dq_measured, a_last_, Minv_ * of_jump_, terms_.M.diagonal(),
-              since);
+  const Vec7 inertia = terms_.M.diagonal();
+  check_.take(q_measured, dq_measured, a_last_, Minv_ * of_jump_, inertia, since);
   const Vec7& q = check_.q();
   const Vec7& dq = check_.dq();
   const bool is_number = is_configuration(q_measured) && is_speed(dq_measured);
   const bool is_believed = check_.implausible() == 0;
   const bool is_ended = last_line_.cause() != EndCause::kNone;
-  if (check_.is_jump() || check_.is_return()) {
-    if (check_.is_return()) disturbance_ -= of_jump_;
-    of_jump_.setZero();
-  }
+  if (check_.is_return()) disturbance_ -= of_jump_;
+  if (check_.is_return()) of_jump_ = -of_jump_;  // of the one that is kept now
   // Where belief comes back, its step is no push.
-  if (is_believed && was_believed_ && !check_.is_return())
-    update_disturbance(dq, since);
+  const bool may_learn = is_believed && was_believed_ && !check_.is_return();
+  if (may_learn) update_disturbance(dq, since);
   was_believed_ = is_believed;
   StepResult result;
   if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time ||
@@ -380,7 +371,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     }
     limit(result);
     if (!is_finite(result)) {
-      disturbance_.setZero();  // where it could stay
+      disturbance_ = of_jump_ = Vec7::Zero();  // where it could stay
       result = brake(q, dq);
     } else {
       if (!is_ended && !is_explained(target, dq, result, since)) {

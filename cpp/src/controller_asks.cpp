@@ -221,6 +221,13 @@ Vec7 Controller::held() const noexcept {
   return Minv_ * (disturbance_ / std::max(over, 1.0));
 }
 
+/// What the last known motion needs to end, softly [rad/s2].
+Vec7 Controller::braking() const noexcept {
+  const double time = std::max(limits_.kappa * period_, 0.02);  // [s]
+  const Vec7 most = limits_.eta * limits_.ddq_max;
+  return (-dq_last_ / time).cwiseMax(-most).cwiseMin(most);
+}
+
 /// Held where the motion ended, softly: what it was about is not known here. A limit
 /// then takes work from the arm and gives none: it is a stop to its own joint, by a
 /// torque of that joint alone (Gauss's principle), and braking is free. Elsewhere it
@@ -253,6 +260,7 @@ bool Controller::is_behind(int joint, double q) const noexcept {
 /// A loop with delay lives in the quick part of the estimate. What holds a joint at its
 /// limit stays: a load that grew as quickly would take it past the limit.
 void Controller::forget_quick_part(const Vec7& q) noexcept {
+  of_jump_.setZero();
   for (int i = 0; i < kNumJoints; ++i) {
     if (!is_behind(i, q[i])) disturbance_[i] = weight_[i];
   }

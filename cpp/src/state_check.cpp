@@ -81,10 +81,12 @@ bool StateCheck::is_remarkable(const Vec7& farther, const Vec7& faster) const no
          faster.cwiseAbs().maxCoeff() > remarkable_speed_;
 }
 
-/// Whether the way of this sample is the one without the surprise that was believed.
-/// Then it is taken.
-bool StateCheck::returns(const Vec7& q, const Vec7& dq, const Vec7& inertia) noexcept {
+/// Whether the way of this sample is the one without the surprise that was believed,
+/// rather than the one with it. Then it is taken.
+bool StateCheck::returns(const Vec7& q, const Vec7& dq, const Vec7& q_next,
+                         const Vec7& inertia) noexcept {
   if (without_ == 0 || !is_within(q - q_without_, Vec7::Zero(), inertia)) return false;
+  if ((q - q_without_).squaredNorm() >= (q - q_next).squaredNorm()) return false;
   const bool is_speed_too = is_within(Vec7::Zero(), dq - dq_without_, inertia);
   q_ = q;
   dq_ = is_speed_too ? dq : dq_without_;
@@ -188,7 +190,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
       is_number &&
       is_near(q, dq, q_next, dq_next, kick, is_surprised_ ? 0.0 : kBlowSpeed, since_);
   const bool is_expected = is_plausible && is_within(q - q_next, dq - dq_next, inertia);
-  if (is_number && !is_expected && returns(q, dq, inertia)) {
+  if (is_number && !is_expected && returns(q, dq, q_next, inertia)) {
     remember(q, dq_);
     return;
   }
@@ -226,7 +228,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     if (is_refused_) ++implausible_;
     refuse(q_next, dq_next);
     // One of two samples is wrong, then: it may be the surprise that was believed.
-    if (is_refused_ && without_ > 0) {
+    if (is_refused_ && implausible_ == 1 && without_ > 0) {
       q_.swap(q_without_);
       dq_.swap(dq_without_);
       is_return_ = true;

@@ -218,6 +218,22 @@ BOOST_AUTO_TEST_CASE(a_surprise_that_the_next_sample_knows_nothing_of_was_none) 
   }
 }
 
+/// A contact that brakes for several cycles: each way is near the one without it, too.
+BOOST_AUTO_TEST_CASE(a_surprise_that_goes_on_is_not_taken_back) {
+  dq[2] = 1.0;
+  check.reset(q, dq);
+  take(q, dq);
+  for (int k = 0; k < 4; ++k) {
+    q += kPeriod * dq;
+    q[2] -= 0.5 * kPeriod * 0.25;
+    dq[2] -= 0.25;
+    take(q, dq);
+    BOOST_TEST(check.implausible() == 0);
+    BOOST_TEST(!check.is_return());
+    BOOST_TEST((check.dq() - dq).norm() < 1e-12);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(of_a_surprise_and_what_contradicts_it_either_may_be_wrong) {
   for (const bool is_real : {true, false}) {
     check.reset(q, dq);

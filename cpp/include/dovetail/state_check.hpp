@@ -82,7 +82,8 @@ class StateCheck {
   bool is_within(const Vec7& farther, const Vec7& faster,
                  const Vec7& inertia) const noexcept;
   bool is_remarkable(const Vec7& farther, const Vec7& faster) const noexcept;
-  bool returns(const Vec7& q, const Vec7& dq, const Vec7& inertia) noexcept;
+  bool returns(const Vec7& q, const Vec7& dq, const Vec7& q_next,
+               const Vec7& inertia) noexcept;
   void refuse(const Vec7& q_next, const Vec7& dq_next) noexcept;
   void remember(const Vec7& q, const Vec7& dq) noexcept;
 
