@@ -1,0 +1,180 @@
+#include <boost/test/unit_test.hpp>
+#include <cmath>
+#include <limits>
+
+#include "arm.hpp"
+#include "dovetail/rigid_plant.hpp"
+#include "dovetail/state_check.hpp"
+#include "dovetail/velocity_observer.hpp"
+
+using namespace dovetail;
+using namespace dovetail::testing;
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMostTorque = 20.0;  // [Nm] that one wrong sample may be worth
+
+/// The arm in closed loop, as a value: two of them can go on from the same cycle.
+struct Loop {
+  ChainParams chain = iiwa14_with_tool();
+  Controller controller;
+  RigidPlant plant;
+  Target target;
+
+  /// `LimitConfig.for_period` of a robot, and the rotors and friction of the nominal
+  /// arm.
+  static LimitParams limits(double period) {
+    LimitParams limits = limits_for(period);
+    const bool is_fast = period < 0.003;
+    limits.kappa = is_fast ? 27.5 : 7.5;
+    limits.delta_q = is_fast ? 0.012 : 0.045;
+    limits.delta_v = is_fast ? 0.15 : 0.30;
+    limits.delta_x = is_fast ? 0.015 : 0.020;
+    limits.estimate_rate = limits.brake_rate = is_fast ? 60.0 : 50.0;
+    limits.armature.setConstant(0.1);
+    limits.damping.setConstant(0.5);
+    return limits;
+  }
+
+  static OscParams law() {
+    OscParams osc;
+    osc.stiffness.tail<3>().setConstant(200.0);
+    return osc;
+  }
+
+  static PlantParams nominal() {
+    PlantParams params;
+    params.armature.setConstant(0.1);
+    params.damping.setConstant(0.5);
+    return params;
+  }
+
+  Loop(double period, std::uint64_t seed)
+      : controller(chain, law(), limits(period), kUsualTask, period),
+        plant(chain, chain, nominal()) {
+    std::mt19937_64 random(seed);
+    const Vec7 q = tool_down_posture() + random_vector(random, 0.05);
+    Vec3 p;
+    Mat3 R;
+    Chain(chain).pose(q, p, R);
+    plant.reset(q, random_vector(random, 0.3));
+    controller.reset(q, p, quat_of(R), plant.dq());
+    target.quat_wxyz_d = quat_of(R);
+    target.f_star.head<3>() = random_vector(random, 3.0).head<3>();
+    plant.set_external_force(random_vector(random, 10.0).head<3>());
+  }
+
+  StepResult step(const Vec7& q_error = Vec7::Zero(),
+                  const Vec7& dq_error = Vec7::Zero()) {
+    const StepResult result =
+        controller.step(plant.q() + q_error, plant.dq() + dq_error, target);
+    plant.apply(result.tau, controller.period());
+    return result;
+  }
+};
+
+}  // namespace
+
+BOOST_AUTO_TEST_SUITE(state_check_in_closed_loop)
+
+BOOST_AUTO_TEST_CASE(one_wrong_sample_of_any_size_is_worth_a_bounded_torque) {
+  std::mt19937_64 random(5);
+  double worst = 0.0, after = 0.0;
+  int believed = 0, refused = 0;
+  for (const double period : {0.001, 0.005}) {
+    for (int episode = 0; episode < 30; ++episode) {
+      Loop right(period, 100 + episode);
+      for (int k = 0; k < 30; ++k) static_cast<void>(right.step());
+      for (int error = 0; error < 20; ++error) {
+        const double size = std::pow(10.0, random_vector<Vec3>(random, 3.0)[0] - 2.0);
+        const int i = static_cast<int>(random() % 14);
+        Vec7 q_error = Vec7::Zero(), dq_error = Vec7::Zero();
+        (i < 7 ? q_error[i] : dq_error[i - 7]) = error % 2 == 0 ? size : -size;
+        if (error % 7 == 0) q_error = random_vector(random, size);
+        Loop a = right, b = right;
+        const StepResult good = a.step(), bad = b.step(q_error, dq_error);
+        (bad.flags.implausible ? refused : believed) += 1;
+        worst = std::max(worst, (good.tau - bad.tau).cwiseAbs().maxCoeff());
+        const StepResult good_next = a.step(), bad_next = b.step();
+        after = std::max(after, (good_next.tau - bad_next.tau).cwiseAbs().maxCoeff());
+      }
+    }
+  }
+  BOOST_TEST_MESSAGE("worst torque step " << worst << " Nm, then " << after);
+  BOOST_TEST(worst <= kMostTorque);
+  BOOST_TEST(after <= kMostTorque);
+  BOOST_TEST(worst > 1.0);
+  BOOST_TEST(believed > 100);
+  BOOST_TEST(refused > 100);
+}
+
+/// Bursts of wrong positions as an FRI client has them, its velocity made of them: they
+/// once left the believed state behind, and the torque with it, for 20 cycles.
+BOOST_AUTO_TEST_CASE(a_burst_of_wrong_positions_is_worth_a_bounded_step_and_is_over) {
+  std::mt19937_64 random(6);
+  for (const double period : {0.001, 0.005}) {
+    double worst = 0.0;
+    for (int episode = 0; episode < 40; ++episode) {
+      Loop loop(period, 300 + episode);
+      VelocityObserver observer(period, std::min(1.0, period / 0.005));
+      observer.reset(loop.plant.q());
+      loop.plant.reset(loop.plant.q(), Vec7::Zero());
+      loop.controller.believe(loop.plant.q(), Vec7::Zero());
+      const double size = std::pow(10.0, random_vector<Vec3>(random, 1.0)[0] - 2.0);
+      const Vec7 error = random_vector(random, size);
+      const int first = 40, last = first + 1 + episode % 5;
+      StepResult before;
+      for (int k = 0; k < last + 20; ++k) {
+        const bool is_bad = k >= first && k < last;
+        const double sign = episode % 3 == 0 && k % 2 == 0 ? -1.0 : 1.0;
+        const Vec7 seen = loop.plant.q() + (is_bad ? Vec7(sign * error) : Vec7::Zero());
+        const Vec7 dq = k == 0 ? observer.dq() : observer.update(seen, before.a);
+        const StepResult result = loop.controller.step(seen, dq, loop.target);
+        if (k >= first && k <= last + 10) {
+          worst = std::max(worst, (result.tau - before.tau).cwiseAbs().maxCoeff());
+        }
+        loop.plant.apply(result.tau, period);
+        before = result;
+      }
+      const StateCheck& check = loop.controller.state();
+      BOOST_TEST(check.implausible() == 0);
+      BOOST_TEST(!check.is_in_doubt());
+    }
+    BOOST_TEST_MESSAGE("worst torque step " << worst << " Nm");
+    BOOST_TEST(worst <= kMostTorque);
+    BOOST_TEST(worst > 1.0);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(the_first_lost_sample_changes_nothing_and_the_second_is_held) {
+  Loop loop(0.001, 3);
+  for (int k = 0; k < 50; ++k) static_cast<void>(loop.step());
+  Loop blind = loop;
+  const Vec7 lost = Vec7::Constant(kNaN);
+  const StepResult good = loop.step(), first = blind.step(lost);
+  BOOST_TEST(first.flags.implausible);
+  BOOST_TEST(first.flags.bad_input);
+  BOOST_TEST((first.tau - good.tau).cwiseAbs().maxCoeff() < 0.5);
+  const StepResult second = blind.step(lost);
+  BOOST_TEST(second.flags.implausible);
+  BOOST_TEST(second.flags.bad_input);
+  BOOST_TEST(second.a.dot(blind.controller.state().dq()) < 0.0);  // it brakes
+  const StepResult again = blind.step();
+  BOOST_TEST(!again.flags.implausible);
+  BOOST_TEST(!again.flags.bad_input);
+}
+
+BOOST_AUTO_TEST_CASE(a_jump_that_stays_is_a_damped_hold_until_it_is_believed) {
+  Loop loop(0.001, 4);
+  for (int k = 0; k < 50; ++k) static_cast<void>(loop.step());
+  Vec7 jump = Vec7::Zero();
+  jump[4] = 0.2;
+  for (int k = 1; k <= StateCheck::kAgreed + 1; ++k) {
+    const StepResult result = loop.step(jump);
+    BOOST_TEST(result.flags.implausible == (k <= StateCheck::kAgreed));
+    BOOST_TEST(result.flags.bad_input == (k > 1 && k <= StateCheck::kAgreed));
+  }
+}
+
+BOOST_AUTO_TEST_SUITE_END()
