@@ -249,6 +249,7 @@ def main() -> None:
         "--period",
         type=lambda text: float(text.removesuffix("ms")),
         nargs="+",
+        choices=PERIODS,
         default=PERIODS,
         help="[ms]: 1ms, 2.5ms",
     )

@@ -198,6 +198,24 @@ BOOST_AUTO_TEST_CASE(of_a_surprise_and_what_contradicts_it_either_may_be_wrong) 
   }
 }
 
+/// Else the arm would brake against a speed that comes and goes.
+BOOST_AUTO_TEST_CASE(of_a_surprise_and_many_wrong_samples_the_surprise_stays_off) {
+  take(q, dq);
+  move();
+  Vec7 blow = Vec7::Zero();
+  blow[2] = 0.25;
+  take(q + 0.5 * kPeriod * blow, dq + blow);
+  for (int k = 1; k <= 4; ++k) {
+    move();
+    Vec7 wrong = q;
+    wrong[4] += k % 2 == 0 ? 0.05 : -0.05;
+    take(wrong, dq);
+    BOOST_TEST(check.implausible() == k);
+    BOOST_TEST(check.is_return() == (k == 1));
+    BOOST_TEST((check.dq() - dq).norm() < 1e-12);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(a_surprise_after_a_wrong_sample_is_bridged_once_and_not_counted) {
   take(q, dq);
   move();

@@ -18,9 +18,11 @@
 /// After each of them the state is in doubt for a while.
 ///
 /// Where a surprise is believed, what was expected without it is kept for a while: a
-/// later sample whose way fits that again, and not the surprise, unmasks the surprise
-/// as a wrong sample. Its way is believed; its speed only where that fits, too, for a
-/// speed made of positions is wrong once more where a wrong one ends.
+/// later sample whose way fits that again, and better than the surprise, unmasks the
+/// surprise as a wrong sample. Its way is believed; its speed only where that fits,
+/// too, for a speed made of positions is wrong once more where a wrong one ends. After
+/// the first implausible sample the prediction without the surprise stands, and the one
+/// with it is kept in its place: either sample may have been the wrong one.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed.
@@ -62,7 +64,7 @@ class StateCheck {
   bool is_refused() const noexcept { return is_refused_; }
   /// Whether the last one was the first surprise of a while that was believed.
   bool is_jump() const noexcept { return is_jump_; }
-  /// Whether that surprise is not believed any more, since the last one.
+  /// Whether the prediction that is kept was put in the believed one's place.
   bool is_return() const noexcept { return is_return_; }
   /// Whether the last one was believed as it is, but is worth much to the limits.
   bool is_remarked() const noexcept { return is_remarked_; }
