@@ -350,6 +350,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
   const bool is_ended = last_line_.cause() != EndCause::kNone;
   if (check_.is_return()) disturbance_ -= of_jump_;
   if (check_.is_return()) of_jump_ = -of_jump_;  // of the one that is kept now
+  if (check_.is_jump()) of_jump_.setZero();      // until it is learned
   // Where belief comes back, its step is no push.
   const bool may_learn = is_believed && was_believed_ && !check_.is_return();
   if (may_learn) update_disturbance(dq, since);

@@ -209,6 +209,8 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     reset(q, dq);
     in_doubt_ = kDoubt;
   } else if (is_expected || is_confirmed) {
+    // The surprise that was taken off was none: this sample does not fit it, either.
+    if (implausible_ > 0) without_ = 0;
     implausible_ = 0;
     since_ = 0.0;
     is_remarked_ = is_remarkable(q - q_next, dq - dq_next);

@@ -216,6 +216,25 @@ BOOST_AUTO_TEST_CASE(of_a_surprise_and_many_wrong_samples_the_surprise_stays_off
   }
 }
 
+/// Else a second wrong sample would bring the refuted one back.
+BOOST_AUTO_TEST_CASE(what_is_kept_of_a_surprise_is_forgotten_with_the_next_sample) {
+  take(q, dq);
+  move();
+  Vec7 blow = Vec7::Zero();
+  blow[2] = 0.25;
+  take(q + 0.5 * kPeriod * blow, dq + blow);
+  BOOST_TEST(check.is_jump());
+  for (const double error : {0.05, 0.0, -0.05}) {
+    move();
+    Vec7 wrong = q;
+    wrong[4] += error;
+    take(wrong, dq);
+    BOOST_TEST(check.implausible() == (error == 0.0 ? 0 : 1));
+    BOOST_TEST((check.q() - q).norm() < 1e-12);
+    BOOST_TEST((check.dq() - dq).norm() < 1e-12);
+  }
+}
+
 BOOST_AUTO_TEST_CASE(a_surprise_after_a_wrong_sample_is_bridged_once_and_not_counted) {
   take(q, dq);
   move();

@@ -25,6 +25,7 @@ def spikes():
         ("rest", 0),  # 32 Nm: the torque that answered one wrong sample was held
         ("motion", 0),  # 65 Nm after two, and 4 cycles outside a wall
         ("motion", 2),  # 5 cycles outside a wall, after five in turns of sign
+        ("motion", 5),  # 38 cycles: a surprise came back that was refuted
     ],
 )
 def test_a_spike_on_a_late_arm_is_worth_a_bounded_torque(spikes, scene, seed):

@@ -22,7 +22,8 @@
 /// surprise as a wrong sample. Its way is believed; its speed only where that fits,
 /// too, for a speed made of positions is wrong once more where a wrong one ends. After
 /// the first implausible sample the prediction without the surprise stands, and the one
-/// with it is kept in its place: either sample may have been the wrong one.
+/// with it is kept in its place: either sample may have been the wrong one. The next
+/// one that is believed decides: the other prediction is forgotten.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed.
