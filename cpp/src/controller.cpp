@@ -16,9 +16,8 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Of tau_max: what the disturbance estimate takes of one measurement at most.
 constexpr double kLargestSurprise = 0.25;
-// Of tau_max: the most that is taken for a disturbance.
-constexpr double kLargestEstimate = 1.0;
-constexpr double kUsualEstimate = 0.3;  // ... except of a joint that is at its limit
+constexpr double kLargestEstimate = 1.0;  // ... that is taken for a disturbance
+constexpr double kUsualEstimate = 0.3;    // ... except of a joint that is at its limit
 
 constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
 // Then a wall is worth so much mass [kg]: held against a jam it would drive the joints.
@@ -340,9 +339,10 @@ StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
 StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
                             const Target& target, double elapsed) noexcept {
   const bool is_time = std::isfinite(elapsed) && elapsed < kLongestTime;
-  const double since = is_time && elapsed > kShortestTime ? elapsed : period_;
+  const double told = is_time && elapsed > kShortestTime ? elapsed : period_;
   const Vec7 inertia = terms_.M.diagonal();
-  check_.take(q_measured, dq_measured, a_last_, Minv_ * of_jump_, inertia, since);
+  check_.take(q_measured, dq_measured, a_last_, Minv_ * of_jump_, inertia, told);
+  const double since = told + check_.missed();
   const Vec7& q = check_.q();
   const Vec7& dq = check_.dq();
   const bool is_number = is_configuration(q_measured) && is_speed(dq_measured);

@@ -39,6 +39,9 @@ constexpr double kMostSpeed = 0.2;
 // over the interval of the limits, is remarked [rad/s2]: noise is less.
 constexpr double kRemarkable = 0.8;
 
+// A way that shows that more time went by [rad]: no sample is believed that far off.
+constexpr double kShown = 2.0 * kMostPosition;
+
 // Motion below which a repeated sample says nothing [rad].
 constexpr double kStill = 1e-6;
 
@@ -47,6 +50,7 @@ constexpr double kStill = 1e-6;
 StateCheck::StateCheck(const LimitParams& limits, double period) noexcept
     : dq_max_(limits.dq_max),
       tau_max_(limits.tau_max),
+      period_(period),
       remarkable_speed_(0.5 * kRemarkable * limits.kappa * period),
       remarkable_way_(remarkable_speed_ * limits.kappa * period) {
   seen_.fill(Vec7::Zero());
@@ -139,6 +143,23 @@ bool StateCheck::is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
   return true;
 }
 
+/// For how long before this sample messages were lost, not told [s]; 0 where none were.
+/// All joints must have come as far as in the longer time, at speeds between the last
+/// and this one; and one whose speed hardly changed must show it by its way.
+double StateCheck::missed(const Vec7& q, const Vec7& dq,
+                          double elapsed) const noexcept {
+  if ((dq.cwiseAbs() - kSpeedShare * dq_max_).maxCoeff() > 0.0) return 0.0;
+  const Vec7 mean = 0.5 * (dq_ + dq), half = 0.5 * (dq - dq_).cwiseAbs();
+  const Vec7 steady = (2.0 * half.array() <= kMostSpeed).select(mean.cwiseAbs(), 0.0);
+  for (int lost = 1; lost < kRemembered; ++lost) {
+    const double more = lost * period_, time = elapsed + more;
+    if (more * steady.maxCoeff() < kShown) continue;
+    const Vec7 beside = (q - q_ - time * mean).cwiseAbs() - time * half;
+    if (beside.maxCoeff() <= kNoisePosition) return more;
+  }
+  return 0.0;
+}
+
 /// Whether an arm that was reset here can be there now, at that speed.
 bool StateCheck::is_first(const Vec7& q, const Vec7& dq,
                           double elapsed) const noexcept {
@@ -166,6 +187,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     return;
   }
   is_jump_ = is_return_ = is_remarked_ = is_refused_ = false;
+  missed_ = 0.0;
   since_ += elapsed;
   since_seen_ += elapsed;
   in_doubt_ = std::max(in_doubt_ - 1, 0);
@@ -194,6 +216,9 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     remember(q, dq_);
     return;
   }
+  // Implausible; but after one that was believed it may be later than was told.
+  const bool may_miss = is_number && !is_plausible && since_ == elapsed;
+  if (may_miss) missed_ = missed(q, dq, elapsed);
   // Not where it was expected: does it agree with the sample before?
   const bool agrees =
       is_number && is_near(q, dq, seen_[newest_] + since_seen_ * dq_seen_, dq_seen_,
@@ -203,7 +228,8 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   const bool was_surprised = is_surprised_;
   // After a time without samples the prediction is worth less than the first of them.
   const bool was_blind = implausible_ > kRemembered;
-  const bool is_confirmed = is_plausible && !is_expected && (agrees || was_blind);
+  const bool is_confirmed =
+      missed_ > 0.0 || (is_plausible && !is_expected && (agrees || was_blind));
   is_surprised_ = is_plausible && !is_expected && !is_confirmed;
   if (agreed_ >= kAgreed) {
     reset(q, dq);

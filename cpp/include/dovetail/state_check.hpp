@@ -25,6 +25,10 @@
 /// with it is kept in its place: either sample may have been the wrong one. The next
 /// one that is believed decides: the other prediction is forgotten.
 ///
+/// An implausible sample may come late, where messages were lost and nobody told: up to
+/// five. It is believed as a surprise where every joint went as far as in that time, at
+/// speeds between the last two, and one that hardly changed its speed went visibly on.
+///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed.
 #pragma once
@@ -70,6 +74,9 @@ class StateCheck {
   /// Whether the last one was believed as it is, but is worth much to the limits.
   bool is_remarked() const noexcept { return is_remarked_; }
 
+  /// For how long before the last one samples were lost, as its way shows [s]; untold.
+  double missed() const noexcept { return missed_; }
+
   /// Samples in a row that must agree with one another before they are believed. More
   /// than a burst of five wrong ones has; and no more, for until then the arm is blind.
   static constexpr int kAgreed = 5;
@@ -79,6 +86,7 @@ class StateCheck {
  private:
   bool is_first(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
   bool is_old(const Vec7& q) const noexcept;
+  double missed(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
   bool is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
                const Vec7& dq_expected, const Vec7& kick, double blow,
                double time) noexcept;
@@ -93,6 +101,7 @@ class StateCheck {
   static constexpr int kRemembered = 6;  // a state that is late by five cycles
 
   Vec7 dq_max_, tau_max_;
+  double period_;
   double remarkable_speed_, remarkable_way_;  // beside what was expected [rad/s], [rad]
   Vec7 q_ = Vec7::Zero();
   Vec7 dq_ = Vec7::Zero();
@@ -103,6 +112,7 @@ class StateCheck {
   int without_ = 0;              // cycles for which that is kept, to go
   double since_ = 0.0;           // time since a sample was believed [s]
   double since_seen_ = 0.0;      // time since the newest of seen_ [s]
+  double missed_ = 0.0;          // before the last sample, not told [s]
   int implausible_ = 0;
   int agreed_ = 0;
   int repeated_ = 0;           // samples in a row that were seen before
