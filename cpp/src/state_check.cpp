@@ -145,15 +145,14 @@ bool StateCheck::is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
 
 /// For how long before this sample messages were lost, not told [s]; 0 where none were.
 /// All joints must have come as far as in the longer time, at speeds between the last
-/// and this one; and one whose speed hardly changed must show it by its way.
+/// and this one; and one of them must show it by its way, whatever its speed was.
 double StateCheck::missed(const Vec7& q, const Vec7& dq,
                           double elapsed) const noexcept {
   if ((dq.cwiseAbs() - kSpeedShare * dq_max_).maxCoeff() > 0.0) return 0.0;
   const Vec7 mean = 0.5 * (dq_ + dq), half = 0.5 * (dq - dq_).cwiseAbs();
-  const Vec7 steady = (2.0 * half.array() <= kMostSpeed).select(mean.cwiseAbs(), 0.0);
   for (int lost = 1; lost < kRemembered; ++lost) {
     const double more = lost * period_, time = elapsed + more;
-    if (more * steady.maxCoeff() < kShown) continue;
+    if ((more * mean.cwiseAbs() - time * half).maxCoeff() < kShown) continue;
     const Vec7 beside = (q - q_ - time * mean).cwiseAbs() - time * half;
     if (beside.maxCoeff() <= kNoisePosition) return more;
   }

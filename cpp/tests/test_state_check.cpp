@@ -237,15 +237,16 @@ BOOST_AUTO_TEST_CASE(what_is_kept_of_a_surprise_is_forgotten_with_the_next_sampl
 
 /// A tool was pushed, or slipped off, meanwhile: the arm must not be blind then.
 BOOST_AUTO_TEST_CASE(messages_that_were_lost_and_not_told_are_counted_by_the_way) {
-  for (const double push : {0.0, 80.0, -80.0}) {
+  const Vec7 one = 80.0 * Vec7::Unit(5), all = Vec7::Constant(50.0);
+  for (const Vec7& push : {Vec7(0.0 * all), one, Vec7(-one), all}) {
     for (int lost = 2; lost <= 5; ++lost) {
       dq.setConstant(1.2);
       check.reset(q, dq);
       take(q, dq);
       for (int k = 0; k <= lost; ++k) {
         move();
-        q[5] += 0.5 * kPeriod * kPeriod * push;
-        dq[5] += kPeriod * push;
+        q += 0.5 * kPeriod * kPeriod * push;
+        dq += kPeriod * push;
       }
       take(q, dq);
       BOOST_TEST(check.implausible() == 0);

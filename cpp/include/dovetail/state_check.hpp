@@ -27,7 +27,7 @@
 ///
 /// An implausible sample may come late, where messages were lost and nobody told: up to
 /// five. It is believed as a surprise where every joint went as far as in that time, at
-/// speeds between the last two, and one that hardly changed its speed went visibly on.
+/// speeds between the last two, and one of them visibly further than in the time told.
 ///
 /// Samples that agree with one another but not with the prediction are the arm after
 /// all: after `kAgreed` of them they are believed.
