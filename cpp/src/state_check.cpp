@@ -60,7 +60,7 @@ void StateCheck::reset(const Vec7& q, const Vec7& dq) noexcept {
   q_ = q;
   dq_ = dq_seen_ = dq;
   seen_.fill(q);
-  since_ = since_seen_ = 0.0;
+  since_ = since_seen_ = missed_ = 0.0;
   implausible_ = agreed_ = repeated_ = in_doubt_ = without_ = 0;
   is_surprised_ = is_jump_ = is_return_ = is_remarked_ = is_refused_ = false;
   is_fresh_ = true;
@@ -145,8 +145,9 @@ bool StateCheck::is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
 
 /// For how long before this sample messages were lost, not told [s]; 0 where none were.
 /// All joints must have come as far as in the longer time, at speeds between the last
-/// and this one; and one of them must show it by its way, whatever its speed was.
-double StateCheck::missed(const Vec7& q, const Vec7& dq,
+/// and this one, which became what it is as a surprise's may; and one of them must show
+/// it by its way, whatever its speed was.
+double StateCheck::missed(const Vec7& q, const Vec7& dq, const Vec7& kick,
                           double elapsed) const noexcept {
   if ((dq.cwiseAbs() - kSpeedShare * dq_max_).maxCoeff() > 0.0) return 0.0;
   const Vec7 mean = 0.5 * (dq_ + dq), half = 0.5 * (dq - dq_).cwiseAbs();
@@ -154,7 +155,10 @@ double StateCheck::missed(const Vec7& q, const Vec7& dq,
     const double more = lost * period_, time = elapsed + more;
     if ((more * mean.cwiseAbs() - time * half).maxCoeff() < kShown) continue;
     const Vec7 beside = (q - q_ - time * mean).cwiseAbs() - time * half;
-    if (beside.maxCoeff() <= kNoisePosition) return more;
+    const Vec7 shown = (kBlowWay / time) * (q - q_ - time * dq_).cwiseAbs();
+    const Vec7 most = (shown.array() + kBlowSpeed).min(time * kick.array());
+    const bool is_motion = (2.0 * half - most).maxCoeff() <= kNoiseSpeed;
+    if (is_motion && beside.maxCoeff() <= kNoisePosition) return more;
   }
   return 0.0;
 }
@@ -217,7 +221,7 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
   }
   // Implausible; but after one that was believed it may be later than was told.
   const bool may_miss = is_number && !is_plausible && since_ == elapsed;
-  if (may_miss) missed_ = missed(q, dq, elapsed);
+  if (may_miss) missed_ = missed(q, dq, kick, elapsed);
   // Not where it was expected: does it agree with the sample before?
   const bool agrees =
       is_number && is_near(q, dq, seen_[newest_] + since_seen_ * dq_seen_, dq_seen_,
@@ -243,7 +247,8 @@ void StateCheck::take(const Vec7& q, const Vec7& dq, const Vec7& a, const Vec7& 
     dq_ = dq_next + (dq - dq_next);
     if (is_confirmed) {
       in_doubt_ = kDoubt;
-      if (without_ == 0) {
+      // A late sample has way enough to be a wrong one: it must be what is taken back.
+      if (without_ == 0 || missed_ > 0.0) {
         is_jump_ = true;
         q_without_ = q_next;
         dq_without_ = dq_next;

@@ -3,8 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "arm.hpp"
-#include "dovetail/state_check.hpp"
+#include "checked_arm.hpp"
 
 using namespace dovetail;
 using namespace dovetail::testing;
@@ -12,24 +11,6 @@ using namespace dovetail::testing;
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-constexpr double kPeriod = 0.001;
-
-/// An arm whose inertia is 1 kg m2 in every joint, moving at 0.5 rad/s.
-struct Check {
-  LimitParams limits = limits_for(kPeriod);
-  StateCheck check{limits, kPeriod};
-  Vec7 q = tool_down_posture();
-  Vec7 dq = Vec7::Constant(0.5);
-
-  Check() { check.reset(q, dq); }
-
-  void take(const Vec7& q_seen, const Vec7& dq_seen) {
-    check.take(q_seen, dq_seen, Vec7::Zero(), Vec7::Zero(), Vec7::Ones(), kPeriod);
-  }
-
-  void move() { q += kPeriod * dq; }
-};
-
 }  // namespace
 
 BOOST_FIXTURE_TEST_SUITE(samples, Check)
@@ -233,70 +214,6 @@ BOOST_AUTO_TEST_CASE(what_is_kept_of_a_surprise_is_forgotten_with_the_next_sampl
     BOOST_TEST((check.q() - q).norm() < 1e-12);
     BOOST_TEST((check.dq() - dq).norm() < 1e-12);
   }
-}
-
-/// A tool was pushed, or slipped off, meanwhile: the arm must not be blind then.
-BOOST_AUTO_TEST_CASE(messages_that_were_lost_and_not_told_are_counted_by_the_way) {
-  const Vec7 one = 80.0 * Vec7::Unit(5), all = Vec7::Constant(50.0);
-  for (const Vec7& push : {Vec7(0.0 * all), one, Vec7(-one), all}) {
-    for (int lost = 2; lost <= 5; ++lost) {
-      dq.setConstant(1.2);
-      check.reset(q, dq);
-      take(q, dq);
-      for (int k = 0; k <= lost; ++k) {
-        move();
-        q += 0.5 * kPeriod * kPeriod * push;
-        dq += kPeriod * push;
-      }
-      take(q, dq);
-      BOOST_TEST(check.implausible() == 0);
-      BOOST_TEST(check.missed() == lost * kPeriod);
-      BOOST_TEST(check.is_jump());
-      BOOST_TEST((check.q() - q).norm() < 1e-12);
-      move();
-      take(q, dq);
-      BOOST_TEST(check.implausible() == 0);
-      BOOST_TEST(check.missed() == 0.0);
-      BOOST_TEST((check.q() - q).norm() < 1e-12);
-    }
-  }
-}
-
-BOOST_AUTO_TEST_CASE(what_only_one_of_the_joints_shows_is_no_lost_message) {
-  dq.setConstant(1.2);
-  for (const double error : {2.4e-3, 4.8e-3, 6e-3, 0.02}) {
-    check.reset(q, dq);
-    take(q, dq);
-    move();
-    Vec7 wrong = q;
-    wrong[2] += error;
-    take(wrong, dq);
-    BOOST_TEST(check.implausible() == 1);
-    BOOST_TEST(check.missed() == 0.0);
-    move();
-  }
-  check.reset(q, Vec7::Zero());  // at rest, its speed made of positions
-  take(q, Vec7::Zero());
-  take(q + 2e-3 * Vec7::Unit(2), 0.8 * Vec7::Unit(2));
-  BOOST_TEST(check.implausible() == 1);
-  BOOST_TEST(check.missed() == 0.0);
-}
-
-BOOST_AUTO_TEST_CASE(a_wrong_sample_that_was_taken_for_a_late_one_is_taken_back) {
-  dq.setZero();
-  dq[2] = 1.2;
-  check.reset(q, dq);
-  take(q, dq);
-  move();
-  Vec7 wrong = q;
-  wrong[2] += 3.0 * kPeriod * dq[2];
-  take(wrong, dq);
-  BOOST_TEST(check.missed() == 3.0 * kPeriod);
-  move();
-  take(q, dq);
-  BOOST_TEST(check.is_return());
-  BOOST_TEST((check.q() - q).norm() < 1e-12);
-  BOOST_TEST((check.dq() - dq).norm() < 1e-12);
 }
 
 BOOST_AUTO_TEST_CASE(a_surprise_after_a_wrong_sample_is_bridged_once_and_not_counted) {

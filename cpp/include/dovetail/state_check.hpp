@@ -86,7 +86,8 @@ class StateCheck {
  private:
   bool is_first(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
   bool is_old(const Vec7& q) const noexcept;
-  double missed(const Vec7& q, const Vec7& dq, double elapsed) const noexcept;
+  double missed(const Vec7& q, const Vec7& dq, const Vec7& kick,
+                double elapsed) const noexcept;
   bool is_near(const Vec7& q, const Vec7& dq, const Vec7& q_expected,
                const Vec7& dq_expected, const Vec7& kick, double blow,
                double time) noexcept;
