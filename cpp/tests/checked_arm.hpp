@@ -23,6 +23,25 @@ struct Check {
   }
 
   void move() { q += kPeriod * dq; }
+
+  /// Begins anew, at a speed.
+  void start(const Vec7& speed) {
+    dq = speed;
+    check.reset(q, dq);
+    take(q, dq);
+  }
+
+  /// Takes a speed that jumps in one joint, and its way; `is_real`: the arm has it.
+  void surprise(bool is_real) {
+    const Vec7 blow = 0.25 * Vec7::Unit(2), way = 0.5 * kPeriod * blow;
+    take(q + way, dq + blow);
+    if (!is_real) return;
+    dq += blow;
+    q += way;
+  }
+
+  /// Takes a sample whose position is wrong in one joint.
+  void take_wrong(int joint, double error) { take(q + error * Vec7::Unit(joint), dq); }
 };
 
 }  // namespace dovetail::testing

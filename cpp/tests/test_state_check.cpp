@@ -69,9 +69,7 @@ BOOST_AUTO_TEST_CASE(a_way_without_a_speed_and_a_speed_without_a_way_are_none) {
     check.reset(q, dq);
     take(q, dq);
     move();
-    Vec7 wrong = q;
-    wrong[4] += error;
-    take(wrong, dq);
+    take_wrong(4, error);
     BOOST_TEST(check.implausible() == 1);
   }
   for (const double error : {0.5, -2.0}) {
@@ -158,17 +156,9 @@ BOOST_AUTO_TEST_CASE(of_a_surprise_and_what_contradicts_it_either_may_be_wrong) 
     check.reset(q, dq);
     take(q, dq);
     move();
-    Vec7 blow = Vec7::Zero();
-    blow[2] = 0.25;
-    take(q + 0.5 * kPeriod * blow, dq + blow);
-    if (is_real) {
-      dq += blow;
-      q += 0.5 * kPeriod * blow;
-    }
+    surprise(is_real);
     move();
-    Vec7 wrong = q;
-    wrong[4] += 0.05;
-    take(wrong, dq);
+    take_wrong(4, 0.05);
     BOOST_TEST(check.implausible() == 1);
     if (!is_real) BOOST_TEST((check.dq() - dq).norm() < 1e-12);
     move();
@@ -183,14 +173,10 @@ BOOST_AUTO_TEST_CASE(of_a_surprise_and_what_contradicts_it_either_may_be_wrong) 
 BOOST_AUTO_TEST_CASE(of_a_surprise_and_many_wrong_samples_the_surprise_stays_off) {
   take(q, dq);
   move();
-  Vec7 blow = Vec7::Zero();
-  blow[2] = 0.25;
-  take(q + 0.5 * kPeriod * blow, dq + blow);
+  surprise(false);
   for (int k = 1; k <= 4; ++k) {
     move();
-    Vec7 wrong = q;
-    wrong[4] += k % 2 == 0 ? 0.05 : -0.05;
-    take(wrong, dq);
+    take_wrong(4, k % 2 == 0 ? 0.05 : -0.05);
     BOOST_TEST(check.implausible() == k);
     BOOST_TEST(check.is_return() == (k == 1));
     BOOST_TEST((check.dq() - dq).norm() < 1e-12);
@@ -201,15 +187,11 @@ BOOST_AUTO_TEST_CASE(of_a_surprise_and_many_wrong_samples_the_surprise_stays_off
 BOOST_AUTO_TEST_CASE(what_is_kept_of_a_surprise_is_forgotten_with_the_next_sample) {
   take(q, dq);
   move();
-  Vec7 blow = Vec7::Zero();
-  blow[2] = 0.25;
-  take(q + 0.5 * kPeriod * blow, dq + blow);
+  surprise(false);
   BOOST_TEST(check.is_jump());
   for (const double error : {0.05, 0.0, -0.05}) {
     move();
-    Vec7 wrong = q;
-    wrong[4] += error;
-    take(wrong, dq);
+    take_wrong(4, error);
     BOOST_TEST(check.implausible() == (error == 0.0 ? 0 : 1));
     BOOST_TEST((check.q() - q).norm() < 1e-12);
     BOOST_TEST((check.dq() - dq).norm() < 1e-12);
@@ -219,9 +201,7 @@ BOOST_AUTO_TEST_CASE(what_is_kept_of_a_surprise_is_forgotten_with_the_next_sampl
 BOOST_AUTO_TEST_CASE(a_surprise_after_a_wrong_sample_is_bridged_once_and_not_counted) {
   take(q, dq);
   move();
-  Vec7 wrong = q;
-  wrong[2] += 0.05;
-  take(wrong, dq);
+  take_wrong(2, 0.05);
   BOOST_TEST(check.implausible() == 1);
   const Vec7 q_expected = q + kPeriod * dq;
   dq[2] += 0.25;  // a blow, and then the arm as it is
@@ -306,9 +286,7 @@ BOOST_AUTO_TEST_CASE(samples_that_agree_are_believed_after_all_and_not_before) {
 BOOST_AUTO_TEST_CASE(samples_that_disagree_with_one_another_are_not_believed) {
   for (int k = 1; k <= 30; ++k) {
     move();
-    Vec7 wrong = q;
-    wrong[2] += k % 2 == 0 ? 0.3 : -0.3;
-    take(wrong, dq);
+    take_wrong(2, k % 2 == 0 ? 0.3 : -0.3);
     BOOST_TEST(check.implausible() == k);
   }
 }
