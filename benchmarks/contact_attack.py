@@ -32,8 +32,8 @@ class Attack:
     is_hardware: bool = True
     task: str | None = None
     policy: str | None = None
-    overrides: tuple[tuple[str, float], ...] = ()
-    """Of LimitConfig."""
+    overrides: tuple[tuple[str, Any], ...] = ()
+    """Of LimitConfig or OscConfig."""
     hold_on: float = 0.0
     """How long a try goes on with its last Target [s]."""
 

@@ -58,7 +58,7 @@ def settings_of(
     period: float,
     is_hardware: bool,
     task: str,
-    overrides: tuple[tuple[str, float], ...],
+    overrides: tuple[tuple[str, Any], ...],
     near_press: float,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits as the environment makes them."""
@@ -67,8 +67,10 @@ def settings_of(
         EnvConfig.of(period=period, near_press=near_press),
         is_hardware=is_hardware,
     )
-    usual, given = osc.flat() | limits.flat(), dict(overrides)
-    others: dict[str, Any] = {k: type(usual[k])(given[k]) for k in given}
+    usual = osc.flat() | limits.flat()
+    others: dict[str, Any] = {
+        k: v if isinstance(v, tuple) else type(usual[k])(v) for k, v in overrides
+    }
     law = {name: others.pop(name) for name in osc.flat().keys() & others.keys()}
     return osc.having(**law), limits.having(**others)
 
@@ -105,7 +107,7 @@ class Trial:
         seed: tuple[int, ...],
         *,
         is_hardware: bool = True,
-        overrides: tuple[tuple[str, float], ...] = (),
+        overrides: tuple[tuple[str, Any], ...] = (),
     ) -> None:
         """Build twin and controller.
 
@@ -125,8 +127,7 @@ class Trial:
         self.osc, self.limits = settings_of(
             period, is_hardware, choices.task, overrides, near_press_of(choices)
         )
-        self.robot = plant.robot
-        self.chain = self.robot.chain()
+        self.robot, self.chain = plant.robot, plant.robot.chain()
         self.true_chain = _true_chain(choices)
         self.controller = _core.Controller(
             self.chain,

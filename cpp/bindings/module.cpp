@@ -42,6 +42,7 @@ void bind_parameters(nb::module_& m) {
       .def_rw("damping_ratio", &OscParams::damping_ratio, "zeta, D = 2 zeta sqrt(K).")
       .def_rw("force_damping", &OscParams::force_damping, "D on force axes [1/s].")
       .def_rw("error_clamp_rotation", &OscParams::error_clamp_rotation, "[rad]")
+      .def_rw("move_speed", &OscParams::move_speed, "[m/s]")
       .def_rw("turn_speed", &OscParams::turn_speed, "[rad/s]")
       .def_rw("error_clamp_position", &OscParams::error_clamp_position, "[m]")
       .def_rw("f_clamp_linear", &OscParams::f_clamp_linear, "Largest |f*| [m/s2].")

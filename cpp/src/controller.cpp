@@ -307,8 +307,8 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   Vec7 explained = Vec7::Zero();
   if (is_new) explained = (result.a0 - a0_last_).cwiseAbs();
   if (is_new && !target.joint_mode) {
-    const Vec6 turn = task_terms_.Lambda * osc_.turn_to_come();
-    explained += (Minv_ * (task_terms_.J.transpose() * turn)).cwiseAbs();
+    const Vec6 way = task_terms_.Lambda * osc_.way_to_come();
+    explained += (Minv_ * (task_terms_.J.transpose() * way)).cwiseAbs();
   }
   // Less braking than was asked for is no drive: the arm must be driven, too.
   const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);

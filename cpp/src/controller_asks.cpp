@@ -196,7 +196,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
   has_posture_ = false;
-  osc_.forget_turn();
+  osc_.forget_way();
   const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held();
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
@@ -248,7 +248,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq, double elapsed,
     bounds_.lb[i] -= kFreeBraking * std::max(dq[i], 0.0);
   }
   has_posture_ = false;
-  osc_.forget_turn();
+  osc_.forget_way();
 }
 
 /// Whether a joint stands within a limit's margin, or beyond.

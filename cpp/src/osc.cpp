@@ -129,7 +129,7 @@ OperationalSpace::OperationalSpace(const OscParams& params, const TaskSpec& task
 void OperationalSpace::reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   p_hold_ = p_hold;
   error_.setZero();
-  forget_turn();
+  forget_way();
   const Quaterniond hold(quaternion(quat_hold).normalized().toRotationMatrix());
   quat_hold_ = Vec4(hold.w(), hold.x(), hold.y(), hold.z());
 }
@@ -155,32 +155,52 @@ Mat3 OperationalSpace::desired_rotation(const Mat3& R,
   return (rotation_from_vector(swing) * twist * quat_hold).toRotationMatrix();
 }
 
-/// Where the desired rotation is on its way to the Target's. A rotation that jumped
-/// would ask for more than the joints can give, and what they lack is missed elsewhere.
-Vec4 OperationalSpace::turned_to(const DesiredMotion& wanted, const Mat3& R) noexcept {
+/// Where the desired position is on its way to the Target's. A pose that jumped would
+/// ask for more than the joints can give, and what they lack is missed elsewhere.
+Vec3 OperationalSpace::moved_to(const DesiredMotion& wanted) noexcept {
+  Vec3 way = wanted.position - p_way_;
+  for (int i = 0; i < 3; ++i) {
+    if (task_[i] != AxisMode::kPose) way[i] = 0.0;
+  }
+  const double most = (params_.move_speed + wanted.velocity.head<3>().norm()) * period_;
+  const double length = way.norm();
+  p_way_ = length > most ? Vec3(p_way_ + way * (most / length)) : wanted.position;
+  way_.head<3>() = way;
+  return p_way_;
+}
+
+/// As moved_to, the desired rotation.
+Vec4 OperationalSpace::turned_to(const DesiredMotion& wanted) noexcept {
   const Quaterniond to = quaternion(wanted.quat_wxyz).normalized();
-  Quaterniond turn = has_turn_ ? quaternion(quat_turn_) : Quaterniond(R);
-  if (!has_turn_) way_.setZero();
-  has_turn_ = true;
-  way_ = gone_on_with(rotation_vector(to * turn.conjugate()), way_);
+  Quaterniond turn = quaternion(quat_way_);
+  const Vec3 way = gone_on_with(rotation_vector(to * turn.conjugate()), way_.tail<3>());
   const double most = (params_.turn_speed + wanted.velocity.tail<3>().norm()) * period_;
-  const double angle = way_.norm();
-  turn = angle > most ? rotation_from_vector(way_ * (most / angle)) * turn : to;
+  const double angle = way.norm();
+  turn = angle > most ? rotation_from_vector(way * (most / angle)) * turn : to;
   turn.normalize();
-  return quat_turn_ = Vec4(turn.w(), turn.x(), turn.y(), turn.z());
+  way_.tail<3>() = way;
+  return quat_way_ = Vec4(turn.w(), turn.x(), turn.y(), turn.z());
 }
 
 Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
                                             const Vec6& twist,
                                             const Target& target) noexcept {
   const DesiredMotion wanted = desired_motion(target);
+  if (!has_way_) {
+    const Quaterniond now(R);
+    p_way_ = p;
+    quat_way_ = Vec4(now.w(), now.x(), now.y(), now.z());
+    way_.setZero();
+    has_way_ = true;
+  }
+  const Vec3 p_d = moved_to(wanted);
   Vec6 error = Vec6::Zero();
   for (int i = 0; i < 3; ++i) {
-    if (task_[i] == AxisMode::kPose) error[i] = wanted.position[i] - p[i];
+    if (task_[i] == AxisMode::kPose) error[i] = p_d[i] - p[i];
     if (task_[i] == AxisMode::kHold) error[i] = p_hold_[i] - p[i];
   }
   if (is_impedance(task_[3]) || is_impedance(task_[4]) || is_impedance(task_[5])) {
-    const Mat3 R_d = desired_rotation(R, turned_to(wanted, R));
+    const Mat3 R_d = desired_rotation(R, turned_to(wanted));
     error_ = gone_on_with(rotation_vector(R_d * R.transpose()), error_);
     for (int i = 0; i < 3; ++i) {
       if (is_impedance(task_[3 + i])) error[3 + i] = error_[i];
@@ -203,13 +223,13 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
   return f;
 }
 
-Vec6 OperationalSpace::turn_to_come() const noexcept {
-  Vec3 way = way_;
-  clamp_norm(way, params_.error_clamp_rotation);
+Vec6 OperationalSpace::way_to_come() const noexcept {
+  Vec6 way = way_;
+  clamp_norm(way.head<3>(), params_.error_clamp_position);
+  clamp_norm(way.tail<3>(), params_.error_clamp_rotation);
   Vec6 f = Vec6::Zero();
-  for (int i = 3; i < 6; ++i) {
-    if (task_[i] == AxisMode::kPose)
-      f[i] = scale_[i] * params_.stiffness[i] * way[i - 3];
+  for (int i = 0; i < 6; ++i) {
+    if (task_[i] == AxisMode::kPose) f[i] = scale_[i] * params_.stiffness[i] * way[i];
   }
   return f;
 }

@@ -123,6 +123,7 @@ void check_osc(const OscParams& osc) {
   require_each("damping_ratio", osc.damping_ratio, "", kNotNegative);
   require_each("force_damping", osc.force_damping, "1/s", kNotNegative);
   require("error_clamp_rotation", osc.error_clamp_rotation, "rad", kPositive);
+  require("move_speed", osc.move_speed, "m/s", kPositive);
   require("turn_speed", osc.turn_speed, "rad/s", kPositive);
   require("error_clamp_position", osc.error_clamp_position, "m", kPositive);
   require("f_clamp_linear", osc.f_clamp_linear, "m/s2", kPositive);

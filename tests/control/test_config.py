@@ -20,15 +20,15 @@ def settings_of(config):
 
 
 @pytest.mark.parametrize(
-    ("period", "kappa", "delta_q", "delta_v", "delta_x", "k_rotation"),
+    ("period", "kappa", "delta_q", "delta_v", "delta_x"),
     [
-        (1e-3, 5, 2e-3, 0.01, 5e-3, 200),
-        (2e-3, 4, 3e-3, 0.02, 5e-3, 200),
-        (5e-3, 2.0, 5e-3, 0.05, 10e-3, 200),
+        (1e-3, 5, 2e-3, 0.01, 5e-3),
+        (2e-3, 4, 3e-3, 0.02, 5e-3),
+        (5e-3, 2.0, 5e-3, 0.05, 10e-3),
     ],
 )
 def test_limits_at_a_tabulated_period_are_the_table(
-    robot, period, kappa, delta_q, delta_v, delta_x, k_rotation
+    robot, period, kappa, delta_q, delta_v, delta_x
 ):
     limits = LimitConfig.for_period(robot, period, hardware=False)
     joints, disturbance = limits.joints, limits.disturbance
@@ -36,7 +36,13 @@ def test_limits_at_a_tabulated_period_are_the_table(
     assert (joints.delta_q, joints.delta_v) == (delta_q, delta_v)
     assert (joints.eta, limits.tool.delta_x) == (0.6, delta_x)
     assert (disturbance.estimate_rate, disturbance.brake_rate) == (60.0, 60.0)
-    assert OscConfig.for_period(period).axes.stiffness[5] == k_rotation
+
+
+@pytest.mark.parametrize("period", [1e-3, 2e-3, 2.5e-3, 5e-3])
+def test_the_law_is_the_same_at_each_period(period):
+    law, usual = OscConfig.for_period(period).flat(), OscConfig().flat()
+    for name, value in usual.items():
+        np.testing.assert_array_equal(law[name], value)
 
 
 @pytest.mark.parametrize(

@@ -53,19 +53,19 @@ class OperationalSpace {
   /// Latches the pose that `hold` axes keep and that `pose` rotations refer to.
   void reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
-  /// The next desired rotation is turned to from where the tool is then.
-  void forget_turn() noexcept { has_turn_ = false; }
+  /// The next desired pose is gone to from where the tool is then.
+  void forget_way() noexcept { has_way_ = false; }
 
-  /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes. The desired rotation
-  /// turns to the Target's at `turn_speed` more than the Target's own speed.
+  /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes. The desired pose goes to
+  /// the Target's at `move_speed` and `turn_speed` more than the Target's own speeds.
   /// \param p, R, twist  measured TCP position [m], axes and velocity
   [[nodiscard]] Vec6 desired_acceleration(const Vec3& p, const Mat3& R,
                                           const Vec6& twist,
                                           const Target& target) noexcept;
 
-  /// What the turn that is left will ask for, in rows as OscTerms::f has them: beside
+  /// What the way that is left will ask for, in rows as OscTerms::f has them: beside
   /// what is asked at once it is what a Target changes.
-  [[nodiscard]] Vec6 turn_to_come() const noexcept;
+  [[nodiscard]] Vec6 way_to_come() const noexcept;
 
   /// u0 = J^T Lambda (f* - dJ dq) + N M (posture - k dq) and what it is made of. The
   /// posture acts where no row of the whole tool is moved, those of free axes included.
@@ -94,7 +94,8 @@ class OperationalSpace {
   const TaskSpec& task() const noexcept { return task_; }
 
  private:
-  Vec4 turned_to(const DesiredMotion& wanted, const Mat3& R) noexcept;
+  Vec3 moved_to(const DesiredMotion& wanted) noexcept;
+  Vec4 turned_to(const DesiredMotion& wanted) noexcept;
   Mat3 desired_rotation(const Mat3& R, const Vec4& quat_wxyz) const noexcept;
   bool task_inertia(const Mat67& J, const Cholesky<7>& M_factor, const TaskSpec& task,
                     Mat6& Lambda) const noexcept;
@@ -109,9 +110,10 @@ class OperationalSpace {
   Vec3 p_hold_ = Vec3::Zero();
   Vec4 quat_hold_{1.0, 0.0, 0.0, 0.0};
   Vec3 error_ = Vec3::Zero();  // the last rotation error [rad]
-  bool has_turn_ = false;
-  Vec4 quat_turn_{1.0, 0.0, 0.0, 0.0};  // the desired rotation on its way
-  Vec3 way_ = Vec3::Zero();             // the last way left to the Target's [rad]
+  bool has_way_ = false;
+  Vec3 p_way_ = Vec3::Zero();          // the desired pose on its way
+  Vec4 quat_way_{1.0, 0.0, 0.0, 0.0};
+  Vec6 way_ = Vec6::Zero();  // the last way left to the Target's [m, rad]
 };
 
 }  // namespace dovetail

@@ -66,7 +66,8 @@ struct OscParams {
   Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
   Vec6 force_damping = Vec6::Zero();         ///< D on force axes [1/s]; 0 is the paper
   double error_clamp_rotation = 0.25;        ///< [rad]
-  double turn_speed = 1.0;  ///< of the desired rotation, where a Target's jumps [rad/s]
+  double move_speed = 0.25;  ///< of the desired position, where a Target's jumps [m/s]
+  double turn_speed = 0.8;   ///< of the desired rotation, where a Target's jumps [rad/s]
   double error_clamp_position = 0.1;  ///< [m]
   double f_clamp_linear = 30.0;       ///< largest |f*| per linear axis [m/s2]
   double f_clamp_angular = 200.0;     ///< largest |f*| per rotation axis [rad/s2]

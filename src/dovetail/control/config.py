@@ -50,7 +50,6 @@ _DELTA_Q_HARDWARE = (30e-3, 30e-3, 45e-3)  # rad; all that is declared at once
 _DELTA_V_HARDWARE = (0.30, 0.30, 0.35)
 _DELTA_X = (5e-3, 5e-3, 10e-3)  # m; docs/safety.md
 _DELTA_X_HARDWARE = (15e-3, 15e-3, 20e-3)
-_K_ROTATION = (200.0, 200.0, 200.0)  # 1/s2
 
 
 def check_period(period: float) -> float:
@@ -89,10 +88,9 @@ class OscConfig(Sectioned):
 
     @classmethod
     def for_period(cls, period: float, **overrides: Any) -> Self:
-        """Return the law for a control period [s]: softer rotations at 5 ms."""
-        k = float(np.interp(check_period(period), _PERIODS, _K_ROTATION))
-        settings: dict[str, Any] = {"stiffness": [400.0] * 3 + [k] * 3}
-        return cls.of(**(settings | overrides))
+        """Return the law for a control period [s]. Its defaults serve each period."""
+        check_period(period)
+        return cls.of(**overrides)
 
     def params(self) -> "_core.OscParams":
         """Copy into the C++ parameter struct."""

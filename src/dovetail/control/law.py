@@ -20,7 +20,7 @@ class AxisGains(Section):
     stiffness: Annotated[Vec6, Range(0.0, 1e4, "1/s2", _TASK_AXES)] = field(
         default_factory=lambda: np.full(6, 400.0)
     )
-    """Stiffness K of pose and hold axes [1/s2], unit mass; less at long periods."""
+    """Stiffness K of pose and hold axes [1/s2], unit mass."""
     damping_ratio: Annotated[Vec6, Range(0.0, 10.0, "1", _TASK_AXES)] = field(
         default_factory=lambda: np.full(6, 1.0)
     )
@@ -37,9 +37,11 @@ class ClampConfig(Section):
 
     error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.25
     """Largest rotation error used [rad], so that a jump of theta is no torque step."""
-    turn_speed: Annotated[float, Range(1e-2, 1e4, "rad/s")] = 1.0
-    """Speed at which the desired rotation turns to one that jumps [rad/s], beside the
+    move_speed: Annotated[float, Range(1e-3, 1e4, "m/s")] = 0.25
+    """Speed at which the desired position goes to one that jumps [m/s], beside the
     Target's own: a jump saturates joints, which then lack what holds the other axes."""
+    turn_speed: Annotated[float, Range(1e-2, 1e4, "rad/s")] = 0.8
+    """The same of the desired rotation [rad/s]."""
     error_clamp_position: Annotated[float, Range(1e-4, 2.0, "m")] = 0.1
     """Largest position error used [m]."""
     f_clamp_linear: Annotated[float, Range(1e-3, 1e3, "m/s2")] = 30.0

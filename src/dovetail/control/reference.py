@@ -63,7 +63,7 @@ class ReferenceController:
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
         self.r = np.zeros(7)
         self.posture: Array | None = None
-        self.turn: Array | None = None
+        self.way: tuple[Array, Array] | None = None
         self.walls: tuple[Array, Array] | None = None
         self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
         self.last: tuple[Array, ...] | None = None
@@ -101,7 +101,7 @@ class ReferenceController:
             most = np.clip(HELD * tau_max, HELD_LEAST, None)
             most = np.minimum(most, 0.5 * tau_max)
             held = self.r / max(1.0, np.max(np.abs(self.r) / most))
-            self.posture = self.turn = None
+            self.posture = self.way = None
             a0 = np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
             f = self.desired_acceleration(p, R, twist, target)
@@ -179,10 +179,13 @@ class ReferenceController:
         """f* = action + xddot_d - D (xdot - xdot_d), + K e on pose and hold axes."""
         clamps, quat = self.osc.clamps, poses.quat_from_matrix(R)
         p_path, quat_path, v_d, a_d = desired_motion(target)
-        turn = self.turned_to(quat_path, quat, v_d[3:])
+        way = (p, quat) if self.way is None else self.way
+        moved = self.moved_to(p_path, way[0], v_d[:3])
+        turned = self.turned_to(quat_path, way[1], v_d[3:])
+        self.way = moved, turned
         v_d, a_d = (self.modes != HOLD) * v_d, (self.modes != HOLD) * a_d
-        p_d = np.where(self.modes[:3] == POSE, p_path, self.p_hold)
-        e_rot = poses.rotation_error(self.desired_rotation(quat, turn), quat)
+        p_d = np.where(self.modes[:3] == POSE, moved, self.p_hold)
+        e_rot = poses.rotation_error(self.desired_rotation(quat, turned), quat)
         e = self.is_servo * np.append(p_d - p, e_rot)
         used = np.array([clamps.error_clamp_position, clamps.error_clamp_rotation])
         lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
@@ -194,14 +197,18 @@ class ReferenceController:
         drive = self.osc.axes.stiffness * e + action + a_d
         return np.clip(drive - self.D * (twist - v_d), -most, most)
 
+    def moved_to(self, p_d: Array, p: Array, speed: Array) -> Array:
+        """Go on from p to the Target's, by at most (move_speed + |v_d|) dt."""
+        way = (self.modes[:3] == POSE) * (p_d - p)
+        most = (self.osc.clamps.move_speed + float(np.linalg.norm(speed))) * self.dt
+        return p + way * min(1.0, most / max(float(np.linalg.norm(way)), 1e-12))
+
     def turned_to(self, quat_d: Array, quat: Array, speed: Array) -> Array:
-        """Turn to the Target's rotation, by at most (turn_speed + |w_d|) dt."""
-        turn = quat if self.turn is None else self.turn
-        way = poses.rotation_error(poses.quat_normalized(quat_d), turn)
+        """Turn on to the Target's, by at most (turn_speed + |w_d|) dt."""
+        way = poses.rotation_error(poses.quat_normalized(quat_d), quat)
         most = (self.osc.clamps.turn_speed + float(np.linalg.norm(speed))) * self.dt
         way = way * min(1.0, most / max(float(np.linalg.norm(way)), 1e-12))
-        self.turn = poses.quat_multiply(poses.quat_from_vector(way), turn)
-        return self.turn
+        return poses.quat_multiply(poses.quat_from_vector(way), quat)
 
     def desired_rotation(self, quat: Array, quat_d: Array) -> Array:
         """Swing and twist about world z, each from the target, hold or measurement."""

@@ -1,0 +1,120 @@
+// The way of the desired pose to a Target's that jumps.
+#include <boost/test/unit_test.hpp>
+
+#include "arm.hpp"
+#include "dovetail/osc.hpp"
+
+using namespace dovetail;
+using namespace dovetail::testing;
+
+namespace {
+
+using enum AxisMode;
+
+constexpr double kPeriod = 0.005;
+constexpr double kAtOnce = 1e9;  // [rad/s]
+
+Mat3 about_z(double angle) {
+  return Eigen::AngleAxisd(angle, Vec3::UnitZ()).toRotationMatrix();
+}
+
+}  // namespace
+
+BOOST_AUTO_TEST_SUITE(way_to_a_target)
+
+BOOST_AUTO_TEST_CASE(near_half_a_turn_the_way_that_was_begun_is_gone_on_with) {
+  OscParams osc_params;
+  osc_params.damping_ratio.setZero();
+  osc_params.error_clamp_rotation = 4.0;
+  osc_params.turn_speed = kAtOnce;
+  osc_params.f_clamp_angular = 1e4;
+  OperationalSpace osc(osc_params, {kFree, kFree, kFree, kHold, kHold, kPose}, kPeriod);
+  const auto error = [&](double angle) {  // asked for, of an arm that stands [rad]
+    Target target;
+    target.quat_wxyz_d = quat_of(about_z(angle));
+    const Mat3 R = Mat3::Identity();
+    return osc.desired_acceleration(Vec3::Zero(), R, Vec6::Zero(), target)[5] / 400.0;
+  };
+  osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+  for (const double sign : {1.0, -1.0}) {
+    for (const double angle : {0.1, -3.0, -3.2, -3.6, -3.1, -3.3, -2.0}) {
+      BOOST_TEST(std::abs(error(sign * angle) - sign * angle) < 1e-9);
+    }
+    // The other way is shorter by more than noise and motion: it is taken.
+    BOOST_TEST(std::abs(error(sign * 3.1) - sign * 3.1) < 1e-9);
+    BOOST_TEST(std::abs(error(sign * 3.7) - sign * (3.7 - 2.0 * M_PI)) < 1e-9);
+    // Another start remembers nothing.
+    error(sign * 3.1);
+    osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+    BOOST_TEST(std::abs(error(sign * 3.2) - sign * (3.2 - 2.0 * M_PI)) < 1e-9);
+  }
+}
+
+BOOST_AUTO_TEST_CASE(a_position_that_jumps_is_gone_to_at_move_speed) {
+  const OscParams osc_params;
+  OperationalSpace osc(osc_params, {kPose, kHold, kPose, kFree, kFree, kFree}, kPeriod);
+  const Vec3 start(0.4, 0.1, 0.3);
+  const auto error = [&](const Vec3& to, const Vec6& speed) {
+    Target target;
+    target.position_d = to;
+    target.velocity_d = speed;
+    Vec6 f = osc.desired_acceleration(start, Mat3::Identity(), Vec6::Zero(), target);
+    f[1] += 40.0 * speed[1];  // what is held stands still
+    return Vec3((f - 40.0 * speed).head<3>() / 400.0);  // D = 2 sqrt(K)
+  };
+  osc.reset(start, quat_of(Mat3::Identity()));
+  Vec3 moved = Vec3::Zero();
+  const double step = osc_params.move_speed * kPeriod;
+  for (int k = 0; k < 120; ++k) {  // to and fro, and beside a speed of its own
+    Vec3 to(0.03, 0.0, -0.04);
+    Vec6 speed = Vec6::Zero();
+    if (k > 40) to = -to;
+    if (k > 40) speed << 0.03, 0.0, 0.04, 1.0, 0.0, 0.0;
+    const Vec3 way = to - moved;
+    const double most = step + kPeriod * speed.head<3>().norm();
+    moved += way * std::min(most / std::max(way.norm(), 1e-9), 1.0);
+    const Vec3 aside(0.0, 0.3, 0.0);  // another axis takes no part in the length
+    BOOST_TEST((error(start + to + aside, speed) - moved).norm() < 1e-9);
+  }
+  BOOST_TEST((moved - Vec3(-0.03, 0.0, 0.04)).norm() < 1e-12);  // there
+  // What is left of the way is what a Target changes.
+  const Vec3 back(0.01, 0.0, 0.0);
+  error(start + moved + back, Vec6::Zero());
+  BOOST_TEST((osc.way_to_come().head<3>() - 400.0 * back).norm() < 1e-9);
+  osc.forget_way();
+  BOOST_TEST(error(start + moved, Vec6::Zero()).norm() < step + 1e-9);
+}
+
+BOOST_AUTO_TEST_CASE(a_rotation_that_jumps_is_turned_to_at_turn_speed) {
+  OscParams osc_params;
+  osc_params.error_clamp_rotation = 4.0;
+  osc_params.f_clamp_angular = 1e4;
+  OperationalSpace osc(osc_params, {kFree, kFree, kFree, kHold, kHold, kPose}, kPeriod);
+  const auto error = [&](double angle, double speed, double now = 0.0) {
+    Target target;
+    target.quat_wxyz_d = quat_of(about_z(angle));
+    target.velocity_d[5] = speed;
+    const Mat3 R = about_z(now);
+    const Vec6 f = osc.desired_acceleration(Vec3::Zero(), R, Vec6::Zero(), target);
+    return (f[5] - 40.0 * speed) / 400.0;  // D = 2 sqrt(K)
+  };
+  osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+  const double step = osc_params.turn_speed * kPeriod;
+  double turned = 0.0;
+  for (int k = 1; k < 150; ++k) {  // to and fro, and beside a speed of its own
+    const double speed = k < 50 ? 0.0 : -0.4;
+    const double to = k < 50 ? 0.2 : -0.3;
+    const double most = step - kPeriod * speed;
+    turned += std::clamp(to - turned, -most, most);
+    BOOST_TEST(std::abs(error(to, speed) - turned) < 1e-9);
+  }
+  BOOST_TEST(turned == -0.3);  // there
+  // Half a turn away the way that was begun is gone on with, whatever noise says.
+  osc.forget_way();
+  for (int k = 1; k <= 60; ++k) {
+    const double noise = k % 2 == 0 ? 0.1 : -0.1;
+    BOOST_TEST(std::abs(error(M_PI + 0.5 + noise, 0.0, 0.5) - k * step) < 1e-9);
+  }
+}
+
+BOOST_AUTO_TEST_SUITE_END()
