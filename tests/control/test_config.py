@@ -22,9 +22,9 @@ def settings_of(config):
 @pytest.mark.parametrize(
     ("period", "kappa", "delta_q", "delta_v", "delta_x"),
     [
-        (1e-3, 5, 2e-3, 0.01, 5e-3),
-        (2e-3, 4, 3e-3, 0.02, 5e-3),
-        (5e-3, 2.0, 5e-3, 0.05, 10e-3),
+        (1e-3, 5, 2e-3, 0.01, 12e-3),
+        (2e-3, 4, 3e-3, 0.02, 12e-3),
+        (5e-3, 2.0, 5e-3, 0.05, 12e-3),
     ],
 )
 def test_limits_at_a_tabulated_period_are_the_table(
