@@ -59,7 +59,8 @@ BOOST_AUTO_TEST_CASE(a_position_that_jumps_is_gone_to_at_move_speed) {
     target.position_d = to;
     target.velocity_d = speed;
     Vec6 f = osc.desired_acceleration(start, Mat3::Identity(), Vec6::Zero(), target);
-    f[1] += 40.0 * speed[1];  // what is held stands still
+    // What is held stands still.
+    f[1] += 40.0 * speed[1];
     return Vec3((f - 40.0 * speed).head<3>() / 400.0);  // D = 2 sqrt(K)
   };
   osc.reset(start, quat_of(Mat3::Identity()));

@@ -111,7 +111,7 @@ class OperationalSpace {
   Vec4 quat_hold_{1.0, 0.0, 0.0, 0.0};
   Vec3 error_ = Vec3::Zero();  // the last rotation error [rad]
   bool has_way_ = false;
-  Vec3 p_way_ = Vec3::Zero();          // the desired pose on its way
+  Vec3 p_way_ = Vec3::Zero();  // the desired pose on its way
   Vec4 quat_way_{1.0, 0.0, 0.0, 0.0};
   Vec6 way_ = Vec6::Zero();  // the last way left to the Target's [m, rad]
 };

@@ -67,7 +67,7 @@ struct OscParams {
   Vec6 force_damping = Vec6::Zero();         ///< D on force axes [1/s]; 0 is the paper
   double error_clamp_rotation = 0.25;        ///< [rad]
   double move_speed = 0.25;  ///< of the desired position, where a Target's jumps [m/s]
-  double turn_speed = 0.8;   ///< of the desired rotation, where a Target's jumps [rad/s]
+  double turn_speed = 0.8;  ///< of the desired rotation, where a Target's jumps [rad/s]
   double error_clamp_position = 0.1;  ///< [m]
   double f_clamp_linear = 30.0;       ///< largest |f*| per linear axis [m/s2]
   double f_clamp_angular = 200.0;     ///< largest |f*| per rotation axis [rad/s2]
