@@ -85,10 +85,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
     weight_.setZero();
   }
   of_jump_.setZero();
-  dq_last_.setZero();
-  tau_last_.setZero();
-  a_last_.setZero();
-  a0_last_.setZero();
+  dq_last_ = tau_last_ = a_last_ = a0_last_ = Vec7::Zero();
   staying_ = 0;
   resume();
   has_last_ = is_soft_ = false;
@@ -358,6 +355,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
   StepResult result;
   if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time ||
       check_.implausible() > 1) {
+    if (check_.implausible() < 2) osc_.forget_way();  // a hand may move the arm now
     result = brake(q, dq);
   } else {
     update_model(q, dq);

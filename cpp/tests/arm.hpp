@@ -73,6 +73,20 @@ inline Vec7 tool_down_posture() {
   return q;
 }
 
+inline Mat3 about_z(double angle) {
+  return Eigen::AngleAxisd(angle, Vec3::UnitZ()).toRotationMatrix();
+}
+
+/// A law that answers any rotation error with K times it, in the first cycle.
+inline OscParams turns_at_once() {
+  OscParams law;
+  law.damping_ratio.setZero();
+  law.error_clamp_rotation = 4.0;
+  law.turn_speed = 1e9;
+  law.f_clamp_angular = 1e4;
+  return law;
+}
+
 inline Vec4 quat_of(const Mat3& R) {
   const Eigen::Quaterniond quat(R);
   return {quat.w(), quat.x(), quat.y(), quat.z()};

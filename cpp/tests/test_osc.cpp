@@ -20,10 +20,6 @@ constexpr TaskSpec kAllForce = {kForce, kForce, kForce, kForce, kForce, kForce};
 constexpr TaskSpec kAllHold = {kHold, kHold, kHold, kHold, kHold, kHold};
 constexpr TaskSpec kScrew = {kFree, kFree, kForce, kHold, kHold, kHold};
 
-Mat3 about_z(double angle) {
-  return Eigen::AngleAxisd(angle, Vec3::UnitZ()).toRotationMatrix();
-}
-
 Mat3 random_rotation(std::mt19937_64& random) {
   const Vec4 v = random_vector<Vec4>(random, 1.0);
   return Eigen::Quaterniond(v[0], v[1], v[2], v[3]).normalized().toRotationMatrix();
@@ -168,13 +164,8 @@ BOOST_AUTO_TEST_CASE(fast_and_slow_inverse_meet_at_the_threshold) {
 }
 
 BOOST_AUTO_TEST_CASE(rotation_error_of_a_turn_about_z_is_that_turn) {
-  OscParams osc_params;
-  osc_params.damping_ratio.setZero();
-  osc_params.error_clamp_rotation = 4.0;
-  osc_params.turn_speed = kAtOnce;
-  osc_params.f_clamp_angular = 1e4;
   constexpr TaskSpec turn_only = {kFree, kFree, kFree, kHold, kHold, kPose};
-  OperationalSpace osc(osc_params, turn_only, kPeriod);
+  OperationalSpace osc(turns_at_once(), turn_only, kPeriod);
   for (int k = 0; k < kStates; ++k) {
     const Mat3 R = random_rotation(random);
     const double angle = random_vector<Vec3>(random, 3.1)[0];

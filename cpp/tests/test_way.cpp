@@ -12,23 +12,14 @@ namespace {
 using enum AxisMode;
 
 constexpr double kPeriod = 0.005;
-constexpr double kAtOnce = 1e9;  // [rad/s]
-
-Mat3 about_z(double angle) {
-  return Eigen::AngleAxisd(angle, Vec3::UnitZ()).toRotationMatrix();
-}
 
 }  // namespace
 
 BOOST_AUTO_TEST_SUITE(way_to_a_target)
 
 BOOST_AUTO_TEST_CASE(near_half_a_turn_the_way_that_was_begun_is_gone_on_with) {
-  OscParams osc_params;
-  osc_params.damping_ratio.setZero();
-  osc_params.error_clamp_rotation = 4.0;
-  osc_params.turn_speed = kAtOnce;
-  osc_params.f_clamp_angular = 1e4;
-  OperationalSpace osc(osc_params, {kFree, kFree, kFree, kHold, kHold, kPose}, kPeriod);
+  OperationalSpace osc(turns_at_once(), {kFree, kFree, kFree, kHold, kHold, kPose},
+                       kPeriod);
   const auto error = [&](double angle) {  // asked for, of an arm that stands [rad]
     Target target;
     target.quat_wxyz_d = quat_of(about_z(angle));
