@@ -83,6 +83,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   if (!goes_on(q, dq)) {
     disturbance_.setZero();
     weight_.setZero();
+    osc_.forget_sag();
   }
   of_jump_.setZero();
   dq_last_ = tau_last_ = a_last_ = a0_last_ = Vec7::Zero();
@@ -371,6 +372,7 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
     limit(result);
     if (!is_finite(result)) {
       disturbance_ = of_jump_ = Vec7::Zero();  // where it could stay
+      osc_.forget_sag();
       result = brake(q, dq);
     } else {
       if (!is_ended && !is_explained(target, dq, result, since)) {

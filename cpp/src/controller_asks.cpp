@@ -27,6 +27,10 @@ constexpr double kStayError = 0.02;  // largest way back that is used [m]
 // Time in which a speed near contact is corrected [s]: long beside a delay of 10 ms.
 constexpr double kNearTime = 0.04;
 
+// Share of what a joint's speed limit allows that the way to a pose that jumps uses:
+// a joint at its limit would be missed by the other axes.
+constexpr double kWayShare = 0.85;
+
 // Fastest surface that the tool may go along with near contact [m/s]. It need not: a
 // tool that stands is not pushed.
 constexpr double kFastestSurface = 0.1;
@@ -164,11 +168,21 @@ void Controller::stay(const Target& target, Vec6& f_star) noexcept {
   }
 }
 
+/// Share of the way's speed at which no joint meets its speed limit.
+double Controller::pace() const noexcept {
+  const Vec6 force = task_terms_.Lambda * osc_.way_speed();
+  const Vec7 speed = Minv_ * (task_terms_.J.transpose() * force);
+  const double share = kWayShare * (1.0 - limits_.delta_v);
+  const double over = speed.cwiseQuotient(share * limits_.dq_max).cwiseAbs().maxCoeff();
+  return over > 1.0 ? 1.0 / over : 1.0;  // 1 where it is no number
+}
+
 /// a0 = M^-1 (u0 - h)
 void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target,
                              StepResult& result) noexcept {
   if (!has_posture_) posture_ = q;
   has_posture_ = true;
+  osc_.follow_sag(terms_.J * push_ + target.f_tare, staying_ & target.stay);
   Vec6 f_star;
   const double excess = limits_.walls ? excess_press(target) : 0.0;
   if (excess > 0.0) {
@@ -183,6 +197,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
   if (limits_.walls) keep_inside(target, f_star, result);
   osc_.evaluate(terms_, terms_.M, factor_, dq, f_star,
                 osc_.posture_acceleration(q, posture_), task_terms_);
+  osc_.set_pace(pace());
   // Axis by axis, as it was cut: through Lambda a brake of one would drive another.
   limiter_power_ = task_terms_.Lambda.diagonal()
                        .head<3>()

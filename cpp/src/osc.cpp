@@ -113,7 +113,10 @@ DesiredMotion desired_motion(const Target& target) noexcept {
 
 OperationalSpace::OperationalSpace(const OscParams& params, const TaskSpec& task,
                                    double period) noexcept
-    : params_(params), task_(task), period_(period) {
+    : params_(params),
+      task_(task),
+      period_(period),
+      sag_share_(1.0 - std::exp(-period / params.sag_time)) {
   for (int i = 0; i < 6; ++i) {
     const bool is_linear = i < 3;
     scale_[i] =
@@ -162,9 +165,12 @@ Vec3 OperationalSpace::moved_to(const DesiredMotion& wanted) noexcept {
   for (int i = 0; i < 3; ++i) {
     if (task_[i] != AxisMode::kPose) way[i] = 0.0;
   }
-  const double most = (params_.move_speed + wanted.velocity.head<3>().norm()) * period_;
+  const double own = wanted.velocity.head<3>().norm();
+  const double speed = params_.move_speed + own;
+  const double most = std::max(pace_ * speed, own) * period_;
   const double length = way.norm();
   p_way_ = length > most ? Vec3(p_way_ + way * (most / length)) : wanted.position;
+  v_way_.head<3>() = way * (speed / std::max(length, speed * period_));
   way_.head<3>() = way;
   return p_way_;
 }
@@ -174,12 +180,24 @@ Vec4 OperationalSpace::turned_to(const DesiredMotion& wanted) noexcept {
   const Quaterniond to = quaternion(wanted.quat_wxyz).normalized();
   Quaterniond turn = quaternion(quat_way_);
   const Vec3 way = gone_on_with(rotation_vector(to * turn.conjugate()), way_.tail<3>());
-  const double most = (params_.turn_speed + wanted.velocity.tail<3>().norm()) * period_;
+  const double own = wanted.velocity.tail<3>().norm();
+  const double speed = params_.turn_speed + own;
+  const double most = std::max(pace_ * speed, own) * period_;
   const double angle = way.norm();
+  v_way_.tail<3>() = way * (speed / std::max(angle, speed * period_));
   turn = angle > most ? rotation_from_vector(way * (most / angle)) * turn : to;
   turn.normalize();
   way_.tail<3>() = way;
   return quat_way_ = Vec4(turn.w(), turn.x(), turn.y(), turn.z());
+}
+
+void OperationalSpace::follow_sag(const Vec6& pull, unsigned staying) noexcept {
+  for (int i = 0; i < 6; ++i) {
+    const double most = i < 3 ? params_.sag_linear : params_.sag_angular;
+    sag_[i] += sag_share_ * (pull[i] - sag_[i]);
+    sag_[i] = std::clamp(sag_[i], -most, most);
+    if (!is_impedance(task_[i]) && !((staying >> i) & 1U)) sag_[i] = 0.0;
+  }
 }
 
 Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
@@ -217,7 +235,8 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
     const double velocity = is_path ? wanted.velocity[i] : 0.0;
     const double acceleration = is_path ? wanted.acceleration[i] : 0.0;
     const double drive = params_.stiffness[i] * error[i] +  // error 0 on force axes
-                         std::clamp(target.f_star[i], -limit, limit) + acceleration;
+                         std::clamp(target.f_star[i], -limit, limit) + acceleration -
+                         sag_[i];
     f[i] = std::clamp(drive - damping_[i] * (twist[i] - velocity), -limit, limit);
   }
   return f;
@@ -232,6 +251,14 @@ Vec6 OperationalSpace::way_to_come() const noexcept {
     if (task_[i] == AxisMode::kPose) f[i] = scale_[i] * params_.stiffness[i] * way[i];
   }
   return f;
+}
+
+Vec6 OperationalSpace::way_speed() const noexcept {
+  Vec6 speed = Vec6::Zero();
+  for (int i = 0; i < 6; ++i) {
+    if (task_[i] == AxisMode::kPose) speed[i] = scale_[i] * v_way_[i];
+  }
+  return speed;
 }
 
 Vec7 OperationalSpace::joint_acceleration(const Vec7& q, const Vec7& dq,

@@ -19,7 +19,8 @@ TIED = {"position": 0.0, "speed": 1.1, "contact": 5.0}
 """A spring of up to 1e5 N/m that stops one joint speeds up others quicker than a loop
 with delay can see: what holds then, unless the spring is stronger than a motor."""
 SOFT = ("stiffness", (400.0, 400.0, 400.0, 200.0, 200.0, 200.0))
-JERKY = (("move_speed", 1e4), ("turn_speed", 1e4), SOFT)
+SAGS = (("sag_linear", 0.0), ("sag_angular", 0.0))
+JERKY = (("move_speed", 1e4), ("turn_speed", 1e4), SOFT, *SAGS)
 """The law with which the cases were found: jumps of a pose saturate joints."""
 MODULES = (
     "contact_choices",

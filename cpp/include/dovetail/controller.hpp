@@ -107,6 +107,7 @@ class Controller {
   double braking_room(const Target& target) const noexcept;
   double speed_limit(int axis, double room) const noexcept;
   double excess_press(const Target& target) const noexcept;
+  double pace() const noexcept;
   void keep_inside(const Target& target, Vec6& f_star,
                    StepResult& result) const noexcept;
   void follow_task(const Vec7& q, const Vec7& dq, const Target& target,

@@ -54,7 +54,24 @@ class OperationalSpace {
   void reset(const Vec3& p_hold, const Vec4& quat_hold) noexcept;
 
   /// The next desired pose is gone to from where the tool is then.
-  void forget_way() noexcept { has_way_ = false; }
+  void forget_way() noexcept {
+    has_way_ = false;
+    pace_ = 1.0;
+  }
+
+  /// The speed at which the desired pose would go its way at full pace, in rows as
+  /// OscTerms::f has them.
+  [[nodiscard]] Vec6 way_speed() const noexcept;
+
+  /// Share of that speed at which it goes on, in (0, 1].
+  void set_pace(double pace) noexcept { pace_ = pace; }
+
+  /// Follows what pulls at axes with a spring and no tare takes off, within bounds:
+  /// they would sag by that over K.
+  /// \param pull  [m/s2, rad/s2], what the tare takes off not counted
+  /// \param staying  bits of the force axes that have a spring, too
+  void follow_sag(const Vec6& pull, unsigned staying) noexcept;
+  void forget_sag() noexcept { sag_.setZero(); }
 
   /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes. The desired pose goes to
   /// the Target's at `move_speed` and `turn_speed` more than the Target's own speeds.
@@ -110,6 +127,10 @@ class OperationalSpace {
   Vec3 p_hold_ = Vec3::Zero();
   Vec4 quat_hold_{1.0, 0.0, 0.0, 0.0};
   Vec3 error_ = Vec3::Zero();  // the last rotation error [rad]
+  Vec6 sag_ = Vec6::Zero();      // [m/s2, rad/s2]
+  double sag_share_;             // of a change of what pulls, per cycle
+  double pace_ = 1.0;
+  Vec6 v_way_ = Vec6::Zero();  // [m/s, rad/s]
   bool has_way_ = false;
   Vec3 p_way_ = Vec3::Zero();  // the desired pose on its way
   Vec4 quat_way_{1.0, 0.0, 0.0, 0.0};

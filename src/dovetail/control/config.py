@@ -15,6 +15,7 @@ from dovetail.control.law import (
     ClampConfig,
     JointGains,
     NullSpaceGains,
+    SagConfig,
     TaskInertiaConfig,
 )
 from dovetail.control.limits import (
@@ -75,6 +76,8 @@ class OscConfig(Sectioned):
     """Gains of the task axes."""
     clamps: ClampConfig = field(default_factory=ClampConfig)
     """How much of an error is used, and how large f* becomes."""
+    sag: SagConfig = field(default_factory=SagConfig)
+    """How axes are drawn out of a sag."""
     null_space: NullSpaceGains = field(default_factory=NullSpaceGains)
     """Gains of the motion that the task leaves free."""
     task_inertia: TaskInertiaConfig = field(default_factory=TaskInertiaConfig)

@@ -51,6 +51,22 @@ class ClampConfig(Section):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class SagConfig(Section):
+    """How pose and hold axes are drawn out of a sag: what the tare did not see.
+
+    It is an integrator, which in contact presses until its bound: the bound is small.
+    """
+
+    sag_time: Annotated[float, Range(0.02, 1e3, "s")] = 0.1
+    """Time in which what pulls beside the tare is followed [s]."""
+    sag_linear: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.5
+    """Largest acceleration that is taken off a translation [m/s2]; over K it is the
+    largest sag, 1.3 mm. 0 leaves a plain spring."""
+    sag_angular: Annotated[float, Range(0.0, 50.0, "rad/s2")] = 1.0
+    """The same of a rotation [rad/s2]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class NullSpaceGains(Section):
     """Gains of the motion that the task leaves free."""
 

@@ -40,6 +40,9 @@ except at a joint's limit, and a hold; a hold acts against as much at least [Nm]
 POSTURE_MAX, STAY_MAX = 2.0, 0.02
 """Longest way back that is used: to the posture [rad], to where an axis stays [m]."""
 
+WAY_SHARE = 0.85
+"""Share of a joint's speed limit that the way to a pose that jumps uses."""
+
 STAY_SPEED = 0.01
 """An axis that stays is held where it comes to be slower than this [m/s]."""
 
@@ -64,6 +67,7 @@ class ReferenceController:
         self.r = np.zeros(7)
         self.posture: Array | None = None
         self.way: tuple[Array, Array] | None = None
+        self.v_way, self.pace, self.sag = np.zeros(6), 1.0, np.zeros(6)
         self.walls: tuple[Array, Array] | None = None
         self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
         self.last: tuple[Array, ...] | None = None
@@ -102,8 +106,10 @@ class ReferenceController:
             most = np.minimum(most, 0.5 * tau_max)
             held = self.r / max(1.0, np.max(np.abs(self.r) / most))
             self.posture = self.way = None
+            self.pace = 1.0
             a0 = np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
+            self.follow_sag(J_tool @ push + target.f_tare, target.stay)
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
             f -= osc.use_jdot * dJdq
@@ -161,6 +167,13 @@ class ReferenceController:
         J = self.scale[:, None] * J_tool
         J_all = self.weights[:, None] * J_tool
         Lambda, damping = projected(J, -osc.null_space.k_null * dq)
+        # Joint speeds of the way at full pace
+        speed = np.abs(
+            Minv @ J.T @ Lambda @ ((self.modes == POSE) * self.scale * self.v_way)
+        )
+        joints = self.limits.joints
+        most = WAY_SHARE * (1.0 - joints.delta_v) * joints.dq_max
+        self.pace = 1.0 / max(1.0, np.max(speed / most))
         _, posture = projected(J_all, osc.null_space.posture_stiffness * way)
         return J.T @ Lambda @ (self.scale * f) + damping + posture
 
@@ -172,6 +185,15 @@ class ReferenceController:
         self.is_staying |= asked & (np.abs(twist[:3]) < STAY_SPEED)
         way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
         return asked * self.osc.axes.stiffness[:3] * way
+
+    def follow_sag(self, pull: Array, bits: int) -> None:
+        """Follow what pulls at axes with a spring beside the tare, within bounds."""
+        config = self.osc.sag
+        most = np.repeat([config.sag_linear, config.sag_angular], 3)
+        share = 1.0 - np.exp(-self.dt / config.sag_time)
+        sag = np.clip(self.sag + share * (pull - self.sag), -most, most)
+        is_staying = self.is_staying & (bits >> np.arange(3) & 1 == 1)
+        self.sag = (self.is_servo | np.append(is_staying, [False] * 3)) * sag
 
     def desired_acceleration(
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
@@ -194,21 +216,28 @@ class ReferenceController:
         has_walls = self.limits.tool.walls
         asked = self.without_press(p, target) if has_walls else target.f_star
         action = np.clip(asked, -most, most)
-        drive = self.osc.axes.stiffness * e + action + a_d
+        drive = self.osc.axes.stiffness * e + action + a_d - self.sag
         return np.clip(drive - self.D * (twist - v_d), -most, most)
 
     def moved_to(self, p_d: Array, p: Array, speed: Array) -> Array:
         """Go on from p to the Target's, by at most (move_speed + |v_d|) dt."""
         way = (self.modes[:3] == POSE) * (p_d - p)
-        most = (self.osc.clamps.move_speed + float(np.linalg.norm(speed))) * self.dt
-        return p + way * min(1.0, most / max(float(np.linalg.norm(way)), 1e-12))
+        v, own = self.osc.clamps.move_speed, float(np.linalg.norm(speed))
+        share, self.v_way[:3] = self.used(way, v + own, own)
+        return p + share * way
 
     def turned_to(self, quat_d: Array, quat: Array, speed: Array) -> Array:
         """Turn on to the Target's, by at most (turn_speed + |w_d|) dt."""
         way = poses.rotation_error(poses.quat_normalized(quat_d), quat)
-        most = (self.osc.clamps.turn_speed + float(np.linalg.norm(speed))) * self.dt
-        way = way * min(1.0, most / max(float(np.linalg.norm(way)), 1e-12))
-        return poses.quat_multiply(poses.quat_from_vector(way), quat)
+        v, own = self.osc.clamps.turn_speed, float(np.linalg.norm(speed))
+        share, self.v_way[3:] = self.used(way, v + own, own)
+        return poses.quat_multiply(poses.quat_from_vector(share * way), quat)
+
+    def used(self, way: Array, speed: float, own: float) -> tuple[float, Array]:
+        """Return the share of a way that a cycle goes, and its speed at full pace."""
+        length = max(float(np.linalg.norm(way)), 1e-12)
+        most = max(self.pace * speed, own) * self.dt
+        return min(1.0, most / length), way * speed / max(length, speed * self.dt)
 
     def desired_rotation(self, quat: Array, quat_d: Array) -> Array:
         """Swing and twist about world z, each from the target, hold or measurement."""
