@@ -76,12 +76,16 @@ void Controller::update_walls(double elapsed) noexcept {
   has_walls_ = true;
 }
 
+/// Of the tool over the near plane [m].
+double Controller::height(const Target& target) const noexcept {
+  return target.near_plane.head<3>().dot(tool_.p) - target.near_plane[3];
+}
+
 /// Height over the near plane [m] in which the tool can be braked to near_speed.
 double Controller::braking_room(const Target& target) const noexcept {
   const Vec3 normal = target.near_plane.head<3>();
   const double fall = std::min(normal.dot(tool_.twist.head<3>()), 0.0);
-  const double height = normal.dot(tool_.p) - target.near_plane[3];
-  return std::max(height + kNearTime * fall, 0.0);
+  return std::max(height(target) + kNearTime * fall, 0.0);
 }
 
 /// Speed limit of a TCP axis [m/s]: near_speed below the near plane, above it what can
@@ -95,8 +99,7 @@ double Controller::speed_limit(int axis, double room) const noexcept {
 /// the plane whole, above it less and less over kNearBand, so that nothing switches.
 double Controller::excess_press(const Target& target) const noexcept {
   const Vec3 normal = target.near_plane.head<3>();
-  const double height = normal.dot(tool_.p) - target.near_plane[3];
-  const double share = 1.0 - std::clamp(height / kNearBand, 0.0, 1.0);
+  const double share = 1.0 - std::clamp(height(target) / kNearBand, 0.0, 1.0);
   const double press = normal.dot((target.f_tare - target.f_star).head<3>());
   return share * std::max(press - limits_.near_press, 0.0);
 }
@@ -182,7 +185,8 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
                              StepResult& result) noexcept {
   if (!has_posture_) posture_ = q;
   has_posture_ = true;
-  osc_.follow_sag(terms_.J * push_ + target.f_tare, staying_ & target.stay);
+  // Near contact it stays as it was: what pulls there is no weight.
+  if (height(target) > 0.0) osc_.follow_sag(terms_.J * push_ + target.f_tare);
   Vec6 f_star;
   const double excess = limits_.walls ? excess_press(target) : 0.0;
   if (excess > 0.0) {

@@ -191,12 +191,12 @@ Vec4 OperationalSpace::turned_to(const DesiredMotion& wanted) noexcept {
   return quat_way_ = Vec4(turn.w(), turn.x(), turn.y(), turn.z());
 }
 
-void OperationalSpace::follow_sag(const Vec6& pull, unsigned staying) noexcept {
+void OperationalSpace::follow_sag(const Vec6& pull) noexcept {
   for (int i = 0; i < 6; ++i) {
     const double most = i < 3 ? params_.sag_linear : params_.sag_angular;
     sag_[i] += sag_share_ * (pull[i] - sag_[i]);
     sag_[i] = std::clamp(sag_[i], -most, most);
-    if (!is_impedance(task_[i]) && !((staying >> i) & 1U)) sag_[i] = 0.0;
+    if (!is_impedance(task_[i])) sag_[i] = 0.0;
   }
 }
 

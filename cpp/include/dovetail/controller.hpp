@@ -104,6 +104,7 @@ class Controller {
   void update_walls(double elapsed) noexcept;
   void update_bounds(const Vec7& q, const Vec7& dq) noexcept;
   double below(double limit, double push, double speed) const noexcept;
+  double height(const Target& target) const noexcept;
   double braking_room(const Target& target) const noexcept;
   double speed_limit(int axis, double room) const noexcept;
   double excess_press(const Target& target) const noexcept;

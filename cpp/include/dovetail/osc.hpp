@@ -66,11 +66,10 @@ class OperationalSpace {
   /// Share of that speed at which it goes on, in (0, 1].
   void set_pace(double pace) noexcept { pace_ = pace; }
 
-  /// Follows what pulls at axes with a spring and no tare takes off, within bounds:
+  /// Follows what pulls at pose and hold axes and no tare takes off, within bounds:
   /// they would sag by that over K.
   /// \param pull  [m/s2, rad/s2], what the tare takes off not counted
-  /// \param staying  bits of the force axes that have a spring, too
-  void follow_sag(const Vec6& pull, unsigned staying) noexcept;
+  void follow_sag(const Vec6& pull) noexcept;
   void forget_sag() noexcept { sag_.setZero(); }
 
   /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes. The desired pose goes to

@@ -59,10 +59,10 @@ class SagConfig(Section):
 
     sag_time: Annotated[float, Range(0.02, 1e3, "s")] = 0.1
     """Time in which what pulls beside the tare is followed [s]."""
-    sag_linear: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.5
+    sag_linear: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.3
     """Largest acceleration that is taken off a translation [m/s2]; over K it is the
-    largest sag, 1.3 mm. 0 leaves a plain spring."""
-    sag_angular: Annotated[float, Range(0.0, 50.0, "rad/s2")] = 1.0
+    largest sag, 0.75 mm. 0 leaves a plain spring."""
+    sag_angular: Annotated[float, Range(0.0, 50.0, "rad/s2")] = 0.3
     """The same of a rotation [rad/s2]."""
 
 

@@ -109,7 +109,8 @@ class ReferenceController:
             self.pace = 1.0
             a0 = np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
-            self.follow_sag(J_tool @ push + target.f_tare, target.stay)
+            if target.near_plane[:3] @ p > target.near_plane[3]:  # not near contact
+                self.follow_sag(J_tool @ push + target.f_tare)
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
             f -= osc.use_jdot * dJdq
@@ -186,14 +187,13 @@ class ReferenceController:
         way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
         return asked * self.osc.axes.stiffness[:3] * way
 
-    def follow_sag(self, pull: Array, bits: int) -> None:
-        """Follow what pulls at axes with a spring beside the tare, within bounds."""
+    def follow_sag(self, pull: Array) -> None:
+        """Follow what pulls at pose and hold axes beside the tare, within bounds."""
         config = self.osc.sag
         most = np.repeat([config.sag_linear, config.sag_angular], 3)
         share = 1.0 - np.exp(-self.dt / config.sag_time)
         sag = np.clip(self.sag + share * (pull - self.sag), -most, most)
-        is_staying = self.is_staying & (bits >> np.arange(3) & 1 == 1)
-        self.sag = (self.is_servo | np.append(is_staying, [False] * 3)) * sag
+        self.sag = self.is_servo * sag
 
     def desired_acceleration(
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
