@@ -109,4 +109,66 @@ BOOST_AUTO_TEST_CASE(a_rotation_that_jumps_is_turned_to_at_turn_speed) {
   }
 }
 
+BOOST_AUTO_TEST_CASE(a_pace_slows_the_way_and_not_the_speed_that_a_target_has) {
+  const OscParams law;
+  OperationalSpace osc(law, {kPose, kPose, kPose, kHold, kHold, kPose}, kPeriod);
+  osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+  const auto moved = [&](double speed) {  // by one cycle, along x and about z
+    Target target;
+    target.position_d = Vec3(1.0, 0.0, 0.0);
+    target.quat_wxyz_d = quat_of(about_z(1.0));
+    target.velocity_d << speed, 0.0, 0.0, 0.0, 0.0, speed;
+    const Mat3 R = Mat3::Identity();
+    osc.forget_way();
+    osc.set_pace(0.1);
+    const Vec6 f = osc.desired_acceleration(Vec3::Zero(), R, Vec6::Zero(), target);
+    return Vec6((f - 40.0 * target.velocity_d) / 400.0 / kPeriod);  // D = 2 sqrt(K)
+  };
+  for (const double speed : {0.0, 0.01, 0.2}) {
+    const Vec6 now = moved(speed);
+    const double move = 0.1 * (law.move_speed + speed);
+    const double turn = 0.1 * (law.turn_speed + speed);
+    BOOST_TEST(std::abs(now[0] - std::max(move, speed)) < 1e-9);
+    BOOST_TEST(std::abs(now[5] - std::max(turn, speed)) < 1e-9);
+    // What the next pace is made from does not depend on this one.
+    BOOST_TEST(std::abs(osc.way_speed()[0] - (law.move_speed + speed)) < 1e-9);
+    const double scaled = law.length_scale * (law.turn_speed + speed);
+    BOOST_TEST(std::abs(osc.way_speed()[5] - scaled) < 1e-9);
+    BOOST_TEST((osc.way_speed().segment<4>(1)).norm() < 1e-9);
+  }
+  osc.set_pace(0.1);
+  osc.forget_way();  // the next way begins at full pace
+  Target target;
+  target.position_d = Vec3(1.0, 0.0, 0.0);
+  const Vec6 f =
+      osc.desired_acceleration(Vec3::Zero(), Mat3::Identity(), Vec6::Zero(), target);
+  BOOST_TEST(std::abs(f[0] - 400.0 * law.move_speed * kPeriod) < 1e-9);
+}
+
+BOOST_AUTO_TEST_CASE(a_sag_is_followed_within_its_bounds_where_there_is_a_spring) {
+  const OscParams law;
+  OperationalSpace osc(law, {kPose, kForce, kHold, kFree, kPose, kHold}, kPeriod);
+  osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
+  const Target target;  // where the tool is
+  const auto asked = [&] {
+    return osc.desired_acceleration(Vec3::Zero(), Mat3::Identity(), Vec6::Zero(),
+                                    target);
+  };
+  Vec6 pull;
+  pull << 0.1, 0.2, -2.0, 0.2, 5.0, -0.2;
+  const double left = std::exp(-kPeriod / law.sag_time);
+  osc.follow_sag(pull);
+  BOOST_TEST(std::abs(asked()[0] + 0.1 * (1.0 - left)) < 1e-12);
+  osc.follow_sag(pull);
+  BOOST_TEST(std::abs(asked()[0] + 0.1 * (1.0 - left * left)) < 1e-12);
+  for (int k = 0; k < 1000; ++k) osc.follow_sag(pull);
+  Vec6 most;
+  most << -0.1, 0.0, law.sag_linear, 0.0, -law.sag_angular, 0.2;
+  BOOST_TEST((asked() - most).norm() < 1e-9);
+  osc.follow_sag(Vec6::Zero());  // it leaves its bound at once
+  BOOST_TEST(std::abs(asked()[2] - law.sag_linear * left) < 1e-9);
+  osc.forget_sag();
+  BOOST_TEST(asked().norm() == 0.0);
+}
+
 BOOST_AUTO_TEST_SUITE_END()

@@ -126,8 +126,8 @@ class OperationalSpace {
   Vec3 p_hold_ = Vec3::Zero();
   Vec4 quat_hold_{1.0, 0.0, 0.0, 0.0};
   Vec3 error_ = Vec3::Zero();  // the last rotation error [rad]
-  Vec6 sag_ = Vec6::Zero();      // [m/s2, rad/s2]
-  double sag_share_;             // of a change of what pulls, per cycle
+  Vec6 sag_ = Vec6::Zero();    // [m/s2, rad/s2]
+  double sag_share_;           // of a change of what pulls, per cycle
   double pace_ = 1.0;
   Vec6 v_way_ = Vec6::Zero();  // [m/s, rad/s]
   bool has_way_ = false;
