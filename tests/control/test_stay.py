@@ -45,7 +45,7 @@ def run(robot, q, period, plan, *, push=PUSH, dq=None):
 def test_an_axis_that_stays_is_held_under_a_constant_push(robot, q_home, period):
     held, _ = run(robot, q_home, period, [(4.0, ALL)])
     free, _ = run(robot, q_home, period, [(4.0, 0)])
-    assert np.abs(held - held[0]).max() < 5.1e-3  # before the push is known
+    assert np.abs(held - held[0]).max() < 5.2e-3  # before the push is known
     assert np.abs(held[-1] - held[0]).max() < 4.2e-3
     assert (np.abs(held[-1] - held[-2]) < 1e-6).all()  # and it rests
     assert np.abs(free[-1] - free[0]).min() > 20e-3

@@ -132,7 +132,7 @@ def sag(name, axes, *, tare):
 )
 def test_held_axes_do_not_sag_with_it(name, axes):
     without = sag(name, axes, tare=False)
-    assert without > 1e-3
+    assert without > 0.5e-3  # m, rad: the law itself takes 0.75 of both off
     assert sag(name, axes, tare=True) < 0.3 * without
 
 
