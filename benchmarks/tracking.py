@@ -337,13 +337,22 @@ def build_plant(twin: str) -> Plant:
     return MujocoPlant(cell) if twin == "plain" else TwinPlant(load_twin(twin), cell)
 
 
+def at_least_one(text: str) -> int:
+    """Read how many runs to take the mean of."""
+    if (count := int(text)) < 1:
+        raise argparse.ArgumentTypeError(f"{text}; allowed: 1 and more")
+    return count
+
+
 def main() -> None:
     """Measure, print and write."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--robosuite", metavar="PYTHON", help="interpreter with it")
     parser.add_argument("--twins", nargs="+", default=TWINS, choices=TWINS)
     parser.add_argument("--periods", nargs="+", type=float, default=PERIODS)
-    parser.add_argument("--seeds", type=int, default=8, help="of the sensors' noise")
+    parser.add_argument(
+        "--seeds", type=at_least_one, default=8, help="of the sensors' noise"
+    )
     parser.add_argument("--out", type=Path, help="write the numbers here, as JSON")
     parser.add_argument("--report", type=Path, metavar="FILE", help="only its tables")
     options = parser.parse_args()

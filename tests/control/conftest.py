@@ -94,3 +94,24 @@ def run_loop(robot: Robot, q_home: np.ndarray):
         return Run(**{k: np.array(v) for k, v in rows.items()}, flags=flags)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def rest_at(robot: Robot):
+    """Return a function that gives a controller, an exact arm at rest, and its pose."""
+
+    def begin(
+        q: np.ndarray, osc: OscConfig, limits: LimitConfig, task: str, period: float
+    ):
+        controller = make_controller(robot, osc, limits, task, period)
+        plant = _core.RigidPlant(
+            robot.chain(),
+            damping=limits.prediction.damping,
+            armature=limits.prediction.armature,
+        )
+        plant.reset(q, np.zeros(7))
+        start = robot.tool_pose(q)
+        controller.reset(q, *start, dq=plant.read()[1])
+        return controller, plant, start
+
+    return begin

@@ -4,24 +4,17 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 
 
 @pytest.mark.parametrize("period", [1e-3, 2e-3, 2.5e-3, 5e-3])
-def test_a_target_where_the_tool_was_moved_to_pulls_it_nowhere(robot, q_home, period):
+def test_a_target_where_the_tool_was_moved_to_pulls_it_nowhere(
+    robot, rest_at, q_home, period
+):
     """The desired position was still on its way from the place of before."""
     limits = LimitConfig.for_period(robot, period, x_min=-2.0, x_max=2.0)
     osc = OscConfig.for_period(period)
-    controller = make_controller(robot, osc, limits, "XYZABC:pose", period)
-    plant = _core.RigidPlant(
-        robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
-    )
-    plant.reset(q_home, np.zeros(7))
-    start = robot.tool_pose(q_home)
-    controller.reset(q_home, start.position, start.quat_wxyz)
+    controller, plant, start = rest_at(q_home, osc, limits, "XYZABC:pose", period)
 
     def run(seconds, position, quat, push=0.0):
         plant.set_external_force(np.array([0.0, push, 0.0]))

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dovetail import _core, poses
-from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 
 STEP = np.repeat([0.05, 0.3], 3)  # m, rad
@@ -14,21 +13,13 @@ STEP = np.repeat([0.05, 0.3], 3)  # m, rad
 @pytest.mark.parametrize("period", [1e-3, 2e-3, 2.5e-3, 5e-3])
 @pytest.mark.parametrize("axis", range(6))
 def test_a_jump_takes_no_joint_to_its_speed_limit(
-    robot, q_home, period, axis, hardware
+    robot, rest_at, q_home, period, axis, hardware
 ):
     limits = LimitConfig.for_period(
         robot, period, hardware=hardware, x_min=-2.0, x_max=2.0
     )
     osc = OscConfig.for_period(period)
-    controller = make_controller(robot, osc, limits, "XYZABC:pose", period)
-    plant = _core.RigidPlant(
-        robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
-    )
-    plant.reset(q_home, np.zeros(7))
-    start = robot.tool_pose(q_home)
-    controller.reset(q_home, *start, dq=plant.read()[1])
+    controller, plant, start = rest_at(q_home, osc, limits, "XYZABC:pose", period)
     move = STEP * np.eye(6)[axis]
     quat = poses.quat_multiply(poses.quat_from_vector(move[3:]), start.quat_wxyz)
     target = _core.Target(position_d=start.position + move[:3], quat_wxyz_d=quat)
@@ -45,21 +36,13 @@ def test_a_jump_takes_no_joint_to_its_speed_limit(
     assert turn == pytest.approx(np.zeros(3), abs=1e-3)
 
 
-def test_a_path_of_its_own_speed_is_not_slowed(robot, q_home):
+def test_a_path_of_its_own_speed_is_not_slowed(robot, rest_at, q_home):
     """What the joints cannot give is then the limits' business."""
     period = 1e-3
     limits = LimitConfig.for_period(robot, period, x_min=-2.0, x_max=2.0)
-    controller = make_controller(
-        robot, OscConfig.for_period(period), limits, "XYZABC:pose", period
-    )
-    plant = _core.RigidPlant(
-        robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
-    )
-    plant.reset(q_home, np.zeros(7))
-    start, speed = robot.tool_pose(q_home), np.array([0.0, 0.3, 0.0])  # m/s
-    controller.reset(q_home, *start, dq=plant.read()[1])
+    osc = OscConfig.for_period(period)
+    controller, plant, start = rest_at(q_home, osc, limits, "XYZABC:pose", period)
+    speed = np.array([0.0, 0.3, 0.0])  # m/s
     for cycle in range(500):
         target = _core.Target(
             position_d=start.position + cycle * period * speed,

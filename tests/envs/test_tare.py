@@ -114,7 +114,8 @@ def test_the_same_seed_measures_the_same(seed):
 
 def sag(name, axes, *, tare):
     """Largest position error of held axes [m] after a second at action 0."""
-    model = nominal_model().having(gravity_residual=RESIDUAL)
+    large = tuple(2.0 * g for g in RESIDUAL)  # the law itself takes 0.3 m/s2 off
+    model = nominal_model().having(gravity_residual=large)
     env = gym.make(name, twin=model, tare=tare).unwrapped
     env.reset(seed=1)
     start = env.state.tool
@@ -132,7 +133,7 @@ def sag(name, axes, *, tare):
 )
 def test_held_axes_do_not_sag_with_it(name, axes):
     without = sag(name, axes, tare=False)
-    assert without > 0.5e-3  # m, rad: the law itself takes 0.75 of both off
+    assert without > 1e-3
     assert sag(name, axes, tare=True) < 0.3 * without
 
 
