@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 from contact_attack import Attack, add_case, broken, is_excused, plain
 from contact_choices import POLICIES, RANGES, TASKS
-from contact_trial import SUSTAINED, Outcome
+from contact_growth import SUSTAINED
+from contact_trial import Outcome
 
 LISTED = 5
 METRICS: dict[str, tuple[str, float, str]] = {

@@ -1,7 +1,7 @@
 """Where a try in contact begins: hole, posture, walls, near plane, what is held."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from contact_choices import Array, Choices
@@ -22,6 +22,7 @@ TABLE_WALL = -0.06  # m: with the shipped one of 0.03 m the tool cannot reach th
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])
 NEAR = 0.01  # m above a surface
 ABOVE = 0.002  # m over the surface at the start of slide and press
+DRAWS = 100  # of a start, as it was chosen
 TOUCH = 1e-5  # m: a start may press contacts in by less
 NOWHERE, EVERYWHERE = np.array([0, 0, 1, -np.inf]), np.array([0, 0, 1, 10.0])
 
@@ -47,10 +48,13 @@ def walls_of(task: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
 def make_start(rng: np.random.Generator, plant: MujocoPlant, choices: Choices) -> Start:
     """Draw a start; the plant is left there, at rest, and touches nothing hard."""
     robot = plant.robot
-    for _ in range(200):
+    for draw in range(2 * DRAWS):
         hole = sample_hole(rng, RandomisationConfig())
+        # A peg that leans as far as this clearance allows may not fit as it is built.
+        lean = min(1.0, 2.0 - draw / DRAWS)
+        tilt = (lean * choices.tilt[0], lean * choices.tilt[1])
         try:
-            q, surface = _posture(rng, robot, choices, hole)
+            q, surface = _posture(rng, robot, replace(choices, tilt=tilt), hole)
         except ReachError:
             continue
         if _is_clear(plant, q, hole):

@@ -22,7 +22,7 @@ import numpy as np
 from cmaes import CMA
 from contact_attack import Attack, add_case, broken, plain
 from contact_choices import NUM_KINDS, RANGES, SIZE, Array, choose
-from contact_trial import SUSTAINED
+from contact_growth import SUSTAINED
 
 DRAWS = 40  # of a round
 GENERATIONS = 12  # of a round

@@ -1,10 +1,8 @@
 """One try of the adversary in contact: 5 s of a twin under the shipped controller.
 
 The Target, pushes and reconfigurations change every 50 ms; in two quiet sections of
-1.25 s nothing changes and no cycle is faulty. What vibrates there at 8 Hz and more,
-nobody asked for: over windows of 0.25 s the RMS of the joint velocities above 8 Hz
-grows where it rises three times running by a fifth or more, ends above 0.1 rad/s and is
-as strong in a second more; it is sustained above 0.3 rad/s in four windows running.
+1.25 s nothing changes and no cycle is faulty, and `contact_growth` looks for what
+vibrates.
 
 The resting push is what the Target asks for, as a static force on the tool: the linear
 part of Lambda (f* + K e), e from the pose that was latched, plus the weight that nobody
@@ -20,6 +18,7 @@ from typing import Any
 
 import numpy as np
 from contact_choices import Array, Choices
+from contact_growth import WINDOW, lasts, oscillation
 from contact_policies import ACTION, TASK, Commander, near_press_of
 from contact_scene import EVERYWHERE, NOWHERE, Start, make_start, walls_of
 from numpy.typing import NDArray
@@ -44,11 +43,10 @@ CHANGES = (
     "joint target",
 )
 QUIET = (range(40, 65), range(75, 100))
-WINDOW, LOOK_ON = 5, 20  # actions
+LOOK_ON = 20  # actions
 PHYSICS_DT = 1e-3  # s: contacts of 2 ms need it, and the judge looks as often
 SPRING_MASS = 5.0  # kg, for its damping ratio
 ARMATURE = 0.1  # kg m2, the model's
-GROWTH, GROWN, SUSTAINED = 1.2, 0.1, 0.3  # 1, rad/s, rad/s
 IMPLAUSIBLE, ENDED = FLAG_MASK["implausible"], FLAG_MASK["ended"]
 CLEARANCE_STEP = 1e-4  # m: plants are built once each
 
@@ -189,16 +187,22 @@ class Trial:
         """Run the try until a second after a quiet section, with nothing new in it.
 
         Returns:
-            RMS [rad/s] of what grew in the section and was as strong in that second,
-            or had the motion ended; 0 where what seemed to grow had risen by chance.
+            RMS [rad/s] of what grew in the section and lasted, see `contact_growth`; 0
+            where what seemed to grow had risen by chance.
         """
         more = [quiet[-1]] * LOOK_ON
         trace, vibration, diverged = self._run([*range(quiet.stop), *more])
-        grown, _ = _oscillation(vibration[quiet.start : quiet.stop])
-        after = _rms(vibration[quiet.stop :])
+        grown, _ = oscillation(vibration[quiet.start : quiet.stop])
         flags = trace[:, COLUMN["flags"]].astype(np.int64)
-        lasts = np.median(after) >= grown or diverged or (flags & ENDED).any()
-        return grown if lasts else 0.0
+        before = None
+        if (flags & ENDED).any():
+            action = int(np.argmax(flags & ENDED)) // round(ACTION / self.period)
+            is_here = action >= quiet.start
+            section = slice(quiet.start, quiet.stop)
+            last = slice(action - WINDOW, action)
+            before = vibration[last if is_here else section]
+        is_one = lasts(grown, vibration[quiet.stop :], before, self.controller.end[0])
+        return grown if diverged or is_one else 0.0
 
     def _run(self, numbers: Sequence[int]) -> tuple[Array, Array, int]:
         """Return the cycles' log, what vibrated per action [rad/s], if it diverged."""
@@ -373,20 +377,9 @@ _NO_FAULTS: NDArray[np.int8] = np.zeros(1000, dtype=np.int8)
 
 def _oscillations(vibration: Array) -> tuple[float, float]:
     """Return the largest RMS [rad/s] of one that grew, and of one that stayed."""
-    found = [_oscillation(vibration[quiet.start : quiet.stop]) for quiet in QUIET]
+    found = [oscillation(vibration[quiet.start : quiet.stop]) for quiet in QUIET]
     grown, sustained = np.max(found, axis=0)
     return float(grown), float(sustained)
-
-
-def _oscillation(quiet: Array) -> tuple[float, float]:
-    rms = _rms(quiet)[1:]  # the first follows a new Target
-    grows = (rms[1:] > GROWTH * rms[:-1]).all() and rms[-1] > GROWN
-    return float(rms[-1]) if grows else 0.0, float(rms.min())
-
-
-def _rms(vibration: Array) -> Array:
-    """Return the RMS [rad/s] over windows."""
-    return np.sqrt((vibration.reshape(-1, WINDOW) ** 2).mean(axis=1))
 
 
 def _true_chain(choices: Choices) -> _core.Chain:

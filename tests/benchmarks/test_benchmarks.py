@@ -10,9 +10,9 @@ import pytest
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
-    *("attack_episode", "contact_attack", "contact_choices", "contact_policies"),
-    *("contact_scene", "contact_search", "contact_trial", "tracking_report"),
-    *("cockpit_browser", "cockpit_garbage"),
+    *("attack_episode", "contact_attack", "contact_choices", "contact_growth"),
+    *("contact_policies", "contact_scene", "contact_search", "contact_trial"),
+    *("tracking_report", "cockpit_browser", "cockpit_garbage"),
 }
 """Files that others import, and that no one starts."""
 NEEDS = {

@@ -26,6 +26,7 @@ MODULES = (
     "contact_choices",
     "contact_scene",
     "contact_policies",
+    "contact_growth",
     "contact_trial",
     "contact_attack",
 )
@@ -90,6 +91,13 @@ def test_a_try_is_the_same_whatever_ran_before(adversary):
     second = attack.run(5)
     np.testing.assert_array_equal(first.trace, second.trace)
     assert first.worst == second.worst
+
+
+def test_a_peg_that_leans_as_far_as_its_clearance_allows_finds_a_start(adversary):
+    """Built with its clearance rounded down, it touched in each of 200 draws."""
+    attack = adversary.Attack(period=0.005, seed=103)
+    assert attack.choices(346).task == "jam"
+    assert attack.run(346).cycles == 1000
 
 
 def test_what_an_earlier_controller_did_is_caught(adversary):
