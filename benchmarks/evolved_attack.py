@@ -11,18 +11,22 @@ numbers, too, in any field, from 1e-5 to 1e3 rad, NaN and infinity; `received` i
 without lost messages: where none arrives nothing can be done. What is sought is
 the largest excess of one kind over the true limits, margins not taken off. The worst
 episode of every search is written to a file and can be run again, also against another
-controller. A search whose file is there is not run again. With OPENBLAS_NUM_THREADS=1
-in the environment the workers do not wait for one another's linear algebra.
+controller. A search whose file is there, of the same options and the same build, is not
+run again. With OPENBLAS_NUM_THREADS=1 in the environment the workers do not wait for
+one another's linear algebra.
 """
 
 import argparse
+import hashlib
 import json
 import math
 import multiprocessing
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from attack_episode import (
@@ -36,6 +40,8 @@ from attack_episode import (
     load_episode,
     save_episode,
 )
+
+from dovetail import _core
 
 SECONDS = 2.0
 ACTIONS = 40
@@ -80,6 +86,18 @@ class Search:
         observed = "-observed" if self.settings.observed else ""
         f_star = f"{self.settings.f_star:g}"
         return self.folder / f"{name}-{f_star}{margins}{observed}-{self.index}.json"
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What its result depends on, the build included."""
+        own = {name: value for name, value in vars(self).items() if name != "folder"}
+        return own | {"settings": asdict(self.settings), "build": build()}
+
+
+@lru_cache(maxsize=1)
+def build() -> str:
+    """Return what tells one build of the control core from another."""
+    return hashlib.sha256(Path(str(_core.__file__)).read_bytes()).hexdigest()[:12]
 
 
 def bad_states(
@@ -170,7 +188,9 @@ def run_search(search: Search) -> tuple[float, dict, int]:
     """Run one search: value [in its unit], what the worst episode reached, cycles."""
     if search.path.exists():
         _, _, worst = load_episode(search.path)
-        return value_of(search, worst), worst, worst["cycles_run"]
+        if worst.get("search") == search.identity:
+            return value_of(search, worst), worst, worst["cycles_run"]
+        print(f"{search.path} is of other options or another build: run again")
     from cmaes import CMA, SepCMA
 
     rng = np.random.default_rng([search.seed, search.index])
@@ -211,7 +231,7 @@ def run_search(search: Search) -> tuple[float, dict, int]:
         points = [optimizer.ask() for _ in range(optimizer.population_size)]
         optimizer.tell([(x, cost(guess[1], x)) for x in points])
     assert best[2] is not None
-    worst = best[1] | {"cycles_run": run * per_episode}
+    worst = best[1] | {"cycles_run": run * per_episode, "search": search.identity}
     save_episode(search.path, search.settings, best[2], worst)
     return best[0], worst, run * per_episode
 

@@ -129,3 +129,19 @@ def test_a_wrong_number_that_is_nowhere_is_named(attack, search, wrong, named):
             attacked.controller, attacked.plant, np.zeros((1, 6)),
             np.array([[1.0, 0.0, 0.0, 0.0]]), 10, [0] * 10, wrong,
         )  # fmt: skip
+
+
+@pytest.mark.parametrize("change", [{"seed": 4}, {"states": "stale"}])
+def test_a_search_that_was_run_is_taken_and_another_is_not(
+    attack, search, capsys, change
+):
+    pytest.importorskip("cmaes", reason="pip install '.[identify]' -c constraints.txt")
+    evolved, _ = attack
+    first = dataclasses.replace(search, cycles=800)
+    value, _, cycles = evolved.run_search(first)
+    assert evolved.run_search(first)[::2] == (value, cycles)
+    assert capsys.readouterr().out == ""
+    other = dataclasses.replace(first, **change)
+    other.path.write_text(first.path.read_text())
+    evolved.run_search(other)
+    assert "of other options or another build" in capsys.readouterr().out
