@@ -14,13 +14,16 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Of tau_max: the most of a disturbance that limits act against, except of a joint that
-// is at its limit.
-constexpr double kUsualEstimate = 0.3;
+// Of tau_max: what the disturbance estimate takes of one measurement at most.
+constexpr double kLargestSurprise = 0.25;
+constexpr double kLargestEstimate = 1.0;  // ... that is taken for a disturbance
+constexpr double kUsualEstimate = 0.3;    // ... except of a joint that is at its limit
 
-// After the last line a wall is worth so much mass [kg]: held against a jam it would
-// drive the joints.
+constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
+// Then a wall is worth so much mass [kg]: held against a jam it would drive the joints.
 constexpr double kEndRho = 1.0;
+// Of the estimate's slow part, with which a hold after the last line begins [1/s].
+constexpr double kWeightRate = 8.0;
 
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
@@ -65,7 +68,6 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
       x_min_(limits.x_min),
       x_max_(limits.x_max),
       check_(limits, period),
-      kick_(limits),
       last_line_(limits) {
   const auto walls_off = Vec3::Constant(kInfinity);
   bounds_.cl = -walls_off;
@@ -84,7 +86,6 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
     osc_.forget_sag();
   }
   of_jump_.setZero();
-  kick_.reset();
   dq_last_ = tau_last_ = a_last_ = a0_last_ = Vec7::Zero();
   staying_ = 0;
   resume();
@@ -101,6 +102,27 @@ void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   has_hold_ = is_pose(p_hold, quat_hold);
   if (has_hold_) osc_.reset(p_hold, quat_hold);
   has_posture_ = false;
+}
+
+/// r += share (M ddq + h - u - r) over the interval that has just ended, whose model
+/// terms_ and h_ still hold. What one cycle adds is bounded: no sample throws the arm.
+void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
+  if (!has_last_ || limits_.estimate_rate == 0.0) return;
+  double rate = limits_.estimate_rate;
+  if (last_line_.cause() != EndCause::kNone) rate = std::min(rate, kEndRate);
+  const double share = 1.0 - decay_.left(rate, elapsed);
+  const Vec7 change = dq - dq_last_;
+  const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
+  const Vec7 most = kLargestSurprise * limits_.tau_max;
+  const Vec7 lost =
+      terms_.M * change / elapsed + h_ + viscous - tau_last_ - disturbance_;
+  const Vec7 before = disturbance_;
+  disturbance_ += share * lost.cwiseMax(-most).cwiseMin(most);
+  const Vec7 largest = kLargestEstimate * limits_.tau_max;
+  disturbance_ = disturbance_.cwiseMax(-largest).cwiseMin(largest);
+  if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
+  of_jump_ = check_.is_jump() ? Vec7(disturbance_ - before) : (1.0 - share) * of_jump_;
+  weight_ += std::min(kWeightRate * elapsed, 1.0) * (disturbance_ - weight_);
 }
 
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {

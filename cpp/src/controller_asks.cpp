@@ -15,6 +15,11 @@ constexpr double kFreeBraking = 1000.0;  // beyond what the limits allow [1/s]
 constexpr double kRestSpeed = 0.02;      // [rad/s]
 constexpr double kEndQuickest = 40.0;    // of speeds that are damped: 6 Hz [1/s]
 
+// Of tau_max: the most of a disturbance that a hold acts against. A hold in contact is
+// an integrator that would push ever harder.
+constexpr double kLargestHeld = 0.12;
+constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
+
 // An axis that stays is held where it comes to be slower than this [m/s].
 constexpr double kStaySpeed = 0.01;
 constexpr double kStayError = 0.02;  // largest way back that is used [m]
@@ -45,9 +50,19 @@ constexpr double kLargestStep = 18.0;
 constexpr double kPatience = 9.0;
 constexpr double kRegained = 0.2;
 
+constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset that goes on
+
 std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
 
 }  // namespace
+
+/// Whether the arm goes on from where it is: what pulls at it pulls on, too. One whose
+/// measured speed is not told was put there.
+bool Controller::goes_on(const Vec7& q, const Vec7& dq) const noexcept {
+  if (!has_last_ || dq == Vec7::Zero()) return false;
+  const Vec7 reach = kFewPeriods * period_ * limits_.dq_max;
+  return ((q - check_.q()).cwiseAbs().array() <= reach.array()).all();
+}
 
 /// A wall that the tool is behind at the start, margin included, begins at the tool,
 /// and comes in slowly: it takes the tool along.
@@ -214,6 +229,17 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
                  true};
 }
 
+/// The part of the disturbance that a hold acts against [rad/s2]: of what pulls at the
+/// tool the same share in all joints. Cut joint by joint, the rest would drive the
+/// joints around a tool that something holds.
+Vec7 Controller::held() const noexcept {
+  const Vec7 most = (kLargestHeld * limits_.tau_max)
+                        .cwiseMax(kLeastHeld)
+                        .cwiseMin(0.5 * limits_.tau_max);
+  const double over = disturbance_.cwiseQuotient(most).cwiseAbs().maxCoeff();
+  return Minv_ * (disturbance_ / std::max(over, 1.0));
+}
+
 /// What the last known motion needs to end, softly [rad/s2].
 Vec7 Controller::braking() const noexcept {
   const double time = std::max(limits_.kappa * period_, 0.02);  // [s]
@@ -242,6 +268,21 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq, double elapsed,
   }
   has_posture_ = false;
   osc_.forget_way();
+}
+
+/// Whether a joint stands within a limit's margin, or beyond.
+bool Controller::is_behind(int joint, double q) const noexcept {
+  return q > limits_.q_max[joint] - limits_.delta_q ||
+         q < limits_.q_min[joint] + limits_.delta_q;
+}
+
+/// A loop with delay lives in the quick part of the estimate. What holds a joint at its
+/// limit stays: a load that grew as quickly would take it past the limit.
+void Controller::forget_quick_part(const Vec7& q) noexcept {
+  of_jump_.setZero();
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (!is_behind(i, q[i])) disturbance_[i] = weight_[i];
+  }
 }
 
 /// While the state is in doubt the torque changes slowly, into a damped hold and out of

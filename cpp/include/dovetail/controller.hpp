@@ -8,7 +8,6 @@
 #include "dovetail/chain.hpp"
 #include "dovetail/cholesky.hpp"
 #include "dovetail/decay.hpp"
-#include "dovetail/kick_watch.hpp"
 #include "dovetail/last_line.hpp"
 #include "dovetail/osc.hpp"
 #include "dovetail/state_check.hpp"
@@ -177,8 +176,7 @@ class Controller {
 
   // what the last cycle left
   bool has_last_ = false;  // the last cycle ended normally
-  KickWatch kick_;
-  Decay decay_;  // of what the disturbance was
+  Decay decay_;            // of what the disturbance was
   Vec7 disturbance_ = Vec7::Zero();
   Vec7 of_jump_ = Vec7::Zero();  // what the last surprise was worth of it [Nm]
   Vec7 weight_ = Vec7::Zero();   // the disturbance's slow part [Nm]

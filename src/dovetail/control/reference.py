@@ -37,10 +37,6 @@ LARGEST, USUAL, HELD, HELD_LEAST = 1.0, 0.3, 0.12, 10.0
 """Over tau_max: the most that is taken for a disturbance, of it the limits act against
 except at a joint's limit, and a hold; a hold acts against as much at least [Nm]."""
 
-KICK_SHARE, KICK_QUICKEST, KICK_ROUND = 0.6, 500.0, 3.0
-"""Of a kick: what is learned at once, filter of accelerations [1/s], and how long the
-next one is waited for, over 1 / brake_rate."""
-
 POSTURE_MAX, STAY_MAX = 2.0, 0.02
 """Longest way back that is used: to the posture [rad], to where an axis stays [m]."""
 
@@ -68,7 +64,7 @@ class ReferenceController:
     def reset(self, q: Array, position_hold: Array, quat_hold: Array) -> None:
         """Latch the pose that hold axes keep; forget disturbance and posture."""
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
-        self.r, self.ddq, self.kick_wait = np.zeros(7), np.zeros(7), 0.0
+        self.r = np.zeros(7)
         self.posture: Array | None = None
         self.way: tuple[Array, Array] | None = None
         self.v_way, self.pace, self.sag = np.zeros(6), 1.0, np.zeros(6)
@@ -141,33 +137,17 @@ class ReferenceController:
 
     def estimate(self, dq: Array) -> None:
         """Add  r += share (M ddq + h - u - r)  of the interval that has ended."""
-        lim, dt, tau_max = self.limits, self.dt, self.limits.joints.tau_max
-        if self.last is None or lim.disturbance.estimate_rate == 0.0:
+        if self.last is None:
             return
+        lim, dt, tau_max = self.limits, self.dt, self.limits.joints.tau_max
         M, h, dq_last, u = self.last
         ddq = (dq - dq_last) / dt
         slowed = 0.5 * lim.prediction.damping * dt * ddq  # at the mean speed
         lost = M @ ddq + h + slowed - u - self.r
         most = SURPRISE * tau_max
         share = 1.0 - np.exp(-lim.disturbance.estimate_rate * dt)
-        if self.is_kicked(dq, ddq):
-            share += (1.0 - share) * KICK_SHARE
         r = self.r + share * np.clip(lost, -most, most)
         self.r = np.clip(r, -LARGEST * tau_max, LARGEST * tau_max)
-
-    def is_kicked(self, dq: Array, ddq: Array) -> bool:
-        """Return whether a joint will be too fast before a torque can act."""
-        rate = self.limits.disturbance.brake_rate
-        time = 1.0 / rate if rate > 0.0 else 0.0
-        self.ddq = self.ddq + (1.0 - np.exp(-KICK_QUICKEST * self.dt)) * (
-            ddq - self.ddq
-        )
-        self.kick_wait -= self.dt
-        coming = np.abs(dq + time * self.ddq) > self.limits.joints.dq_max
-        if self.kick_wait > 0.0 or not np.any(coming & (self.ddq * dq > 0.0)):
-            return False
-        self.kick_wait = KICK_ROUND * time
-        return True
 
     def task_torque(
         self, q: Array, dq: Array, f: Array, J_tool: Array, M: Array, Minv: Array
