@@ -146,7 +146,7 @@ class SaturationConfig(Section):
     """Saturation scheme: qp (default) or paper (SCS then SJS, corrected)."""
     bounds: str = "viability"
     """Bound formula: viability (default), paper-corrected or paper-printed."""
-    kappa: Annotated[float, Range(1.0, 50.0, "1")] = 5.0
+    kappa: Annotated[float, Range(1.0, 1e3, "1")] = 5.0
     """Interval of the bounds over the period [1]; larger chatters less."""
     s0_wall: Annotated[float, Range(1e-9, 10.0, "1/kg")] = 1e-3
     """Wall mobility below which SCS fades a wall out [1/kg]."""
