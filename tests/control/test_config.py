@@ -50,6 +50,7 @@ def test_the_law_is_the_same_at_each_period(period):
     [
         (1e-3, 38.5e-3, 60.0, 30e-3, 0.30, 15e-3),
         (2e-3, 42e-3, 60.0, 30e-3, 0.30, 15e-3),
+        (2.5e-3, 43.75e-3, 60.0, 45e-3, 0.35, 20e-3),
         (5e-3, 52.5e-3, 50.0, 50e-3, 0.45, 20e-3),
     ],
 )
@@ -91,7 +92,7 @@ def test_margins_between_tabulated_periods_are_those_of_the_longer_one(robot):
 
 
 def test_hardware_margins_are_wider(robot):
-    for period in (1e-4, 1e-3, 2e-3, 5e-3):  # kappa of 0.1 ms was refused: 353
+    for period in (1e-4, 1e-3, 2e-3, 2.5e-3, 5e-3):  # kappa of 0.1 ms was refused: 353
         simulated = LimitConfig.for_period(robot, period, hardware=False)
         hardware = LimitConfig.for_period(robot, period)
         for name in ("delta_q", "delta_v", "delta_x"):

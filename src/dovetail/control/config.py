@@ -40,17 +40,22 @@ if TYPE_CHECKING:
 PERIOD_MIN, PERIOD_MAX = 1e-4, 5e-3
 """Range of control periods [s] for which limits were shown to hold."""
 
-_PERIODS = (1e-3, 2e-3, 5e-3)
-_INTERVAL = (5e-3, 8e-3, 10e-3)  # kappa * period [s], kappa 5 / 4 / 2
+_PERIODS = (1e-3, 2e-3, 2.5e-3, 5e-3)
+_INTERVAL = (5e-3, 8e-3, 25e-3 / 3, 10e-3)  # kappa * period [s]
 _INTERVAL_RATIO = 3.5  # time in which limits act, over delay and period
 _RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57 on
 _RATE_MAX = 60.0  # 1/s
-_DELTA_Q = (2e-3, 3e-3, 5e-3)  # rad, exact model
-_DELTA_V = (0.01, 0.02, 0.05)
-_DELTA_Q_HARDWARE = (30e-3, 30e-3, 50e-3)  # rad; all that is declared at once
-_DELTA_V_HARDWARE = (0.30, 0.30, 0.45)
-_DELTA_X = (12e-3, 12e-3, 12e-3)  # m; evolved attacks go 11 mm past: docs/safety.md
-_DELTA_X_HARDWARE = (15e-3, 15e-3, 20e-3)
+_DELTA_Q = (2e-3, 3e-3, 5e-3, 5e-3)  # rad, exact model
+_DELTA_V = (0.01, 0.02, 0.05, 0.05)
+_DELTA_Q_HARDWARE = (30e-3, 30e-3, 45e-3, 50e-3)  # rad; all that is declared at once
+_DELTA_V_HARDWARE = (0.30, 0.30, 0.35, 0.45)
+_DELTA_X = (
+    12e-3,
+    12e-3,
+    12e-3,
+    12e-3,
+)  # m; evolved attacks go 11 mm past: docs/safety.md
+_DELTA_X_HARDWARE = (15e-3, 15e-3, 20e-3, 20e-3)
 
 
 def check_period(period: float) -> float:
