@@ -187,7 +187,10 @@ def first_guess(attacked: Attacked, centre: Array, rng: np.random.Generator) -> 
 def run_search(search: Search) -> tuple[float, dict, int]:
     """Run one search: value [in its unit], what the worst episode reached, cycles."""
     if search.path.exists():
-        _, _, worst = load_episode(search.path)
+        try:
+            _, _, worst = load_episode(search.path)
+        except (ValueError, KeyError, TypeError):  # JSONDecodeError is a ValueError
+            worst = {}
         if worst.get("search") == search.identity:
             return value_of(search, worst), worst, worst["cycles_run"]
         print(f"{search.path} is of other options or another build: run again")
@@ -286,6 +289,12 @@ def main() -> None:
     parser.add_argument("--replay", type=Path)
     parser.add_argument("--rows", type=int, default=0, help="of a replay's trace")
     args = parser.parse_args()
+    if args.searches < 1:
+        parser.error(f"--searches {args.searches}: allowed is 1 or more")
+    if args.replay and not args.replay.is_file():
+        parser.error(
+            f"--replay {args.replay}: there is no such file; a search writes one"
+        )
     if args.replay:
         replay(args.replay, args.rows)
         return

@@ -33,20 +33,11 @@ def circle(start, time):
     return position, quat, np.array(velocity), acceleration
 
 
-def follow_circle(robot, q, period, share):
+def follow_circle(robot, rest_at, q, period, share):
     """Largest distance [m] and angle [rad] from the circle, after its first 0.5 s."""
     limits = LimitConfig.for_period(robot, period, **WIDE)
-    controller = make_controller(
-        robot, OscConfig.for_period(period), limits, POSE, period
-    )
-    plant = _core.RigidPlant(
-        robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
-    )
-    plant.reset(q, np.zeros(7))
-    start = robot.tool_pose(q)
-    controller.reset(q, start.position, start.quat_wxyz)
+    osc = OscConfig.for_period(period)
+    controller, plant, start = rest_at(q, osc, limits, POSE, period)
     errors = []
     for cycle in range(round(2.0 / period)):
         time = cycle * period
@@ -66,9 +57,9 @@ def follow_circle(robot, q, period, share):
 
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
-def test_a_circle_is_followed_without_lag(robot, q_home, period):
-    late, late_turn = follow_circle(robot, q_home, period, 0.0)
-    away, turn = follow_circle(robot, q_home, period, 1.0)
+def test_a_circle_is_followed_without_lag(robot, rest_at, q_home, period):
+    late, late_turn = follow_circle(robot, rest_at, q_home, period, 0.0)
+    away, turn = follow_circle(robot, rest_at, q_home, period, 1.0)
     assert late > 9e-3  # 2 v / sqrt(K) is 10 mm, and 50 ms of the path
     assert late_turn > 0.05
     assert away < 0.5e-3

@@ -81,20 +81,13 @@ def test_an_estimate_that_is_too_quick_for_the_delay_is_ended(robot, q_home, per
 
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
 def test_a_target_whose_rotation_jumps_to_and_fro_explains_the_swing(
-    robot, q_home, period
+    robot, rest_at, q_home, period
 ):
     """It is turned to at `turn_speed`, not at once."""
     limits = LimitConfig.for_period(robot, period, x_min=-2.0, x_max=2.0)
     osc = OscConfig.for_period(period, force_damping=[40.0] * 3 + [0.0] * 3)
-    controller = make_controller(robot, osc, limits, "XYZ:force ABC:pose", period)
-    plant = _core.RigidPlant(
-        robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
-    )
-    plant.reset(q_home, np.zeros(7))
-    pose = robot.tool_pose(q_home)
-    controller.reset(q_home, pose.position, pose.quat_wxyz)
+    task = "XYZ:force ABC:pose"
+    controller, plant, pose = rest_at(q_home, osc, limits, task, period)
     target = _core.Target()
     target.position_d = pose.position
     swings = 0.0

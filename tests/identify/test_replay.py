@@ -3,6 +3,7 @@ import pytest
 
 from dovetail.errors import ConfigError, PlantError
 from dovetail.identify.parameters import nominal_model
+from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import DIVERGED, Replay
 from dovetail.plants.twin import load_twin
@@ -18,8 +19,12 @@ def test_the_true_model_replays_the_log_exactly(replay, planted_file):
     assert replay.rms(load_twin(planted_file)) < 1e-12
 
 
-def test_another_model_does_not(replay):
-    assert 5e-4 < replay.rms(nominal_model()) < 0.1
+@pytest.mark.parametrize(("period", "least"), [(1e-3, 1.3e-3), (5e-3, 0.9e-3)])
+def test_another_model_does_not(settings, quiet, tmp_path, period, least):
+    """At 5 ms the arm may move less quickly, so that it misses by less [m]."""
+    out = tmp_path / "log"
+    record(RecordConfig.of(out=out, period=period, **settings), quiet)
+    assert least < Replay(Recording.load(out)).rms(nominal_model()) < 0.1
 
 
 def test_a_replay_leaves_nothing_behind_for_the_next(replay, planted_file):
