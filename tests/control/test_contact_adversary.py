@@ -20,7 +20,8 @@ TIED = {"position": 0.0, "speed": 1.1, "contact": 5.0}
 with delay can see: what holds then, unless the spring is stronger than a motor."""
 SOFT = ("stiffness", (400.0, 400.0, 400.0, 200.0, 200.0, 200.0))
 SAGS = (("sag_linear", 0.0), ("sag_angular", 0.0))
-JERKY = (("move_speed", 1e4), ("turn_speed", 1e4), SOFT, *SAGS)
+TURNS = (("turn_speed", 1e4), ("error_clamp_rotation", 0.25))
+JERKY = (("move_speed", 1e4), *TURNS, SOFT, *SAGS)
 """The law with which the cases were found: jumps of a pose saturate joints."""
 MODULES = (
     "contact_choices",
