@@ -36,8 +36,8 @@ class ClampConfig(Section):
     """How much of an error is used, and how large f* becomes."""
 
     error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.11
-    """Largest rotation error used [rad]: what turns a hand that is wedged. On its way
-    at `turn_speed` the tool is 0.08 rad behind."""
+    """Largest rotation error used [rad]: what turns a hand that is wedged. A turn is at
+    most as quick as it times sqrt(K) / 2, 1.1 rad/s."""
     move_speed: Annotated[float, Range(1e-3, 1e4, "m/s")] = 0.25
     """Speed at which the desired position goes to one that jumps [m/s], beside the
     Target's own: a jump saturates joints, which then lack what holds the other axes."""
