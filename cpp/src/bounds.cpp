@@ -77,7 +77,7 @@ Bound viability_upper(double d, double v, double v_max, double a_max, double pus
   const double met =
       d - 0.5 * std::max(v, 0.0) / std::max(params.brake_rate, kLeastBrakeRate);
   const double held = std::clamp(-met / width, 0.0, 1.0);
-  bound.value = under_push(bound.value, push, v, held, params.brake_rate, params.away);
+  bound.value = under_push(bound.value, push, v, held, params.brake_rate);
   if (bound.value >= a_most) return {a_most, BoundCause::kAcceleration};
   return bound;
 }
@@ -130,14 +130,14 @@ Interval acceleration_bounds(double x, double v, double x_min, double x_max,
               viability_upper(room_up, v, speed, a_max, push, params), v);
 }
 
-double under_push(double limit, double push, double v, double held, double brake_rate,
-                  double away) noexcept {
+double under_push(double limit, double push, double v, double held,
+                  double brake_rate) noexcept {
   if (push <= 0.0) return limit - push;
   const double back = std::max(-limit, 0.0);  // what leads back inside
   const double braking = -brake_rate * std::max(v, 0.0) - held * (push + back);
   // On the way out, too: a joint that may not be slowed there, tied to a spring, has no
   // damping in half of each swing, and any delay makes it grow.
-  const double damping = away * brake_rate * std::max(-v, 0.0) * (1.0 - held);
+  const double damping = kDampingAway * brake_rate * std::max(-v, 0.0) * (1.0 - held);
   return std::min(limit, std::max(limit - push, braking + damping));
 }
 

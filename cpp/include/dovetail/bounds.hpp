@@ -16,11 +16,6 @@ enum class BoundCause : std::uint8_t {
   kPosition = 2
 };
 
-/// Share of `brake_rate` that still damps a motion away from a limit against a push.
-inline constexpr double kDampingAway = 0.7;
-/// The same of a wall: what it takes back it takes of joints, which may be at theirs.
-inline constexpr double kWallAway = 0.4;
-
 /// Parameters that a cycle's coordinates share. The paper's kinds use `dt` only: they
 /// have no margins.
 struct BoundsParams {
@@ -34,8 +29,7 @@ struct BoundsParams {
   double authority = 1.0;
   /// Against a push the bound only brakes (docs/control.md, Passive limits).
   bool passive = true;
-  double brake_rate = 60.0;    ///< of that braking [1/s]: what the loop's delay allows
-  double away = kDampingAway;  ///< share of it that damps a motion away from the limit
+  double brake_rate = 60.0;  ///< of that braking [1/s]: what the loop's delay allows
 };
 
 /// Accelerations lb <= a <= ub [rad/s2] or [m/s2]. Always lb <= ub, except
@@ -60,15 +54,18 @@ struct Interval {
                                            const BoundsParams& params,
                                            double push = 0.0) noexcept;
 
+/// Share of `brake_rate` that still damps a motion away from a limit against a push.
+inline constexpr double kDampingAway = 0.25;
+
 /// The most that may be asked for below `limit`, which bounds the sum with the push.
 ///
 /// A push away from the limit leaves more room. One towards it takes room, but only as
 /// braking: never below `-brake_rate v`, and at rest only by the share of the push that
 /// `held` allows. So the estimate of a contact cannot push the arm into it. A motion
-/// away may still be slowed, by the share `away` of that rate.
+/// away may still be slowed, by `kDampingAway` times that rate.
 /// \param v     speed towards the limit
 /// \param held  share of the push that may be held against at rest, 0 to 1
 [[nodiscard]] double under_push(double limit, double push, double v, double held,
-                                double brake_rate, double away = kDampingAway) noexcept;
+                                double brake_rate) noexcept;
 
 }  // namespace dovetail

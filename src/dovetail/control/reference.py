@@ -11,7 +11,7 @@ import numpy as np
 
 from dovetail import poses
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference_bounds import WALL_AWAY, intervals, under_push, walls
+from dovetail.control.reference_bounds import intervals, under_push, walls
 from dovetail.control.reference_qp import solve_qp
 from dovetail.control.task_spec import FORCE, FREE, HOLD, POSE, TaskSpec
 from dovetail.types import Array
@@ -96,7 +96,7 @@ class ReferenceController:
         self.walls = walls(lim, dt, p, self.walls)
         wall = (*self.walls, tool.dx_max, tool.ddx_max, tool.eta_wall, tool.delta_x)
         lb, ub = intervals(lim, dt, q, dq, push_q, *bounds, joints.eta, joints.delta_q)
-        cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall, WALL_AWAY)
+        cl, cu = intervals(lim, dt, p, twist[:3], push_x, *wall)
         g = chain.gravity(q)
         lo, hi = -tau_max - g, tau_max - g
         if target.joint_mode:  # a spring in each joint, what pushes is held against

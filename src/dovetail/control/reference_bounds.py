@@ -8,8 +8,8 @@ from dovetail.types import Array
 HOLD_WIDTH = 1e-3
 """Least way behind a margin on which a push comes to be held against [rad or m]."""
 
-DAMPING_AWAY, WALL_AWAY = 0.7, 0.4
-"""Shares of `brake_rate` that slow a motion away from a limit against a push."""
+_DAMPING_AWAY = 0.25
+"""Share of `brake_rate` that slows a motion away from a limit against a push."""
 
 RETURN_SPEED = 0.05
 """Of a wall that comes in from where the tool was outside of it at the start [m/s]."""
@@ -28,7 +28,6 @@ def walls(
 def intervals(
     lim: LimitConfig, dt: float, x: Array, v: Array, push: Array, x_min: Array,
     x_max: Array, v_max: Array, a_max: Array, eta: float, delta: float,
-    away: float = DAMPING_AWAY,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Accelerations [lb, ub] from which, pushed, each coordinate still stops in time.
 
@@ -49,7 +48,7 @@ def intervals(
                 return min(a, A) - push
             met = d - 0.5 * max(v, 0.0) / max(against.brake_rate, 1.0)
             held = min(max(-met / max(delta, HOLD_WIDTH), 0.0), 1.0)
-            return min(under_push(lim, a, push, v, held, away), A + max(-push, 0.0))
+            return min(under_push(lim, a, push, v, held), A + max(-push, 0.0))
         is_printed = bounds == "paper-printed"
         speed = speed if is_printed else v  # printed: position there
         a = min(2.0 * (d - v * dt) / dt**2, (V - speed) / dt, A)
@@ -73,13 +72,12 @@ def viable(d: float, v: float, V: float, A: float, T: float, brake: float) -> fl
 
 
 def under_push(
-    lim: LimitConfig, limit: float, push: float, v: float, held: float,
-    away: float = DAMPING_AWAY,
-) -> float:  # fmt: skip
+    lim: LimitConfig, limit: float, push: float, v: float, held: float
+) -> float:
     """Return what may be asked for below a limit: against a push only braking."""
     rate = lim.disturbance.brake_rate
     if push <= 0.0 or not lim.disturbance.passive:
         return limit - push
     braking = -rate * max(v, 0.0) - held * (push + max(-limit, 0.0))
-    damping = away * rate * max(-v, 0.0) * (1.0 - held)
+    damping = _DAMPING_AWAY * rate * max(-v, 0.0) * (1.0 - held)
     return min(limit, max(limit - push, braking + damping))
