@@ -159,7 +159,7 @@ def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
         run_local_checks(plant_at("twin:medium"), 0.005, DECLARED | {"delay": 0.003}),
     )
     assert check.status == "broken"
-    assert "declared and shown to hold: 0 to 3 ms" in check.detail
+    assert "more than was declared; declared: 0 to 3 ms" in check.detail
     assert "or declare at least 5.0 ms (allowed: 0 to 10 ms)" in check.detail
 
 

@@ -64,7 +64,7 @@ def test_a_longer_delay_is_named_with_its_range(late, tmp_path, delay, period):
     ("key", "words"),
     [
         ("", "declared: 10 ms"),
-        ("&margins=model", "shown to hold: 0 to 0 ms; shorten it"),
+        ("&margins=model", "more than was declared; declared: 0 to 0 ms; shorten"),
     ],
 )
 def test_the_delay_of_an_arm_behind_fri_is_measured(tmp_path, key, words):

@@ -15,7 +15,8 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from tyro.constructors import PrimitiveConstructorSpec
 
 from dovetail.commands.field_words import field_words
-from dovetail.control.sections import Setting, settings_in
+from dovetail.control.period import format_period
+from dovetail.control.sections import TIMES, Setting, settings_in
 
 Groups = Mapping[str, Sequence[str]]
 """Title of each group, and the settings in it."""
@@ -116,8 +117,8 @@ def _default(setting: Setting) -> str:
     value = setting.default
     if isinstance(value, bool) or value in (MISSING, None, (), "none"):
         return ""
-    if setting.trail[-1] == "period" and isinstance(value, float):
-        return f" ({1e3 * value:g}ms)"
+    if setting.trail[-1] in TIMES and isinstance(value, float):
+        return f" ({format_period(value)})"
     values = value if isinstance(value, tuple) else (value,)
     return f" ({' '.join(str(part) for part in values)})"
 

@@ -4,6 +4,7 @@ Values are those that benchmarks/adversary.py shows to hold (docs/safety.md); ea
 checked once, here, so that the control cycle never has to.
 """
 
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -31,7 +32,7 @@ from dovetail.control.limits import (
 )
 from dovetail.control.proven import DECLARED
 from dovetail.control.sections import Sectioned
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, UnprovenWarning
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -142,15 +143,17 @@ class LimitConfig(Sectioned):
         """Return the limits of a robot at a control period, as measured to hold.
 
         Between tabulated periods the margins of the longer one are used. Damping and
-        armature default to the robot's.
+        armature default to the robot's. What is declared beyond `proven.DECLARED` is
+        warned of (`UnprovenWarning`); margins grow with it, up to twice the table's.
 
         Args:
             robot: Its limits, and its payload for ddq_max.
             period: Control period [s], 0.1 to 5 ms.
-            hardware: An arm with what `proven.DECLARED` says in delay and errors, and
+            hardware: An arm with up to `proven.DECLARED` in delay and errors, and
                 pushes of 30 N; without, one that is exactly as its model.
-            **overrides: Any field, for example x_min and x_max. A delay or an error
-                that is declared here changes the margins.
+            **overrides: Any field, for example x_min and x_max. An arm of which any
+                delay or error is declared is not exact: less than the table's margins
+                it never has, as no other were attacked.
 
         Raises:
             ConfigError: Period out of range, or the payload leaves too little torque.
@@ -160,19 +163,20 @@ class LimitConfig(Sectioned):
         interval = max(5 * period if row == 0 else 0.0, 2 * period)
         if row:
             interval = float(np.interp(period, _PERIODS, _INTERVAL))
-        given = {
-            name: overrides.get(name, value if hardware else 0.0)
-            for name, value in DECLARED.items()
-        }
-        declared = DeclaredErrors(**given)
-        lag = declared.delay + period
-        rate = min(_RATE_MAX, _RATE_RATIO / lag)
-        share = max(vars(declared)[name] / value for name, value in DECLARED.items())
-        if share > 0.0:
+        table = DECLARED if hardware else dict.fromkeys(DECLARED, 0.0)
+        declared = DeclaredErrors(**{n: overrides.get(n, table[n]) for n in table})
+        lag, share = period, 0.0
+        if hardware or any(vars(declared).values()):
+            for text in declared.unproven():
+                warnings.warn(text, UnprovenWarning, stacklevel=2)
+            lag += max(declared.delay, DECLARED["delay"])
+            ratios = (vars(declared)[n] / most for n, most in DECLARED.items())
+            share = min(max(1.0, *ratios), 2.0)
             interval = max(interval, _INTERVAL_RATIO * lag)
+        rate = min(_RATE_MAX, _RATE_RATIO / lag)
 
-        def margin(exact: tuple[float, ...], all_wrong: tuple[float, ...]) -> float:
-            return exact[row] + min(share, 2.0) * (all_wrong[row] - exact[row])
+        def margin(exact: tuple[float, ...], declared: tuple[float, ...]) -> float:
+            return exact[row] + share * (declared[row] - exact[row])
 
         settings: dict[str, Any] = {
             **vars(declared),

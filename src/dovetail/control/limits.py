@@ -8,6 +8,8 @@ from typing import Annotated
 
 import numpy as np
 
+from dovetail.control.period_option import Delay
+from dovetail.control.proven import DECLARED, unproven
 from dovetail.control.ranges import Range
 from dovetail.control.sections import Section
 from dovetail.errors import ConfigError
@@ -90,17 +92,28 @@ class ApproachLimits(Section):
     acts from 2 mm above the plane on, more and more, and whole below it."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True)
 class DeclaredErrors(Section):
-    """How far the arm is from its model, at most: margins are made for it."""
+    """How far the arm is from its model, at most.
 
-    delay: Annotated[float, Range(0.0, 0.05, "s")] = 0.0
-    """Largest delay between a measurement and the torque it leads to, the control
-    period not counted [s]: margins, intervals and rates are made for it."""
+    Margins are made for it.
+    """
+
+    delay: Annotated[Delay, Range(0.0, 0.05, "s")] = 0.0
+    """Largest delay from a measurement to the torque it leads to [s]. The period is not
+    counted; margins, intervals and rates are made for it."""
     mass_error: Annotated[float, Range(0.0, 0.5, "1")] = 0.0
-    """Largest error of a link's mass, as a share [1]; margins are made for it."""
+    """Largest error of a link's mass, as a share [1]."""
     payload_error: Annotated[float, Range(0.0, 5.0, "kg")] = 0.0
-    """Largest error of the payload's mass [kg]; margins are made for it."""
+    """Largest error of the payload's mass [kg]."""
+
+    def unproven(self) -> list[str]:
+        """Say what is declared beyond the table: value, range and remedy of each."""
+        return [f"as declared, {text}" for text in unproven(**vars(self))]
+
+
+TABLE = DeclaredErrors(**DECLARED)
+"""What is declared of an arm of which nothing else is said."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

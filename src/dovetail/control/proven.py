@@ -7,9 +7,11 @@ everything inside this table at once.
 from dovetail.control.period import PERIODS
 
 DECLARED: dict[str, float] = {"delay": 0.010, "mass_error": 0.20, "payload_error": 1.0}
-"""Largest delay [s], error of a link's mass [1] and of the payload [kg] for which
-`LimitConfig.for_period` has margins: what it declares unless told otherwise."""
+"""The table: largest delay [s], error of a link's mass [1] and of the payload [kg] for
+which the margins of `LimitConfig.for_period` were attacked. Also what is declared of an
+arm of which nothing else is said."""
 
+_UNPROVEN = "for which the limits are unproven"
 _WORDS = {
     "delay": ("the loop's delay", 1e3, "ms"),
     "mass_error": ("the error of a link's mass", 1e2, "%"),
@@ -20,6 +22,12 @@ _REMEDY = {
     "mass_error": "identify the arm (dovetail identify)",
     "payload_error": "give the tool's true load data",
 }
+
+
+def describe(name: str, value: float) -> str:
+    """Return a value of `DECLARED` with the unit in which it is said."""
+    _, factor, unit = _WORDS[name]
+    return f"{factor * value:.3g} {unit}"
 
 
 def unproven(
@@ -37,7 +45,7 @@ def unproven(
         delay: Of the loop, declared or measured [s].
         mass_error: Of a link, as a share [1].
         payload_error: Of the payload [kg].
-        declared: Ranges to compare with; None is `DECLARED`.
+        declared: What was said of the arm, to compare with; None is `DECLARED`.
 
     Returns:
         One sentence for each; empty where everything is inside.
@@ -47,17 +55,21 @@ def unproven(
     if period is not None and not any(abs(period - p) < 1e-9 for p in PERIODS):
         known = ", ".join(f"{1e3 * p:g}" for p in PERIODS)
         said.append(
-            f"the control period is {1e3 * period:g} ms, for which the limits are "
-            f"unproven; shown to hold: {known} ms; choose one of these"
+            f"the control period is {1e3 * period:g} ms, {_UNPROVEN}; shown to hold: "
+            f"{known} ms; choose one of these"
         )
     given = {"delay": delay, "mass_error": mass_error, "payload_error": payload_error}
     for name, value in given.items():
         if value is None or value <= ranges[name] * (1.0 + 1e-9):
             continue
-        words, factor, unit = _WORDS[name]
+        is_proven = value <= DECLARED[name] * (1.0 + 1e-9)
+        what = "more than was declared" if is_proven else _UNPROVEN
+        known = "shown to hold"  # of the table alone; another range is only declared
+        if declared is not None:
+            is_table = ranges[name] == DECLARED[name]
+            known = "declared and shown to hold" if is_table else "declared"
         said.append(
-            f"{words} is {factor * value:.3g} {unit}, for which the limits are "
-            f"unproven; declared and shown to hold: 0 to {factor * ranges[name]:g} "
-            f"{unit}; {_REMEDY[name]}"
+            f"{_WORDS[name][0]} is {describe(name, value)}, {what}; {known}: 0 to "
+            f"{describe(name, ranges[name])}; {_REMEDY[name]}"
         )
     return said

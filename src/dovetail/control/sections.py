@@ -17,6 +17,9 @@ from dovetail.control.period import format_period
 from dovetail.control.ranges import check_ranges
 from dovetail.errors import ConfigError
 
+TIMES = ("period", "delay")
+"""Settings that a command line writes with their unit, as 5ms."""
+
 Trail = tuple[str, ...]
 """Fields that lead to a setting, its own the last."""
 
@@ -26,7 +29,7 @@ def option_words(name: str, value: Any) -> list[str]:
     option = name.replace("_", "-")
     if isinstance(value, bool):
         return [f"--{option}" if value else f"--no-{option}"]
-    if name == "period":
+    if name in TIMES:
         value = format_period(value)
     values = value if isinstance(value, list | tuple) else [value]
     return [f"--{option}", *map(str, values)]
