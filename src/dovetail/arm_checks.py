@@ -108,9 +108,9 @@ def run_arm_checks(
         "enabling switch",
     ):
         return
-    period = address.period or DEFAULT_PERIOD
+    period, declared = address.period or DEFAULT_PERIOD, declared or DECLARED
     cell = find_cell(robot=robot)
-    config = EnvConfig.of(period=period, force_damping=0.0)
+    config = EnvConfig.of(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config, is_hardware=address.margins == "hardware")
     arm = _build(address, cell, *quiet(osc, limits), period)
     try:
@@ -118,7 +118,7 @@ def run_arm_checks(
         yield check_connection(arm, address)
         name = ""
         try:
-            for check in _checks_in_motion(arm, address, ask, declared or DECLARED):
+            for check in _checks_in_motion(arm, address, ask, declared):
                 name = check.name
                 yield check
         except ArmError as error:

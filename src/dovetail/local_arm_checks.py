@@ -41,7 +41,7 @@ def run_local_checks(
     """
     yield check_period_proven(period)
     cell, task = plant.cell, TaskSpec.parse("XYZABC:hold")
-    config = EnvConfig.of(period=period, force_damping=0.0)
+    config = EnvConfig.of(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config)
     robot = cell.loaded_robot()
     q = robot.inverse_kinematics(START, robot.posture("rest"))

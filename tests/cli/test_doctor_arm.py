@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, lockstep_address
-from dovetail import _core, arm_checks
+from dovetail import _core, arm_checks, local_arm_checks
 from dovetail.arm_checks import run_arm_checks
 from dovetail.arm_feel import check_as_configured
 from dovetail.arms.address import parse_address
@@ -181,6 +181,29 @@ def test_a_declaration_outside_the_table_is_refused(capsys):
     assert "0 to 10 ms" in error
     assert run(["doctor", "--arm", "mujoco", "--payload-error", "3"]) == 2
     assert "0 to 1 kg" in capsys.readouterr().err
+    assert run(["doctor", "--arm", "mujoco", "--payload-error", "-1"]) == 2
+    assert "payload_error is -1 kg; allowed: 0 to 5 kg" in capsys.readouterr().err
+
+
+def test_the_controller_is_made_with_what_is_declared(monkeypatch):
+    made, make = [], local_arm_checks.make_settings
+    monkeypatch.setattr(
+        local_arm_checks,
+        "make_settings",
+        lambda *args: made.append(make(*args)) or made[-1],
+    )
+    declared = DECLARED | {"delay": 0.007}
+    checks = run_local_checks(plant_at("mujoco"), 0.005, declared)
+    assert next(c for c in checks if c.name == "rest")
+    checks.close()
+    ((_, limits),) = made
+    assert vars(limits.declared) == declared
+
+
+def test_margins_of_an_exact_arm_are_warned_of(monkeypatch, capsys):
+    monkeypatch.setattr(arm_checks, "run_arm_checks", lambda *_: iter(()))
+    assert run(["doctor", "--arm", "fri://127.0.0.1?margins=model", "--yes"]) == 0
+    assert capsys.readouterr().out.startswith("warning: arm 'fri://127.0.0.1?margins")
 
 
 def test_a_period_outside_the_table_is_named():

@@ -1,4 +1,4 @@
-"""A twin outside that for which the limits are proven is named by every command."""
+"""What lies outside that for which the limits are proven is named by every command."""
 
 import io
 import subprocess
@@ -10,14 +10,18 @@ import pytest
 from rich.console import Console
 
 from dovetail.cli import run
-from dovetail.commands.unproven import warn_of_twin
+from dovetail.commands.cockpit import Cockpit
+from dovetail.commands.task_flags import parse
+from dovetail.commands.unproven import warn_of_arm
+from dovetail.control.config import LimitConfig
 from dovetail.errors import UnprovenWarning
+from dovetail.learn.config import TrainConfig
 from dovetail.plants.twin import list_twins, load_twin
 
 
 def said_of(twin, arm=None):
     out = io.StringIO()
-    warn_of_twin(Console(file=out, width=1000), twin, arm)
+    warn_of_arm(Console(file=out, width=1000), twin, arm)
     return out.getvalue().splitlines()
 
 
@@ -44,6 +48,72 @@ def test_delay_and_masses_are_named_with_value_range_and_remedy(far):
 def test_nothing_is_said_of_what_is_inside(twin):
     assert said_of(twin) == []
     assert said_of(None, "mujoco") == []
+
+
+@pytest.mark.parametrize("arm", ["fri://0.0.0.0", "grpc://127.0.0.1"])
+def test_margins_of_an_exact_arm_are_named(arm):
+    (text,) = said_of(None, f"{arm}?margins=model")
+    assert text.startswith(f"warning: arm '{arm}?margins=model' has margins=model")
+    assert text.endswith("leave margins out, or use them with a simulated arm")
+    assert said_of(None, arm) == []
+
+
+BEYOND = ["--delay", "12ms", "--mass-error", "0.25", "--payload-error", "1.2"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["evaluate", "peg_square", "--tries", "1", "--max-steps", "2", "--no-tare"],
+        ["identify", "record", "--sequences", "1", "--steps", "2"],
+    ],
+)
+def test_what_is_declared_reaches_the_arm_and_is_named(
+    tmp_path, capsys, monkeypatch, words
+):
+    built = []
+    make = LimitConfig.for_period.__func__
+
+    def keep(*args, **given):
+        built.append(given)
+        return make(LimitConfig, *args, **given)
+
+    monkeypatch.setattr(LimitConfig, "for_period", keep)
+    words = [*words, *BEYOND, "--arm", "twin:medium", "--out", str(tmp_path / "out")]
+    assert run(words) == 0
+    delay, mass, payload, *_ = capsys.readouterr().out.splitlines()
+    assert delay == (
+        "warning: as declared, the loop's delay is 12 ms, for which the limits are "
+        "unproven; shown to hold: 0 to 10 ms; shorten it, or keep the arm away from "
+        "people and expect stops"
+    )
+    assert mass.startswith("warning: as declared, the error of a link's mass is 25 %")
+    assert payload.startswith("warning: as declared, the payload's error is 1.2 kg")
+    wanted = {"delay": 0.012, "mass_error": 0.25, "payload_error": 1.2}
+    assert all(wanted.items() <= given.items() for given in built)
+    assert built
+
+
+def test_the_cockpit_and_a_training_take_what_is_declared():
+    wanted = {"delay": 0.012, "mass_error": 0.25, "payload_error": 1.2}
+    assert wanted.items() <= parse(Cockpit, BEYOND).choice().settings.items()
+    config = parse(TrainConfig, BEYOND)
+    assert config.environment.env_options()["delay"] == 0.012
+    assert "--delay 12ms" in config.command()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("12", "--delay is '12'; give a number and its unit"), ("60ms", "0 to 0.05 s")],
+)
+def test_a_delay_that_is_none_is_refused(capsys, text, message):
+    try:
+        code = run(["evaluate", "peg_square", "--twin", "easy", "--delay", text])
+    except SystemExit as stop:  # tyro's own
+        code = stop.code
+    assert code == 2
+    said = " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert message in said
 
 
 @pytest.mark.parametrize(

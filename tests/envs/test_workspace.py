@@ -1,8 +1,10 @@
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from dovetail.arms.address import parse_address
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import make_env
 from dovetail.envs.workspace import require_columns
@@ -20,8 +22,12 @@ def test_a_floor_inside_the_margin_that_hardware_needs_is_refused_with_the_remed
     )
     local.arm.facts = replace(facts, limits=limits)
     hole = Pose(np.array([0.56, 0.0, 0.075]), quat_about_z(0.0))
-    with pytest.raises(ConfigError, match=r"z = 0.0450 m.*1 or 2 ms, or margins=model"):
+    with pytest.raises(ConfigError, match=r"z = 0.0450 m.*1 or 2 ms, or") as error:
         local.reset(seed=0, options={"fixture": hole})
+    said = str(error.value).partition("margins=model in the address of")[2]
+    for scheme in re.findall(r"\w+:(?:/+)?", said):  # it is a key of what it names
+        assert parse_address(f"{scheme}127.0.0.1?margins=model").margins == "model"
+    assert "fri://" in said
     limits = LimitConfig.for_period(facts.robot, 0.002, hardware=True)
     local.arm.facts = replace(facts, limits=limits)
     local.reset(seed=0, options={"fixture": hole})

@@ -154,6 +154,7 @@ CHANGES = [
     {"twin": None, "arm": "grpc://localhost:50051", "approach": True},
     {"twin": None, "plant": "bullet", "env": "dovetail/RailClip-v0", "robot": "fr3"},
     {"cover": 20.0, "accept_contact": True, "period": 0.0025},
+    {"delay": 0.0125, "mass_error": 0.3, "payload_error": 1.5},
     {"fall_back": 0.0, "tracker": "late?bias=0.002", "video": True},
 ]
 NOT_TOLD = {"out", "workers", "keep_logs"}

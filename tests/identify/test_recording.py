@@ -6,11 +6,12 @@ import shutil
 import numpy as np
 import pytest
 
+from dovetail.control.limits import TABLE
 from dovetail.control.target_columns import TARGET_UNITS
 from dovetail.envs.config import ApproachConfig
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.episode import Episode
-from dovetail.errors import ArmError, ConfigError, LogError
+from dovetail.errors import ArmError, ConfigError, LogError, UnprovenWarning
 from dovetail.identify.log_checks import assign_steps
 from dovetail.identify.recorder import RecordConfig, _contact, record
 from dovetail.identify.recording import Recording
@@ -288,6 +289,16 @@ def test_an_old_log_of_another_scale_is_refused(copy):
     change_description(copy, commands=commands | {"f_scale": 4.0})
     with pytest.raises(LogError, match="the log is of another task or scale"):
         Recording.load(copy)
+
+
+def test_a_replay_has_the_limits_of_what_was_declared(copy):
+    one = Recording.load(copy)
+    assert one.settings()[1].declared == TABLE
+    given = {"delay": 0.012, "mass_error": 0.3, "payload_error": 2.0}
+    change_description(copy, controller=one.metadata["controller"] | given)
+    with pytest.warns(UnprovenWarning):
+        limits = Recording.load(copy).settings()[1]
+    assert vars(limits.declared) == given
 
 
 def test_two_files_in_each_others_place_are_found(copy):

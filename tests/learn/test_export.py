@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from dovetail.control.proven import DECLARED
 from dovetail.learn.algorithms import make_model, make_vec_env
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.export import export_policy
 from dovetail.learn.learner_settings import ALGORITHMS
 from dovetail.learn.policy import Policy
+from dovetail.learn.policy_env import TOLD, policy_settings
 
 TOLERANCE = 1e-5
 """Largest difference of an action, of a range of 2."""
@@ -37,7 +39,10 @@ def test_the_sidecar_says_what_is_needed_to_use_and_repeat_the_policy(small):
     env = make_vec_env(config)
     model = make_model(config, env)
     metadata = export_policy(model, config, env.envs[0], wall_time=1.0).metadata
-    assert metadata["env"] == config.environment.env_options()
+    options = config.environment.env_options()
+    # What is declared is of the arm that was trained on, not of the next one.
+    assert metadata["env"] == {k: v for k, v in options.items() if k not in DECLARED}
+    assert policy_settings(metadata).keys() >= metadata["env"].keys() - set(TOLD)
     assert metadata["observation"]["size"] == 14 + 14 + 4
     assert metadata["action"]["axes"] == ["X", "Y", "Z", "A"]
     assert metadata["action"]["scale"] == [4.0, 4.0, 4.0, 0.2]

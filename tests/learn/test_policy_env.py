@@ -47,6 +47,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
         ("twin", "easy"),
         ("engine", "bullet"),
         ("dynamics", {"friction": 0.0}),
+        ("delay", 0.0),
         ("slack", 1.0),
         ("randomisation", {}),
         ("reward", {}),

@@ -97,6 +97,20 @@ class ArmAddress(ABC):
         """
         return ""
 
+    @property
+    def unproven_margins(self) -> str:
+        """Why limits with these margins are unproven; empty where they are not.
+
+        A simulated arm can be exactly its model, and hurts nobody where it is not.
+        """
+        if self.margins == "hardware" or not self.undisturbed:
+            return ""
+        return (
+            f"arm {self.text!r} has margins=model, those of an arm that is exactly its "
+            "model: the limits of a robot are unproven with them, and one wrong sample "
+            "can throw it; leave margins out, or use them with a simulated arm"
+        )
+
     def with_approach(self) -> str:
         """Return the address of the arm where it may move to a start far away.
 

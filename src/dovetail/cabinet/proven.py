@@ -33,7 +33,7 @@ def find_unproven(
             f"delay is {1e3 * command_delay:g} ms of the twin and {1e3 * wire:g} ms of "
             f"the faults; dovetail's limits are proven for 0 to {1e3 * longest:g} "
             "ms in all: lower command_delay in the twin's file or the faults' delay, "
-            "or declare the delay in the client's limits and take what it does for a "
+            "or declare the delay to the client (--delay) and take what it does for a "
             "trial"
         )
     return found

@@ -15,7 +15,8 @@ from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.server import PORT, open_server
 from dovetail.commands.demo import DEFAULT_TWIN
 from dovetail.commands.help_page import sections_of
-from dovetail.commands.unproven import warn_of_twin
+from dovetail.commands.unproven import warn_of_arm
+from dovetail.control.limits import TABLE, DeclaredErrors
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
@@ -93,6 +94,8 @@ class Cockpit(Sectioned):
     """Where, one of two."""
     cell: ShownCellOptions = field(default_factory=ShownCellOptions)
     """How it runs there."""
+    declared: DeclaredErrors = TABLE
+    """How far the arm is from its model, at most."""
     page: PageOptions = field(default_factory=PageOptions)
     """The page."""
 
@@ -112,7 +115,7 @@ class Cockpit(Sectioned):
 
         require_writable(logs, "--logs")
         choice = self.choice()
-        warn_of_twin(console, None, choice.place, self.cell.robot)
+        warn_of_arm(console, None, choice.place, self.cell.robot, self.declared)
         session = Session(choice, logs=logs, fixture=self.cell.fixture)
         try:
             server = open_server(self.page.port)
@@ -148,6 +151,7 @@ class Cockpit(Sectioned):
         given = {name: vars(self.cell)[name] for name in names}
         settings: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         settings |= actor.task_options
+        settings |= vars(self.declared)
         if not actor.tare:
             settings["tare"] = False
         place = where.arm or f"twin:{twin}"

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from dovetail.commands.evaluate import print_files
 from dovetail.commands.help_page import sections_of
-from dovetail.commands.unproven import warn_of_twin
+from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
 from dovetail.evaluate.cover import compare
@@ -79,7 +79,7 @@ class Demo(Sectioned):
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
         given = self.flat()
-        warn_of_twin(console, self.place.twin)
+        warn_of_arm(console, self.place.twin)
         del given["cover"]
         given["out"] = self.results.out or dated_folder("demo-results")
         config = EvaluationConfig.of(**given)

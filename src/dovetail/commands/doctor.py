@@ -8,11 +8,12 @@ from rich.console import Console
 from dovetail.arms.address import parse_address
 from dovetail.arms.fri_address import FriAddress
 from dovetail.commands.asking import ask
+from dovetail.commands.unproven import warn_of_arm
+from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
-from dovetail.control.period_option import Period
-from dovetail.control.proven import DECLARED, unproven
+from dovetail.control.period_option import Delay, Period
+from dovetail.control.proven import DECLARED
 from dovetail.doctor import Check, run_checks
-from dovetail.durations import parse_time
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT
@@ -37,7 +38,7 @@ class Doctor:
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
     robot: str = DEFAULT_ROBOT
     """Which robot the arm is: one of dovetail's, or MODULE:FUNCTION of your own."""
-    delay: str = "10ms"
+    delay: Delay = DECLARED["delay"]
     """Largest delay of the loop that is declared for this arm, with its unit."""
     payload_error: float = DECLARED["payload_error"]
     """Largest mass that its load data are declared to miss [kg]."""
@@ -52,6 +53,7 @@ class Doctor:
             ConfigError: An option that these checks do not use, or a wrong one.
         """
         self._require_used()
+        warn_of_arm(console, None, self.arm)
         if self.tracker is not None:
             checks = self._check_camera(self.tracker)
         else:
@@ -117,13 +119,8 @@ class Doctor:
         )
 
     def _declared(self) -> dict[str, float]:
-        declared = DECLARED | {
-            "delay": parse_time(self.delay, "--delay"),
-            "payload_error": self.payload_error,
-        }
-        problems = unproven(
-            delay=declared["delay"], payload_error=declared["payload_error"]
-        )
-        if problems:
-            raise ConfigError(f"declared: {'; '.join(problems)}")
-        return declared
+        given = {"delay": self.delay, "payload_error": self.payload_error}
+        declared = DeclaredErrors(**DECLARED | given)
+        if problems := declared.unproven():
+            raise ConfigError("; ".join(problems))
+        return vars(declared)

@@ -7,7 +7,7 @@ import tyro
 from rich.console import Console
 
 from dovetail.commands.help_page import sections_of
-from dovetail.commands.unproven import warn_of_twin
+from dovetail.commands.unproven import warn_of_arm
 from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
 
 
@@ -21,7 +21,8 @@ class Evaluate(EvaluationConfig):
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
-        warn_of_twin(console, self.place.twin, self.place.arm)
+        place = self.place
+        warn_of_arm(console, place.twin, place.arm, declared=self.declared)
         print_files(evaluate(self, console), console)
         return 0
 

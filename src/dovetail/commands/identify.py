@@ -9,7 +9,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from dovetail.commands.unproven import warn_of_twin
+from dovetail.commands.unproven import warn_of_arm
 from dovetail.identify.fit import FitConfig, FitResult, fit
 from dovetail.identify.fit_folder import MODEL
 from dovetail.identify.parameters import ParameterSet
@@ -23,7 +23,8 @@ class IdentifyRecord(RecordConfig):
 
     def run(self, console: Console) -> int:
         """Record, and say what to do with it."""
-        warn_of_twin(console, None, self.place.arm, self.place.robot)
+        place = self.place
+        warn_of_arm(console, None, place.arm, place.robot, self.declared)
         recording = record(self, console)
         cycles = sum(len(s.log) for s in recording.sequences)
         console.print(

@@ -13,7 +13,7 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.from_address import arm_from_address
-from dovetail.commands.unproven import warn_of_twin
+from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.period import format_period
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
@@ -110,7 +110,7 @@ class Serve(Sectioned):
         offered = self.offered
         address = _address(offered)
         builder = _builder(self.cell, address)
-        warn_of_twin(console, offered.twin, offered.arm, self.cell.robot)
+        warn_of_arm(console, offered.twin, offered.arm, self.cell.robot)
         try:
             server = ArmServer(builder, service.listen, files, notify)
         except BaseException:

@@ -8,7 +8,7 @@ from pathlib import Path
 from rich.console import Console
 
 from dovetail.commands.help_page import sections_of
-from dovetail.commands.unproven import warn_of_twin
+from dovetail.commands.unproven import warn_of_arm
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
 from dovetail.learn.searching import SEARCHING
@@ -21,8 +21,8 @@ class Train(TrainConfig):
 
     def run(self, console: Console) -> int:
         """Train and say what came out and where it is."""
-        robot = self.environment.config.place.robot
-        warn_of_twin(console, self.dynamics.model, self.place.arm, robot)
+        model, env = self.dynamics.model, self.environment.config
+        warn_of_arm(console, model, self.place.arm, env.place.robot, env.declared)
         for result in train(self, console):
             console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0

@@ -1,19 +1,21 @@
-"""Says of a twin what lies outside that for which the limits were shown to hold."""
+"""Says of an arm what lies outside that for which the limits were shown to hold."""
 
 from pathlib import Path
 
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
+from dovetail.control.limits import TABLE, DeclaredErrors
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import find_robot
 
 
-def warn_of_twin(
+def warn_of_arm(
     console: Console,
     twin: str | Path | None,
     arm: str | None = None,
     robot: str | None = None,
+    declared: DeclaredErrors = TABLE,
 ) -> None:
     """Name each value that is outside, with its range and what to do.
 
@@ -24,14 +26,18 @@ def warn_of_twin(
         twin: A twin's name or file; None is no twin, or the arm's.
         arm: An arm's address.
         robot: The robot's name; None is not known yet.
+        declared: What is declared of the arm.
     """
+    said = [f"warning: {text}" for text in declared.unproven()]
     if arm is not None:
-        twin = parse_address(arm).twin or twin
-    if twin is None:
-        return
-    config = load_twin(twin)
-    said = [f"warning: twin {twin}: {text}" for text in config.unproven().values()]
-    if robot is not None and (lack := config.lacks(find_robot(robot))):
-        said.append(f"note: {lack}")
+        address = parse_address(arm)
+        twin = address.twin or twin
+        if doubt := address.unproven_margins:
+            said.append(f"warning: {doubt}")
+    if twin is not None:
+        config = load_twin(twin)
+        said += [f"warning: twin {twin}: {t}" for t in config.unproven().values()]
+        if robot is not None and (lack := config.lacks(find_robot(robot))):
+            said.append(f"note: {lack}")
     for text in said:
         console.print(text, soft_wrap=True, highlight=False)

@@ -9,6 +9,7 @@ from dovetail.arms.from_address import arm_from_address
 from dovetail.arms.local_address import TwinAddress, local_address
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.limits import TABLE
 from dovetail.control.period import require_period
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
@@ -35,8 +36,8 @@ def build_arm(
             an arm that is built already is returned.
         cell: What stands around it.
         axes: Mode of each axis.
-        config: Its sections action, approach, control and place; an address may give
-            its own period, and a plant or twin of its own.
+        config: Its sections action, approach, control, declared and place; an address
+            may give its own period, and a plant or twin of its own.
 
     Raises:
         ConfigError: An unknown address or name, or a setting out of range.
@@ -56,6 +57,8 @@ def build_arm(
         raise ConfigError("an arm's address and a twin exclude each other; give one")
     if isinstance(address, TwinAddress):
         _warn_of(address)
+    if doubt := address.unproven_margins:
+        warnings.warn(doubt, UnprovenWarning, stacklevel=2)
     if place.engine is not None:
         address = address.with_engine(place.engine)
     if place.dynamics is not None:
@@ -82,8 +85,8 @@ def build_local_arm(cell: Workcell, axes: TaskSpec, config: EnvConfig) -> LocalA
     Args:
         cell: What stands in it.
         axes: Mode of each axis.
-        config: Its sections action, approach, control and place; the margins are those
-            of hardware, as the same policy has to run there.
+        config: Its sections action, approach, control, declared and place; the margins
+            are those of hardware, as the same policy has to run there.
 
     Raises:
         ConfigError: Dynamics given with a twin, unknown plant or twin, or a setting out
@@ -101,15 +104,25 @@ def make_settings(
 
     Args:
         cell: Its robot, tool and held part, and its walls.
-        config: Its sections action, approach and control.
+        config: Its sections action, approach, control and declared.
         is_hardware: Margins for an arm that is not as the model says.
+
+    Raises:
+        ConfigError: Something is declared of an arm that is said to be its model.
     """
-    control, approach = config.control, config.approach
+    control, approach, declared = config.control, config.approach, config.declared
+    if not is_hardware and declared != TABLE:
+        given = ", ".join(f"{n} {x:g}" for n, x in vars(declared).items())
+        raise ConfigError(
+            f"the arm's address says margins=model, of an arm that is exactly its "
+            f"model, and errors are declared ({given}); give one of the two"
+        )
     x_min, x_max = cell.walls
     limits = LimitConfig.for_period(
         cell.loaded_robot(),
         control.period,
         hardware=is_hardware,
+        **(vars(declared) if is_hardware else {}),
         x_min=x_min,
         x_max=x_max,
         dx_max=[SPEED_MAX] * 3,

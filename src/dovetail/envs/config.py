@@ -11,6 +11,7 @@ from typing import Annotated, ClassVar
 
 from tyro.conf import Fixed
 
+from dovetail.control.limits import TABLE, DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.control.ranges import Range
@@ -156,6 +157,8 @@ class EnvConfig(Sectioned):
     """What holds where contact is near."""
     control: ControlConfig = field(default_factory=ControlConfig)
     """How the controller runs."""
+    declared: DeclaredErrors = TABLE
+    """How far the arm is from its model, at most."""
     observation: ObservationConfig = field(default_factory=ObservationConfig)
     """What the policy sees."""
     place: PlaceConfig = field(default_factory=PlaceConfig)

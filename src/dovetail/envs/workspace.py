@@ -154,5 +154,6 @@ def _margin_advice(margin: float) -> str:
         return ""
     return (
         f", or narrow the limits' margin of {1e3 * margin:g} mm: a control period of 1 "
-        "or 2 ms, or margins=model in the address of an arm that is simulated"
+        "or 2 ms, or margins=model in the address of a simulated arm behind fri:// or "
+        "grpc://"
     )

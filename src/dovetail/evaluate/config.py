@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar
 
 from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
+from dovetail.control.limits import TABLE, DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.period_option import Period
 from dovetail.control.ranges import Range, check_ranges
@@ -131,6 +132,8 @@ class EvaluationConfig(Sectioned):
     """The task, by default as in the policy's training."""
     place: TriedPlaceConfig = field(default_factory=TriedPlaceConfig)
     """Where it is tried."""
+    declared: DeclaredErrors = TABLE
+    """How far the arm is from its model, at most."""
     harder: HarderConfig = field(default_factory=HarderConfig)
     """What is made harder."""
     trials: TriesConfig = field(default_factory=TriesConfig)
@@ -158,7 +161,7 @@ def environment_options(
             f"arms: {', '.join(SCHEMES)}"
         )
     options = policy_settings(policy, task.env) | task.task_options
-    options |= _trained_robot(config, policy)
+    options |= _trained_robot(config, policy) | vars(config.declared)
     for name in (*places, "robot", "tracker"):
         if (value := vars(where)[name]) is not None:
             options[name] = value

@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.progress import track
 
 from dovetail.arms.address import parse_address
-from dovetail.control.limits import ApproachLimits
+from dovetail.control.limits import TABLE, ApproachLimits, DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
@@ -111,6 +111,8 @@ class RecordConfig(Sectioned):
     """Folder for the recording; one that was cut short is continued."""
     place: RecordedArmConfig = field(default_factory=RecordedArmConfig)
     """The arm that moves."""
+    declared: DeclaredErrors = TABLE
+    """How far the arm is from its model, at most."""
     motions: MotionsConfig = field(default_factory=MotionsConfig)
     """The scripted motions."""
     task: RecordedTaskConfig = field(default_factory=RecordedTaskConfig)
@@ -146,6 +148,7 @@ def record(
         f_scale=motions.f_scale,
         force_damping=motions.force_damping,
         near_press=ApproachLimits.near_press,  # none: motions are as they were drawn
+        **vars(config.declared),
     )
     cell = task.workcell(find_robot(where.robot))
     box = start_box(cell, place.pose(), may_touch=held.allow_contact)
@@ -214,6 +217,7 @@ def _describe(
             "walls": [list(side) for side in env.cell.walls],
             "scheme": env.config.control.scheme,
             "is_hardware": is_hardware,
+            **({} if config.declared == TABLE else vars(config.declared)),
         },
         "excitation": {
             "description": EXCITATION,

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.limits import ApproachLimits
+from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
@@ -125,6 +126,7 @@ class Recording:
             near_speed=given["near_speed"],
             near_press=ApproachLimits.near_press,  # none: see `recorder`
             scheme=given["scheme"],
+            **{name: given[name] for name in DECLARED if name in given},
         )
         cell = replace(self.cell, walls=(tuple(low), tuple(high)))
         return make_settings(cell, config, is_hardware=given["is_hardware"])

@@ -57,9 +57,13 @@ class EnvSettings(Sectioned):
         return self.given() | self.own()
 
     def policy_env(self) -> dict[str, Any]:
-        """Return the settings with which the policy is used, as JSON knows them."""
-        fall_back = self.config.action.fall_back
-        return self.env_options() | ({"fall_back": fall_back} if fall_back else {})
+        """Return the settings with which the policy is used, as JSON knows them.
+
+        What is declared is of the arm that it was trained on, not of the next one.
+        """
+        options, fall_back = self.env_options(), self.config.action.fall_back
+        used = {k: v for k, v in options.items() if k not in vars(self.config.declared)}
+        return used | ({"fall_back": fall_back} if fall_back else {})
 
     def given(self) -> dict[str, Any]:
         """Return the settings of the environment that are given."""
