@@ -4,6 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
@@ -33,6 +34,22 @@ def test_the_arm_moves_as_one_in_this_process_at_every_period(simulation, period
     assert len(remote) == len(here) == round(3 * 0.05 / period)
     columns = slice(COLUMN["time"], COLUMN["q7"] + 1)
     np.testing.assert_allclose(remote[:, columns], here[:, columns], atol=1e-12)
+
+
+def test_a_service_refuses_a_learner_that_declares_less(cell, news):
+    plant, least = make_plant("mujoco", cell, DynamicsConfig()), DeclaredErrors
+    builder = LocalBuilder("mujoco", plant, declared=least(delay=0.012, mass_error=0.1))
+    with ArmServer(builder, "127.0.0.1:0", notify=news.append) as server:
+        address = f"grpc://{server.address}"
+        with pytest.raises(ConfigError) as error:
+            play(arm=address)
+        assert "delay of the arm at mujoco is up to 12 ms" in str(error.value)
+        assert "the learner's limits declare 10 ms" in str(error.value)
+        assert "--delay 12ms, or in Python delay=0.012" in str(error.value)
+        with pytest.raises(ConfigError, match=r"declare 0 ms.*and no margins=model"):
+            play(arm=f"{address}?margins=model")
+        assert len(play(arm=address, delay=0.012)) == 30
+    assert any("warning: as declared, the loop's delay is 12 ms" in n for n in news)
 
 
 def test_a_service_that_offers_one_period_refuses_any_other(cell):

@@ -25,7 +25,9 @@ def serve():
             [*command, "--listen", "127.0.0.1:0"], stdout=subprocess.PIPE, text=True
         )
         processes.append(process)
-        line = process.stdout.readline()
+        process.before, line = "", process.stdout.readline()
+        while line.startswith("warning: "):
+            process.before, line = process.before + line, process.stdout.readline()
         process.address = re.search(r"grpc://\S+", line)[0]  # as told to learners
         return process, re.search(r"grpc://127\.0\.0\.1:\d+", line)[0]
 
@@ -63,6 +65,13 @@ def test_a_cabinets_period_is_told_to_the_learner(serve, connect):
         connect(address)  # with 5 ms
     for words in ("commanded every 1 ms", "asks for 5 ms", "grpc://HOST:PORT?period="):
         assert words in str(error.value)
+
+
+def test_a_learner_has_to_declare_what_is_known_of_the_arm(serve, connect):
+    process, address = serve("--arm", "mujoco", "--delay", "12ms")
+    assert "the loop's delay is 12 ms, for which the limits are" in process.before
+    with pytest.raises(ConfigError, match="declare 10 ms: give the learner --delay 12"):
+        connect(address)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.from_address import arm_from_address
 from dovetail.commands.unproven import warn_of_arm
+from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import format_period
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
@@ -79,6 +80,8 @@ class Serve(Sectioned):
 
     offered: OfferedArmOptions = field(default_factory=OfferedArmOptions)
     """The arm."""
+    declared: DeclaredErrors = field(default_factory=DeclaredErrors)
+    """What a learner has to declare at least, as it is known of the arm."""
     cell: OfferedCellOptions = field(default_factory=OfferedCellOptions)
     """What stands around it."""
     service: ServiceOptions = field(default_factory=ServiceOptions)
@@ -109,8 +112,9 @@ class Serve(Sectioned):
 
         offered = self.offered
         address = _address(offered)
-        builder = _builder(self.cell, address)
-        warn_of_arm(console, offered.twin, offered.arm, self.cell.robot)
+        builder = _builder(self.cell, address, self.declared)
+        robot = self.cell.robot
+        warn_of_arm(console, offered.twin, offered.arm, robot, self.declared)
         try:
             server = ArmServer(builder, service.listen, files, notify)
         except BaseException:
@@ -146,16 +150,18 @@ def _show_status(console: Console, server: Any, end: threading.Event) -> None:
             line.update(server.service.status)
 
 
-def _builder(around: OfferedCellOptions, address: ArmAddress) -> "ArmBuilder":
+def _builder(
+    around: OfferedCellOptions, address: ArmAddress, declared: DeclaredErrors
+) -> "ArmBuilder":
     from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
 
     cell = find_cell(around.env, around.robot, **around.task_options)
     plant = address.make_plant(cell)
     if plant is not None:
-        return LocalBuilder(address.text, plant, address.period)
+        return LocalBuilder(address.text, plant, address.period, declared)
 
     def make(learner: ControllerSettings) -> Arm:
-        require_offered(address.text, address.period, learner)
+        require_offered(address.text, address.period, declared, learner)
         return arm_from_address(address, cell, learner)
 
     return RebuiltArm(

@@ -186,6 +186,8 @@ class ArmService:
             )
         if is_new:
             self._notify(f"configured: {settings.task}, {settings.period:g} s")
+            for text in settings.limits.declared.unproven():
+                self._notify(f"warning: {text}")
         return pb.Done()
 
     @_answered

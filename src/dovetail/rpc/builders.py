@@ -5,7 +5,10 @@ from typing import TYPE_CHECKING
 
 from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
+from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import format_period
+from dovetail.control.proven import describe
+from dovetail.control.sections import option_words
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import Plant
@@ -14,15 +17,22 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
+NOTHING = DeclaredErrors()
+"""What a learner has to declare where nothing is known of the arm."""
+
 
 def require_offered(
-    name: str, period: float | None, settings: ControllerSettings
+    name: str,
+    period: float | None,
+    declared: DeclaredErrors,
+    settings: ControllerSettings,
 ) -> None:
-    """Refuse a learner's control period that is not the one offered.
+    """Refuse a learner that asks for another period, or declares less than is known.
 
     Args:
         name: Address of the arm.
         period: What is offered [s]; None is any.
+        declared: Least that the learner's limits have to be made for.
         settings: What the learner asks for.
 
     Raises:
@@ -35,6 +45,16 @@ def require_offered(
             f"period={format_period(period)} to the learner's address, "
             "grpc://HOST:PORT?period=..."
         )
+    own = vars(settings.limits.declared)
+    for key, least in vars(declared).items():
+        if own[key] < least * (1.0 - 1e-9):
+            word, given = option_words(key, least)
+            raise ConfigError(
+                f"{key} of the arm at {name} is up to {describe(key, least)}, as who "
+                f"serves it says; the learner's limits declare "
+                f"{describe(key, own[key])}: give the learner {word} {given}, or in "
+                f"Python {key}={least:g}, and no margins=model"
+            )
 
 
 class LocalBuilder:
@@ -43,15 +63,22 @@ class LocalBuilder:
     is_real_time = False
     places_fixture = True
 
-    def __init__(self, name: str, plant: Plant, period: float | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        plant: Plant,
+        period: float | None = None,
+        declared: DeclaredErrors = NOTHING,
+    ) -> None:
         """Own a plant.
 
         Args:
             name: Address of the arm.
             plant: Where the torques go; closed with the builder.
             period: The only control period that is offered [s]; None is any.
+            declared: Least that a learner's limits have to be made for.
         """
-        self._period = period
+        self._period, self._declared = period, declared
         self.name = name
         self.cell: Workcell | None = plant.cell
         self.robot: Robot = plant.robot
@@ -59,7 +86,7 @@ class LocalBuilder:
 
     def build(self, settings: ControllerSettings) -> Arm:
         """Return an arm with these settings."""
-        require_offered(self.name, self._period, settings)
+        require_offered(self.name, self._period, self._declared, settings)
         return LocalArm(
             self._plant,
             self.robot,
