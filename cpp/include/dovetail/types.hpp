@@ -65,7 +65,7 @@ struct OscParams {
   Vec6 stiffness = Vec6::Constant(400.0);    ///< K per axis [1/s2]
   Vec6 damping_ratio = Vec6::Constant(1.0);  ///< zeta, D = 2 zeta sqrt(K)
   Vec6 force_damping = Vec6::Zero();         ///< D on force axes [1/s]; 0 is the paper
-  double error_clamp_rotation = 0.11;        ///< [rad]
+  double error_clamp_rotation = 0.09;        ///< [rad]
   double move_speed = 0.25;  ///< of the desired position, where a Target's jumps [m/s]
   double turn_speed = 0.8;  ///< of the desired rotation, where a Target's jumps [rad/s]
   double sag_time = 0.1;    ///< in which a pose or hold axis is drawn out of a sag [s]

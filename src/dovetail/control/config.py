@@ -43,13 +43,14 @@ PERIOD_MIN, PERIOD_MAX = 1e-4, 5e-3
 
 _PERIODS = (1e-3, 2e-3, 2.5e-3, 5e-3)
 _INTERVAL = (5e-3, 8e-3, 25e-3 / 3, 10e-3)  # kappa * period [s]
-_INTERVAL_RATIO = 3.5  # time in which limits act, over delay and period
+_INTERVAL_DELAYS, _INTERVAL_PERIODS = 2.4375, 5.625
+"""Time in which limits act, over the delay and over the period."""
 _RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57 on
 _RATE_MAX = 60.0  # 1/s
 _DELTA_Q = (2e-3, 3e-3, 5e-3, 5e-3)  # rad, exact model
 _DELTA_V = (0.01, 0.02, 0.05, 0.05)
 _DELTA_Q_HARDWARE = (30e-3, 30e-3, 45e-3, 50e-3)  # rad; all that is declared at once
-_DELTA_V_HARDWARE = (0.30, 0.30, 0.35, 0.45)
+_DELTA_V_HARDWARE = (0.45, 0.45, 0.45, 0.45)  # for a push that turns round
 _DELTA_X = (
     12e-3,
     12e-3,
@@ -169,10 +170,12 @@ class LimitConfig(Sectioned):
         if hardware or any(vars(declared).values()):
             for text in declared.unproven():
                 warnings.warn(text, UnprovenWarning, stacklevel=2)
-            lag += max(declared.delay, DECLARED["delay"])
+            delay = max(declared.delay, DECLARED["delay"])
+            lag += delay
             ratios = (vars(declared)[n] / most for n, most in DECLARED.items())
             share = min(max(1.0, *ratios), 2.0)
-            interval = max(interval, _INTERVAL_RATIO * lag)
+            acts = _INTERVAL_DELAYS * delay + _INTERVAL_PERIODS * period
+            interval = max(interval, acts)
         rate = min(_RATE_MAX, _RATE_RATIO / lag)
 
         def margin(exact: tuple[float, ...], declared: tuple[float, ...]) -> float:

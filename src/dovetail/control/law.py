@@ -35,7 +35,7 @@ class AxisGains(Section):
 class ClampConfig(Section):
     """How much of an error is used, and how large f* becomes."""
 
-    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.11
+    error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.09
     """Largest rotation error used [rad]: what turns a hand that is wedged. A turn is at
     most as quick as it times sqrt(K) / 2, 1.1 rad/s."""
     move_speed: Annotated[float, Range(1e-3, 1e4, "m/s")] = 0.25
