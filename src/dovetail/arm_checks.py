@@ -32,6 +32,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
 from dovetail.feel.busy import busy_words
+from dovetail.feel.declared_gravity import allowed_gravity_error
 from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.resting import measure_rest
 from dovetail.feel.spring import feel_spring
@@ -42,8 +43,6 @@ from dovetail.workcell.workcell import Workcell
 
 DRIFT_MAX = 0.005
 """Largest drift of the tool while it is held [m]."""
-EXTERNAL_SHARE = 0.05
-"""Largest external torque at rest over the motor's [1]."""
 GRAVITY_SCALE = (0.6, 1.5)
 """Measured over modelled gravity torque: published models differ by a third."""
 GRAVITY_MIN = 5.0
@@ -159,7 +158,7 @@ def _checks_in_motion(
     rest = hold(arm, arm.monitoring().q, HOLD_TIME)
     yield check_rest(measure_rest(rest.log, arm.facts.period))
     yield check_gravity(arm, rest, address)
-    yield check_drift(arm, rest)
+    yield check_drift(arm, rest, declared)
     turns = f"turned by {TURN:g} rad and back"
     if not _may(ask, f"Every joint will be pushed to and fro, and {turns}"):
         return
@@ -256,23 +255,23 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
     return Check(name, "ok", detail)
 
 
-def check_drift(arm: FriArm, rest: Rest) -> Check:
-    """Look at drift and external torque while the arm is held."""
-    motors = arm.facts.robot.limits.tau_max
-    share = np.abs(rest.external) / motors
+def check_drift(arm: FriArm, rest: Rest, declared: dict[str, float]) -> Check:
+    """Look at drift and external torque, which is missed gravity, of the held arm."""
+    allowed = allowed_gravity_error(arm.facts.robot, rest.q, declared)
+    share = np.abs(rest.external) / allowed
     worst = int(np.argmax(share))
     detail = (
         f"drift {1e3 * rest.drift:.2f} mm, external torque at most "
         f"{rest.external[worst]:+.2f} Nm at {JOINTS[worst]}"
     )
-    is_good = rest.drift <= DRIFT_MAX and share[worst] <= EXTERNAL_SHARE
+    is_good = rest.drift <= DRIFT_MAX and share[worst] <= 1.0
     if is_good:
         return Check("hold", "ok", detail)
     return Check(
         "hold",
         "broken",
         f"{detail}; allowed: {1e3 * DRIFT_MAX:g} mm and "
-        f"{EXTERNAL_SHARE * motors[worst]:.1f} Nm: check the load data",
+        f"{allowed[worst]:.1f} Nm: check the load data",
     )
 
 

@@ -12,6 +12,11 @@ which the margins of `LimitConfig.for_period` were attacked. Also what is declar
 arm of which nothing else is said."""
 
 _UNPROVEN = "for which the limits are unproven"
+
+GRAVITY_ERROR = 1.0
+"""Error of gravity along each axis, size and direction, that the attacks behind the
+table include [m/s2]: 0.1 rad of an inclined mounting."""
+
 _WORDS = {
     "delay": ("the loop's delay", 1e3, "ms"),
     "mass_error": ("the error of a link's mass", 1e2, "%"),
