@@ -14,7 +14,7 @@ from dovetail.commands.cockpit import Cockpit
 from dovetail.commands.task_flags import parse
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.config import LimitConfig
-from dovetail.errors import UnprovenWarning
+from dovetail.errors import ConfigError, UnprovenWarning
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.twin import list_twins, load_twin
 
@@ -130,6 +130,19 @@ def test_a_command_says_it_before_it_begins(far, tmp_path, capsys, words):
     first, second, *_ = capsys.readouterr().out.splitlines()
     assert first.startswith(f"warning: twin {far}: the loop's delay is 15 ms")
     assert second.startswith(f"warning: twin {far}: the error of a link's mass is 30 %")
+
+
+def test_the_cabinet_says_it_before_it_begins(far, capsys, monkeypatch):
+    """It said nothing of the masses."""
+    monkeypatch.setattr("dovetail.commands.cabinet.Server", _no_server)
+    assert run(["cabinet", "--twin", str(far), "--control", "none"]) == 2
+    mass, delay = capsys.readouterr().out.splitlines()
+    assert mass.startswith("cabinet: warning: the error of a link's mass is 30 %")
+    assert delay.startswith("cabinet: warning: delay is 15 ms of the twin")
+
+
+def _no_server(*args, **options):
+    raise ConfigError("no server here")
 
 
 def test_in_python_an_environment_warns_once_by_field(far):

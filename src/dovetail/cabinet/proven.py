@@ -4,19 +4,22 @@ from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.faults import FaultConfig
 from dovetail.control.period import FRI_PERIODS
 from dovetail.control.proven import DECLARED
+from dovetail.plants.twin import TwinConfig
 
 
 def find_unproven(
-    config: CabinetConfig, faults: FaultConfig, command_delay: float
+    config: CabinetConfig, faults: FaultConfig, twin: TwinConfig | None
 ) -> list[str]:
     """Say what is outside the proven table: value, range and what to do.
 
     Args:
         config: The cabinet's settings.
         faults: Its faults, whose delay and jitter are the wire's.
-        command_delay: The twin's own delay [s].
+        twin: Which arm it moves; None is one that is as the model says.
     """
-    found = []
+    said = {} if twin is None else twin.unproven()
+    said.pop("command_delay", None)  # told below, with the wire's
+    found = list(said.values())
     slot = config.pace.period_ms * config.pace.receive_multiplier
     if slot not in [round(1e3 * period) for period in FRI_PERIODS]:
         found.append(
@@ -27,6 +30,7 @@ def find_unproven(
     link = faults.link
     ways = 2 if link.direction == "both" else 1
     wire = ways * (link.delay + link.jitter)
+    command_delay = 0.0 if twin is None else twin.channel.command_delay
     longest = DECLARED["delay"]
     if command_delay + wire > longest + 1e-9:
         found.append(

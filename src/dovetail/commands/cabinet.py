@@ -80,7 +80,8 @@ class Cabinet(Sectioned):
             lack = load_twin(cell.twin or "medium").lacks(find_robot(cell.robot))
             if lack:
                 console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
-        for text in find_unproven(config, faults, plant.command_delay):
+        twin = plant.config if isinstance(plant, TwinPlant) else None
+        for text in find_unproven(config, faults, twin):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         server = None
         try:
