@@ -186,6 +186,33 @@ def test_ctrl_c_says_idle_to_the_client(client, tmp_path, ending):
     assert states[-1] == "IDLE"
 
 
+@pytest.mark.parametrize("ending", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("times", [1, 2])
+def test_its_end_leaves_nothing_of_nanobind(ending, times):
+    """`timeout` sends two: the second one cut the end short, "leaked 5 instances!"."""
+    words = ["--clock", "lockstep", "--twin", "medium", "--port", "0"]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "dovetail", "cabinet", *words, "--control", "none"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        process.stdout.readline()
+        assert "MONITORING_WAIT" in process.stdout.readline()
+        for _ in range(times):
+            process.send_signal(ending)
+        output, error = process.communicate(timeout=60.0)
+    finally:
+        process.kill()
+    assert "nanobind" not in error
+    assert "interrupted" not in error
+    assert output.endswith("cabinet: ends, says IDLE to the client\n")
+    if times == 1:  # another one may come when Python has taken the handlers away
+        assert process.returncode == 0
+        assert not error
+
+
 def test_the_log_tells_requests_stops_and_faults(make, client, tmp_path):
     client.start()
     log = tmp_path / "events.jsonl"

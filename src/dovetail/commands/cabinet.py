@@ -1,7 +1,6 @@
 """`dovetail cabinet`: a simulated robot behind KUKA's FRI."""
 
 import gc
-import signal
 import sys
 import time
 from dataclasses import dataclass, field
@@ -28,6 +27,7 @@ from dovetail.commands.cabinet_options import (
     PaceOptions,
     SignalOptions,
 )
+from dovetail.commands.ended_by_signal import End, ended_by_signal
 from dovetail.commands.help_page import sections_of
 from dovetail.control.sections import Sectioned
 from dovetail.durations import parse_duration
@@ -68,7 +68,7 @@ class Cabinet(Sectioned):
     """Faults, and what is told of them."""
 
     def run(self, console: Console) -> int:
-        """Run until interrupted."""
+        """Run until Ctrl-C or SIGTERM."""
         config = self.settings()
         events, cell = self.events, self.cell
         faults = parse_faults(events.fault)
@@ -83,21 +83,21 @@ class Cabinet(Sectioned):
         twin = plant.config if isinstance(plant, TwinPlant) else None
         for text in find_unproven(config, faults, twin):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
-        server = None
-        try:
-            server = Server(plant, config, faults=faults, script=script, log=events.log)
-            _announce(server, console)
-            _prepare_process()
-            server.start()
-            _show_status(server, console)
-        except KeyboardInterrupt:
-            console.print("cabinet: ends, says IDLE to the client")
-        finally:
-            if server is not None:
-                server.close()
-            plant.close()
-            gc.unfreeze()
-        if server is not None and server.failure:
+        with ended_by_signal() as end:
+            server = None
+            try:
+                log = events.log
+                server = Server(plant, config, faults=faults, script=script, log=log)
+                _announce(server, console)
+                _prepare_process()
+                server.start()
+                _show_status(server, console, end)
+            finally:
+                if server is not None:
+                    server.close()
+                plant.close()
+                gc.unfreeze()
+        if server.failure:
             raise PlantError(f"the cabinet ended: {server.failure}")
         return 0
 
@@ -179,9 +179,7 @@ def _seven(text: str, name: str) -> tuple[float, ...]:
 
 
 def _prepare_process() -> None:
-    """Keep pauses short, and end on SIGTERM as on Ctrl-C."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Keep pauses short."""
     sys.setswitchinterval(1e-4)  # the cabinet's thread waits no longer for this one
     gc.collect()
     gc.freeze()
@@ -217,22 +215,27 @@ def describe_status(status: dict[str, Any]) -> str:
     return line.encode("utf-8", "backslashreplace").decode()
 
 
-def _show_status(server: Server, console: Console) -> None:
-    """Show how the cabinet is until it ends or Ctrl-C comes."""
+def _show_status(server: Server, console: Console, end: End) -> None:
+    """Show how the cabinet is until it ends or is told to end."""
     if console.is_terminal:
         with Live(console=console, refresh_per_second=5, transient=True) as live:
-            while server.is_running:
+            while server.is_running and not end.wait(0.2):
                 status = server.request({"do": "status"})
                 if status["ok"]:
                     live.update(Text(describe_status(status), no_wrap=True))
-                time.sleep(0.2)
-        return
+    else:
+        _print_status(server, console, end)
+    if end.is_told():
+        console.print("cabinet: ends, says IDLE to the client")
+
+
+def _print_status(server: Server, console: Console, end: End) -> None:
+    """Print a line where the state changes, and now and then."""
     last, printed = "", 0.0
-    while server.is_running:
+    while server.is_running and not end.wait(0.05):
         status = server.request({"do": "status"})
         now = time.monotonic()
         if status["ok"] and (status["state"] != last or now > printed + _PLAIN_EVERY):
             last, printed = status["state"], now
             line = describe_status(status)
             console.print(line, soft_wrap=True, highlight=False, markup=False)
-        time.sleep(0.05)

@@ -1,9 +1,5 @@
 """`dovetail cockpit`: see the arm in the browser, start and stop it, touch it."""
 
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -14,6 +10,7 @@ from dovetail.arms.address import parse_address
 from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.server import PORT, open_server
 from dovetail.commands.demo import DEFAULT_TWIN
+from dovetail.commands.ended_by_signal import ended_by_signal
 from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import TABLE, DeclaredErrors
@@ -166,21 +163,6 @@ class Cockpit(Sectioned):
 
 
 GROUPS = sections_of(Cockpit)
-
-
-@contextmanager
-def ended_by_signal() -> Iterator[threading.Event]:
-    """Give an event that Ctrl-C and SIGTERM set, in place of what they usually do."""
-    end = threading.Event()
-    before = {
-        number: signal.signal(number, lambda *_: end.set())
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield end
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 def serve_page(server: "viser.ViserServer", console: Console) -> None:

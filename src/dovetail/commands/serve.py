@@ -1,7 +1,5 @@
 """`dovetail serve`: the controller process; learners reach its arm over gRPC."""
 
-import signal
-import threading
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -13,6 +11,7 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.from_address import arm_from_address
+from dovetail.commands.ended_by_signal import End, ended_by_signal
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import format_period
@@ -102,7 +101,6 @@ class Serve(Sectioned):
         files = certificates(
             cert=service.cert, key=service.key, ca=service.client_ca, names=names
         )
-        end = threading.Event()
 
         def notify(line: str) -> None:
             now = datetime.now().astimezone()
@@ -120,27 +118,19 @@ class Serve(Sectioned):
         except BaseException:
             builder.close()
             raise
-        before = {
-            number: signal.signal(number, lambda *_: end.set())
-            for number in (signal.SIGINT, signal.SIGTERM)
-        }
-        try:
-            with server:
-                how = "mutual TLS" if files else "this machine only, no TLS"
-                learners = f"grpc://{server.address}"
-                if address.period is not None:
-                    learners += f"?period={format_period(address.period)}"
-                notify(f"{builder.name} is served at {learners} ({how})")
-                _show_status(console, server, end)
-                notify("closing: the arm is held")
-        finally:
-            for number, handler in before.items():
-                signal.signal(number, handler)
+        with ended_by_signal() as end, server:
+            how = "mutual TLS" if files else "this machine only, no TLS"
+            learners = f"grpc://{server.address}"
+            if address.period is not None:
+                learners += f"?period={format_period(address.period)}"
+            notify(f"{builder.name} is served at {learners} ({how})")
+            _show_status(console, server, end)
+            notify("closing: the arm is held")
         notify(f"closed after {server.service.steps} steps")
         return 0
 
 
-def _show_status(console: Console, server: Any, end: threading.Event) -> None:
+def _show_status(console: Console, server: Any, end: End) -> None:
     """Keep a status line on a terminal; elsewhere the events are enough."""
     if not console.is_terminal:
         end.wait()
