@@ -206,6 +206,23 @@ def test_margins_of_an_exact_arm_are_warned_of(monkeypatch, capsys):
     assert capsys.readouterr().out.startswith("warning: arm 'fri://127.0.0.1?margins")
 
 
+@pytest.mark.parametrize("value", ["-1", "nan"])
+def test_a_payload_error_below_0_is_refused(capsys, value):
+    """-1 was taken, and every load then missed by more."""
+    assert run(["doctor", "--arm", "mujoco", "--payload-error", value]) == 2
+    error = capsys.readouterr().err
+    assert f"--payload-error is {value} kg; allowed: 0 to 1 kg; give" in error
+
+
+def test_a_declared_delay_may_be_0_and_not_less(capsys):
+    """`LimitConfig` allows 0; the doctor asked for a number above it."""
+    words = ["doctor", "--arm", "mujoco", "--period", "1ms", "--delay"]
+    assert run([*words, "0ms"]) == 0
+    assert "declared: 0 ms" in capsys.readouterr().out
+    assert run([*words, "-1ms"]) == 2
+    assert "--delay is -1ms; allowed: 0 to 10 ms; give" in capsys.readouterr().err
+
+
 def test_a_period_outside_the_table_is_named():
     check = next(run_local_checks(plant_at("mujoco"), 0.004, DECLARED))
     assert check.status == "broken"
