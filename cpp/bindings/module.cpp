@@ -225,8 +225,8 @@ void bind_controller(nb::module_& m) {
              double elapsed) { return self.step(q, dq, target, elapsed); },
           "q"_a, "dq"_a, "target"_a, "elapsed"_a = 0.0,
           "One cycle from measured q [rad], dq [rad/s]: overlay torque and flags. "
-          "elapsed: time since the last cycle [s]; 0 is one period. Never raises: bad "
-          "input is a damped hold and the flag bad_input.")
+          "elapsed: time since the last cycle [s], 0 to below 10; 0 is one period. "
+          "Never raises: bad input is a damped hold and the flag bad_input.")
       .def(
           "hold_at",
           [](Controller& self, const Vec3& position_hold, const Vec4& quat_hold) {

@@ -336,7 +336,7 @@ StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
 
 StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
                             const Target& target, double elapsed) noexcept {
-  const bool is_time = std::isfinite(elapsed) && elapsed < kLongestTime;
+  const bool is_time = elapsed >= 0.0 && elapsed < kLongestTime;  // no NaN
   const double told = is_time && elapsed > kShortestTime ? elapsed : period_;
   const Vec7 inertia = terms_.M.diagonal();
   check_.take(q_measured, dq_measured, a_last_, Minv_ * of_jump_, inertia, told);

@@ -79,7 +79,8 @@ BOOST_AUTO_TEST_CASE(a_bad_measurement_is_a_damped_hold) {
         require_one_hold(at_rest, q, wrong, target);
       }
     }
-    for (const double bad : {kNaN, kInfinity, -kInfinity, 1e300, kLongestTime}) {
+    for (const double bad :
+         {kNaN, kInfinity, -kInfinity, 1e300, kLongestTime, -1.0, -1e-9}) {
       require_one_hold(at_rest, q, Vec7::Zero(), target, bad);
     }
   }
@@ -223,7 +224,7 @@ BOOST_AUTO_TEST_CASE(a_torque_that_would_not_be_finite_does_not_leave) {
 
 BOOST_AUTO_TEST_CASE(no_time_between_two_cycles_counts_as_a_period) {
   for (const Scheme scheme : kSchemes) {
-    for (const double elapsed : {0.0, -1.0, 1e-320, 1e-9}) {
+    for (const double elapsed : {0.0, -0.0, 1e-320, 1e-9}) {
       Controller first = controller(scheme), second = controller(scheme);
       for (int k = 0; k < 3; ++k) {
         const Vec7 dq = Vec7::Constant(0.01 * k);

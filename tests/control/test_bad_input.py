@@ -115,7 +115,7 @@ def test_every_measured_number_is_guarded(require_one_hold, q_home, target):
         for index, number, bad in spoilt(inputs[name], NO_INPUT):
             state = {**inputs, name: bad}
             require_one_hold(*state.values(), target, where=(name, index, number))
-    for number in (*NO_INPUT, LONGEST):
+    for number in (*NO_INPUT, LONGEST, -1.0, -1e-9):  # time does not run backwards
         where = ("elapsed", number)
         require_one_hold(q_home, np.zeros(7), target, number, where=where)
 

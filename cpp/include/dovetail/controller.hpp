@@ -59,8 +59,8 @@ class Controller {
   }
 
   /// The same where `elapsed` [s] have passed since the last cycle: its torque acted
-  /// that long. A time below 1 us counts as one period, one that is not finite is bad
-  /// input.
+  /// that long. A time below 1 us counts as one period. One below 0, from 10 s on, or
+  /// that is no number is bad input.
   [[nodiscard]] StepResult step(const Vec7& q, const Vec7& dq, const Target& target,
                                 double elapsed) noexcept;
 
