@@ -3,6 +3,8 @@
 #include <nanobind/eigen/dense.h>
 #include <nanobind/stl/pair.h>
 
+#include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "dovetail/bounds.hpp"
@@ -15,6 +17,13 @@ using namespace nb::literals;
 using namespace dovetail;
 
 namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+template <typename Vector>
+bool is_ordered(const Vector& lower, const Vector& upper) {
+  return (lower.array() <= upper.array()).all();
+}
 
 void bind_bounds(nb::module_& m) {
   m.def(
@@ -84,15 +93,20 @@ void bind_qp(nb::module_& m) {
         if (!factor.factor(M))
           throw std::invalid_argument("M is not positive definite");
         const Mat7 Minv = factor.inverse();
+        // The controller's numbers are in order: only others are looked at, here.
+        const bool is_sound = rho > 0.0 && std::isfinite(rho) && is_ordered(lb, ub) &&
+                              is_ordered(cl, cu) && is_ordered(lo, hi);
+        const Vec7 wish = is_sound ? a0 : Vec7::Constant(kNaN);
         return solve_qp(
-            {M, Minv, a0, lb, ub, Jc, djc, cl, cu, h, lo, hi, rho, max_iter});
+            {M, Minv, wish, lb, ub, Jc, djc, cl, cu, h, lo, hi, rho, max_iter});
       },
       "M"_a, "a0"_a, "lb"_a, "ub"_a, "Jc"_a, "djc"_a, "cl"_a, "cu"_a, "h"_a, "lo"_a,
       "hi"_a, "rho"_a = 1e6, "max_iter"_a = kQpIterations,
       "Nearest a to a0 [rad/s2] in the M norm: box lb, ub hard, walls cl <= Jc a + djc "
       "<= cu [m/s2] soft, torque rows lo <= M a + h <= hi [Nm] hard unless they "
-      "exclude the box (unsafe). With a NaN anywhere ok is False and a is 0 clipped "
-      "to the bounds that are numbers.");
+      "exclude the box (unsafe). With a NaN anywhere, a bound below its other side or "
+      "a rho that is not finite and > 0, ok is False and a is 0 clipped to the bounds "
+      "that are numbers.");
 }
 
 }  // namespace

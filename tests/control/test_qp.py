@@ -110,6 +110,27 @@ def test_a_bound_that_is_no_number_gives_the_safe_answer(robot, rng, name):
         np.testing.assert_array_equal(result.a, safe)
 
 
+@pytest.mark.parametrize("rho", [np.nan, 0.0, -1.0, np.inf, -np.inf])
+def test_a_weight_of_walls_that_is_none_gives_the_safe_answer(robot, rng, rho):
+    """Walls then weighed nothing, or were not seen, and ok said True."""
+    for p in random_problems(robot, rng, 20):
+        result = _core.solve_qp(**p, rho=rho)
+        assert not result.ok
+        np.testing.assert_array_equal(result.a, np.clip(0.0, p["lb"], p["ub"]))
+
+
+@pytest.mark.parametrize(("low", "high"), [("lb", "ub"), ("cl", "cu"), ("lo", "hi")])
+def test_a_bound_below_its_other_side_gives_the_safe_answer(robot, rng, low, high):
+    """No point is inside, and ok said True."""
+    for p in random_problems(robot, rng, 50):
+        lower, upper = (p[name] for name in (low, high))
+        index = rng.integers(lower.size)
+        lower[index] = upper[index] + rng.uniform(0.1, 10.0)
+        result = _core.solve_qp(**p)
+        assert not result.ok
+        np.testing.assert_array_equal(result.a, np.clip(0.0, p["lb"], p["ub"]))
+
+
 @pytest.mark.parametrize("stage", ["sjs", "sjs_exact"])
 @pytest.mark.parametrize("name", ["a0", "lb", "ub"])
 def test_a_box_that_is_no_number_gives_rest(robot, rng, stage, name):
