@@ -53,10 +53,10 @@ def test_the_law_is_the_same_at_each_period(period):
 @pytest.mark.parametrize(
     ("period", "interval", "rate", "delta_q", "delta_v", "delta_x"),
     [
-        (1e-3, 38.5e-3, 60.0, 30e-3, 0.30, 15e-3),
-        (2e-3, 42e-3, 60.0, 30e-3, 0.30, 15e-3),
-        (2.5e-3, 43.75e-3, 60.0, 45e-3, 0.35, 20e-3),
-        (5e-3, 52.5e-3, 50.0, 50e-3, 0.45, 20e-3),
+        (1e-3, 34.5e-3, 60.0, 30e-3, 0.50, 15e-3),
+        (2e-3, 39e-3, 60.0, 30e-3, 0.50, 15e-3),
+        (2.5e-3, 41.25e-3, 60.0, 45e-3, 0.50, 20e-3),
+        (5e-3, 52.5e-3, 50.0, 50e-3, 0.50, 20e-3),
     ],
 )
 def test_an_arm_that_nothing_is_said_of_gets_all_that_is_declared(
@@ -106,10 +106,13 @@ def test_beyond_the_table_margins_grow_and_are_said_to_be_unproven(robot, name, 
     for margin in ("delta_q", "delta_v", "delta_x"):
         low, high = exact.flat()[margin], worst.flat()[margin]
         expected = low + min(value / DECLARED[name], 2.0) * (high - low)
+        if margin == "delta_v":  # a quarter of the speed is left
+            expected = min(expected, 0.75)
         assert limits.flat()[margin] == pytest.approx(expected)
-    lag = 2e-3 + (value if name == "delay" else DECLARED["delay"])
-    assert limits.disturbance.estimate_rate == pytest.approx(min(60.0, 0.75 / lag))
-    assert limits.saturation.kappa * 2e-3 == pytest.approx(3.5 * lag)
+    delay = value if name == "delay" else DECLARED["delay"]
+    rate = min(60.0, 0.75 / (delay + 2e-3))
+    assert limits.disturbance.estimate_rate == pytest.approx(rate)
+    assert limits.saturation.kappa * 2e-3 == pytest.approx(3.0 * delay + 4.5 * 2e-3)
 
 
 def test_what_is_measured_is_held_against_what_was_declared():

@@ -21,8 +21,8 @@ with delay can see: what holds then, unless the spring is stronger than a motor.
 SOFT = ("stiffness", (400.0, 400.0, 400.0, 200.0, 200.0, 200.0))
 SAGS = (("sag_linear", 0.0), ("sag_angular", 0.0))
 TURNS = (("turn_speed", 1e4), ("error_clamp_rotation", 0.25))
-JERKY = (("move_speed", 1e4), *TURNS, SOFT, *SAGS)
-"""The law with which the cases were found: jumps of a pose saturate joints."""
+JERKY = (("move_speed", 1e4), *TURNS, SOFT, *SAGS, ("delta_v", 0.45))
+"""The law, and the speed, with which cases were found: jumps of a pose saturate."""
 MODULES = (
     "contact_choices",
     "contact_scene",

@@ -161,7 +161,7 @@ def ended(controller, plant, target, cycles):
 
 def outside_a_joint_limit(robot, q):
     q_max = robot.limits.q_max.copy()
-    q_max[3] = q[3] - 0.1
+    q_max[1] = q[1] - 0.1
     return free_arm(robot, q, q_max=q_max)
 
 

@@ -42,7 +42,7 @@ def test_a_path_of_its_own_speed_is_not_slowed(robot, rest_at, q_home):
     limits = LimitConfig.for_period(robot, period, x_min=-2.0, x_max=2.0)
     osc = OscConfig.for_period(period)
     controller, plant, start = rest_at(q_home, osc, limits, "XYZABC:pose", period)
-    speed = np.array([0.0, 0.3, 0.0])  # m/s
+    speed = np.array([0.0, 0.2, 0.0])  # m/s
     for cycle in range(500):
         target = _core.Target(
             position_d=start.position + cycle * period * speed,

@@ -43,14 +43,15 @@ PERIOD_MIN, PERIOD_MAX = 1e-4, 5e-3
 
 _PERIODS = (1e-3, 2e-3, 2.5e-3, 5e-3)
 _INTERVAL = (5e-3, 8e-3, 25e-3 / 3, 10e-3)  # kappa * period [s]
-_INTERVAL_DELAYS, _INTERVAL_PERIODS = 2.4375, 5.625
+_INTERVAL_DELAYS, _INTERVAL_PERIODS = 3.0, 4.5
 """Time in which limits act, over the delay and over the period."""
 _RATE_RATIO = 0.75  # of the estimate: a loop with a delay is unstable from 1.57 on
 _RATE_MAX = 60.0  # 1/s
 _DELTA_Q = (2e-3, 3e-3, 5e-3, 5e-3)  # rad, exact model
 _DELTA_V = (0.01, 0.02, 0.05, 0.05)
 _DELTA_Q_HARDWARE = (30e-3, 30e-3, 45e-3, 50e-3)  # rad; all that is declared at once
-_DELTA_V_HARDWARE = (0.45, 0.45, 0.45, 0.45)  # for a push that turns round
+_DELTA_V_HARDWARE = (0.50,) * 4  # for a push that turns round
+_DELTA_V_MOST = 0.75  # however much is declared, a quarter of the speed is left
 _DELTA_X = (
     12e-3,
     12e-3,
@@ -193,7 +194,7 @@ class LimitConfig(Sectioned):
             "x_max": [0.80, 0.20, 0.40],
             "kappa": interval / period,
             "delta_q": margin(_DELTA_Q, _DELTA_Q_HARDWARE),
-            "delta_v": margin(_DELTA_V, _DELTA_V_HARDWARE),
+            "delta_v": min(margin(_DELTA_V, _DELTA_V_HARDWARE), _DELTA_V_MOST),
             "delta_x": margin(_DELTA_X, _DELTA_X_HARDWARE),
             "damping": robot.motors.damping,
             "armature": robot.motors.armature,
