@@ -1,9 +1,11 @@
 """How far does an arm drift that is asked for nothing, in free air?
 
-    python benchmarks/standing_still.py --minutes 10
+    python benchmarks/standing_still.py --minutes 10 --random 10
 
 After a tare every action is zero. Prints, for each twin and period, the largest drift
-of a joint and of the tool, from half a second after the tare on.
+of a joint and of the tool, from half a second after the tare on. `--random N` adds N
+twins drawn inside the declared range: as `hard`, with masses +-20 %, a gravity residual
+of +-1 m/s2 per axis, 0 to 3 times its friction and damping, and 0 to 10 ms of delay.
 """
 
 import argparse
@@ -14,12 +16,27 @@ import numpy as np
 
 import dovetail  # noqa: F401  (registers the environments)
 from dovetail.control.period import PERIODS, POLICY_PERIOD
-from dovetail.plants.twin import list_twins
+from dovetail.control.proven import DECLARED, GRAVITY_ERROR
+from dovetail.plants.twin import TwinConfig, list_twins, load_twin
 
 SETTLE_STEPS = 10
 
 
-def drift(twin: str, period: float, minutes: float) -> tuple[float, float]:
+def random_twin(seed: int) -> TwinConfig:
+    """Draw a twin inside the declared range."""
+    rng = np.random.default_rng(seed)
+    base = load_twin("hard")
+    spread, late = DECLARED["mass_error"], DECLARED["delay"]
+    return base.having(
+        mass_scale=tuple(1.0 + rng.uniform(-spread, spread, 7)),
+        gravity_residual=tuple(rng.uniform(-GRAVITY_ERROR, GRAVITY_ERROR, 3)),
+        coulomb=tuple(rng.uniform(0.0, 3.0) * np.array(base.arm.coulomb)),
+        damping=tuple(rng.uniform(0.0, 3.0) * np.array(base.arm.damping)),
+        command_delay=float(rng.uniform(0.0, late)),
+    )
+
+
+def drift(twin: TwinConfig | str, period: float, minutes: float) -> tuple[float, float]:
     """Return the largest drift of a joint [rad] and of the tool [m]."""
     options: dict[str, Any] = {} if twin == "none" else {"twin": twin}
     made = gym.make("dovetail/PegInHole-v0", tare=True, period=period, **options)
@@ -44,12 +61,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--twin", nargs="+", default=["none", *list_twins()])
+    parser.add_argument("--random", type=int, default=0, help="twins drawn at random")
     args = parser.parse_args()
-    for twin in args.twin:
+    drawn = {f"random {seed}": random_twin(seed) for seed in range(args.random)}
+    for name, twin in ({name: name for name in args.twin} | drawn).items():
         for period in PERIODS:
             joint, tool = drift(twin, period, args.minutes)
             print(
-                f"{twin:8s} {1e3 * period:3g} ms: joint {joint:.4f} rad, "
+                f"{name:9s} {1e3 * period:3g} ms: joint {joint:.4f} rad, "
                 f"tool {1e3 * tool:.2f} mm in {args.minutes:g} min",
                 flush=True,
             )
