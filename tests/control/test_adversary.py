@@ -41,6 +41,18 @@ def test_few_cycles_break_no_limit_with_everything_wrong(adversary):
     assert report.violations() == 0, report
 
 
+@pytest.mark.parametrize(
+    ("delay", "episode"),
+    [(0.005, 74), (0.010, 8), (0.010, 74), (0.010, 109), (0.010, 173)],
+)
+def test_a_push_that_turns_round_makes_no_joint_too_fast(adversary, delay, episode):
+    """With everything else wrong it took A6 to 1.07, and A4 to 1.21 of its speed."""
+    settings = adversary.Settings(mismatch=True, f_star=10.0, delay=delay)
+    attack = adversary.Adversary(settings, seed=0)
+    attack.run_episode(episode, 5000)
+    assert attack.report.violations() == 0, attack.report
+
+
 def test_the_count_finds_the_overshoot_of_the_papers_bounds(adversary):
     settings = adversary.Settings(
         scheme="paper", bounds="paper-corrected", walls=False, last_line=False
