@@ -226,7 +226,7 @@ def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
         build_arm(f"fri://0.0.0.0?{keys}", find_cell(), TASK)
-    assert built == [(0.30, 0.001), (0.01, 0.001), (0.30, 0.001)]
+    assert built == [(0.50, 0.001), (0.01, 0.001), (0.50, 0.001)]
 
 
 def test_what_an_address_says_reaches_the_servo_loop(monkeypatch):

@@ -19,12 +19,11 @@ def test_the_true_model_replays_the_log_exactly(replay, planted_file):
     assert replay.rms(load_twin(planted_file)) < 1e-12
 
 
-@pytest.mark.parametrize(("period", "least"), [(1e-3, 1.3e-3), (5e-3, 0.9e-3)])
-def test_another_model_does_not(settings, quiet, tmp_path, period, least):
-    """At 5 ms the arm may move less quickly, so that it misses by less [m]."""
+@pytest.mark.parametrize("period", [1e-3, 5e-3])
+def test_another_model_does_not(settings, quiet, tmp_path, period):
     out = tmp_path / "log"
     record(RecordConfig.of(out=out, period=period, **settings), quiet)
-    assert least < Replay(Recording.load(out)).rms(nominal_model()) < 0.1
+    assert 0.8e-3 < Replay(Recording.load(out)).rms(nominal_model()) < 0.1
 
 
 def test_a_replay_leaves_nothing_behind_for_the_next(replay, planted_file):

@@ -97,7 +97,7 @@ class Cabinet(Sectioned):
                     server.close()
                 plant.close()
                 gc.unfreeze()
-        if server.failure:
+        if server is not None and server.failure:
             raise PlantError(f"the cabinet ended: {server.failure}")
         return 0
 

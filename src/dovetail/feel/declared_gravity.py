@@ -51,7 +51,9 @@ def _link_torques(robot: Robot, q: Vec7) -> Array:
 
     def torques(mass: Vec7) -> Array:
         heavy = replace(robot, links=replace(robot.links, mass=mass))
-        return np.stack([np.asarray(heavy.chain(e).gravity(q)) for e in np.eye(3)])
+        return np.stack(
+            [np.asarray(heavy.chain(e.tolist()).gravity(q)) for e in np.eye(3)]
+        )
 
     mass = robot.links.mass
     doubled = [torques(mass * (1.0 + row)) for row in np.eye(7)]
