@@ -179,8 +179,8 @@ class LimitConfig(Sectioned):
             interval = max(interval, acts)
         rate = min(_RATE_MAX, _RATE_RATIO / lag)
 
-        def margin(exact: tuple[float, ...], declared: tuple[float, ...]) -> float:
-            return exact[row] + share * (declared[row] - exact[row])
+        def margin(exact: tuple[float, ...], all_wrong: tuple[float, ...]) -> float:
+            return exact[row] + share * (all_wrong[row] - exact[row])
 
         settings: dict[str, Any] = {
             **vars(declared),
