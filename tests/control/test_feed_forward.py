@@ -7,6 +7,7 @@ from dovetail import _core, poses
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.reference import NEAR_TIME
 from dovetail.envs.registered import find_cell
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.mujoco_plant import MujocoPlant
@@ -187,7 +188,7 @@ def test_near_contact_the_tool_may_go_along_with_the_surface(
         task = "XYZ:force ABC:hold"
         _, twist = run(robot, limits, task, q_home, target, PATH_TIME)
         most = max(sign, 0.0) * min(surface, 0.1) + 0.02
-        come = 1.0 - np.exp(-PATH_TIME / 0.04)  # the time in which it is corrected
+        come = 1.0 - np.exp(-PATH_TIME / NEAR_TIME)  # the time in which it is corrected
         assert sign * twist[1] == pytest.approx(most * come, abs=3e-3)
 
 
