@@ -10,7 +10,12 @@ tare's own way counts, too.
 A single cell: `--period 1ms --twin hard --push 30`. `none` is MuJoCo alone, and
 `stiff` the same with contacts of 2 ms at every period; `--margins model` takes those of
 an arm that is exactly as its model. Below 0 is inside. Rows are printed as they come;
-`--json FILE` keeps every try.
+`--json FILE` keeps every try. `heavy` is `medium` with links 10 to 30 % heavier. What
+the last line ends where nothing else helps:
+
+    --limit passive=0 --limit estimate_rate=300 --limit posture_stiffness=0
+
+and, to see what it ended, `--limit last_line=0` beside them.
 """
 
 import argparse
@@ -37,7 +42,7 @@ from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
-from dovetail.plants.twin import list_twins
+from dovetail.plants.twin import TwinConfig, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 PERIODS = (1.0, 2.0, 2.5, 5.0)
@@ -47,6 +52,11 @@ IDEAL = {
     "stiff": DynamicsConfig.of(contact_time=2e-3),
 }
 """Grounds without a twin: MuJoCo as it is, and with contacts as stiff as at 1 ms."""
+HEAVY = {
+    "mass_scale": [1.1, 1.2, 1.3, 1.15, 1.25, 1.3, 1.2],
+    "gravity_residual": [-0.2, 0.3, -0.4],  # m/s2
+}
+"""In what the twin `heavy` differs from `medium`."""
 COUNTED = ("bad_input", "unsafe", "implausible", "ended")
 """Flags whose cycles are counted."""
 
@@ -69,6 +79,8 @@ class Cell(NamedTuple):
     encoders: bool
     """Whether velocities come from positions, as behind FRI."""
     policy: str
+    others: tuple[tuple[str, float], ...] = ()
+    """Other numbers in LimitConfig or OscConfig, for experiments."""
 
 
 class Try(NamedTuple):
@@ -93,6 +105,11 @@ class Try(NamedTuple):
     """Why it ended before its time; empty where it did not."""
 
 
+def find_twin(name: str) -> TwinConfig:
+    """Return a shipped twin, or `heavy`."""
+    return load_twin("medium").having(**HEAVY) if name == "heavy" else load_twin(name)
+
+
 @cache
 def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
     """Build a cell's environment and load its policy."""
@@ -102,10 +119,10 @@ def prepare(cell: Cell) -> tuple[Policy, gym.Env]:
     if cell.twin in IDEAL:
         options |= {"plant": "mujoco", "dynamics": IDEAL[cell.twin]}
     else:
-        options["twin"] = cell.twin
+        options["twin"] = find_twin(cell.twin)
     perturbation = Perturbation(push=cell.push)
     env = make_perturbed(known_env_id(policy.metadata), perturbation, options)
-    if cell.margins == "model" or cell.encoders:
+    if cell.margins == "model" or cell.encoders or cell.others:
         _rebuild(env.unwrapped, cell)
     return policy, env
 
@@ -124,10 +141,14 @@ def _rebuild(env: Any, cell: Cell) -> None:
             dx_max=limits.tool.dx_max,
             **vars(limits.approach),
         )
+    usual = limits.flat()
+    of_limits = {n: type(usual[n])(v) for n, v in cell.others if n in usual}
+    osc = facts.osc.having(**{n: v for n, v in cell.others if n not in usual})
+    limits = limits.having(**of_limits)
     plant: Any = old.plant
     if cell.encoders:
         plant = EncoderPlant(plant, facts.period)
-    arm = LocalArm(plant, facts.robot, facts.osc, limits, facts.task, facts.period)
+    arm = LocalArm(plant, facts.robot, osc, limits, facts.task, facts.period)
     env.arm = arm
     env._tare._arm = arm  # there is no option for this
 
@@ -240,10 +261,16 @@ def row(cell: Cell, tries: list[Try]) -> list[str]:
     ]
 
 
+def setting(text: str) -> tuple[str, float]:
+    """Return name and number of `NAME=NUMBER`."""
+    name, _, number = text.partition("=")
+    return name, float(number)
+
+
 def main() -> None:
     """Make every cell's tries and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    known = (*IDEAL, *list_twins())
+    known = (*IDEAL, "heavy", *list_twins())
     parser.add_argument("--policy", default="peg_square")
     parser.add_argument(
         "--period",
@@ -260,12 +287,16 @@ def main() -> None:
     parser.add_argument(
         "--encoders", action="store_true", help="no measured velocity, as behind FRI"
     )
+    parser.add_argument(
+        "--limit", action="append", default=[], metavar="NAME=NUMBER", type=setting
+    )
     parser.add_argument("--tries", type=int, default=60, help="of each cell")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path, help="file for every try")
     given = parser.parse_args()
+    others = tuple(given.limit)
     cells = [
-        Cell(twin, period, push, given.margins, given.encoders, given.policy)
+        Cell(twin, period, push, given.margins, given.encoders, given.policy, others)
         for push, twin, period in product(given.push, given.twin, given.period)
     ]
     print("| " + " | ".join(TITLES) + " |\n|" + "---|" * len(TITLES), flush=True)
