@@ -26,7 +26,7 @@ constexpr double kStayError = 0.02;  // largest way back that is used [m]
 
 // Time in which a speed near contact is corrected [s]: the estimate makes the loop up
 // to twice as quick; with 0.04 an arm with 10 ms of delay swung on at 12 Hz.
-constexpr double kNearTime = 0.06;
+constexpr double kNearTime = 0.05;
 
 // Share of what a joint's speed limit allows that the way to a pose that jumps uses:
 // a joint at its limit would be missed by the other axes.

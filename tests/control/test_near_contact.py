@@ -56,7 +56,7 @@ def test_it_holds_for_every_axis_that_is_driven(
         cycles=400,
     )
     assert run.bits("wall_velocity") & 1
-    settled = np.abs(run.speed[300:])  # it is to take 0.06 s
+    settled = np.abs(run.speed[300:])  # it is to take 0.05 s
     assert 0.5 * SLOW < settled.max() < SLOW + REAL
 
 

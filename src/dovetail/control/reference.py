@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
 
 
-NEAR_TIME = 0.06
+NEAR_TIME = 0.05
 """Time in which a speed near contact is corrected [s]."""
 
 NEAR_BAND = 0.002
