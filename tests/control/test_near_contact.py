@@ -1,9 +1,13 @@
 """The speed limit near contact: where it holds, and where it is said not to."""
 
+import gymnasium
 import numpy as np
 import pytest
 
 from dovetail.control.config import LimitConfig
+from dovetail.envs.unwrapped import require_contact_env
+from dovetail.plants.plant import COLUMN
+from dovetail.tasks.shipped import DEFAULT_ENV
 
 PERIOD = 1e-3
 FORCE = "XYZ:force ABC:hold"
@@ -77,3 +81,24 @@ def test_it_does_not_hold_where_the_docstring_says_so(
     )
     assert run.bits("wall_velocity") == 0
     assert np.abs(run.speed[-1]).max() > 1.5 * SLOW
+
+
+@pytest.mark.parametrize(("period", "most"), [(1e-3, 0.036), (5e-3, 0.045)])
+def test_a_late_arm_does_not_swing_on_its_way_down(period, most):
+    """Corrected within 40 ms, its fall came back by up to 43 and 62 mm/s."""
+    env = gymnasium.make(DEFAULT_ENV, twin="hard", period=period, tare=True)
+    core, down = require_contact_env(env), np.array([0.0, 0.0, -1.0, 0.0], np.float32)
+    for seed in range(6):
+        env.reset(seed=seed)
+        down[0] = -1.0 if seed % 2 else 0.5
+        logs = []
+        for _ in range(40):
+            env.step(down)
+            logs.append(core.state.log)
+        log = np.vstack(logs)
+        force = np.linalg.norm(log[:, COLUMN["fx"] : COLUMN["fz"] + 1], axis=1)
+        fall = log[: np.argmax(force > 0.0) or None, COLUMN["vz"]]
+        braked = fall[np.argmin(fall) :]
+        again = np.maximum.accumulate(braked) - braked  # m/s
+        assert again.max() < most
+    env.close()
