@@ -60,14 +60,19 @@ def settings_of(
     near_press: float,
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits as the environment makes them."""
-    osc, limits = make_settings(
-        replace(find_cell(), walls=walls_of(task)),
-        EnvConfig.of(period=period, near_press=near_press),
-        is_hardware=is_hardware,
-    )
+    cell = replace(find_cell(), walls=walls_of(task))
+    config = EnvConfig.of(period=period, near_press=near_press)
+    return having(*make_settings(cell, config, is_hardware=is_hardware), overrides)
+
+
+def having(
+    osc: OscConfig, limits: LimitConfig, overrides: tuple[tuple[str, Any], ...]
+) -> tuple[OscConfig, LimitConfig]:
+    """Return law and limits with other numbers, whichever of both has the name."""
     usual = osc.flat() | limits.flat()
     others: dict[str, Any] = {
-        k: v if isinstance(v, tuple) else type(usual[k])(v) for k, v in overrides
+        k: type(usual[k])(v) if k in usual and not isinstance(v, tuple) else v
+        for k, v in overrides
     }
     law = {name: others.pop(name) for name in osc.flat().keys() & others.keys()}
     return osc.having(**law), limits.having(**others)

@@ -30,6 +30,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
+from contact_trial import having
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
@@ -141,10 +142,7 @@ def _rebuild(env: Any, cell: Cell) -> None:
             dx_max=limits.tool.dx_max,
             **vars(limits.approach),
         )
-    usual = limits.flat()
-    of_limits = {n: type(usual[n])(v) for n, v in cell.others if n in usual}
-    osc = facts.osc.having(**{n: v for n, v in cell.others if n not in usual})
-    limits = limits.having(**of_limits)
+    osc, limits = having(facts.osc, limits, cell.others)
     plant: Any = old.plant
     if cell.encoders:
         plant = EncoderPlant(plant, facts.period)
@@ -294,9 +292,9 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", type=Path, help="file for every try")
     given = parser.parse_args()
-    others = tuple(given.limit)
+    changed = tuple(given.limit)
     cells = [
-        Cell(twin, period, push, given.margins, given.encoders, given.policy, others)
+        Cell(twin, period, push, given.margins, given.encoders, given.policy, changed)
         for push, twin, period in product(given.push, given.twin, given.period)
     ]
     print("| " + " | ".join(TITLES) + " |\n|" + "---|" * len(TITLES), flush=True)
