@@ -1,12 +1,12 @@
 """Torque noise of an arm that rests: standard deviation per joint, drift taken off.
 
-    python benchmarks/resting_noise.py [--period 0.001 0.002 0.005]
+    python benchmarks/resting_noise.py [--period 0.001 0.002 0.005] [--standstill]
 
 Zero actions in free air, on the plain plant and on every twin: with the measured
 velocity, and with the one observed from positions, as an arm behind FRI has it
 (`observed`; `--fri` runs the whole servo loop in lockstep against a simulated cabinet,
-for the same numbers). From each torque its mean over a quarter of a second is taken
-off.
+for the same numbers). `--standstill` holds the joints, as a stop does. From each torque
+its mean over a quarter of a second is taken off.
 """
 
 import argparse
@@ -86,13 +86,13 @@ def build_behind_fri(
     return arm, process
 
 
-def resting_torques(arm: Arm, period: float) -> Array:
+def resting_torques(arm: Arm, period: float, *, standstill: bool) -> Array:
     """Return the torques of an arm that is asked for nothing [Nm], shape (n, 7)."""
     robot = find_cell().loaded_robot()
     start = robot.inverse_kinematics(Pose(PLACE, TOOL_DOWN), Q_SEED)
     arm.reset(start, HOLE)
     columns = slice(COLUMN["tau1"], COLUMN["tau7"] + 1)
-    target = _core.Target(quat_wxyz_d=TOOL_DOWN)
+    target = _core.Target(joint_mode=standstill, q_d=start, quat_wxyz_d=TOOL_DOWN)
     logs = [
         arm.step(target, ACTION).log[:, columns]
         for _ in range(round((SETTLE + SECONDS) / ACTION))
@@ -115,15 +115,20 @@ def main() -> None:
     parser.add_argument("--period", type=float, nargs="+", default=[1e-3, 2e-3, 5e-3])
     parser.add_argument("--plants", nargs="+", default=PLANTS)
     parser.add_argument("--fri", action="store_true", help="the whole servo loop, too")
+    parser.add_argument("--standstill", action="store_true", help="by joint targets")
     args = parser.parse_args()
     paths = ("measured", "observed", "fri") if args.fri else ("measured", "observed")
     print(f"{'':24s}" + "".join(f"{f'A{i}':>8s}" for i in range(1, 8)) + "  [Nm RMS]")
     worst = 0.0
     for period, plant, path in itertools.product(args.period, args.plants, paths):
         name = f"{1e3 * period:g} ms {plant} {path}"
+        if path == "fri" and not (1e3 * period).is_integer():
+            continue  # the wire has whole milliseconds
         arm, process = build(plant, path, period)
         try:
-            sigma = noise(resting_torques(arm, period), period)
+            sigma = noise(
+                resting_torques(arm, period, standstill=args.standstill), period
+            )
         except Exception as error:  # the arm may be beyond measuring
             print(f"{name:24s} {type(error).__name__}: {str(error)[:100]}")
             continue

@@ -281,7 +281,8 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 asked = (braking() - held()).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const Vec7 asked =
+      (braking() - held(disturbance_)).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   const StepResult result = hold(asked + push_, bias());
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
