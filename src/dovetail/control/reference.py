@@ -106,10 +106,8 @@ class ReferenceController:
         if target.joint_mode:  # a spring in each joint, what pushes is held against
             K, zeta = osc.joints.joint_stiffness, osc.joints.joint_damping_ratio
             spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
-            most = np.clip(HELD * tau_max, HELD_LEAST, None)
-            most = np.minimum(most, 0.5 * tau_max)
-            noise = QUICK_NOISE * tau_max
-            known = self.r - np.clip(self.r - self.slow, -noise, noise)
+            most = np.clip(HELD * tau_max, HELD_LEAST, 0.5 * tau_max)
+            known = self.known()
             held = known / max(1.0, np.max(np.abs(known) / most))
             self.posture = self.way = None
             self.pace = 1.0
@@ -155,6 +153,11 @@ class ReferenceController:
         r = self.r + share * np.clip(lost, -most, most)
         self.r = np.clip(r, -LARGEST * tau_max, LARGEST * tau_max)
         self.slow = self.slow + min(SLOW * dt, 1.0) * (self.r - self.slow)
+
+    def known(self) -> Array:
+        """Return the disturbance without what may be noise [Nm]."""
+        noise = QUICK_NOISE * self.limits.joints.tau_max
+        return self.r - np.clip(self.r - self.slow, -noise, noise)
 
     def task_torque(
         self, q: Array, dq: Array, f: Array, J_tool: Array, M: Array, Minv: Array
