@@ -22,7 +22,8 @@ constexpr double kUsualEstimate = 0.3;    // ... except of a joint that is at it
 constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
 // Then a wall is worth so much mass [kg]: held against a jam it would drive the joints.
 constexpr double kEndRho = 1.0;
-constexpr double kWeightRate = 8.0;  // of the estimate's slow part [1/s]
+// Of the estimate's slow part, with which a hold after the last line begins [1/s].
+constexpr double kWeightRate = 8.0;
 
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
@@ -280,9 +281,8 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 a = braking() - held(disturbance_);
-  const StepResult result =
-      hold(a.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub) + push_, bias());
+  const Vec7 asked = (braking() - held()).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const StepResult result = hold(asked + push_, bias());
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
   has_last_ = true;

@@ -19,8 +19,6 @@ constexpr double kEndQuickest = 40.0;    // of speeds that are damped: 6 Hz [1/s
 // an integrator that would push ever harder.
 constexpr double kLargestHeld = 0.12;
 constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
-// Of tau_max: quick changes of the estimate that may be noise of a measured speed.
-constexpr double kQuickNoise = 0.01;
 
 // An axis that stays is held where it comes to be slower than this [m/s].
 constexpr double kStaySpeed = 0.01;
@@ -219,8 +217,7 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
                                StepResult& result) noexcept {
   has_posture_ = false;
   osc_.forget_way();
-  const Vec7 wanted =
-      osc_.joint_acceleration(q, dq, target.q_d) - held(without_noise());
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held();
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
@@ -233,22 +230,15 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
                  true};
 }
 
-/// The part of a disturbance that a hold acts against [rad/s2]: of what pulls at the
+/// The part of the disturbance that a hold acts against [rad/s2]: of what pulls at the
 /// tool the same share in all joints. Cut joint by joint, the rest would drive the
 /// joints around a tool that something holds.
-Vec7 Controller::held(const Vec7& r) const noexcept {
+Vec7 Controller::held() const noexcept {
   const Vec7 most = (kLargestHeld * limits_.tau_max)
                         .cwiseMax(kLeastHeld)
                         .cwiseMin(0.5 * limits_.tau_max);
-  const double over = r.cwiseQuotient(most).cwiseAbs().maxCoeff();
-  return Minv_ * (r / std::max(over, 1.0));
-}
-
-/// The disturbance without what may be noise of a measured speed, fed back [Nm].
-Vec7 Controller::without_noise() const noexcept {
-  const Vec7 noise = kQuickNoise * limits_.tau_max;
-  const Vec7 quick = disturbance_ - weight_;
-  return disturbance_ - quick.cwiseMax(-noise).cwiseMin(noise);
+  const double over = disturbance_.cwiseQuotient(most).cwiseAbs().maxCoeff();
+  return Minv_ * (disturbance_ / std::max(over, 1.0));
 }
 
 /// What the last known motion needs to end, softly [rad/s2].
@@ -270,7 +260,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq, double elapsed,
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
   dq_end_ += (1.0 - std::exp(-kEndQuickest * elapsed)) * (dq - dq_end_);
-  result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq_end_ - held(disturbance_);
+  result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq_end_ - held();
   result.flags = Flags{};
   for (int i = 0; i < kNumJoints; ++i) {
     if (is_behind(i, q[i])) continue;

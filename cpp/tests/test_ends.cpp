@@ -88,7 +88,7 @@ BOOST_AUTO_TEST_CASE(no_push_is_estimated_to_be_stronger_than_the_motor) {
 BOOST_AUTO_TEST_CASE(a_hold_acts_against_twelve_hundredths_of_a_motor_or_ten_nm) {
   limits.ddq_max.setConstant(1e3);
   Controller pinned = controller();
-  press(pinned, 3000);  // all of it is slow by now
+  press(pinned, 300);
   target.joint_mode = true;
   target.q_d = q;
   const StepResult held = pinned.step(q, Vec7::Zero(), target);
@@ -100,26 +100,7 @@ BOOST_AUTO_TEST_CASE(a_hold_acts_against_twelve_hundredths_of_a_motor_or_ten_nm)
   // The same share in every joint: cut joint by joint it is no pull at the tool any
   // more, and drives the joints round a tool that something holds.
   const double share = 1.0 / r.cwiseQuotient(most).cwiseAbs().maxCoeff();
-  BOOST_TEST((asked + share * r).norm() < 1e-6);
-}
-
-BOOST_AUTO_TEST_CASE(a_hold_feeds_no_noise_of_the_estimate_back) {
-  Controller pinned = controller();
-  target.joint_mode = true;
-  target.q_d = q;
-  for (const double speed : {2e-4, 0.05}) {  // of noise, and of a push
-    pinned.reset(q, p, quat);
-    static_cast<void>(pinned.step(q, Vec7::Zero(), target));
-    const Vec7 dq = speed * Vec7::Unit(1);
-    const StepResult held = pinned.step(q, dq, target);
-    const Vec7 asked = pinned.inertia() * (held.a0 + 20.0 * dq) + pinned.bias();
-    const double r = pinned.disturbance()[1];
-    const double noise = 0.01 * limits.tau_max[1];
-    const double slow = 0.008 * r;  // in one cycle, at 8 1/s
-    BOOST_TEST((r - slow > noise) == (speed > 0.01));
-    BOOST_TEST(asked[1] == -(r - std::min(r - slow, noise)),
-               boost::test_tools::tolerance(1e-6));
-  }
+  BOOST_TEST((asked + share * r).norm() < 1e-9);
 }
 
 BOOST_AUTO_TEST_SUITE_END()

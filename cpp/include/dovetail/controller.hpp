@@ -128,8 +128,7 @@ class Controller {
   void soften(StepResult& result) noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
-  Vec7 held(const Vec7& r) const noexcept;
-  Vec7 without_noise() const noexcept;
+  Vec7 held() const noexcept;
   StepResult hold(const Vec7& a, const Vec7& h) noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
