@@ -123,7 +123,8 @@ def main() -> None:
     for period, plant, path in itertools.product(args.period, args.plants, paths):
         name = f"{1e3 * period:g} ms {plant} {path}"
         if path == "fri" and not (1e3 * period).is_integer():
-            continue  # the wire has whole milliseconds
+            print(f"{name:24s} not on the wire, which has whole milliseconds")
+            continue
         arm, process = build(plant, path, period)
         try:
             sigma = noise(
