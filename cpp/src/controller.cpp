@@ -14,16 +14,12 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// Of tau_max: what the disturbance estimate takes of one measurement at most.
-constexpr double kLargestSurprise = 0.25;
-constexpr double kLargestEstimate = 1.0;  // ... that is taken for a disturbance
-constexpr double kUsualEstimate = 0.3;    // ... except of a joint that is at its limit
+// Of tau_max: what is taken for a disturbance, but of a joint that is at its limit.
+constexpr double kUsualEstimate = 0.3;
 
-constexpr double kEndRate = 60.0;  // of the estimate after the last line [1/s]
-// Then a wall is worth so much mass [kg]: held against a jam it would drive the joints.
+// After the last line a wall is worth so much mass [kg]: held against a jam it would
+// drive the joints.
 constexpr double kEndRho = 1.0;
-// Of the estimate's slow part, with which a hold after the last line begins [1/s].
-constexpr double kWeightRate = 8.0;
 
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
@@ -81,8 +77,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
                        const Vec7& dq) noexcept {
   hold_at(p_hold, quat_hold);
   if (!goes_on(q, dq)) {
-    disturbance_.setZero();
-    weight_.setZero();
+    disturbance_ = steady_ = weight_ = Vec7::Zero();
     osc_.forget_sag();
   }
   of_jump_.setZero();
@@ -102,27 +97,6 @@ void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   has_hold_ = is_pose(p_hold, quat_hold);
   if (has_hold_) osc_.reset(p_hold, quat_hold);
   has_posture_ = false;
-}
-
-/// r += share (M ddq + h - u - r) over the interval that has just ended, whose model
-/// terms_ and h_ still hold. What one cycle adds is bounded: no sample throws the arm.
-void Controller::update_disturbance(const Vec7& dq, double elapsed) noexcept {
-  if (!has_last_ || limits_.estimate_rate == 0.0) return;
-  double rate = limits_.estimate_rate;
-  if (last_line_.cause() != EndCause::kNone) rate = std::min(rate, kEndRate);
-  const double share = 1.0 - decay_.left(rate, elapsed);
-  const Vec7 change = dq - dq_last_;
-  const Vec7 viscous = limits_.damping.cwiseProduct(0.5 * change);  // at mean speed
-  const Vec7 most = kLargestSurprise * limits_.tau_max;
-  const Vec7 lost =
-      terms_.M * change / elapsed + h_ + viscous - tau_last_ - disturbance_;
-  const Vec7 before = disturbance_;
-  disturbance_ += share * lost.cwiseMax(-most).cwiseMin(most);
-  const Vec7 largest = kLargestEstimate * limits_.tau_max;
-  disturbance_ = disturbance_.cwiseMax(-largest).cwiseMin(largest);
-  if (!disturbance_.allFinite()) disturbance_.setZero();  // it would never end
-  of_jump_ = check_.is_jump() ? Vec7(disturbance_ - before) : (1.0 - share) * of_jump_;
-  weight_ += std::min(kWeightRate * elapsed, 1.0) * (disturbance_ - weight_);
 }
 
 void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
@@ -281,7 +255,8 @@ StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
   update_model(q, dq);
   update_bounds(q, dq);
   dq_last_ = dq;
-  const Vec7 asked = (braking() - held()).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  const Vec7 asked =
+      (braking() - held(disturbance_)).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   const StepResult result = hold(asked + push_, bias());
   a_last_ = a0_last_ = result.a;
   tau_last_ = result.tau;
@@ -314,7 +289,7 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   // A wall that takes the tool back inside works against what is asked.
   const bool is_led = x_min_ != limits_.x_min || x_max_ != limits_.x_max;
   const double power = target.joint_mode || is_led ? 0.0 : std::min(added, driven);
-  return !last_line_.check({dq, explained, power, elapsed});
+  return !last_line_.check({dq, explained, power, limiter_push_, elapsed});
 }
 
 StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {

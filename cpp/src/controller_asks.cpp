@@ -15,11 +15,6 @@ constexpr double kFreeBraking = 1000.0;  // beyond what the limits allow [1/s]
 constexpr double kRestSpeed = 0.02;      // [rad/s]
 constexpr double kEndQuickest = 40.0;    // of speeds that are damped: 6 Hz [1/s]
 
-// Of tau_max: the most of a disturbance that a hold acts against. A hold in contact is
-// an integrator that would push ever harder.
-constexpr double kLargestHeld = 0.12;
-constexpr double kLeastHeld = 10.0;  // [Nm]: a push of 30 N at the wrist
-
 // An axis that stays is held where it comes to be slower than this [m/s].
 constexpr double kStaySpeed = 0.01;
 constexpr double kStayError = 0.02;  // largest way back that is used [m]
@@ -181,6 +176,28 @@ double Controller::pace() const noexcept {
   return over > 1.0 ? 1.0 / over : 1.0;  // 1 where it is no number
 }
 
+/// What limiters push the tool by beyond what was asked for and beyond braking [N]:
+/// with passive limits nothing, inside the walls. One that cancels a contact finds no
+/// motion to brake, and presses the harder the more it is pressed.
+double Controller::limiter_push(const Vec3& asked, const Vec3& kept,
+                                const Vec3& tare) const noexcept {
+  const double rate = std::max(limits_.brake_rate, 2.0 / (limits_.kappa * period_));
+  Vec3 push = Vec3::Zero();
+  for (int i = 0; i < 3; ++i) {
+    const double p = tool_.p[i];
+    const bool is_behind =
+        p > x_max_[i] - limits_.delta_x || p < x_min_[i] + limits_.delta_x;
+    if (is_behind) continue;
+    const double calm =
+        std::clamp(kept[i], std::min(asked[i], tare[i]), std::max(asked[i], tare[i]));
+    const double speed = tool_.twist[i];
+    const double excess = kept[i] - calm;
+    const double braking = excess * speed < 0.0 ? rate * std::abs(speed) : 0.0;
+    push[i] = task_terms_.Lambda(i, i) * std::max(std::abs(excess) - braking, 0.0);
+  }
+  return push.norm();
+}
+
 /// a0 = M^-1 (u0 - h)
 void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target,
                              StepResult& result) noexcept {
@@ -208,6 +225,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
                        .head<3>()
                        .cwiseProduct(f_star.head<3>() - asked)
                        .dot(tool_.twist.head<3>());
+  limiter_push_ = limiter_push(asked, f_star.head<3>(), target.f_tare.head<3>());
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
 }
 
@@ -216,8 +234,9 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
 void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
                                StepResult& result) noexcept {
   has_posture_ = false;
+  limiter_push_ = 0.0;
   osc_.forget_way();
-  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held();
+  const Vec7 wanted = osc_.joint_acceleration(q, dq, target.q_d) - held(steady_);
   result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
   if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
   unsigned upper = 0, lower = 0;
@@ -228,17 +247,6 @@ void Controller::follow_joints(const Vec7& q, const Vec7& dq, const Target& targ
   mark_joints(upper, lower, result.flags);
   task_terms_ = {Mat67::Zero(), Mat6::Zero(), Vec6::Zero(), terms_.M * result.a0 + h_,
                  true};
-}
-
-/// The part of the disturbance that a hold acts against [rad/s2]: of what pulls at the
-/// tool the same share in all joints. Cut joint by joint, the rest would drive the
-/// joints around a tool that something holds.
-Vec7 Controller::held() const noexcept {
-  const Vec7 most = (kLargestHeld * limits_.tau_max)
-                        .cwiseMax(kLeastHeld)
-                        .cwiseMin(0.5 * limits_.tau_max);
-  const double over = disturbance_.cwiseQuotient(most).cwiseAbs().maxCoeff();
-  return Minv_ * (disturbance_ / std::max(over, 1.0));
 }
 
 /// What the last known motion needs to end, softly [rad/s2].
@@ -260,7 +268,7 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq, double elapsed,
     is_at_rest_ = dq.cwiseAbs().maxCoeff() < kRestSpeed;
   }
   dq_end_ += (1.0 - std::exp(-kEndQuickest * elapsed)) * (dq - dq_end_);
-  result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq_end_ - held();
+  result.a0 = kEndStiffness * (q_end_ - q) - kEndDamping * dq_end_ - held(disturbance_);
   result.flags = Flags{};
   for (int i = 0; i < kNumJoints; ++i) {
     if (is_behind(i, q[i])) continue;
@@ -275,15 +283,6 @@ void Controller::follow_end(const Vec7& q, const Vec7& dq, double elapsed,
 bool Controller::is_behind(int joint, double q) const noexcept {
   return q > limits_.q_max[joint] - limits_.delta_q ||
          q < limits_.q_min[joint] + limits_.delta_q;
-}
-
-/// A loop with delay lives in the quick part of the estimate. What holds a joint at its
-/// limit stays: a load that grew as quickly would take it past the limit.
-void Controller::forget_quick_part(const Vec7& q) noexcept {
-  of_jump_.setZero();
-  for (int i = 0; i < kNumJoints; ++i) {
-    if (!is_behind(i, q[i])) disturbance_[i] = weight_[i];
-  }
 }
 
 /// While the state is in doubt the torque changes slowly, into a damped hold and out of

@@ -16,6 +16,7 @@ struct Watch {
   LimitParams limits = limits_for(0.001);
   Vec7 explained = Vec7::Zero();
   double power = 0.0;
+  double push = 0.0;
 
   using Speed = std::function<double(double)>;
 
@@ -24,7 +25,7 @@ struct Watch {
     for (double t = 0.0; t < time; t += period) {
       Vec7 dq = Vec7::Zero();
       dq[joint] = speed(t);
-      line.check({dq, explained, power, period});
+      line.check({dq, explained, power, push, period});
     }
     return line;
   }
@@ -66,7 +67,7 @@ BOOST_AUTO_TEST_CASE(it_ends_before_the_swing_has_reached_the_speed_limit) {
   for (double t = 0.0; t < 2.0; t += 0.001) {
     Vec7 dq = Vec7::Zero();
     dq[1] = swing(0.005 * std::exp(4.0 * t), 12.0, t);
-    if (line.check({dq, explained, power, 0.001})) break;
+    if (line.check({dq, explained, power, push, 0.001})) break;
     peak = std::max(peak, std::abs(dq[1]));
   }
   BOOST_TEST((line.cause() == EndCause::kOscillation));
@@ -111,7 +112,7 @@ BOOST_AUTO_TEST_CASE(a_reset_forgets_the_swings_so_far) {
     for (double end = time + duration; time < end; time += 0.001) {
       Vec7 dq = Vec7::Zero();
       dq[2] = swing(0.5 * limits.dq_max[2], 10.0, time);
-      line.check({dq, explained, power, 0.001});
+      line.check({dq, explained, power, push, 0.001});
     }
     return line.cause() != EndCause::kNone;
   };
@@ -135,7 +136,7 @@ BOOST_AUTO_TEST_CASE(a_swing_that_the_target_explains_does_not_end) {
         if (is_told) explained[3] = 2.0 * a;
       }
       dq[3] += 0.001 * a;
-      line.check({dq, explained, 0.0, 0.001});
+      line.check({dq, explained, 0.0, 0.0, 0.001});
     }
     BOOST_TEST((line.cause() == EndCause::kNone) == is_told);
   }
@@ -165,9 +166,30 @@ BOOST_AUTO_TEST_CASE(limiters_that_drive_end_it_and_limiters_that_brake_do_not) 
 BOOST_AUTO_TEST_CASE(braking_earns_no_right_to_drive) {
   LastLine line(limits);
   const Vec7 rest = Vec7::Zero();
-  for (int k = 0; k < 1000; ++k) line.check({rest, rest, -50.0, 0.001});
-  for (int k = 0; k < 100; ++k) line.check({rest, rest, 4.0, 0.001});
+  for (int k = 0; k < 1000; ++k) line.check({rest, rest, -50.0, 0.0, 0.001});
+  for (int k = 0; k < 100; ++k) line.check({rest, rest, 4.0, 0.0, 0.001});
   BOOST_TEST((line.cause() == EndCause::kEnergy));
+}
+
+BOOST_AUTO_TEST_CASE(limiters_that_push_on_at_rest_end_it_and_a_blow_does_not) {
+  const auto still = [](double) { return 0.0; };
+  for (const double period : kPeriods) {
+    push = 41.0;
+    const LastLine line = run(0, still, period);
+    BOOST_TEST((line.cause() == EndCause::kForce));
+    BOOST_TEST(line.is_loop());
+    BOOST_TEST(line.joint() == -1);
+    BOOST_TEST(line.value() == 41.0);
+    BOOST_TEST(line.limit() == 40.0);
+    BOOST_TEST((run(0, still, period, 0.015).cause() == EndCause::kNone));
+    push = 39.0;
+    BOOST_TEST((run(0, still, period, 10.0).cause() == EndCause::kNone));
+  }
+  LastLine line(limits);  // time does not add up over pauses
+  for (int k = 0; k < 1000; ++k) {
+    line.check({Vec7::Zero(), explained, 0.0, k % 15 ? 90.0 : 0.0, 0.001});
+  }
+  BOOST_TEST((line.cause() == EndCause::kNone));
 }
 
 BOOST_AUTO_TEST_CASE(a_joint_that_used_three_fifths_of_its_speed_margin_ends_it) {
@@ -191,16 +213,16 @@ BOOST_AUTO_TEST_CASE(the_first_cause_stays_until_a_reset) {
   LastLine line(limits);
   Vec7 dq = Vec7::Zero();
   dq[6] = 3.0;
-  BOOST_TEST(line.check({dq, Vec7::Zero(), 0.0, 0.001}));
+  BOOST_TEST(line.check({dq, Vec7::Zero(), 0.0, 0.0, 0.001}));
   dq.setZero();
   dq[2] = 3.0;
-  for (int k = 0; k < 500; ++k) BOOST_TEST(line.check({dq, Vec7::Zero(), 9.0, 0.001}));
+  for (int k = 0; k < 500; ++k) BOOST_TEST(line.check({dq, Vec7::Zero(), 9.0, 0.0, 0.001}));
   BOOST_TEST((line.cause() == EndCause::kSpeed));
   BOOST_TEST(line.joint() == 6);
   BOOST_TEST(name(line.cause()) == std::string("speed"));
   line.reset();
   BOOST_TEST((line.cause() == EndCause::kNone));
-  BOOST_TEST(!line.check({Vec7::Zero(), Vec7::Zero(), 0.0, 0.001}));
+  BOOST_TEST(!line.check({Vec7::Zero(), Vec7::Zero(), 0.0, 0.0, 0.001}));
 }
 
 BOOST_AUTO_TEST_CASE(switched_off_it_sees_nothing) {

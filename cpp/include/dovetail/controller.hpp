@@ -109,6 +109,8 @@ class Controller {
   double speed_limit(int axis, double room) const noexcept;
   double excess_press(const Target& target) const noexcept;
   double pace() const noexcept;
+  double limiter_push(const Vec3& asked, const Vec3& kept,
+                      const Vec3& tare) const noexcept;
   void keep_inside(const Target& target, Vec6& f_star,
                    StepResult& result) const noexcept;
   void follow_task(const Vec7& q, const Vec7& dq, const Target& target,
@@ -128,7 +130,7 @@ class Controller {
   void soften(StepResult& result) noexcept;
   StepResult finish(const Vec7& dq, StepResult& result) noexcept;
   Vec7 braking() const noexcept;
-  Vec7 held() const noexcept;
+  Vec7 held(const Vec7& r) const noexcept;
   StepResult hold(const Vec7& a, const Vec7& h) noexcept;
   StepResult brake(const Vec7& q, const Vec7& dq) noexcept;
 
@@ -170,6 +172,7 @@ class Controller {
   double lagged_ = 0.0;       // torques that were of late, fading [cycles]
   LastLine last_line_;
   double limiter_power_ = 0.0;  // of what is cut from f* [W]
+  double limiter_push_ = 0.0;   // the same where it brakes nothing [N]
   bool is_at_rest_ = false;     // after the end
   Vec7 q_end_ = Vec7::Zero();
   Vec7 dq_end_ = Vec7::Zero();  // its speed since, without what is too quick to damp
@@ -179,6 +182,7 @@ class Controller {
   Decay decay_;            // of what the disturbance was
   Vec7 disturbance_ = Vec7::Zero();
   Vec7 of_jump_ = Vec7::Zero();  // what the last surprise was worth of it [Nm]
+  Vec7 steady_ = Vec7::Zero();   // the disturbance without its noise [Nm]
   Vec7 weight_ = Vec7::Zero();   // the disturbance's slow part [Nm]
   Vec7 a_last_ = Vec7::Zero();
   Vec7 a0_last_ = Vec7::Zero();

@@ -1,10 +1,12 @@
 /// The last line: sees motion that no Target explains, whatever its cause, and ends it.
 ///
-/// Three things are watched, from the measured motion and the torques alone
+/// Four things are watched, from the measured motion and the torques alone
 /// (docs/control.md, Last line):
 ///   oscillation  a joint's speed swings to and fro, faster than 7 Hz, more widely than
 ///                the Target's changes explain, and does not decay;
 ///   energy       limiters do positive work: passive ones never do;
+///   force        limiters push the tool, and no motion is there to be braked: what
+///                cancels a contact presses ever harder;
 ///   speed        a joint has used three fifths of its speed margin.
 /// Once seen, it stays seen until `reset`.
 #pragma once
@@ -18,7 +20,7 @@
 namespace dovetail {
 
 /// What ended the motion.
-enum class EndCause : std::uint8_t { kNone, kOscillation, kEnergy, kSpeed };
+enum class EndCause : std::uint8_t { kNone, kOscillation, kEnergy, kForce, kSpeed };
 
 [[nodiscard]] const char* name(EndCause cause) noexcept;
 
@@ -27,6 +29,7 @@ struct LastLineInput {
   const Vec7& dq;         ///< measured [rad/s]
   const Vec7& explained;  ///< change of acceleration by a new Target [rad/s2]
   double limiter_power;   ///< power that limiters put into the arm [W]
+  double limiter_push;    ///< force of limiters on the tool that brakes nothing [N]
   double elapsed;         ///< since the last cycle [s]
 };
 
@@ -43,10 +46,12 @@ class LastLine {
   /// Whether the disturbance estimate may be part of what was seen. A joint that was
   /// only too fast was pushed: what pushes it must be known to brake it.
   bool is_loop() const noexcept {
-    return cause_ == EndCause::kOscillation || cause_ == EndCause::kEnergy;
+    return cause_ != EndCause::kNone && cause_ != EndCause::kSpeed;
   }
-  int joint() const noexcept { return joint_; }     ///< 0 to 6; energy has none: -1
-  double value() const noexcept { return value_; }  ///< swing, work or speed [SI]
+  int joint() const noexcept {
+    return joint_;
+  }  ///< 0 to 6; energy and force have none: -1
+  double value() const noexcept { return value_; }  ///< swing, work, force, speed [SI]
   double limit() const noexcept { return limit_; }  ///< what was allowed [SI]
 
  private:
@@ -77,7 +82,8 @@ class LastLine {
   bool is_on_;
   std::array<Swing, 7> swing_;
   Decay forget_, slow_;
-  double work_ = 0.0;  // that limiters did of late [J]
+  double work_ = 0.0;       // that limiters did of late [J]
+  double push_time_ = 0.0;  // for which limiters have pushed [s]
   EndCause cause_ = EndCause::kNone;
   int joint_ = -1;
   double value_ = 0.0;

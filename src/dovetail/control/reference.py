@@ -37,6 +37,9 @@ LARGEST, USUAL, HELD, HELD_LEAST = 1.0, 0.3, 0.12, 10.0
 """Over tau_max: the most that is taken for a disturbance, of it the limits act against
 except at a joint's limit, and a hold; a hold acts against as much at least [Nm]."""
 
+STEADY_RATE = 40.0
+"""Of the part of the disturbance that a joint target holds against [1/s]."""
+
 POSTURE_MAX, STAY_MAX = 2.0, 0.02
 """Longest way back that is used: to the posture [rad], to where an axis stays [m]."""
 
@@ -64,7 +67,7 @@ class ReferenceController:
     def reset(self, q: Array, position_hold: Array, quat_hold: Array) -> None:
         """Latch the pose that hold axes keep; forget disturbance and posture."""
         self.p_hold, self.quat_hold = position_hold, poses.quat_normalized(quat_hold)
-        self.r = np.zeros(7)
+        self.r, self.steady = np.zeros(7), np.zeros(7)
         self.posture: Array | None = None
         self.way: tuple[Array, Array] | None = None
         self.v_way, self.pace, self.sag = np.zeros(6), 1.0, np.zeros(6)
@@ -104,7 +107,7 @@ class ReferenceController:
             spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
             most = np.clip(HELD * tau_max, HELD_LEAST, None)
             most = np.minimum(most, 0.5 * tau_max)
-            held = self.r / max(1.0, np.max(np.abs(self.r) / most))
+            held = self.steady / max(1.0, np.max(np.abs(self.steady) / most))
             self.posture = self.way = None
             self.pace = 1.0
             a0 = np.clip(spring - Minv @ held, lb, ub)
@@ -148,6 +151,7 @@ class ReferenceController:
         share = 1.0 - np.exp(-lim.disturbance.estimate_rate * dt)
         r = self.r + share * np.clip(lost, -most, most)
         self.r = np.clip(r, -LARGEST * tau_max, LARGEST * tau_max)
+        self.steady += min(STEADY_RATE * dt, 1.0) * (self.r - self.steady)
 
     def task_torque(
         self, q: Array, dq: Array, f: Array, J_tool: Array, M: Array, Minv: Array
