@@ -16,9 +16,9 @@ constexpr int kSwings = 4;            // half swings in a row
 constexpr double kExcuse = 0.03;      // a change of acceleration acts that long [s]
 constexpr double kForget = 5.0;       // excuses and work fade at [1/s]
 constexpr double kWork = 0.2;         // of limiters that is no noise [J]
-constexpr double kPush = 40.0;      // of limiters on the tool: ten of a resting f* [N]
-constexpr double kPushTime = 0.02;  // for which they may [s]
-constexpr double kLeft = 0.4;       // of the speed margin, to end a motion in
+constexpr double kPush = 20.0;        // of limiters on the tool that is no noise [N]
+constexpr double kImpulse = 0.8;      // of it: 40 N for 20 ms [N s]
+constexpr double kLeft = 0.4;         // of the speed margin, to end a motion in
 
 }  // namespace
 
@@ -45,7 +45,7 @@ LastLine::LastLine(const LimitParams& limits) noexcept
 
 void LastLine::reset() noexcept {
   swing_.fill(Swing{});
-  work_ = push_time_ = 0.0;
+  work_ = impulse_ = 0.0;
   cause_ = EndCause::kNone;
   joint_ = -1;
   value_ = limit_ = 0.0;
@@ -101,8 +101,9 @@ bool LastLine::check(const LastLineInput& input) noexcept {
   }
   work_ = fading.left * work_ + std::max(input.limiter_power, 0.0) * input.elapsed;
   if (work_ > kWork) end(EndCause::kEnergy, -1, work_, kWork);
-  push_time_ = input.limiter_push > kPush ? push_time_ + input.elapsed : 0.0;
-  if (push_time_ > kPushTime) end(EndCause::kForce, -1, input.limiter_push, kPush);
+  const double push = input.limiter_push;
+  impulse_ = push > kPush ? impulse_ + push * input.elapsed : 0.0;
+  if (impulse_ > kImpulse) end(EndCause::kForce, -1, push, kPush);
   return cause_ != EndCause::kNone;
 }
 

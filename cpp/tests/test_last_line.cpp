@@ -171,23 +171,30 @@ BOOST_AUTO_TEST_CASE(braking_earns_no_right_to_drive) {
   BOOST_TEST((line.cause() == EndCause::kEnergy));
 }
 
-BOOST_AUTO_TEST_CASE(limiters_that_push_on_at_rest_end_it_and_a_blow_does_not) {
+BOOST_AUTO_TEST_CASE(limiters_that_push_on_at_rest_end_it_the_sooner_the_harder) {
   const auto still = [](double) { return 0.0; };
   for (const double period : kPeriods) {
-    push = 41.0;
-    const LastLine line = run(0, still, period);
-    BOOST_TEST((line.cause() == EndCause::kForce));
-    BOOST_TEST(line.is_loop());
-    BOOST_TEST(line.joint() == -1);
-    BOOST_TEST(line.value() == 41.0);
-    BOOST_TEST(line.limit() == 40.0);
-    BOOST_TEST((run(0, still, period, 0.015).cause() == EndCause::kNone));
-    push = 39.0;
+    for (const double force : {21.0, 40.0, 200.0}) {
+      push = force;
+      const double time = 0.8 / force;  // 0.8 N s
+      const LastLine line = run(0, still, period, time + 2.0 * period);
+      BOOST_TEST((line.cause() == EndCause::kForce));
+      BOOST_TEST(line.is_loop());
+      BOOST_TEST(line.joint() == -1);
+      BOOST_TEST(line.value() == force);
+      BOOST_TEST(line.limit() == 20.0);
+      BOOST_TEST((run(0, still, period, time - period).cause() == EndCause::kNone));
+    }
+    push = 19.0;
     BOOST_TEST((run(0, still, period, 10.0).cause() == EndCause::kNone));
   }
-  LastLine line(limits);  // time does not add up over pauses
+}
+
+BOOST_AUTO_TEST_CASE(short_pushes_of_limiters_do_not_add_up) {
+  LastLine line(limits);
   for (int k = 0; k < 1000; ++k) {
-    line.check({Vec7::Zero(), explained, 0.0, k % 15 ? 90.0 : 0.0, 0.001});
+    push = k % 10 ? 80.0 : 0.0;
+    line.check({Vec7::Zero(), explained, power, push, 0.001});
   }
   BOOST_TEST((line.cause() == EndCause::kNone));
 }

@@ -82,8 +82,8 @@ class LastLine {
   bool is_on_;
   std::array<Swing, 7> swing_;
   Decay forget_, slow_;
-  double work_ = 0.0;       // that limiters did of late [J]
-  double push_time_ = 0.0;  // for which limiters have pushed [s]
+  double work_ = 0.0;     // that limiters did of late [J]
+  double impulse_ = 0.0;  // of limiters that push on and on [N s]
   EndCause cause_ = EndCause::kNone;
   int joint_ = -1;
   double value_ = 0.0;
