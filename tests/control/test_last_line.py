@@ -69,7 +69,7 @@ def test_an_estimate_that_is_too_quick_for_the_delay_is_ended(robot, q_home, per
     assert all(ended[first:])
     assert [f.packed >> 46 & 1 for f in flags] == ended
     cause, joint, value, limit = loop.controller.end
-    assert cause in ("oscillation", "energy", "speed")
+    assert cause in ("oscillation", "energy", "force", "speed")
     assert -1 <= joint <= 6
     assert abs(value) > limit > 0.0
     _, speeds = loop.run(0.5)

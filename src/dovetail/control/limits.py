@@ -129,8 +129,8 @@ class DisturbanceConfig(Section):
     brake_rate: Annotated[float, Range(0.0, 1e3, "1/s")] = 60.0
     """Rate of that braking [1/s]."""
     last_line: bool = True
-    """End a motion that no Target explains: an oscillation, a limiter that drives, a
-    joint beyond its speed limit. Off only to show what it ends."""
+    """End a motion that no Target explains: an oscillation, a limiter that drives or
+    pushes, a joint that is too fast. Off only to show what it ends."""
     authority: Annotated[float, Range(1.0, 100.0, "1")] = 4.0
     """Most braking beyond a limit, over ddq_max and ddx_max [1]."""
 

@@ -50,8 +50,8 @@ _BEFORE = ("tare", "motion_ended")
 """Why a try may end before it begins, and the next one be tried: the tool did not
 follow the tare's lead, or the cabinet ended the motion meanwhile."""
 _LAST_LINE = (
-    "the controller's last line ended the motion: it saw an oscillation, growing "
-    "energy or a speed that no Target explains (docs/safety.md)"
+    "the controller's last line ended the motion: it saw an oscillation, "
+    "limiters that drive or push, or a speed that no Target explains (docs/safety.md)"
 )
 CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
