@@ -106,11 +106,28 @@ double Controller::below(double limit, double push, double speed) const noexcept
   return under_push(limit, push, speed, 0.0, limits_.brake_rate);
 }
 
+/// What of an axis' acceleration [m/s2] is a push of its limiters: what was neither
+/// asked for nor holds weight nor brakes. With passive limits nothing, inside the
+/// walls. One that cancels a contact finds no motion to brake, and presses the harder
+/// the more it is pressed.
+double Controller::limiter_push(int axis, double asked, double kept,
+                                double tare) const noexcept {
+  const double p = tool_.p[axis];
+  const double margin = limits_.delta_x;
+  if (p > x_max_[axis] - margin || p < x_min_[axis] + margin) return 0.0;
+  const auto [low, high] = std::minmax({asked, tare, 0.0});
+  const double excess = kept - std::clamp(kept, low, high);
+  const double speed = tool_.twist[axis];
+  const double rate = std::max(limits_.brake_rate, 2.0 / (limits_.kappa * period_));
+  const double braking = excess * speed < 0.0 ? rate * std::abs(speed) : 0.0;
+  return std::max(std::abs(excess) - braking, 0.0);
+}
+
 /// Asks the tool for no more than its limits allow. The QP, which knows no axes but the
 /// limited one, would pay for the rest with the other axes and the rotation; and near
 /// contact its interval is too short for a loop with delay.
-void Controller::keep_inside(const Target& target, Vec6& f_star,
-                             StepResult& result) const noexcept {
+void Controller::keep_inside(const Target& target, Vec6& f_star, StepResult& result,
+                             Vec3& push_by_limits) const noexcept {
   const Vec7 lost = osc_.params().use_coriolis ? Vec7(h_ - terms_.c) : h_;
   Vec3 drift = terms_.J.topRows<3>() * (Minv_ * -lost).eval();
   if (!osc_.params().use_jdot) drift += terms_.dJdq.head<3>();
@@ -145,7 +162,9 @@ void Controller::keep_inside(const Target& target, Vec6& f_star,
       low = bounds_.cl[i];
       if (f_star[i] < low - drift[i]) lower |= axis;
     }
+    const double asked = f_star[i];
     f_star[i] = std::max(std::min(f_star[i], high - drift[i]), low - drift[i]);
+    push_by_limits[i] = limiter_push(i, asked + drift[i], f_star[i] + drift[i], tare);
   }
   mark_walls(upper, lower, result.flags);
 }
@@ -176,28 +195,6 @@ double Controller::pace() const noexcept {
   return over > 1.0 ? 1.0 / over : 1.0;  // 1 where it is no number
 }
 
-/// What limiters push the tool by beyond what was asked for and beyond braking [N]:
-/// with passive limits nothing, inside the walls. One that cancels a contact finds no
-/// motion to brake, and presses the harder the more it is pressed.
-double Controller::limiter_push(const Vec3& asked, const Vec3& kept,
-                                const Vec3& tare) const noexcept {
-  const double rate = std::max(limits_.brake_rate, 2.0 / (limits_.kappa * period_));
-  Vec3 push = Vec3::Zero();
-  for (int i = 0; i < 3; ++i) {
-    const double p = tool_.p[i];
-    const bool is_behind =
-        p > x_max_[i] - limits_.delta_x || p < x_min_[i] + limits_.delta_x;
-    if (is_behind) continue;
-    const double calm =
-        std::clamp(kept[i], std::min(asked[i], tare[i]), std::max(asked[i], tare[i]));
-    const double speed = tool_.twist[i];
-    const double excess = kept[i] - calm;
-    const double braking = excess * speed < 0.0 ? rate * std::abs(speed) : 0.0;
-    push[i] = task_terms_.Lambda(i, i) * std::max(std::abs(excess) - braking, 0.0);
-  }
-  return push.norm();
-}
-
 /// a0 = M^-1 (u0 - h)
 void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target,
                              StepResult& result) noexcept {
@@ -216,7 +213,8 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
   }
   stay(target, f_star);
   const Vec3 asked = f_star.head<3>();
-  if (limits_.walls) keep_inside(target, f_star, result);
+  Vec3 pushed = Vec3::Zero();
+  if (limits_.walls) keep_inside(target, f_star, result, pushed);
   osc_.evaluate(terms_, terms_.M, factor_, dq, f_star,
                 osc_.posture_acceleration(q, posture_), task_terms_);
   osc_.set_pace(pace());
@@ -225,7 +223,7 @@ void Controller::follow_task(const Vec7& q, const Vec7& dq, const Target& target
                        .head<3>()
                        .cwiseProduct(f_star.head<3>() - asked)
                        .dot(tool_.twist.head<3>());
-  limiter_push_ = limiter_push(asked, f_star.head<3>(), target.f_tare.head<3>());
+  limiter_push_ = task_terms_.Lambda.diagonal().head<3>().cwiseProduct(pushed).norm();
   result.a0.noalias() = Minv_ * (task_terms_.u0 - h_);
 }
 

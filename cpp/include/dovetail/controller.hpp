@@ -109,10 +109,9 @@ class Controller {
   double speed_limit(int axis, double room) const noexcept;
   double excess_press(const Target& target) const noexcept;
   double pace() const noexcept;
-  double limiter_push(const Vec3& asked, const Vec3& kept,
-                      const Vec3& tare) const noexcept;
-  void keep_inside(const Target& target, Vec6& f_star,
-                   StepResult& result) const noexcept;
+  double limiter_push(int axis, double asked, double kept, double tare) const noexcept;
+  void keep_inside(const Target& target, Vec6& f_star, StepResult& result,
+                   Vec3& push_by_limits) const noexcept;
   void follow_task(const Vec7& q, const Vec7& dq, const Target& target,
                    StepResult& result) noexcept;
   void follow_joints(const Vec7& q, const Vec7& dq, const Target& target,
