@@ -223,7 +223,8 @@ BOOST_AUTO_TEST_CASE(the_first_cause_stays_until_a_reset) {
   BOOST_TEST(line.check({dq, Vec7::Zero(), 0.0, 0.0, 0.001}));
   dq.setZero();
   dq[2] = 3.0;
-  for (int k = 0; k < 500; ++k) BOOST_TEST(line.check({dq, Vec7::Zero(), 9.0, 0.0, 0.001}));
+  for (int k = 0; k < 500; ++k)
+    BOOST_TEST(line.check({dq, Vec7::Zero(), 9.0, 0.0, 0.001}));
   BOOST_TEST((line.cause() == EndCause::kSpeed));
   BOOST_TEST(line.joint() == 6);
   BOOST_TEST(name(line.cause()) == std::string("speed"));
