@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.poses import quat_from_vector, quat_multiply
 
 STIFFNESS, DAMPING = 5e4, 300.0  # N/m, Ns/m: of the jam
 STEP = 0.25e-3  # s, of the physics
+TASK = "XYZ:force ABC:pose"
 NO_CURE = {"passive": False, "estimate_rate": 300.0}
 
 
@@ -37,7 +37,7 @@ JAMS = [
 ]
 
 
-def press(robot, q, jam, period, **settings):
+def press(robot, rest_at, q, jam, period, **settings):
     """Return the forces on the tool [N] over 1.5 s, and what the last line saw."""
     delta = LimitConfig.for_period(robot, period).joints.delta_q
     end = getattr(robot.limits, jam.side).copy()
@@ -45,15 +45,7 @@ def press(robot, q, jam, period, **settings):
     wide = {"x_min": -2.0, "x_max": 2.0, "near_speed": 0.025, jam.side: end}
     limits = LimitConfig.for_period(robot, period, **(wide | settings))
     osc = OscConfig.for_period(period, force_damping=[40.0] * 3 + [0.0] * 3)
-    controller = make_controller(robot, osc, limits, "XYZ:force ABC:pose", period)
-    plant = _core.RigidPlant(
-        robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
-    )
-    plant.reset(q, np.zeros(7))
-    pose = robot.tool_pose(q)
-    controller.reset(q, pose.position, pose.quat_wxyz)
+    controller, plant, pose = rest_at(q, osc, limits, TASK, period)
     target = _core.Target(f_star=np.array([*jam.f_star, 0.0, 0.0, 0.0]))
     target.near_plane = np.array([0.0, 0.0, 1.0, 9.0])
     target.position_d = pose.position
@@ -75,12 +67,14 @@ def press(robot, q, jam, period, **settings):
 
 @pytest.mark.parametrize("period", [1e-3, 2e-3, 2.5e-3, 5e-3])
 @pytest.mark.parametrize("jam", JAMS)
-def test_a_press_that_grows_at_rest_is_ended(robot, q_home, jam, period):
-    calm, end = press(robot, q_home, jam, period)
+def test_a_press_that_grows_at_rest_is_ended(robot, rest_at, q_home, jam, period):
+    calm, end = press(robot, rest_at, q_home, jam, period)
     assert end[0] == "none"
-    grown, _ = press(robot, q_home, jam, period, **NO_CURE, last_line=False)
+    grown, _ = press(robot, rest_at, q_home, jam, period, **NO_CURE, last_line=False)
     assert grown.max() > 6.0 * calm.max()  # else there is nothing to end
-    ended, (cause, joint, value, limit) = press(robot, q_home, jam, period, **NO_CURE)
+    ended, (cause, joint, value, limit) = press(
+        robot, rest_at, q_home, jam, period, **NO_CURE
+    )
     assert cause == "force"
     assert joint == -1
     assert value > limit == 20.0  # N

@@ -48,9 +48,7 @@ class LastLine {
   bool is_loop() const noexcept {
     return cause_ != EndCause::kNone && cause_ != EndCause::kSpeed;
   }
-  int joint() const noexcept {
-    return joint_;
-  }  ///< 0 to 6; energy and force have none: -1
+  int joint() const noexcept { return joint_; }     ///< 0 to 6, -1 where it is none
   double value() const noexcept { return value_; }  ///< swing, work, force, speed [SI]
   double limit() const noexcept { return limit_; }  ///< what was allowed [SI]
 
