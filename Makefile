@@ -38,7 +38,7 @@ CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
 EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,teach,test,lint
 
-.PHONY: demo test test-cpp test-sanitized test-python fuzz lint proto format clean
+.PHONY: demo test test-cpp test-sanitized test-python fuzz lint figures proto format clean
 
 demo: $(SET_UP)
 	$(BIN)/dovetail demo $(ARGS)
@@ -73,6 +73,9 @@ lint: $(DEVELOP)
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/clang-format --dry-run -Werror $(CPP)
 	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs src cpp tests examples
+
+figures: $(DEVELOP)
+	$(BIN)/python docs/figures.py $(ARGS)
 
 proto: $(DEVELOP)
 	$(BIN)/python -m grpc_tools.protoc -Idovetail/rpc=proto --python_out=src \
