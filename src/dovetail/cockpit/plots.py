@@ -15,6 +15,8 @@ _HIGH, _LOW = 122, 92
 """Heights of a plot with a legend, and without [pixels]."""
 _AROUND = (9, 12, 0, 0)
 """Room above, right, below and left of a plot [pixels]: half a number of an axis."""
+_NUMBERS = 64
+"""Room for the numbers at the left [pixels]: -0.00025, a small reward, is not cut."""
 
 
 class LivePlots:
@@ -53,6 +55,10 @@ class LivePlots:
                 (uplot.Series(label="time [s]"), *lines),
                 title=title,
                 scales={"x": uplot.Scale(time=False, auto=True)},
+                axes=(
+                    uplot.Axis(ticks=uplot.Axis_Ticks(show=False)),
+                    uplot.Axis(size=_NUMBERS, ticks=uplot.Axis_Ticks(show=False)),
+                ),
                 legend=uplot.Legend(show=len(lines) > 1, live=False),
                 height=_HIGH if len(lines) > 1 else _LOW,
                 padding=_AROUND,

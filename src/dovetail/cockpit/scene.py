@@ -3,10 +3,11 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dovetail.cockpit.slow_browser import fewer_triangles
-from dovetail.poses import Pose, quat_from_matrix
-from dovetail.types import Array, Vec3, Vec7
+from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix
+from dovetail.types import Array, Mat33, Vec3, Vec7
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
 from dovetail.view.marks import (
     BELIEVED_COLOUR,
@@ -17,6 +18,7 @@ from dovetail.view.marks import (
     PATH_COLOUR,
     is_elsewhere,
 )
+from dovetail.workcell.parts import Part, Primitive
 from dovetail.workcell.workcell import Workcell
 
 if TYPE_CHECKING:
@@ -24,7 +26,12 @@ if TYPE_CHECKING:
 
 PULL_COLOUR = (240, 150, 20)
 WALL_COLOUR, NEAR_COLOUR = (120, 130, 140), (11, 122, 117)
-_GREY, _CORAL = (200, 203, 207), (226, 122, 63)
+EDGE_COLOUR, MOUTH_COLOUR = (48, 66, 84), (255, 214, 10)
+_PIECES = 32
+"""An edge is looked at in so many pieces."""
+_BESIDE_EDGE, _AT_SIDE = 2e-5, 1e-3
+"""How far beside an edge material is looked for, and how near to a part's outer side an
+edge belongs to it [m]."""
 
 
 class CellScene:
@@ -67,6 +74,7 @@ class CellScene:
             self.believed = scene.add_frame(f"{name}/believed", show_axes=False)
         for geom in np.flatnonzero(self._model.geom_group <= LAST_DRAWN):
             self._add_geom(int(geom))
+        self._add_edges(cell.fixture)
         self._low, self._high = (np.array(wall) for wall in cell.walls)
         self._add_marks()
 
@@ -80,8 +88,9 @@ class CellScene:
             "vertices": vertices,
             "faces": faces,
             "flat_shading": not is_smooth,
-            # A browser without a GPU draws it in two thirds of the standard's time.
-            "material": "toon5",
+            # toon5: a browser without a GPU draws it in two thirds of the standard's
+            # time. But its few shades give the sides of a box one colour.
+            "material": "toon5" if is_smooth else "standard",
             "position": model.geom_pos[geom],
             "wxyz": model.geom_quat[geom],
             "cast_shadow": False,
@@ -99,6 +108,22 @@ class CellScene:
                 opacity=0.25,
                 **about,
             )
+
+    def _add_edges(self, fixture: Part) -> None:
+        """Draw the fixture's edges, those of its openings in a colour of their own."""
+        edges, is_inner = feature_edges(fixture)
+        for kind, is_kind, colour in (
+            ("edges", ~is_inner, EDGE_COLOUR),
+            ("mouth", is_inner, MOUTH_COLOUR),
+        ):
+            if is_kind.any():
+                self._scene.add_line_segments(
+                    f"{self._name}/body{self._fixture}/{kind}",
+                    edges[is_kind].astype(np.float32),
+                    colour,
+                    thickness=2.0,
+                    thickness_units="screen",
+                )
 
     def _add_marks(self) -> None:
         scene, name = self._scene, self._name
@@ -204,7 +229,11 @@ def triangles(mujoco: Any, model: Any, geom: int) -> tuple[Array, Array, bool]:
         return *fewer_triangles(vertices, triangles), bool(count > 100)
     if kind == kinds.mjGEOM_BOX:
         shape = creation.box(extents=2.0 * size)
-    elif kind == kinds.mjGEOM_SPHERE:
+        # no vertex is shared: the browser's normals are those of the faces
+        corners = shape.vertices[shape.faces].reshape(-1, 3)
+        faces = np.arange(len(corners)).reshape(-1, 3).astype(shape.faces.dtype)
+        return corners, faces, False
+    if kind == kinds.mjGEOM_SPHERE:
         shape = creation.icosphere(subdivisions=2, radius=size[0])
     elif kind == kinds.mjGEOM_CYLINDER:
         shape = creation.cylinder(radius=size[0], height=2.0 * size[1])
@@ -212,7 +241,62 @@ def triangles(mujoco: Any, model: Any, geom: int) -> tuple[Array, Array, bool]:
         shape = creation.capsule(radius=size[0], height=2.0 * size[1])
     else:
         raise ValueError(f"geom {geom} of the cell is a {kind.name}: it is not drawn")
-    return shape.vertices, shape.faces, kind != kinds.mjGEOM_BOX
+    return shape.vertices, shape.faces, True
+
+
+def feature_edges(part: Part) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the visible edges of a part that is made of boxes.
+
+    An edge of a box is left out where another box continues its face or covers it.
+
+    Returns:
+        Short pieces of edges [m], shape (pieces, 2, 3), the part's frame; and which of
+        them are inside its outline seen along z, as the edges of an opening are.
+    """
+    boxes = [shape for shape in part.primitives if shape.kind == "box"]
+    turns = [matrix_from_quat(box.quat_wxyz) for box in boxes]
+    pieces = []
+    for box, turn in zip(boxes, turns, strict=True):
+        half = np.array(box.size)
+        for begin, end in _box_edges(-half, half):
+            ends = np.linspace(begin, end, _PIECES + 1)
+            middles = (ends[:-1] + ends[1:]) / 2.0
+            axis = int(np.argmax(np.abs(end - begin)))
+            out = np.sign(begin) * _BESIDE_EDGE
+            out[axis] = 0.0
+            u, v = (np.where(np.arange(3) == i, out, 0.0) for i in _others(axis))
+            full = np.array(
+                [
+                    _inside(box.position + (middles + sides) @ turn.T, boxes, turns)
+                    for sides in (-u - v, u - v, u + v, v - u)
+                ]
+            )
+            is_flat = (full.sum(axis=0) % 4 == 0) | (
+                (full.sum(axis=0) == 2) & (full[0] != full[2])
+            )
+            seen = np.stack([ends[:-1], ends[1:]], axis=1)[~is_flat]
+            pieces.append(box.position + seen @ turn.T)
+    edges = np.concatenate([*pieces, np.empty((0, 2, 3))])
+    angle = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+    directions = np.stack([np.cos(angle), np.sin(angle)])
+    outline = (part.corners[:, :2] @ directions).max(axis=0)
+    inside = edges.mean(axis=1)[:, :2] @ directions < outline - _AT_SIDE
+    return edges, inside.all(axis=1)
+
+
+def _inside(points: Array, boxes: list[Primitive], turns: list[Mat33]) -> Array:
+    """Return which points [m], shape (points, 3), are inside of one of the boxes."""
+    return np.any(
+        [
+            (np.abs((points - box.position) @ turn) < box.size).all(axis=1)
+            for box, turn in zip(boxes, turns, strict=True)
+        ],
+        axis=0,
+    )
+
+
+def _others(axis: int) -> tuple[int, int]:
+    return (axis + 1) % 3, (axis + 2) % 3
 
 
 def _box_edges(low: Vec3, high: Vec3) -> Array:
