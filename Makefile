@@ -110,8 +110,9 @@ $(BIN)/python:
 	clang++ with C++20 (Debian: apt install g++), or name it with CXX=..."; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 
+# bullet brings the meshes that films are drawn with, where Python has a wheel of it
 $(USE): $(SETTINGS) $(CPP) $(PACKAGE) | $(BIN)/python
-	$(PIP) install -c constraints.txt $(NATIVE) .
+	$(PIP) install -c constraints.txt $(NATIVE) '.[bullet]'
 	@touch $@
 
 $(DEVELOP): $(SETTINGS) $(CPP) | $(BIN)/python
