@@ -1,0 +1,146 @@
+"""Up to which disturbance do the shipped policies insert?
+
+One disturbance at a time, on twin `medium` at 5 ms, from mild to hard; each cell is
+`dovetail evaluate` with 60 tries. The range of a disturbance ends at the last value at
+which at least 57 of 60 tries succeed, as do those before it.
+
+    python benchmarks/policy_range.py --write
+
+prints the table of docs/robustness.md and writes src/dovetail/policies/ranges.toml,
+from which `dovetail evaluate` says that a try is outside. Without `--write` it only
+prints. `--policy NAME` and `--disturbance NAME` choose; `--tries 5` is a quick look.
+"""
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+from typing import NamedTuple
+
+from dovetail.learn.policy import list_policies
+from dovetail.plants.twin import load_twin
+
+FILE = Path(__file__).parents[1] / "src" / "dovetail" / "policies" / "ranges.toml"
+TWIN = "medium"
+ENOUGH = 0.95
+"""Share of the tries that succeed within a range."""
+
+
+class Disturbance(NamedTuple):
+    """One thing that is made harder."""
+
+    words: str
+    """For the table."""
+    unit: str
+    scale: float
+    """From SI to the unit of the table."""
+    values: tuple[float, ...]
+    """Tried, mild to hard [SI]."""
+    falls: bool = False
+    """Whether a smaller value is the harder one."""
+
+
+DISTURBANCES = {
+    "push": Disturbance("pushes of up to", "N", 1.0, (10, 20, 30, 45, 60)),
+    "fixture_speed": Disturbance(
+        "fixture moves, seen at once", "mm/s", 1e3, (0.01, 0.02, 0.04, 0.06, 0.08, 0.1)
+    ),
+    "bias": Disturbance(
+        "fixture's place given wrong by", "mm", 1e3, (0.001, 0.002, 0.003, 0.005, 0.01)
+    ),
+    "turn": Disturbance(
+        "fixture's yaw given wrong by", "mrad", 1e3, (0.01, 0.02, 0.05, 0.1)
+    ),
+    "contact_friction": Disturbance(
+        "friction coefficient", "1", 1.0, (0.3, 0.5, 0.7, 1.0, 1.5)
+    ),
+    "command_delay": Disturbance("delay", "ms", 1e3, (0.005, 0.01, 0.015, 0.02)),
+    "clearance": Disturbance(
+        "clearance per side", "mm", 1e3, (0.0005, 0.0003, 0.0002, 0.0001), falls=True
+    ),
+}
+
+
+def options_for(name: str, value: float, folder: Path) -> list[str]:
+    """Return the options of `dovetail evaluate` that make a try that hard."""
+    if name in ("push", "fixture_speed"):
+        return ["--twin", TWIN, f"--{name.replace('_', '-')}", str(value)]
+    if name in ("bias", "turn"):
+        return ["--twin", TWIN, "--tracker", f"late?delay=0&{name}={value}"]
+    if name == "clearance":
+        return ["--twin", TWIN, "--clearance", str(value)]
+    file = folder / f"{name}.toml"
+    file.write_text(load_twin(TWIN).having(**{name: value}).to_toml())
+    more = ["--delay", f"{value}"] if name == "command_delay" and value > 0.01 else []
+    return ["--twin", str(file), *more]
+
+
+def successes(policy: str, options: list[str], tries: int) -> tuple[int, int, float]:
+    """Return how many of how many tries succeeded, and the p95 of peak forces [N]."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = ["evaluate", policy, *options, "--tries", str(tries)]
+        words += ["--no-keep-logs", "--workers", "2", "--out", f"{folder}/out"]
+        ended = subprocess.run(
+            [sys.executable, "-m", "dovetail", *words], capture_output=True, text=True
+        )
+        if ended.returncode:
+            raise RuntimeError(f"dovetail {' '.join(words)}: {ended.stderr}")
+        report = json.loads((Path(folder) / "out" / "report.json").read_text())
+    row = report["rows"][-1]
+    return row["successes"], row["tries"], row["force_peak_p95"]
+
+
+def sweep(policy: str, name: str, tries: int) -> tuple[list[str], float | None]:
+    """Try the values of a disturbance; return the cells, and where its range ends."""
+    kind, cells, last, is_within = DISTURBANCES[name], [], None, True
+    for value in kind.values:
+        with tempfile.TemporaryDirectory() as folder:
+            options = options_for(name, value, Path(folder))
+            done, count, peak = successes(policy, options, tries)
+        is_within = is_within and done >= ENOUGH * count
+        last = value if is_within else last
+        cells.append(f"{kind.scale * value:g}: {done} ({peak:.0f} N)")
+        print(f"  {policy} {name} {cells[-1]}", file=sys.stderr, flush=True)
+        if done < 0.25 * count:
+            break
+    return cells, last
+
+
+def main() -> None:
+    """Sweep, print the table, write the ranges."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--tries", type=int, default=20, help="at each of three poses")
+    parser.add_argument("--policy", choices=list_policies(), action="append")
+    parser.add_argument("--disturbance", choices=[*DISTURBANCES], action="append")
+    parser.add_argument("--write", action="store_true")
+    given = parser.parse_args()
+    ranges = tomllib.loads(FILE.read_text()) if FILE.exists() else {}
+    print("| disturbance | policy | within | successes of 60 (p95 of peak force) |")
+    print("|---|---|---|---|")
+    for name in given.disturbance or DISTURBANCES:
+        kind = DISTURBANCES[name]
+        for policy in given.policy or list_policies():
+            cells, last = sweep(policy, name, given.tries)
+            within = "none" if last is None else f"{kind.scale * last:g} {kind.unit}"
+            words = f"{kind.words} [{kind.unit}]"
+            print(f"| {words} | `{policy}` | {within} | {', '.join(cells)} |")
+            if last is not None:
+                ranges.setdefault(policy, {})[name] = last
+    if given.write:
+        lines = [
+            "# How hard a try may be for each shipped policy, as measured; smaller is",
+            "# harder for clearance. Written by python benchmarks/policy_range.py --write",
+        ]
+        for policy, known in sorted(ranges.items()):
+            lines += ["", f"[{policy}]"]
+            lines += [f"{name} = {value}" for name, value in known.items()]
+        FILE.write_text("\n".join(lines) + "\n")
+
+
+if __name__ == "__main__":
+    main()
