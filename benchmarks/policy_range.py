@@ -134,7 +134,7 @@ def main() -> None:
     if given.write:
         lines = [
             "# How hard a try may be for each shipped policy, as measured; smaller is",
-            "# harder for clearance. Written by python benchmarks/policy_range.py --write",
+            "# harder for clearance. By: python benchmarks/policy_range.py --write",
         ]
         for policy, known in sorted(ranges.items()):
             lines += ["", f"[{policy}]"]
