@@ -15,7 +15,7 @@ from PIL import Image
 from dovetail.poses import Pose, matrix_from_quat
 
 if TYPE_CHECKING:
-    import viser
+    from dovetail.cockpit.server import PageServer
 
 WIDTH, HEIGHT = 1280, 720
 SWITCHES = (
@@ -99,10 +99,10 @@ def canvas(browser: Any) -> dict[str, float]:
 
 
 def on_screen(
-    browser: Any, server: "viser.ViserServer", point: np.ndarray
+    browser: Any, server: "PageServer", point: np.ndarray
 ) -> tuple[float, float]:
     """Return where a point [m] of the world is in the window [pixels]."""
-    (client,) = server.get_clients().values()
+    (client,) = server.viser.get_clients().values()
     rect, camera = canvas(browser), client.camera
     pose = Pose(camera.position, camera.wxyz)
     x, y, z = matrix_from_quat(pose.quat_wxyz).T @ (point - pose.position)

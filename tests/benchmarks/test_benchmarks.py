@@ -12,7 +12,7 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
     *("attack_episode", "contact_attack", "contact_choices", "contact_growth"),
     *("contact_policies", "contact_scene", "contact_search", "contact_trial"),
-    *("tracking_report", "cockpit_browser", "cockpit_garbage"),
+    *("tracking_report", "cockpit_browser", "cockpit_client", "cockpit_garbage"),
 }
 """Files that others import, and that no one starts."""
 NEEDS = {

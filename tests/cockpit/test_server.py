@@ -40,8 +40,8 @@ def test_the_page_listens_on_this_machine_alone():
     need("viser")
     server = open_server(0)
     try:
-        assert server.get_host() == "127.0.0.1"
-        assert server.get_port() > 0
+        assert server.viser.get_host() == "127.0.0.1"
+        assert server.port > 0
     finally:
         server.stop()
 
@@ -97,7 +97,7 @@ def test_what_no_browser_sends_is_a_line_and_no_traceback(caplog):
     need("viser")
     server = open_server(0)
     try:
-        with socket.create_connection((HOST, server.get_port())) as scan:
+        with socket.create_connection((HOST, server.port)) as scan:
             scan.sendall(b"GET / HT")
         wait_until(lambda: caplog.records)
     finally:
