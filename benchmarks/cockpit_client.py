@@ -39,6 +39,8 @@ class Client:
         self._encode = msgspec.msgpack.encode
         self.controls: dict[str, str] = {}
         """Identifier of each control and command, by its label."""
+        self.kinds: set[str] = set()
+        """Kinds of messages that came."""
         self.notes: list[str] = []
         """Notifications that were shown."""
         url = socket_address(address)
@@ -61,6 +63,7 @@ class Client:
                     self._take(message)
 
     def _take(self, message: Mapping[str, Any]) -> None:
+        self.kinds.add(message["type"])
         label = message.get("props", {}).get("label")
         if message["type"] == "ReplayDoneMessage":
             self._is_shown.set()

@@ -29,7 +29,7 @@ async def flood(address: str, count: int, controls: Sequence[str] = ()) -> int:
         with suppress(ConnectionClosed, InvalidHandshake, OSError):
             url = socket_address(address)
             async with connect(url, subprotocols=VERSION, max_size=None) as socket:
-                reader = asyncio.create_task(_swallow(socket))
+                reader = asyncio.create_task(swallow(socket))
                 await socket.send(msgspec.msgpack.encode(CAMERA))
                 try:
                     while sent < count:
@@ -41,7 +41,8 @@ async def flood(address: str, count: int, controls: Sequence[str] = ()) -> int:
     return closed
 
 
-async def _swallow(socket: Any) -> None:
+async def swallow(socket: Any) -> None:
+    """Read what comes, and forget it."""
     with suppress(ConnectionClosed):
         async for _ in socket:
             pass

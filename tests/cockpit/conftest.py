@@ -66,6 +66,18 @@ def session(make_session):
     return make_session()
 
 
+@pytest.fixture
+def served(make_session):
+    """A session, its page and its server, without a browser."""
+    need("viser")
+    server = open_server(0)
+    session = make_session()
+    page = Page(server, session)
+    yield session, page, server
+    page.close()
+    server.stop()
+
+
 @pytest.fixture(scope="module")
 def browser():
     need("viser")

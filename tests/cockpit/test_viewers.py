@@ -6,8 +6,6 @@ import time
 import numpy as np
 import pytest
 
-from dovetail.cockpit.page import Page
-from dovetail.cockpit.server import open_server
 from extras import need
 
 from .conftest import from_benchmarks, resume, wait_until
@@ -15,17 +13,6 @@ from .conftest import from_benchmarks, resume, wait_until
 need("viser")
 client = from_benchmarks("cockpit_client")
 Client = client.Client
-
-
-@pytest.fixture
-def served(make_session):
-    """A session, its page and its server, without a browser."""
-    server = open_server(0)
-    session = make_session()
-    page = Page(server, session)
-    yield session, page, server
-    page.close()
-    server.stop()
 
 
 def test_the_second_viewer_only_watches_until_the_first_has_left(served):

@@ -58,6 +58,8 @@ MESSAGES = (100.0, 300.0)
 """Messages that a client may send, per second and at once; a page sends 50 at most."""
 VIEWERS_MAX = 8
 """Connections that may be open at once with each of the two addresses."""
+TRIED_FOR = 5.0
+"""How long `require_closed` waits for the gate to see a message [s]."""
 _ENTERING_MAX = 100  # connections whose request has not come yet
 _OPEN_TIMEOUT = 5.0  # [s] for a request to come
 _SELDOM = 10.0  # [s] between two lines about what was refused
@@ -397,7 +399,7 @@ def require_closed(gate: Gate, port: int, subprotocol: str) -> None:
     refused = gate.refused
     with connect(right, subprotocols=version, compression=None) as socket:
         socket.send(b"\x81\xa4type\xb2ShareUrlDisconnect")
-        end = time.monotonic() + 5.0
+        end = time.monotonic() + TRIED_FOR
         while gate.refused == refused:
             if time.monotonic() > end:
                 _fail("it does not see the messages of a client")
