@@ -27,18 +27,18 @@ from cockpit_garbage import flood, swallow
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
-import dovetail.cockpit.session
 from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.page import Page
 from dovetail.cockpit.server import PageServer, open_server
 from dovetail.cockpit.session import Session
+from dovetail.cockpit.snapshot import Moment
 
 Words = Sequence[str]
 STOP = "STOP  (Esc)"
-RESUME_AFTER = 0.25
-"""Instead of the usual second, so that many tries fit into minutes [s]."""
-HELD = 0.1
-"""How long each stop is watched [s]."""
+HELD = 0.3
+"""How long each stop is watched [s]: a hostile driver may resume after a second."""
+MOVED_MAX = 0.02
+"""How far the tool may go on while it is watched: it brakes [m]."""
 PATIENCE = 20.0
 """A stop that has not held the arm after this time [s] has failed."""
 
@@ -126,8 +126,6 @@ def stop_under_attack(
         count: Tries.
         press: Presses STOP; None is a viewer without a browser.
     """
-    usual = dovetail.cockpit.session.RESUME_AFTER
-    dovetail.cockpit.session.RESUME_AFTER = RESUME_AFTER
     viewer = Client(server.watch_address)
     try:
         with attacked(server):
@@ -135,12 +133,6 @@ def stop_under_attack(
             return [_stop_once(session, do) for _ in range(count)]
     finally:
         viewer.close()
-        dovetail.cockpit.session.RESUME_AFTER = usual
-
-
-def _is_held(session: Session) -> bool:
-    arm: Any = session.core.arm
-    return session.is_stopped and arm.is_held
 
 
 def _stop_once(session: Session, press: Callable[[], None]) -> float:
@@ -157,16 +149,24 @@ def _stop_once(session: Session, press: Callable[[], None]) -> float:
             return float("inf")
         time.sleep(0.0005)
     took = time.monotonic() - begin
-    place = session.moment
+    place = moment(session).tool.position
     while time.monotonic() - begin < took + HELD:
         if not _is_held(session):
             return float("inf")
         time.sleep(0.002)
-    now = session.moment
-    assert place is not None
-    assert now is not None
-    moved = np.linalg.norm(now.tool.position - place.tool.position)
-    return took if moved < 0.02 else float("inf")
+    moved = np.linalg.norm(moment(session).tool.position - place)
+    return took if moved < MOVED_MAX else float("inf")
+
+
+def _is_held(session: Session) -> bool:
+    arm: Any = session.core.arm
+    return session.is_stopped and arm.is_held
+
+
+def moment(session: Session) -> Moment:
+    """Return the newest slice; a simulated arm has one."""
+    assert session.moment is not None
+    return session.moment
 
 
 @contextmanager
