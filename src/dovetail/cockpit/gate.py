@@ -301,7 +301,7 @@ class Gate:
         if message is not None and self._may(visitor, message):
             return write_message(message)
         self.refused += 1
-        self.note("a client sent what no page sends, or not the driver did")
+        self.note("a client sent what no page sends, or what only the driver may")
         return None
 
     def _may(self, visitor: Visitor, message: Message) -> bool:
@@ -333,7 +333,7 @@ class Gate:
         now = time.monotonic()
         if now - self._noted >= _SELDOM:
             self._noted = now
-            _LOG.warning("page: %s; %d messages were dropped", what, self.refused)
+            _LOG.warning("page: %s (%d messages dropped so far)", what, self.refused)
 
 
 def _wrong_place(request: Request) -> str:

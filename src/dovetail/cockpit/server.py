@@ -21,6 +21,35 @@ _SOCKETS = "websockets.server"
 """Name under which the page's sockets say what went wrong in them."""
 
 
+class _InALine(logging.Filter):
+    """Says of what no browser sends, such as a port scan, a line and no traceback.
+
+    At most one a second: a flood of them must not fill the terminal.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._said = 0.0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Shorten a record, or leave it out."""
+        if not record.exc_info:
+            return True
+        if record.created < self._said + 1.0:
+            return False
+        self._said = record.created
+        error = record.exc_info[1]
+        text = f"{type(error).__name__}: {error}".strip().splitlines()[0]
+        # A stranger's bytes are in it: no escape sequence of theirs gets to a terminal.
+        why = "".join(c if c.isprintable() else "?" for c in text)
+        record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
+        record.exc_info = None
+        return True
+
+
+_IN_A_LINE = _InALine()
+
+
 @dataclass(frozen=True)
 class PageServer:
     """The web server of a page, and the gate in front of it."""
@@ -74,7 +103,7 @@ def open_server(port: int = PORT) -> PageServer:
     if not 0 <= port <= 65535:
         raise ConfigError(f"port is {port}; allowed: 0 to 65535, 0 is any free one")
     _require_free(port)
-    logging.getLogger(_SOCKETS).addFilter(_in_a_line)
+    logging.getLogger(_SOCKETS).addFilter(_IN_A_LINE)
     gate = Gate()
     # viser prints an address without the token, which opens nothing.
     with serving(gate), redirect_stdout(io.StringIO()):
@@ -110,18 +139,6 @@ def light(scene: "viser.SceneApi") -> None:
         intensity=2.2,
     )
     scene.add_light_directional("/light/sun", intensity=2.0, position=(1.0, -1.5, 2.0))
-
-
-def _in_a_line(record: logging.LogRecord) -> bool:
-    """Say of what no browser sends, such as a port scan, a line and no traceback."""
-    if record.exc_info:
-        error = record.exc_info[1]
-        text = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        # A stranger's bytes are in it: no escape sequence of theirs gets to a terminal.
-        why = "".join(c if c.isprintable() else "?" for c in text)
-        record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
-        record.exc_info = None
-    return True
 
 
 def _require_free(port: int) -> None:

@@ -254,7 +254,7 @@ class Session:
             "running": self._is_running,
         }
         mode = next((mode for mode, is_so in modes.items() if is_so), "held")
-        held = "STOP was pressed: Resume first, then go on" if self._is_stopped else ""
+        held = "stopped until Resume is pressed" if self._is_stopped else ""
         return Status(
             mode=self._doing or mode,
             is_stopped=self._is_stopped,
