@@ -25,7 +25,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from cockpit_browser import (
@@ -43,11 +43,8 @@ from cockpit_garbage import flood
 
 from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.page import Page
-from dovetail.cockpit.server import open_server
+from dovetail.cockpit.server import PageServer, open_server
 from dovetail.cockpit.session import Session
-
-if TYPE_CHECKING:
-    import viser
 
 UP = np.array([0.0, 0.0, 1.0])
 FRAMES = """
@@ -62,12 +59,12 @@ CLICK = """
 """
 ESCAPE = "\ue00c"
 KEYS = "gpnrwasd" + ESCAPE
-BUTTONS = ("Start", "Pause", "Step", "Reset", "1/4", "x 2", "real time", "STOP")
+BUTTONS = ("Start", "Pause", "Step", "Reset", "1/4", "x 2", "STOP", "Resume")
 SWITCHES = ("Cover the camera", "Search while covered", "Pull the arm", "Path")
 
 
 @contextmanager
-def cockpit(twin: str) -> Iterator[tuple[Session, "viser.ViserServer", Any, str]]:
+def cockpit(twin: str) -> Iterator[tuple[Session, PageServer, Any, str]]:
     """Open session, server and browser, and close them."""
     with tempfile.TemporaryDirectory() as folder:
         server = open_server(0)
@@ -75,7 +72,7 @@ def cockpit(twin: str) -> Iterator[tuple[Session, "viser.ViserServer", Any, str]
         session = Session(choice, logs=Path(folder))
         page = Page(server, session)
         browser = open_browser()
-        url = f"http://{server.get_host()}:{server.get_port()}"
+        url = server.address
         try:
             show(browser, server, url)
             yield session, server, browser, url
@@ -86,21 +83,21 @@ def cockpit(twin: str) -> Iterator[tuple[Session, "viser.ViserServer", Any, str]
             server.stop()
 
 
-def show(browser: Any, server: "viser.ViserServer", url: str) -> None:
+def show(browser: Any, server: PageServer, url: str) -> None:
     """Open the page, and wait until it is there."""
     browser.get(url)
-    wait_for(lambda: button(browser, "STOP") and server.get_clients(), 60.0)
+    wait_for(lambda: button(browser, "STOP") and server.viser.get_clients(), 60.0)
 
 
 @contextmanager
-def watched(server: "viser.ViserServer", url: str, others: int) -> Iterator[None]:
+def watched(server: PageServer, url: str, others: int) -> Iterator[None]:
     """Have more browsers open, in which people only watch."""
     with ExitStack() as stack:
         for count in range(2, 2 + others):
             other = open_browser()
             stack.callback(other.quit)
             other.get(url)
-            wait_for(lambda count=count: len(server.get_clients()) >= count, 60.0)
+            wait_for(lambda count=count: len(server.viser.get_clients()) >= count, 60.0)
         yield
 
 
@@ -110,8 +107,6 @@ def measure_rates(session: Session, browser: Any, seconds: float) -> None:
     factors, pictures = [], []
     end = time.monotonic() + seconds
     while time.monotonic() < end:
-        session.stop()
-        wait_for(lambda: session.status.mode == "held")
         session.reset()
         wait_for(lambda: moment(session).stamp < 2.5)  # the tare takes 2.2 s of it
         session.start()
@@ -121,7 +116,7 @@ def measure_rates(session: Session, browser: Any, seconds: float) -> None:
         passed = time.monotonic() - wall
         factors.append((moment(session).stamp - stamp) / passed)
         pictures.append(shown / passed)
-    session.stop()
+    session.reset()
     print(
         f"simulated over wall time {statistics.median(factors):.3f} "
         f"(worst of {len(factors)} parts {min(factors):.3f})"
@@ -137,7 +132,6 @@ def take_picture(session: Session, browser: Any, file: Path) -> None:
     browser.execute_script(
         "document.querySelector('.mantine-Notification-closeButton')?.click()"
     )
-    session.stop()
     session.reset()
     wait_for(lambda: moment(session).stamp < 2.5)
     session.start()
@@ -184,7 +178,7 @@ class Watch:
 
 
 def measure_delay(
-    session: Session, server: "viser.ViserServer", browser: Any, moves: int
+    session: Session, server: PageServer, browser: Any, moves: int
 ) -> None:
     """Print how long a mouse's move takes to be a force on the arm."""
     session.reset()
@@ -218,9 +212,10 @@ def measure_delay(
 
 
 def click_about(
-    session: Session, server: "viser.ViserServer", browser: Any, url: str, clicks: int
+    session: Session, server: PageServer, browser: Any, url: str, clicks: int
 ) -> None:
     """Do random things to the page, and say what is left of it."""
+    session.resume()
     rng = random.Random(1)
     mouse = Mouse(browser)
     for _ in range(clicks):
@@ -246,7 +241,7 @@ def click_about(
             browser.get("about:blank")
             show(browser, server, url)
     browser.get("about:blank")
-    wait_for(lambda: not server.get_clients())
+    wait_for(lambda: not server.viser.get_clients())
     print(f"{clicks} random clicks, drags, keys, reloads: {verdict(session)}")
 
 
@@ -268,10 +263,10 @@ def verdict(session: Session) -> str:
     )
 
 
-def send_garbage(session: Session, server: "viser.ViserServer", count: int) -> None:
+def send_garbage(session: Session, server: PageServer, count: int) -> None:
     """Send random messages to the page's socket, well formed ones among them."""
     begin, stamp = time.monotonic(), moment(session).stamp
-    closed = asyncio.run(flood(server, count))
+    closed = asyncio.run(flood(server.address, count))
     passed = time.monotonic() - begin
     rate = (moment(session).stamp - stamp) / passed
     print(

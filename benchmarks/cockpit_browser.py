@@ -5,8 +5,11 @@ The tests of the pages use it, too.
 
 import io
 import shutil
+import socket
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +18,16 @@ from PIL import Image
 from dovetail.poses import Pose, matrix_from_quat
 
 if TYPE_CHECKING:
-    import viser
+    from dovetail.cockpit.server import PageServer
 
 WIDTH, HEIGHT = 1280, 720
+REBOUND = "rebound.example"
+"""A name that the browser takes for this machine's, as after DNS rebinding."""
 SWITCHES = (
     *("headless=new", "no-sandbox", "disable-gpu", "disable-quic", "no-first-run"),
     *("disable-background-networking", "disable-component-update", "disable-sync"),
     *("use-angle=swiftshader", "enable-unsafe-swiftshader", "hide-scrollbars"),
+    f"host-resolver-rules=MAP {REBOUND} 127.0.0.1",
     "disable-features=BackForwardCache",  # it keeps the socket of a page that was left
 )
 
@@ -99,10 +105,10 @@ def canvas(browser: Any) -> dict[str, float]:
 
 
 def on_screen(
-    browser: Any, server: "viser.ViserServer", point: np.ndarray
+    browser: Any, server: "PageServer", point: np.ndarray
 ) -> tuple[float, float]:
     """Return where a point [m] of the world is in the window [pixels]."""
-    (client,) = server.get_clients().values()
+    (client,) = server.viser.get_clients().values()
     rect, camera = canvas(browser), client.camera
     pose = Pose(camera.position, camera.wxyz)
     x, y, z = matrix_from_quat(pose.quat_wxyz).T @ (point - pose.position)
@@ -139,6 +145,31 @@ class Mouse:
     def _send(self, kind: str, place: Sequence[float], more: dict[str, Any]) -> None:
         event = {"type": kind, "x": float(place[0]), "y": float(place[1]), **more}
         self._browser.execute_cdp_cmd("Input.dispatchMouseEvent", event)
+
+
+@contextmanager
+def passed_on(port: int) -> Iterator[int]:
+    """Give another port whose bytes get to this one, as a tunnel of ssh does."""
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        threading.Thread(target=_accept, args=(listening, port), daemon=True).start()
+        yield listening.getsockname()[1]
+
+
+def _accept(listening: socket.socket, port: int) -> None:
+    with suppress(OSError):  # until it is closed
+        while True:
+            here, _ = listening.accept()
+            there = socket.create_connection(("127.0.0.1", port))
+            for one, other in ((here, there), (there, here)):
+                threading.Thread(target=_pass, args=(one, other), daemon=True).start()
+
+
+def _pass(one: socket.socket, other: socket.socket) -> None:
+    with suppress(OSError), one, other:
+        while data := one.recv(65536):
+            other.sendall(data)
 
 
 _LEFT = {"button": "left", "buttons": 1, "clickCount": 1}

@@ -5,51 +5,72 @@ The tests of the page use it, too.
 
 import asyncio
 import random
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    import viser
+import msgspec
+from cockpit_client import CAMERA, VERSION, socket_address
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 
-async def flood(server: "viser.ViserServer", count: int) -> int:
-    """Send so many, connecting again where that is needed; return how often."""
-    import msgspec
-    import viser
-    from websockets.asyncio.client import connect
-    from websockets.exceptions import ConnectionClosed
-    from websockets.typing import Subprotocol
+async def flood(address: str, count: int, controls: Sequence[str] = ()) -> int:
+    """Send so many, connecting again where that is needed; return how often.
 
+    Args:
+        address: Of the page.
+        count: Messages.
+        controls: Identifiers of controls that are attacked.
+    """
     rng = random.Random(2)
-    url = f"ws://{server.get_host()}:{server.get_port()}"
-    version = [Subprotocol(f"viser-v{viser.__version__}")]
     sent = closed = 0
     while sent < count:
-        async with connect(url, subprotocols=version, max_size=None) as socket:
-            reader = asyncio.create_task(_swallow(socket))
-            with suppress(ConnectionClosed):
-                while sent < count:
-                    sent += 1
-                    if rng.random() < 0.01:
-                        await socket.send(rng.randbytes(rng.randrange(200)))
-                    else:
-                        await socket.send(msgspec.msgpack.encode(_nonsense(rng)))
-            closed += sent < count
-            reader.cancel()
+        with suppress(ConnectionClosed, InvalidHandshake, OSError):
+            url = socket_address(address)
+            async with connect(url, subprotocols=VERSION, max_size=None) as socket:
+                reader = asyncio.create_task(swallow(socket))
+                await socket.send(msgspec.msgpack.encode(CAMERA))
+                try:
+                    while sent < count:
+                        await socket.send(_garbage(rng, controls))
+                        sent += 1
+                finally:
+                    reader.cancel()
+        closed += sent < count
     return closed
 
 
-async def _swallow(socket: Any) -> None:
-    async for _ in socket:
-        pass
+async def swallow(socket: Any) -> None:
+    """Read what comes, and forget it."""
+    with suppress(ConnectionClosed):
+        async for _ in socket:
+            pass
 
 
-def _nonsense(rng: random.Random) -> dict[str, Any]:
+def _garbage(rng: random.Random, controls: Sequence[str]) -> bytes:
+    if rng.random() < 0.01:
+        return rng.randbytes(rng.randrange(200))
+    return msgspec.msgpack.encode(_nonsense(rng, controls))
+
+
+def _nonsense(rng: random.Random, controls: Sequence[str]) -> dict[str, Any]:
     """Return a message of a known kind with values that no page sends."""
     numbers = (float("nan"), float("inf"), -1e308, 0.0, 1.0, 1e9)
     place = [rng.choice(numbers) for _ in range(3)]
     turn = [rng.choice(numbers) for _ in range(4)]
     name = rng.choice(("/pull", "/drag", "/cell", "", "../x"))
+    uuid = rng.choice((*controls, "x"))
+    change: tuple[dict[str, Any], ...] = (
+        {"removed": True},
+        {"value": place},
+        {"value": "Start"},
+        {"disabled": True},
+        {"visible": False},
+        {"update_cb": []},
+        {"uuid": "x", "props": None},
+    )
+    file = {"transfer_uuid": "x", "source_component_uuid": uuid}
     kinds: tuple[dict[str, Any], ...] = (
         {"type": "TransformControlsDragStartMessage", "name": name, "owner": ""},
         {
@@ -57,7 +78,19 @@ def _nonsense(rng: random.Random) -> dict[str, Any]:
             **{"name": name, "wxyz": turn, "position": place, "owner": ""},
         },
         {"type": "TransformControlsDragEndMessage", "name": name, "owner": ""},
-        {"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": place}},
+        {"type": "GuiUpdateMessage", "uuid": uuid, "updates": rng.choice(change)},
         {"type": "CommandTriggerMessage", "uuid": str(rng.random())},
+        {"type": "ShareUrlRequest"},
+        {
+            "type": "FileTransferStartUpload",
+            **{"filename": "a", "mime_type": "b", "part_count": 9, "size_bytes": 9},
+            **file,
+        },
+        {
+            "type": "FileTransferPart",
+            **{"part_index": 0, "content": bytes(1000)},
+            **file,
+        },
+        {"type": "SceneNodeUpdateMessage", "name": name, "updates": {"removed": True}},
     )
     return rng.choice(kinds)

@@ -12,7 +12,7 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
     *("attack_episode", "contact_attack", "contact_choices", "contact_growth"),
     *("contact_policies", "contact_scene", "contact_search", "contact_trial"),
-    *("tracking_report", "cockpit_browser", "cockpit_garbage"),
+    *("tracking_report", "cockpit_browser", "cockpit_client", "cockpit_garbage"),
 }
 """Files that others import, and that no one starts."""
 NEEDS = {
@@ -20,6 +20,7 @@ NEEDS = {
         "viser": "pip install '.[view]' -c constraints.txt",
         "selenium": "pip install '.[test]' -c constraints.txt",
     },
+    "cockpit_stop": {"viser": "pip install '.[view]' -c constraints.txt"},
     "control_cycle": {
         "pinocchio": "pip install 'pin>=4.1' -c constraints.txt",
         "daqp": "pip install daqp",
@@ -51,6 +52,7 @@ TINY = {
     ),
     "cabinet_rate": ("--plant mujoco --seconds 0.1", "periods/s"),
     "cockpit": ("--seconds 1 --moves 2 --clicks 2 --garbage 200", "load"),
+    "cockpit_stop": ("--tries 2 --twin easy", "2 of 2 tries"),
     "contact_adversary": ("--cycles 20 --period 0.005 --quiet", "cycles"),
     "control_cycle": ("--period 0.005", "dovetail qp"),
     "env_step_rate": ("--steps 5", "steps/s"),

@@ -35,6 +35,16 @@ def wait_until(is_so, timeout=10.0):
         time.sleep(0.002)
 
 
+def resume(session):
+    """End a stop as soon as that is possible."""
+
+    def is_free():
+        session.resume()
+        return not session.is_stopped
+
+    wait_until(is_free)
+
+
 @pytest.fixture
 def make_session(tmp_path: Path):
     made = []
@@ -54,6 +64,18 @@ def make_session(tmp_path: Path):
 @pytest.fixture
 def session(make_session):
     return make_session()
+
+
+@pytest.fixture
+def served(make_session):
+    """A session, its page and its server, without a browser."""
+    need("viser")
+    server = open_server(0)
+    session = make_session()
+    page = Page(server, session)
+    yield session, page, server
+    page.close()
+    server.stop()
 
 
 @pytest.fixture(scope="module")
@@ -76,9 +98,11 @@ def cockpit(browser, tmp_path_factory):
     server = open_server(0)
     session = Session(choice, logs=logs)
     page = Page(server, session)
-    browser.get(f"http://{server.get_host()}:{server.get_port()}")
+    browser.get(server.address)
     driven = from_benchmarks("cockpit_browser")
-    driven.wait_for(lambda: driven.button(browser, "STOP") and server.get_clients())
+    driven.wait_for(
+        lambda: driven.button(browser, "STOP") and server.viser.get_clients()
+    )
     yield session, server
     browser.get("about:blank")
     page.close()

@@ -7,7 +7,7 @@ from dovetail.cockpit.replay_page import ReplayPage
 from dovetail.cockpit.server import open_server
 from dovetail.poses import matrix_from_quat
 
-from .conftest import from_benchmarks
+from .conftest import from_benchmarks, resume
 
 driven = from_benchmarks("cockpit_browser")
 button, on_screen, picture = driven.button, driven.on_screen, driven.picture
@@ -60,7 +60,23 @@ def test_keys_start_pause_step_and_stop(browser, cockpit):
     press(browser, ESCAPE)
     wait_for(lambda: session.core.arm.is_held)
     button(browser, "Pause").click()
-    wait_for(lambda: session.status.mode == "held")
+    wait_for(lambda: not session.is_paused)
+    resume_by(browser, session)
+    assert session.status.mode == "held"
+    assert session.core.arm.is_held
+
+
+def resume_by(browser, session):
+    """Press Resume, which is there as long as a stop holds, and only then."""
+
+    def press_resume():
+        shown = button(browser, "Resume")
+        if shown is not None:
+            shown.click()
+        return not session.is_stopped
+
+    wait_for(press_resume)
+    wait_for(lambda: button(browser, "Resume") is None)
 
 
 def drag_up(browser, server, tip, above):
@@ -132,8 +148,9 @@ def test_who_leaves_the_page_leaves_the_arm_held_and_what_was_done_is_played_bac
     begin = session.moment.stamp
     wait_for(lambda: session.moment.stamp > begin + 0.5)
     browser.get("about:blank")
-    wait_for(lambda: session.status.mode == "held")
+    wait_for(lambda: session.status.mode == "stopped")
     assert session.core.arm.is_held
+    resume(session)
     session.reset()
     wait_for(lambda: session.moment.stamp < 0.5)
     session.diary.flush()
@@ -141,8 +158,8 @@ def test_who_leaves_the_page_leaves_the_arm_held_and_what_was_done_is_played_bac
     server = open_server(0)
     page = ReplayPage(server, (recorded,))
     try:
-        browser.get(f"http://{server.get_host()}:{server.get_port()}")
-        wait_for(lambda: button(browser, "Play") and server.get_clients())
+        browser.get(server.address)
+        wait_for(lambda: button(browser, "Play") and server.viser.get_clients())
         wait_for(lambda: is_drawn(picture(browser)))
         before = picture(browser)
         button(browser, "Play").click()

@@ -169,7 +169,8 @@ def test_let_go_the_arm_is_held_and_a_stop_ends_the_lead(make_session):
     wait_until(lambda: session.moment.tool.position[1] > begin[1] + 0.01)
     session.stop()
     session.guide.move(far)
-    wait_until(lambda: session.status.mode == "held" and session.core.arm.is_held)
+    assert session.status.mode == "stopped"
+    assert session.core.arm.is_held
     stamp = session.moment.stamp
     wait_until(lambda: session.moment.stamp > stamp + 0.5)
     rest = session.moment.tool.position

@@ -3,6 +3,7 @@
 import time
 from dataclasses import replace
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -12,13 +13,14 @@ from dovetail.cockpit.hand import DRAG_SPEED, PULL_MAX
 from dovetail.cockpit.recorded import Recorded
 from dovetail.cockpit.replay_page import ReplayPage
 from dovetail.cockpit.server import open_server
+from dovetail.cockpit.session import RESUME_AFTER
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import PolicyError
-from dovetail.poses import matrix_from_quat
+from dovetail.poses import Pose, matrix_from_quat
 from extras import need
 
-from .conftest import PLAIN, wait_until
+from .conftest import PLAIN, resume, wait_until
 
 
 def simulate(session, duration):
@@ -49,21 +51,135 @@ def test_the_policy_finishes_and_what_it_did_can_be_replayed(session):
     assert recorded.cell.name == session.core.cell.name
 
 
-def test_a_stop_holds_the_arm_at_once_and_a_start_goes_on(session):
+def test_a_stop_holds_the_arm_at_once_and_after_a_resume_a_start_goes_on(session):
     session.start()
     wait_until(lambda: session.moment.stamp > 0.4)
     session.stop()
     begin = session.moment.tool.position
-    wait_until(lambda: session.status.mode == "held")
+    assert session.status.mode == "stopped"
     simulate(session, 0.5)
     rest = session.moment.tool.position
     assert np.linalg.norm(rest - begin) < 0.01
     simulate(session, 0.3)
     assert np.linalg.norm(session.moment.tool.position - rest) < 1e-4
     stamp = session.moment.stamp
+    resume(session)
+    assert session.status.mode == "held"
+    simulate(session, 0.3)
+    assert np.linalg.norm(session.moment.tool.position - rest) < 1e-4
     session.start()
     wait_until(lambda: session.status.success)
     assert session.moment.stamp > stamp  # no reset
+
+
+def acts_of(session):
+    """Everything by which a person moves the arm, or something in its cell."""
+    above = session.moment.tool.position + np.array([0.0, 0.0, 0.05])
+    fixture = session.moment.fixture.true.position
+    return {
+        "start": session.start,
+        "reset": session.reset,
+        "step": session.step,
+        "demonstrate": session.demonstrate,
+        "choose": lambda: session.choose(replace(session.choice, policy=NOBODY)),
+        "pull": lambda: session.pull(above),
+        "drag": lambda: session.drag(fixture + np.array([0.01, 0.0, 0.0]), 0.0),
+        "lead": lambda: session.guide.grab(Pose(above, session.moment.tool.quat_wxyz)),
+    }
+
+
+ACTS = ("start", "reset", "step", "demonstrate", "choose", "pull", "drag", "lead")
+
+
+@pytest.mark.parametrize("act", ACTS)
+def test_after_a_stop_nothing_moves_the_arm_before_a_resume(session, act):
+    simulate(session, 0.2)
+    acts = acts_of(session)
+    assert set(acts) == set(ACTS)
+    acts[act]()  # just before, and on its way
+    session.stop()
+    simulate(session, 0.2)
+    before, version = session.moment, session.version
+    for _ in range(5):
+        acts[act]()
+        session.guide.move(Pose(before.tool.position, before.tool.quat_wxyz))
+        time.sleep(0.02)
+    simulate(session, 0.3)
+    after = session.moment
+    assert session.status.mode == "stopped"
+    assert session.status.is_stopped
+    assert session.core.arm.is_held
+    assert session.version == version
+    assert not after.load.pull.any()
+    moved = np.linalg.norm(after.tool.position - before.tool.position)
+    assert moved < 1e-4
+    np.testing.assert_array_equal(
+        after.fixture.true.position, before.fixture.true.position
+    )
+    resume(session)
+    simulate(session, 0.3)
+    assert session.status.mode == "held"  # what came before is forgotten
+    assert session.core.arm.is_held
+    acts_of(session)[act]()
+
+
+def test_a_resume_that_was_on_its_way_before_a_stop_does_not_end_it(session):
+    begin = time.monotonic()
+    session.stop()
+    while time.monotonic() < begin + 0.8 * RESUME_AFTER:
+        session.resume()
+        session.start()
+        assert session.is_stopped
+        time.sleep(0.01)
+    resume(session)
+    assert time.monotonic() >= begin + RESUME_AFTER
+    session.stop()
+    session.resume()
+    assert session.is_stopped
+
+
+def test_what_was_wished_for_before_a_stop_is_forgotten_for_good(session, monkeypatch):
+    """A reset of a real arm takes seconds: a start, a stop and a resume fit in."""
+    reset, has_begun, may_end = session.core.reset, Event(), Event()
+
+    def slow(**more):
+        has_begun.set()
+        may_end.wait(20.0)
+        return reset(**more)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(session.core, "reset", slow)
+        session.reset()
+        has_begun.wait(20.0)
+        session.start()
+        session.stop()
+        resume(session)
+        may_end.set()
+        wait_until(lambda: session.status.mode == "held")
+    simulate(session, 0.5)
+    assert session.status.mode == "held"
+
+
+def test_a_stop_while_a_reset_prepares_ends_it(session, monkeypatch):
+    """The hold used to be cleared by the reset, and the arm went to its start."""
+    reset, has_begun, may_end = session.core.reset, Event(), Event()
+
+    def slow(**more):
+        has_begun.set()
+        may_end.wait(20.0)
+        return reset(**more)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(session.core, "reset", slow)
+        session.reset()
+        has_begun.wait(20.0)
+        session.stop()
+        may_end.set()
+        wait_until(lambda: "STOP was pressed before" in session.status.note)
+    assert session.core.arm.is_held
+    resume(session)
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
 
 
 @pytest.mark.parametrize("far", [0.02, 0.5])
@@ -90,8 +206,9 @@ def test_a_pull_to_the_end_of_the_world_is_as_hard_as_any(session):
     with pytest.raises(ConfigError, match="nan"):
         session.pull(np.array([0.0, np.nan, 0.0]))
     session.stop()
+    assert session.hand.pull_to is None
     simulate(session, 0.1)
-    assert session.status.mode == "held"
+    assert session.status.mode == "stopped"
 
 
 def test_a_dragged_fixture_follows_no_faster_than_a_hand(session):

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dovetail.cockpit.panel import ControlPanel
+from dovetail.cockpit.seat import Seat
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import Moment
 from dovetail.control.task_spec import AXES
@@ -22,16 +23,22 @@ class LeadGizmo:
     """Where its driver drags it the tool is to go; let go, it is at the tool again."""
 
     def __init__(
-        self, server: "viser.ViserServer", session: Session, panel: ControlPanel
+        self,
+        server: "viser.ViserServer",
+        session: Session,
+        panel: ControlPanel,
+        seat: Seat,
     ) -> None:
         """Add the gizmo, hidden until it is switched on.
 
         Args:
             server: The page's.
             session: What is led.
-            panel: Says who may drive, and whether the gizmo is switched on.
+            panel: Says whether the gizmo is switched on.
+            seat: Says who drives.
         """
         self._server, self._session, self._panel = server, session, panel
+        self._seat = seat
         has_turns = bool(set(session.core.commands.axes) & set(AXES[3:]))
         self._gizmo: Any = server.scene.add_transform_controls(
             "/lead",
@@ -46,8 +53,7 @@ class LeadGizmo:
 
     async def _on_lead(self, event: Any) -> None:
         """Lead while the gizmo is dragged."""
-        is_on = self._panel.leads.is_on
-        if not (is_on and self._panel.may_drive(event.client_id)):
+        if not self._panel.leads.is_on:
             return
         guide, moment = self._session.guide, self._session.moment
         self._is_grabbed = event.phase != "end"
@@ -75,7 +81,7 @@ class LeadGizmo:
     def _heading(self) -> float:
         """Return which way the driver looks, from the world's x [rad]."""
         heading = self._session.guide.heading
-        client = self._server.get_clients().get(self._panel.driver or -1)
+        client = self._server.get_clients().get(self._seat.driver or -1)
         if client is None or not self._session.guide.has_mouse:
             return heading
         away = np.asarray(client.camera.look_at) - np.asarray(client.camera.position)

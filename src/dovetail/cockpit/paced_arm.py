@@ -40,6 +40,7 @@ class PacedArm:
         hand: Hand,
         pace: Pace,
         see: Callable[[ArmState, Pose], None],
+        is_stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         """Wrap an arm.
 
@@ -49,8 +50,10 @@ class PacedArm:
             pace: How fast simulated time may go.
             see: Called after each slice with what the arm said and where the fixture
                 is; it must not take long.
+            is_stopped: Whether a STOP holds: then nothing ends it.
         """
         self._arm, self._hand, self._pace, self._see = arm, hand, pace, see
+        self._is_stopped = is_stopped
         self._hold: _core.Target | None = None
         self._state: ArmState | None = None
         self._looked = 0.0
@@ -61,8 +64,14 @@ class PacedArm:
         return self._arm.facts
 
     def reset(self, q: np.ndarray, fixture: Pose) -> ArmState:
-        """Go to q [rad], at rest, with the fixture at its pose; the hand lets go."""
+        """Go to q [rad], at rest, with the fixture at its pose; the hand lets go.
+
+        Raises:
+            ArmError: A STOP holds; or as the arm's own.
+        """
         self._hand.let_go()
+        if self._is_stopped():
+            raise ArmError("STOP was pressed before the arm was reset", "stopped")
         if self._hold is not None:  # a service wants to be told that the stop is over
             self.clear()
         self.fixture = fixture
@@ -141,16 +150,17 @@ class PacedArm:
         Raises:
             ArmError: One that is elsewhere cannot be told; nothing more is asked of it.
         """
-        if self._state is None:
-            return
-        hold, tool = _core.Target(), self._state.tool
-        hold.position_d, hold.quat_wxyz_d = tool.position, tool.quat_wxyz
-        self._hold = hold
+        if self._state is not None:  # None until the first reset has come to its end
+            hold, tool = _core.Target(), self._state.tool
+            hold.position_d, hold.quat_wxyz_d = tool.position, tool.quat_wxyz
+            self._hold = hold
         if not is_simulated(self._arm):
             self._arm.stop()
 
     def clear(self) -> None:
-        """End a stop."""
+        """End a stop; nothing happens while a STOP of a person holds."""
+        if self._is_stopped():
+            return
         self._arm.clear()
         self._hold = None
 

@@ -1,7 +1,8 @@
 """The page: reads what the session says and draws it; owns no state of the arm."""
 
 import threading
-from typing import TYPE_CHECKING, Any
+import time
+from typing import Any
 
 import numpy as np
 
@@ -10,15 +11,12 @@ from dovetail.cockpit.panel import ControlPanel
 from dovetail.cockpit.plots import LivePlots
 from dovetail.cockpit.scene import CellScene
 from dovetail.cockpit.seat import Seat
-from dovetail.cockpit.server import light
+from dovetail.cockpit.server import PageServer, light
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import USED
 from dovetail.cockpit.trace import COLUMNS
 from dovetail.errors import DovetailError
 from dovetail.poses import quat_about_z, theta_about_vertical
-
-if TYPE_CHECKING:
-    import viser
 
 FRAME = 1.0 / 30.0
 """Time between two pictures [s]."""
@@ -30,6 +28,7 @@ PLOTS = {
 }
 """Title of each plot, and its columns."""
 _FAR = 100.0  # [m] to which no mouse drags anything
+_PAUSE = 1.0  # [s] between two notes that a viewer only watches
 _SELDOM = 6  # pictures between two updates of curves and words
 
 
@@ -38,7 +37,7 @@ class Page:
 
     def __init__(
         self,
-        server: "viser.ViserServer",
+        server: PageServer,
         session: Session,
         *,
         keep_running: bool = False,
@@ -51,13 +50,20 @@ class Page:
             keep_running: Let the arm go on when the driver leaves; otherwise it is
                 held.
         """
-        self._server, self._session = server, session
+        self._page, self._server, self._session = server, server.viser, session
         self._keeps_running = keep_running
         self._seat = Seat()
         self._is_ended = threading.Event()
         self._pulled = self._dragged = False
+        self._told = -_PAUSE
+        server.gate.take(
+            may_drive=self._may_drive,
+            tell=self._tell_watching,
+            stop=lambda: session.stop(),
+            gizmos=("/pull", "/drag", "/lead"),
+        )
         self._build()
-        server.on_client_disconnect(self._leave)
+        self._server.on_client_disconnect(self._leave)
         self.frames = 0
         """Pictures that were sent."""
         self._thread = threading.Thread(target=self._draw, name="page", daemon=True)
@@ -66,20 +72,20 @@ class Page:
     def _build(self) -> None:
         server, session = self._server, self._session
         server.scene.reset()
-        server.gui.reset()
         light(server.scene)
         self._version = session.version
         self._scene = CellScene(server.scene, session.core.cell)
+        server.gui.reset()  # after what takes long: STOP is hardly away
         server.gui.main_panel.dock_right()  # before it: a panel is docked above
         server.gui.main_panel.set_width(320)
-        self.panel = ControlPanel(server, session, self._seat)
+        self.panel = ControlPanel(self._page, session, self._seat)
         """The controls beside the picture."""
         panel = server.gui.add_panel()
         with panel.add_tab("Live"):
             self._plots = LivePlots(server.gui, PLOTS, COLUMNS)
         panel.dock_left()
         panel.set_width(280)
-        self._lead = LeadGizmo(server, session, self.panel)
+        self._lead = LeadGizmo(server, session, self.panel, self._seat)
         if session.can_touch:
             self._add_gizmos()
 
@@ -98,8 +104,6 @@ class Page:
 
     async def _on_pull(self, event: Any) -> None:
         """Pull while the gizmo is dragged."""
-        if not self.panel.may_drive(event.client_id):
-            return
         self._pulled = event.phase != "end"
         if event.phase == "end":
             self._session.pull(None)
@@ -110,8 +114,6 @@ class Page:
 
     async def _on_drag(self, event: Any) -> None:
         """Drag the fixture to where the gizmo is."""
-        if not self.panel.may_drive(event.client_id):
-            return
         self._dragged = event.phase != "end"
         place = np.array(event.target.position, dtype=float)
         quat = np.array(event.target.wxyz, dtype=float)
@@ -124,6 +126,30 @@ class Page:
             self._session.drag(place, theta_about_vertical(quat, upright))
         except DovetailError as error:
             self._session.say(str(error))
+
+    # -- who drives ------------------------------------------------------------------
+
+    def _may_drive(self, viewer: int) -> bool:
+        """Say whether a viewer drives, now at the latest."""
+        is_standing = self._session.status.mode in ("held", "stopped")
+        return self._seat.take(viewer, is_standing=is_standing)
+
+    def _tell_watching(self, viewer: int, may_drive: bool) -> None:
+        """Tell a viewer why nothing happened."""
+        now = time.monotonic()
+        client = self._server.get_clients().get(viewer)
+        if client is None or now - self._told < _PAUSE:
+            return
+        self._told = now
+        why = (
+            "Another viewer drives this arm. It is free when that viewer closes the "
+            "page, or does nothing for a minute while the arm stands."
+            if may_drive
+            else "This address sees everything and cannot drive."
+        )
+        client.add_notification(
+            "You are watching", f"{why} STOP works for you, too.", auto_close_seconds=6
+        )
 
     def _leave(self, client: Any) -> None:
         if self._seat.leave(client.client_id):

@@ -2,35 +2,34 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dovetail.cockpit.choice import NOBODY, SCRIPT, known_places, known_words
 from dovetail.cockpit.seat import Seat
+from dovetail.cockpit.server import PageServer
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import Moment, Status
 from dovetail.cockpit.toggle import Toggle
 from dovetail.cockpit.top_panel import TopPanel
 from dovetail.learn.policy import list_policies
 
-if TYPE_CHECKING:
-    import viser
-
 
 class ControlPanel:
-    """Widgets whose callbacks tell the session what a person wishes."""
+    """Widgets whose callbacks tell the session what the driver wishes.
 
-    def __init__(
-        self, server: "viser.ViserServer", session: Session, seat: Seat
-    ) -> None:
+    The gate passes on what the driver does, and nobody else.
+    """
+
+    def __init__(self, server: PageServer, session: Session, seat: Seat) -> None:
         """Add every widget.
 
         Args:
             server: The page's.
             session: What is driven.
-            seat: Who may drive it; a stop is everybody's.
+            seat: Says who drives it.
         """
-        self._server, self._session, self._seat = server, session, seat
-        self.top = TopPanel(server, session, seat, self._driven)
+        self._gui, self._session = server.viser.gui, session
+        self.top = TopPanel(server, session, seat)
         """What is always in view."""
         self._add_lead()
         if session.can_touch:
@@ -39,42 +38,32 @@ class ControlPanel:
         self._add_display()
 
     def _add_lead(self) -> None:
-        gui, session = self._server.gui, self._session
+        gui, session = self._gui, self._session
         shown: dict[str, Callable[[], None]] = {
             "Begin": session.demonstrate,
             "Keep": lambda: session.end_demonstration(is_kept=True),
             "Throw away": lambda: session.end_demonstration(is_kept=False),
         }
         with gui.add_folder("Lead"):
-            may = self.may_drive
-            self.leads = Toggle(gui, "Lead the tool", False, may=may, act=self._lead)
+            self.leads = Toggle(gui, "Lead the tool", False, act=self._lead)
             has_mouse = session.guide.has_mouse
-            self._mouse = Toggle(
-                gui, "3D mouse", has_mouse, may=may, act=session.use_mouse
-            )
+            self._mouse = Toggle(gui, "3D mouse", has_mouse, act=session.use_mouse)
             row = gui.add_button_group("Demonstration", tuple(shown))
-            row.on_click(self._driven(lambda event: shown[event.target.value]()))
+            row.on_click(lambda event: shown[event.target.value]())
 
     def _lead(self, is_on: bool) -> None:
         if not is_on:
             self._session.guide.let_go()
 
-    @property
-    def driver(self) -> int | None:
-        """Number of the viewer who drives."""
-        return self._seat.driver
-
     def _add_touch(self) -> None:
-        gui, session = self._server.gui, self._session
-        may = self.may_drive
+        gui, session = self._gui, self._session
         with gui.add_folder("Touch"):
-            self.pulls = Toggle(gui, "Pull the arm", True, may=may)
-            self.drags = Toggle(gui, "Drag the fixture", True, may=may)
-            covered = session.is_covered
-            Toggle(gui, "Cover the camera", covered, may=may, act=session.cover)
+            self.pulls = Toggle(gui, "Pull the arm", True)
+            self.drags = Toggle(gui, "Drag the fixture", True)
+            Toggle(gui, "Cover the camera", session.is_covered, act=session.cover)
 
     def _add_choice(self) -> None:
-        gui, session = self._server.gui, self._session
+        gui, session = self._gui, self._session
         choice = session.choice
         words = known_words(choice)
         settings = session.core.config.flat() | vars(session.core.task)
@@ -98,7 +87,6 @@ class ControlPanel:
                 gui,
                 "Tare at a reset",
                 bool(settings["tare"]),
-                may=self.may_drive,
                 act=lambda is_on: session.choose(change(is_on)),
             )
 
@@ -110,48 +98,15 @@ class ControlPanel:
         return change
 
     def _add_display(self) -> None:
-        gui = self._server.gui
+        gui = self._gui
         with gui.add_folder("Show", expand_by_default=False):
             self.walls = Toggle(gui, "Walls of the tool", True)
             self.near = Toggle(gui, "Plane near contact", False)
             self.path = Toggle(gui, "Path", True)
             self.forces = Toggle(gui, "Forces", True)
 
-    # -- callbacks ------------------------------------------------------------------
-
-    def _driven(self, act: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return a callback that acts for the driver alone, and tells others so."""
-
-        def callback(event: Any) -> None:
-            if event.client_id is None:  # the program's own doing
-                return
-            if self.may_drive(event.client_id):
-                act(event)
-
-        return callback
-
-    def may_drive(self, viewer: int) -> bool:
-        """Say whether a viewer drives, now at the latest; tell who may not."""
-        is_standing = self._session.status.mode in ("held", "stopped")
-        if self._seat.take(viewer, is_standing=is_standing):
-            return True
-        client = self._server.get_clients().get(viewer)
-        if client is not None:
-            client.add_notification(
-                "You are watching",
-                "Another viewer drives this arm. STOP works for everybody; the arm is "
-                "free when that viewer closes the page, or does nothing for a minute "
-                "while the arm stands.",
-                auto_close_seconds=6.0,
-            )
-        return False
-
     def _chosen(self, change: Callable[[Any], Any]) -> Callable[[Any], None]:
-        return self._driven(
-            lambda event: self._session.choose(change(event.target.value))
-        )
-
-    # -- shown ------------------------------------------------------------------------
+        return lambda event: self._session.choose(change(event.target.value))
 
     def show(self, moment: Moment | None, status: Status, viewers: int) -> None:
         """Say what the loop is doing."""

@@ -3,7 +3,7 @@
 import html
 import threading
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,11 +11,8 @@ from dovetail.cockpit.pace import SPEED_MAX
 from dovetail.cockpit.plots import LivePlots
 from dovetail.cockpit.recorded import COLUMNS, Recorded
 from dovetail.cockpit.scene import CellScene
-from dovetail.cockpit.server import light
+from dovetail.cockpit.server import PageServer, light
 from dovetail.cockpit.slow_browser import DRAW_LESS
-
-if TYPE_CHECKING:
-    import viser
 
 _FRAME = 1.0 / 30.0  # [s]
 _APART = 0.9  # [m] between two cells
@@ -32,13 +29,14 @@ _TWO = {"apart [mm]": ("apart",)}
 class ReplayPage:
     """Shows one log or two at the same time since their begin."""
 
-    def __init__(self, server: "viser.ViserServer", logs: tuple[Recorded, ...]) -> None:
+    def __init__(self, page: PageServer, logs: tuple[Recorded, ...]) -> None:
         """Build the page, at the begin.
 
         Args:
-            server: Where it is; stopped by whoever opened it.
+            page: Where it is; stopped by whoever opened it.
             logs: One or two.
         """
+        server = page.viser
         self._server, self._logs = server, logs
         self._end = max(log.end for log in logs)
         self._now, self._speed, self._is_playing = 0.0, 1.0, False
@@ -65,6 +63,7 @@ class ReplayPage:
             server.initial_camera.look_at = (0.25, 0.05, 0.3)
         self._add_controls()
         self._add_curves()
+        page.gate.take(may_drive=lambda _: True)
         self._thread = threading.Thread(target=self._draw, name="replay", daemon=True)
         self._thread.start()
 

@@ -1,7 +1,10 @@
 """The web server of the page: on this machine alone, at exactly the port asked for."""
 
+import io
 import logging
 import socket
+from contextlib import redirect_stdout
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
@@ -9,15 +12,76 @@ from dovetail.errors import ConfigError, MissingDependencyError, install_command
 if TYPE_CHECKING:
     import viser
 
+    from dovetail.cockpit.gate import Gate
+
 HOST = "127.0.0.1"
-"""Where it listens: whoever may log in to this machine may drive the arm."""
+"""Where it listens; who may drive is decided by the page's address, see `gate`."""
 PORT = 8080
 _SOCKETS = "websockets.server"
 """Name under which the page's sockets say what went wrong in them."""
 
 
-def open_server(port: int = PORT) -> "viser.ViserServer":
-    """Start the web server.
+class _InALine(logging.Filter):
+    """Says of what no browser sends, such as a port scan, a line and no traceback.
+
+    At most one a second: a flood of them must not fill the terminal.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._said = 0.0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Shorten a record, or leave it out."""
+        if not record.exc_info:
+            return True
+        if record.created < self._said + 1.0:
+            return False
+        self._said = record.created
+        error = record.exc_info[1]
+        text = f"{type(error).__name__}: {error}".strip().splitlines()[0]
+        # A stranger's bytes are in it: no escape sequence of theirs gets to a terminal.
+        why = "".join(c if c.isprintable() else "?" for c in text)
+        record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
+        record.exc_info = None
+        return True
+
+
+_IN_A_LINE = _InALine()
+
+
+@dataclass(frozen=True)
+class PageServer:
+    """The web server of a page, and the gate in front of it."""
+
+    viser: "viser.ViserServer"
+    """Draws the page."""
+    gate: "Gate"
+    """Decides who gets in, and what of theirs reaches viser."""
+
+    @property
+    def port(self) -> int:
+        """Port at which it listens."""
+        return self.viser.get_port()
+
+    @property
+    def address(self) -> str:
+        """Address of the page; who knows it may drive."""
+        return f"http://{HOST}:{self.port}/{self.gate.drive_token}/"
+
+    @property
+    def watch_address(self) -> str:
+        """Address that sees everything, and may stop but never drive."""
+        return f"http://{HOST}:{self.port}/{self.gate.watch_token}/"
+
+    def stop(self) -> None:
+        """Close every connection, and listen no more."""
+        self.gate.close()
+        self.viser.stop()
+
+
+def open_server(port: int = PORT) -> PageServer:
+    """Start the web server, behind a gate that was tried.
 
     Args:
         port: To listen at; 0 is any free one.
@@ -25,6 +89,7 @@ def open_server(port: int = PORT) -> "viser.ViserServer":
     Raises:
         MissingDependencyError: viser is not installed.
         ConfigError: The port is not free, or none.
+        GateError: The installed viser cannot be guarded.
     """
     try:
         import viser
@@ -33,20 +98,31 @@ def open_server(port: int = PORT) -> "viser.ViserServer":
             f"the page needs viser ({error.name} is not installed): "
             f"{install_command('view')}"
         ) from error
+    from dovetail.cockpit.gate import Gate, require_closed, serving
+
     if not 0 <= port <= 65535:
         raise ConfigError(f"port is {port}; allowed: 0 to 65535, 0 is any free one")
     _require_free(port)
-    logging.getLogger(_SOCKETS).addFilter(_in_a_line)
-    server = viser.ViserServer(host=HOST, port=port, verbose=False)
-    if port not in (0, server.get_port()):  # somebody was faster: viser took another
-        server.stop()
-        raise _taken(port)
+    logging.getLogger(_SOCKETS).addFilter(_IN_A_LINE)
+    gate = Gate()
+    # viser prints an address without the token, which opens nothing.
+    with serving(gate), redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=HOST, port=port, verbose=False)
+    opened = PageServer(server, gate)
+    try:
+        if port not in (0, opened.port):  # somebody was faster: viser took another
+            raise _taken(port)
+        gate.guard(server)
+        require_closed(gate, opened.port, f"viser-v{viser.__version__}")
+    except BaseException:
+        opened.stop()
+        raise
     server.gui.configure_theme(show_logo=False, show_share_button=False)
     server.gui.set_panel_label("dovetail")
     server.initial_camera.position = (1.55, -1.15, 0.85)
     server.initial_camera.look_at = (0.32, 0.0, 0.36)
     server.initial_camera.fov = 0.72
-    return server
+    return opened
 
 
 def light(scene: "viser.SceneApi") -> None:
@@ -63,16 +139,6 @@ def light(scene: "viser.SceneApi") -> None:
         intensity=2.2,
     )
     scene.add_light_directional("/light/sun", intensity=2.0, position=(1.0, -1.5, 2.0))
-
-
-def _in_a_line(record: logging.LogRecord) -> bool:
-    """Say of what no browser sends, such as a port scan, a line and no traceback."""
-    if record.exc_info:
-        error = record.exc_info[1]
-        why = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
-        record.exc_info = None
-    return True
 
 
 def _require_free(port: int) -> None:

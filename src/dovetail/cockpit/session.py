@@ -2,10 +2,13 @@
 
 Whoever shows it reads `moment` and `status`, which are replaced as a whole; whoever
 drives it calls `start`, `stop` and the others, which only leave a wish behind. A stop
-acts within a slice of 10 ms, everything else between two policy steps.
+acts within a slice of 10 ms, everything else between two policy steps. After a stop
+nothing moves the arm until `resume`, and what was wished for before it is forgotten.
 """
 
-from collections.abc import Sequence
+import threading
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -33,6 +36,10 @@ from dovetail.envs.workspace import require_inside
 from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.types import Vec3
+
+RESUME_AFTER = 1.0
+"""A resume that comes sooner after a stop [s] is ignored: it was on its way before."""
+_AGAIN = 0.03  # [s] after which a stop is repeated
 
 
 class Session:
@@ -65,6 +72,8 @@ class Session:
         self._doing = ""
         self._steps_left = 0
         self._note = ""
+        self._stop_lock = threading.Lock()
+        self._is_stopped, self._stops, self._stopped_at = False, 0, 0.0
         self.moment: Moment | None = None
         """The newest slice; None before the first reset."""
         self.violations = 0
@@ -82,16 +91,47 @@ class Session:
 
     def start(self) -> None:
         """Let the policy move the arm; after a success, from a new start."""
-        self._wishes.put(self._start)
+        self._wish(self._start)
 
     def stop(self) -> None:
-        """Hold the arm: now, not at the end of the step; nobody leads it any more."""
+        """Hold the arm now, not at the end of the step, and until `resume`."""
+        with self._stop_lock:
+            self._is_stopped = True
+            self._stops += 1
+            self._stopped_at = time.monotonic()
+        self.hand.let_go()
         self._hold()
         self._wishes.put(self._rest)
+        # The loop may have been about to free the arm, and have done so after the hold.
+        time.sleep(_AGAIN)
+        if self._is_stopped:
+            self._hold()
+
+    def resume(self) -> None:
+        """End a stop: the arm stays held until it is started, led or reset."""
+        with self._stop_lock:
+            is_soon = time.monotonic() - self._stopped_at < RESUME_AFTER
+            self._is_stopped = self._is_stopped and is_soon
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether a stop holds; nothing moves the arm before `resume`."""
+        return self._is_stopped
+
+    def _wish(self, act: Callable[[], None]) -> None:
+        """Leave a wish that moves the arm; a stop before it is fulfilled ends it."""
+        stops = self._stops
+
+        def wish() -> None:
+            if not self._is_stopped and self._stops == stops:
+                act()
+
+        if not self._is_stopped:
+            self._wishes.put(wish)
 
     def reset(self) -> None:
         """Bring the arm to a new start and hold it there."""
-        self._wishes.put(self._begin)
+        self._wish(self._begin)
 
     def pause(self, paused: bool = True) -> None:
         """Let a simulation's time stand still, or go on."""
@@ -99,7 +139,7 @@ class Session:
 
     def step(self) -> None:
         """Let one policy step of 50 ms pass, and pause."""
-        self._wishes.put(self._step_once)
+        self._wish(self._step_once)
 
     def cover(self, covered: bool) -> None:
         """Cover the camera, or uncover it."""
@@ -116,6 +156,8 @@ class Session:
             require_simulated(self._core.arm)
             if not np.isfinite(point).all():
                 raise ConfigError(f"the point to pull towards is {point} m")
+            if self._is_stopped:
+                return
         self.hand.pull_to = None if point is None else np.array(point, dtype=float)
 
     def drag(self, position: Vec3, yaw: float) -> None:
@@ -129,11 +171,12 @@ class Session:
         quat = quat_multiply(quat_about_z(yaw), np.array(self._stand.first.facing))
         pose = Pose(np.array(position, dtype=float), quat)
         require_inside(self._core.task, self._core.cell, self._core.arm, pose)
-        self.hand.fixture_to = pose
+        if not self._is_stopped:
+            self.hand.fixture_to = pose
 
     def demonstrate(self) -> None:
         """Begin a demonstration at a new start; one that runs ends and is kept."""
-        self._wishes.put(self._demonstrate)
+        self._wish(self._demonstrate)
 
     def end_demonstration(self, *, is_kept: bool) -> None:
         """Keep the demonstration, or throw it away: the one that runs or has ended.
@@ -151,7 +194,7 @@ class Session:
 
     def choose(self, choice: Choice) -> None:
         """Build something else; what cannot be built leaves everything as it is."""
-        self._wishes.put(lambda: self._rebuild(choice))
+        self._wish(lambda: self._rebuild(choice))
 
     def _hold(self) -> None:
         self.guide.let_go()
@@ -187,6 +230,11 @@ class Session:
         """Whether it can go slower or faster than the wall's time."""
         return not self._core.arm.facts.traits.is_real_time
 
+    @property
+    def is_paused(self) -> bool:
+        """Whether a simulation's time stands still."""
+        return self._is_paused
+
     def say(self, note: str) -> None:
         """Tell everybody something."""
         self._note = note
@@ -200,15 +248,17 @@ class Session:
     def status(self) -> Status:
         """What the loop is doing."""
         modes = {
-            "stopped": not self._is_ready,
+            "stopped": self._is_stopped or not self._is_ready,
             "paused": self._is_paused,
             "led": self._was_led,
             "running": self._is_running,
         }
         mode = next((mode for mode, is_so in modes.items() if is_so), "held")
+        held = "stopped until Resume is pressed" if self._is_stopped else ""
         return Status(
             mode=self._doing or mode,
-            note="; ".join(filter(None, (self._note, self.diary.problem))),
+            is_stopped=self._is_stopped,
+            note="; ".join(filter(None, (held, self._note, self.diary.problem))),
             rate=self.pace.rate,
             success=self._is_success,
             showing=self.diary.describe_demonstrations(),
@@ -247,6 +297,8 @@ class Session:
     def _follow_lead(self) -> None:
         """Free the arm when somebody begins to lead; hold it when nobody does."""
         self._note = self.guide.lost() or self._note
+        if self._is_stopped:
+            self.guide.let_go()
         is_led = self.guide.is_leading and self._is_ready
         if is_led and not self._was_led:
             self._arm.clear()
@@ -389,7 +441,9 @@ class Session:
         self._shutter = Shutter(core.tracker)
         self._shutter.is_covered = was_covered
         core.tracker = self._shutter
-        core.arm = self._arm = PacedArm(core.arm, self.hand, self.pace, self._see)
+        core.arm = self._arm = PacedArm(
+            core.arm, self.hand, self.pace, self._see, lambda: self._is_stopped
+        )
         self._stand = Stand(core, self._given, left)
         self._seed: int | None = 0
         self._is_ready = False

@@ -68,7 +68,9 @@ class Status:
     """What the loop is doing."""
 
     mode: str
-    """held, running, led, paused, stopped (by the arm), resetting or building."""
+    """held, running, led, paused, stopped, resetting or building."""
+    is_stopped: bool = False
+    """Whether a STOP holds, until somebody resumes."""
     note: str = ""
     """What a person should know of it."""
     rate: float = 1.0

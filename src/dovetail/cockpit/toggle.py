@@ -18,8 +18,6 @@ class Toggle:
         gui: "viser.GuiApi",
         label: str,
         is_on: bool,
-        *,
-        may: Callable[[int], bool] = lambda _: True,
         act: Callable[[bool], None] = lambda _: None,
     ) -> None:
         """Add the button where the panel now is.
@@ -28,18 +26,15 @@ class Toggle:
             gui: The browser's panels.
             label: What it switches.
             is_on: At first.
-            may: Says whether a viewer, by number, may turn it.
             act: Called with the new state.
         """
-        self._label, self._may, self._act = label, may, act
+        self._label, self._act = label, act
         self.is_on = is_on
         self._button: Any = gui.add_button(label)
         self._button.on_click(self._turn)
         self._show()
 
-    def _turn(self, event: Any) -> None:
-        if event.client_id is None or not self._may(event.client_id):
-            return
+    def _turn(self, _: Any) -> None:
         self.is_on = not self.is_on
         self._show()
         self._act(self.is_on)

@@ -2,15 +2,13 @@
 
 import html
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from dovetail.cockpit.seat import Seat
+from dovetail.cockpit.server import PageServer
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.slow_browser import DRAW_LESS
 from dovetail.cockpit.snapshot import Moment, Status
-
-if TYPE_CHECKING:
-    import viser
 
 _SPEEDS = {"1/4": 0.25, "1/2": 0.5, "real time": 1.0, "x 2": 2.0}
 _COLOURS = {
@@ -57,18 +55,15 @@ if (!window.escapeStops) {
   });
 }">"""
 
-Callback = Callable[[Any], None]
-
 
 class TopPanel:
     """Stays where it is while the controls below it are scrolled."""
 
     def __init__(
         self,
-        server: "viser.ViserServer",
+        server: PageServer,
         session: Session,
         seat: Seat,
-        driven: Callable[[Callback], Callback],
     ) -> None:
         """Add it above the main panel, which is docked.
 
@@ -76,42 +71,44 @@ class TopPanel:
             server: The page's.
             session: What is driven.
             seat: Says who drives.
-            driven: Makes a callback the driver's alone; a stop is everybody's.
         """
-        self._server, self._session, self._seat = server, session, seat
-        self._driven = driven
-        panel = server.gui.add_panel(order=-1.0)
+        self._session, self._seat = session, seat
+        self._gui = gui = server.viser.gui
+        panel = gui.add_panel(order=-1.0)
         with panel.add_tab("Drive"):
-            server.gui.add_html(_ON_TOP + _ESCAPE + DRAW_LESS)
-            stop = server.gui.add_button("STOP  (Esc)", color=_STOP_RED)
-            stop.on_click(lambda _: session.stop())
-            self._status = server.gui.add_html("")
+            gui.add_html(_ON_TOP + _ESCAPE + DRAW_LESS)
+            stop = gui.add_button("STOP  (Esc)", color=_STOP_RED)
+            self._resume = gui.add_button("Resume", color="teal", visible=False)
+            self._resume.on_click(lambda _: session.resume())
+            self._status = gui.add_html("")
             self._add_actions()
-        panel.dock_above(server.gui.main_panel)
+        key = gui.add_command("Stop: hold the arm", hotkey="escape")
+        server.gate.add_stops(stop, key)
+        panel.dock_above(gui.main_panel)
         panel.expand()
 
     def _add_actions(self) -> None:
         """Add what can be done with this arm, and its keys."""
-        gui, session = self._server.gui, self._session
+        gui, session = self._gui, self._session
         actions = _actions(session)
         self.offered = (*actions, *(("Speed",) if session.can_pace else ()))
         """Names of what can be done with this arm."""
         row = gui.add_button_group("", tuple(actions))
-        row.on_click(self._driven(lambda event: actions[event.target.value]()))
+        row.on_click(lambda event: actions[event.target.value]())
         if session.can_pace:
             speed = gui.add_button_group("Speed", tuple(_SPEEDS))
-            speed.on_click(self._driven(self._set_speed))
-        key = gui.add_command("Stop: hold the arm", hotkey="escape")
-        key.on_trigger(lambda _: session.stop())
+            speed.on_click(self._set_speed)
         for name in actions:
             command: Any = gui.add_command(name, hotkey=_KEYS[name])
-            command.on_trigger(self._driven(lambda _, name=name: actions[name]()))
+            command.on_trigger(lambda _, name=name: actions[name]())
 
     def _set_speed(self, event: Any) -> None:
         self._session.pace.speed = _SPEEDS[event.target.value]
 
     def show(self, moment: Moment | None, status: Status, viewers: int) -> None:
         """Say what the loop is doing."""
+        if self._resume.visible != status.is_stopped:
+            self._resume.visible = status.is_stopped
         colour = _COLOURS.get(status.mode, "#444444")
         lines = [
             f"<div style='font-size:1.35em;font-weight:700;color:{colour}'>"
@@ -138,7 +135,7 @@ def _actions(session: Session) -> Mapping[str, Callable[[], None]]:
     """Return what starts, pauses and resets: only a simulation's time can stand."""
 
     def toggle_pause() -> None:
-        session.pause(session.status.mode != "paused")
+        session.pause(not session.is_paused)
 
     standing = {"Pause": toggle_pause, "Step": session.step}
     return {

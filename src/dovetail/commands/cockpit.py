@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
 from dovetail.cockpit.choice import Choice
-from dovetail.cockpit.server import PORT, open_server
+from dovetail.cockpit.server import PORT, PageServer, open_server
 from dovetail.commands.demo import DEFAULT_TWIN
 from dovetail.commands.ended_by_signal import ended_by_signal
 from dovetail.commands.help_page import sections_of
@@ -20,9 +20,6 @@ from dovetail.errors import ConfigError
 from dovetail.files import dated_folder, require_writable
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_POLICY
-
-if TYPE_CHECKING:
-    import viser
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +116,7 @@ class Cockpit(Sectioned):
             try:
                 keep_running = self.page.keep_running
                 page = Page(server, session, keep_running=keep_running)
-                serve_page(server, console)
+                serve_page(server, console, is_driven=True)
                 page.close()
             finally:
                 session.close()
@@ -165,10 +162,18 @@ class Cockpit(Sectioned):
 GROUPS = sections_of(Cockpit)
 
 
-def serve_page(server: "viser.ViserServer", console: Console) -> None:
-    """Say where the page is, and wait until it is ended."""
+def serve_page(server: PageServer, console: Console, *, is_driven: bool) -> None:
+    """Say where the page is, and wait until it is ended.
+
+    Args:
+        server: The page's.
+        console: Where it is said.
+        is_driven: Say the address that only watches, too.
+    """
     with ended_by_signal() as end:
-        where = f"http://{server.get_host()}:{server.get_port()}"
-        console.print(f"the page is {where}; Ctrl-C ends it", highlight=False)
+        lines = [f"the page is {server.address}", "Ctrl-C ends it"]
+        if is_driven:
+            lines[1:1] = [f"to watch, and stop: {server.watch_address}"]
+        console.print("\n".join(lines), highlight=False, soft_wrap=True, markup=False)
         while not end.wait(0.5):
             pass

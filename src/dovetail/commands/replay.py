@@ -38,7 +38,7 @@ class Replay:
         server = open_server(self.port)
         try:
             page = ReplayPage(server, logs)
-            serve_page(server, console)
+            serve_page(server, console, is_driven=False)
             page.close()
         finally:
             server.stop()

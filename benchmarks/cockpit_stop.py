@@ -1,0 +1,223 @@
+"""STOP in the cockpit's page while hostile clients attack beside it.
+
+One hostile client has the address that drives: it holds the driver's seat, presses
+Resume and Start as fast as a page may, and sends garbage in between, such as attributes
+of the STOP button. Another has the address that watches, and only garbage. A third has
+no token and knocks. Each runs in a process of its own. A viewer presses STOP again and
+again; with ``--browser`` in a real Chromium. Printed is how many stops held the arm,
+for at least `HELD` seconds whatever was pressed, and how long they took.
+"""
+
+import argparse
+import asyncio
+import json
+import os
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
+
+import msgspec
+import numpy as np
+from cockpit_client import CAMERA, VERSION, Client, socket_address, wait_for
+from cockpit_garbage import flood, swallow
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed, InvalidHandshake
+
+from dovetail.cockpit.choice import Choice
+from dovetail.cockpit.page import Page
+from dovetail.cockpit.server import PageServer, open_server
+from dovetail.cockpit.session import Session
+from dovetail.cockpit.snapshot import Moment
+
+Words = Sequence[str]
+STOP = "STOP  (Esc)"
+HELD = 0.3
+"""How long each stop is watched [s]: a hostile driver may resume after a second."""
+MOVED_MAX = 0.02
+"""How far the tool may go on while it is watched: it brakes [m]."""
+PATIENCE = 20.0
+"""A stop that has not held the arm after this time [s] has failed."""
+
+
+def attack(address: str, controls: Words, keys: Words) -> None:
+    """Send garbage for ever; press the keys in between."""
+    while True:
+        with suppress(OSError, AssertionError):
+            asyncio.run(_attack(address, controls, keys))
+
+
+async def _attack(address: str, controls: Words, keys: Words) -> None:
+    await asyncio.gather(_flood(address, controls), _press(address, keys))
+
+
+async def _flood(address: str, controls: Words) -> None:
+    while True:
+        await flood(address, 500, controls)
+        await asyncio.sleep(0.01)
+
+
+async def _press(address: str, keys: Words) -> None:
+    """Press the keys, and read what comes, as a page does."""
+    while keys:
+        with suppress(ConnectionClosed, InvalidHandshake, OSError):
+            url = socket_address(address)
+            async with connect(url, subprotocols=VERSION, max_size=None) as socket:
+                reader = asyncio.create_task(swallow(socket))
+                await socket.send(msgspec.msgpack.encode(CAMERA))
+                try:
+                    while True:
+                        for message in (m for key in keys for m in _pressed(key)):
+                            await socket.send(msgspec.msgpack.encode(message))
+                            await asyncio.sleep(0.02)
+                finally:
+                    reader.cancel()
+        await asyncio.sleep(0.1)
+
+
+def _pressed(key: str) -> tuple[dict[str, Any], ...]:
+    """Return what presses it: it may be a button, or a key of the keyboard."""
+    return (
+        {"type": "CommandTriggerMessage", "uuid": key},
+        {"type": "GuiUpdateMessage", "uuid": key, "updates": {"value": True}},
+    )
+
+
+@contextmanager
+def attacked(server: PageServer) -> Iterator[None]:
+    """Let three processes attack the page."""
+    reader = Client(server.watch_address)
+    words = reader.controls
+    reader.close()
+    attacks = {
+        server.address: [words["Resume"], words["Start"]],
+        server.watch_address: [],
+        f"http://127.0.0.1:{server.port}/": [],
+    }
+    started = []
+    try:
+        for address, keys in attacks.items():
+            told = json.dumps([address, list(words.values()), keys])
+            words_of_line = [sys.executable, __file__, "--attack", told]
+            started.append(subprocess.Popen(words_of_line))
+        before = server.gate.refused
+        wait_for(lambda: server.gate.refused > before + 50, 60.0)
+        yield
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+
+
+def stop_under_attack(
+    session: Session,
+    server: PageServer,
+    count: int,
+    press: Callable[[], None] | None = None,
+) -> list[float]:
+    """Press STOP so often; return how long each took [s], infinite where it did not.
+
+    Args:
+        session: Runs the arm.
+        server: Of its page.
+        count: Tries.
+        press: Presses STOP; None is a viewer without a browser.
+    """
+    viewer = Client(server.watch_address)
+    try:
+        with attacked(server):
+            do = press or (lambda: viewer.press(STOP))
+            return [_stop_once(session, do) for _ in range(count)]
+    finally:
+        viewer.close()
+
+
+def _stop_once(session: Session, press: Callable[[], None]) -> float:
+    def is_running() -> bool:
+        session.resume()
+        session.start()
+        return session.status.mode == "running"
+
+    wait_for(is_running, 60.0)
+    begin = time.monotonic()
+    press()
+    while not _is_held(session):
+        if time.monotonic() - begin > PATIENCE:
+            return float("inf")
+        time.sleep(0.0005)
+    took = time.monotonic() - begin
+    place = moment(session).tool.position
+    while time.monotonic() - begin < took + HELD:
+        if not _is_held(session):
+            return float("inf")
+        time.sleep(0.002)
+    moved = np.linalg.norm(moment(session).tool.position - place)
+    return took if moved < MOVED_MAX else float("inf")
+
+
+def _is_held(session: Session) -> bool:
+    arm: Any = session.core.arm
+    return session.is_stopped and arm.is_held
+
+
+def moment(session: Session) -> Moment:
+    """Return the newest slice; a simulated arm has one."""
+    assert session.moment is not None
+    return session.moment
+
+
+@contextmanager
+def browser_press(server: PageServer) -> Iterator[Callable[[], None]]:
+    """Give what clicks STOP in a real browser that watches."""
+    from cockpit_browser import button, open_browser
+
+    browser: Any = open_browser()
+    browser.get(server.watch_address)
+    try:
+        wait_for(lambda: button(browser, "STOP"), 60.0)
+        time.sleep(2.0)
+        yield lambda: button(browser, "STOP").click()
+    finally:
+        browser.quit()
+
+
+def main() -> None:
+    """Measure, and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tries", type=int, default=1000)
+    parser.add_argument("--twin", default="medium")
+    parser.add_argument("--browser", action="store_true")
+    parser.add_argument("--attack", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.attack:
+        attack(*json.loads(asked.attack))
+    server = open_server(0)
+    session = Session(Choice(policy="peg_square", place=f"twin:{asked.twin}"))
+    page = Page(server, session)
+    print(f"load before {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
+    try:
+        if asked.browser:
+            with browser_press(server) as press:
+                took = stop_under_attack(session, server, asked.tries, press)
+        else:
+            took = stop_under_attack(session, server, asked.tries)
+    finally:
+        page.close()
+        session.close()
+        server.stop()
+    held = sorted(1e3 * t for t in took if np.isfinite(t))
+    print(f"STOP held the arm in {len(held)} of {len(took)} tries")
+    if held:
+        print(
+            f"until it is held: median {statistics.median(held):.1f} ms, p95 "
+            f"{held[int(0.95 * (len(held) - 1))]:.1f} ms, longest {held[-1]:.1f} ms"
+        )
+    print(f"{server.gate.refused} hostile messages were dropped")
+    print(f"load after {os.getloadavg()[0]:.1f}")
+
+
+if __name__ == "__main__":
+    main()
