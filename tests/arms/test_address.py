@@ -6,7 +6,7 @@ import pytest
 from dovetail import _core
 from dovetail.arms import fri_transport
 from dovetail.arms.address import parse_address
-from dovetail.arms.arm_address import parse_endpoint
+from dovetail.arms.arm_address import ArmAddress, parse_endpoint
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
@@ -264,3 +264,27 @@ def test_a_token_is_in_no_text_that_is_kept(given, kept):
     assert address.token == "secret"
     assert address.text == kept
     assert "secret" not in f"{address!r} {address} {address.describe_ground()}"
+
+
+@pytest.mark.parametrize(
+    ("text", "may_be_robot"),
+    [
+        ("mujoco", False),
+        ("bullet", False),
+        ("twin:medium", False),
+        ("fri://0.0.0.0", True),
+        ("fri://0.0.0.0?clock=wall", True),
+        ("fri://0.0.0.0?control=127.0.0.1:1", False),
+        ("grpc://localhost", True),
+    ],
+)
+def test_what_may_be_a_robot(text, may_be_robot):
+    assert parse_address(text).may_be_robot is may_be_robot
+
+
+def test_an_arm_of_a_new_kind_may_be_a_robot_until_it_says_no():
+    class NewAddress(ArmAddress):
+        def describe_ground(self):
+            return "somewhere"
+
+    assert NewAddress().may_be_robot is True

@@ -31,7 +31,7 @@ class GrpcAddress(ArmAddress):
     """Own certificate."""
     key: Path | None = None
     """Own private key."""
-    token: str | None = field(default=None, repr=False)
+    token: str | None = field(default=None, repr=False, compare=False)
     """Token of the service, which `text` leaves out: texts are kept and sent around."""
 
     @classmethod
