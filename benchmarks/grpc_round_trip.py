@@ -1,12 +1,11 @@
 """What a step over gRPC takes beyond the arm's own time, beside a bare gRPC echo.
 
-    python benchmarks/grpc_round_trip.py [--steps 2000] [--waits 100] [--no-waking]
+    python benchmarks/grpc_round_trip.py [--steps 2000] [--waits 100]
 
 The service runs in a process of its own on loopback. Its arm either answers at once or
 waits for the 50 ms of a policy step, and says in `stamp` how long that took; what is
 left of the learner's time is the road there and back. The peer is gRPC alone: the same
 number of bytes there and back, no arm and no checks. Blocks of both take turns.
-`--no-waking` leaves out the calls that wake the road before a report is due.
 """
 
 import argparse
@@ -34,7 +33,6 @@ from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
-from dovetail.rpc import step_stream
 from dovetail.rpc.server import ArmServer
 from dovetail.types import Vec7
 from dovetail.workcell.workcell import Workcell
@@ -125,7 +123,7 @@ def serve() -> None:
     port = echo.add_insecure_port("127.0.0.1:0")
     echo.start()
     with ArmServer(Builder(), "127.0.0.1:0") as server:
-        print(server.address, port, flush=True)
+        print(server.url, port, flush=True)
         sys.stdin.read()
     echo.stop(0)
 
@@ -157,7 +155,7 @@ def measure(
         task=TaskSpec.parse("XYZ:force A:pose BC:hold"),
         period=PERIOD,
     )
-    arm = RemoteArm(GrpcAddress.parse(f"grpc://{address}"), settings, robot=robot)
+    arm = RemoteArm(GrpcAddress.parse(address), settings, robot=robot)
     arm.reset(np.full(7, 0.1), Pose(np.array([0.6, 0.0, 0.1]), QUAT))
     target = _core.Target(quat_wxyz_d=QUAT)
     channel = grpc.insecure_channel(f"127.0.0.1:{echo_port}")
@@ -210,16 +208,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=str(__doc__).split("\n")[0])
     parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--waits", type=int, default=100)
-    parser.add_argument(
-        "--no-waking", action="store_true", help="do not wake the road before a report"
-    )
     parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.serve:
         serve()
         return
-    if options.no_waking:
-        step_stream.WAKE_FROM = float("inf")
     with subprocess.Popen(
         [sys.executable, __file__, "--serve"],
         stdin=subprocess.PIPE,

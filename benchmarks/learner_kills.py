@@ -86,7 +86,7 @@ def kill_one(server: ArmServer, builder: RebuiltArm, number: int) -> list[float]
         TimeoutError: The arm was not held.
     """
     learner = subprocess.Popen(
-        [sys.executable, __file__, f"--learner=grpc://{server.address}:{number}"],
+        [sys.executable, __file__, f"--learner={server.url}:{number}"],
         stdout=subprocess.PIPE,
         text=True,
     )

@@ -19,7 +19,7 @@ class ServedArm(RemoteArm):
         self._server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
         self._server.start()
         try:
-            address = GrpcAddress.parse(f"grpc://{self._server.address}")
+            address = GrpcAddress.parse(self._server.url)
             spec = TaskSpec.parse(task) if isinstance(task, str) else task
             settings = ControllerSettings(
                 osc=osc, limits=limits, task=spec, period=period

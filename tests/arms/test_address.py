@@ -6,7 +6,7 @@ import pytest
 from dovetail import _core
 from dovetail.arms import fri_transport
 from dovetail.arms.address import parse_address
-from dovetail.arms.arm_address import parse_endpoint
+from dovetail.arms.arm_address import ArmAddress, parse_endpoint
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
@@ -151,8 +151,8 @@ def test_certificates_are_files(tmp_path):
         ("fri://0.0.0.0?clock=wall&clock=lockstep", "gives clock twice"),
         ("grpc://", "give grpc://HOST:PORT"),
         (
-            "grpc://a:1?token=x",
-            "unknown keys: token; known keys: ca, cert, key, period, margins",
+            "grpc://a:1?word=x",
+            "unknown keys: word; known keys: ca, cert, key, token, period, margins",
         ),
         ("grpc://a:1", "needs certificates"),
         ("grpc://localhost?period=10ms", "allowed: 1, 2, 2.5 and 5 ms; take 5ms"),
@@ -249,3 +249,42 @@ def test_what_an_address_says_reaches_the_servo_loop(monkeypatch):
     assert servo.commanded_is_total
     assert servo.lockstep
     assert servo.watchdog.target_timeout == 0.1
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"),
+    [
+        ("grpc://localhost:1?token=secret", "grpc://localhost:1"),
+        ("grpc://[::1]:1?token=secret&period=1ms", "grpc://[::1]:1?period=1ms"),
+        ("grpc://localhost?period=1ms&tok%65n=secret", "grpc://localhost?period=1ms"),
+    ],
+)
+def test_a_token_is_in_no_text_that_is_kept(given, kept):
+    address = parse_address(given)
+    assert address.token == "secret"
+    assert address.text == kept
+    assert "secret" not in f"{address!r} {address} {address.describe_ground()}"
+
+
+@pytest.mark.parametrize(
+    ("text", "may_be_robot"),
+    [
+        ("mujoco", False),
+        ("bullet", False),
+        ("twin:medium", False),
+        ("fri://0.0.0.0", True),
+        ("fri://0.0.0.0?clock=wall", True),
+        ("fri://0.0.0.0?control=127.0.0.1:1", False),
+        ("grpc://localhost", True),
+    ],
+)
+def test_what_may_be_a_robot(text, may_be_robot):
+    assert parse_address(text).may_be_robot is may_be_robot
+
+
+def test_an_arm_of_a_new_kind_may_be_a_robot_until_it_says_no():
+    class NewAddress(ArmAddress):
+        def describe_ground(self):
+            return "somewhere"
+
+    assert NewAddress().may_be_robot is True

@@ -48,7 +48,7 @@ def test_the_page_of_a_simulation_offers_to_pause_step_and_pace_it(session):
 
 
 def test_a_simulation_behind_grpc_is_paced_and_not_paused(make_session, service):
-    session = make_session(place=f"grpc://{service.address}")
+    session = make_session(place=service.url)
     session.reset()
     session.start()
     session.pause()
@@ -63,7 +63,7 @@ def test_the_page_of_an_arm_that_has_not_moved_yet_is_drawn_and_then_shows_it(
     make_session, service
 ):
     need("viser")
-    session = make_session(place=f"grpc://{service.address}")
+    session = make_session(place=service.url)
     assert session.moment is None
     server = open_server(0)
     page = Page(server, session)
@@ -83,7 +83,7 @@ def test_the_page_of_an_arm_that_has_not_moved_yet_is_drawn_and_then_shows_it(
 def test_a_service_that_dies_is_told_at_a_stop_too_and_the_log_is_kept(
     make_session, service
 ):
-    session = make_session(place=f"grpc://{service.address}")
+    session = make_session(place=service.url)
     session.reset()
     session.start()
     wait_until(lambda: session.moment is not None and session.moment.stamp > 0.3)
@@ -99,7 +99,7 @@ def test_a_service_that_dies_is_told_at_a_stop_too_and_the_log_is_kept(
 def test_a_service_that_dies_while_the_arm_is_held_is_told_without_a_step(
     make_session, service
 ):
-    session = make_session(place=f"grpc://{service.address}")
+    session = make_session(place=service.url)
     session.reset()
     wait_until(lambda: session.status.mode == "held")
     service.close()
@@ -165,7 +165,7 @@ def test_a_start_right_after_a_demonstration_was_kept_goes_on(session):
 
 
 def test_without_a_policy_an_arm_elsewhere_is_led(make_session, service):
-    session = make_session(policy=NOBODY, place=f"grpc://{service.address}")
+    session = make_session(policy=NOBODY, place=service.url)
     session.reset()
     wait_until(lambda: session.status.mode == "held")
     begin = session.moment.tool.position

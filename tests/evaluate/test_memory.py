@@ -58,7 +58,7 @@ def service():
     server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
     server.start()
     try:
-        yield f"grpc://{server.address}?margins=model"
+        yield f"{server.url}&margins=model"
     finally:
         server.close()
 

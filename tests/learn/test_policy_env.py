@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+from dovetail.arms.fri_address import FriAddress
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy, find_policy, list_policies
 from dovetail.learn.policy_env import (
@@ -33,7 +34,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
     assert set(settings) | later == {*TAKEN, "peg", "clearance"}
     # What searches is faster near contact; nothing else is laxer than usual.
     fast = {"search_square": 0.05, "peg_near": 0.022}.get(name)
-    said = "" if fast is None else f"near_speed {fast} m/s (default 0.02)"
+    said = [] if fast is None else [("near_speed", fast, 0.02, "m/s")]
     assert lax_contact(settings) == said
     env = make_env(policy, twin="easy")
     assert env.unwrapped.task.peg == settings["peg"]
@@ -135,6 +136,16 @@ def test_laxer_contact_is_said_and_needs_a_yes_on_what_may_be_a_robot(
         assert "laxer" in require_yes(settings, arm, is_given=False)
     with pytest.raises(ConfigError, match=words):
         make_env(lax, arm=ROBOT)
+
+
+def test_whether_it_may_be_a_robot_is_a_fact_and_no_text(policy, monkeypatch):
+    """What cannot be disturbed may still be a simulation, and the other way round."""
+    settings = policy_settings(changed(policy, "env", near_speed=5.0).metadata)
+    monkeypatch.setattr(FriAddress, "undisturbed", "")
+    with pytest.raises(ConfigError):
+        require_yes(settings, ROBOT, is_given=False)
+    monkeypatch.setattr(FriAddress, "undisturbed", "not today")
+    require_yes(settings, CABINET, is_given=False)
 
 
 def test_stricter_contact_needs_no_yes():

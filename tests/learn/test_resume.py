@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import shlex
 import shutil
 from pathlib import Path
@@ -14,7 +15,7 @@ from dovetail.commands.train import defaults
 from dovetail.errors import ConfigError, PlantError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.one_run import announce
-from dovetail.learn.run_folder import open_run
+from dovetail.learn.run_folder import RunLock, open_run, require_run, settings_of
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
 from dovetail.strangers import TRUSTED, trust_typed
@@ -151,3 +152,83 @@ def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, sma
     assert read is not None
     assert read.environment.env == ring
     assert read.runs.resume
+
+
+OUTSIDE = ("fri://127.0.0.1:30299", "grpc://127.0.0.1:50999")
+
+
+@pytest.fixture
+def sent(tmp_path):
+    """The run folder that somebody sent: its config.json names an arm."""
+
+    def make(arm, **more):
+        place = (0.6, 0.0, 0.1, 0.0)
+        config = TrainConfig.of(arm=arm, fixed_goal=True, fixture=place, steps=100)
+        facts = config.to_json() | more
+        (tmp_path / "config.json").write_text(json.dumps(facts))
+        return tmp_path
+
+    return make
+
+
+@pytest.mark.parametrize("arm", [*OUTSIDE, f"{OUTSIDE[0]}?control=127.0.0.1:30298"])
+def test_a_run_folder_does_not_choose_an_arm(sent, monkeypatch, capsys, arm):
+    folder, asked = sent(arm), []
+    monkeypatch.setattr("dovetail.learn.one_run.make_vec_env", asked.append)
+    assert run(["train", "--resume", "--out", str(folder)]) == 2
+    said = capsys.readouterr().err.replace("\n", " ")
+    assert arm in said
+    assert "--arm" in said
+    with pytest.raises(ConfigError):
+        settings_of(folder)
+    with pytest.raises(ConfigError):
+        settings_of(folder, "grpc://127.0.0.1:1")
+    assert asked == []
+
+
+@pytest.mark.parametrize("arm", OUTSIDE)
+def test_a_run_goes_on_with_its_arm_that_is_given_again(sent, arm):
+    folder = sent(arm)
+    read = defaults(["--resume", "--out", str(folder), "--arm", arm])
+    assert read is not None
+    assert read.place.arm == arm
+    require_run(read)
+
+
+def test_a_run_goes_on_with_a_simulated_arm_of_its_folder(sent):
+    assert settings_of(sent("twin:easy"))["arm"] == "twin:easy"
+
+
+def test_the_printed_command_names_the_arm_again_without_its_token(tmp_path):
+    config = TrainConfig.of(arm=f"{OUTSIDE[1]}?token=secret", fixed_goal=True)
+    console = Console(file=io.StringIO(), width=500)
+    announce(console, config, tmp_path)
+    assert f"--arm {OUTSIDE[1]}\n" in console.file.getvalue()
+    assert "secret" not in console.file.getvalue() + json.dumps(config.to_json())
+    assert "secret" not in config.command()
+
+
+def test_a_run_on_a_service_goes_on_with_a_new_token(sent):
+    arm = f"{OUTSIDE[1]}?token="
+    folder = sent(f"{arm}first")
+    again = ["--resume", "--out", str(folder), "--arm", f"{arm}second"]
+    read = defaults(again)
+    assert read is not None
+    require_run(read.having(arm=f"{arm}second"))
+
+
+@pytest.mark.parametrize("name", ["out", "resume", "threads"])
+def test_a_run_folder_does_not_choose_where_it_is(sent, name):
+    value = {"out": "/elsewhere", "resume": False, "threads": 7}[name]
+    assert name not in settings_of(sent("twin:easy", **{name: value}))
+
+
+@pytest.mark.parametrize("kind", ["link", "pipe"])
+def test_a_lock_that_is_no_file_is_refused_and_harms_nothing(tmp_path, kind):
+    precious = tmp_path / "precious.txt"
+    precious.write_text("kept")
+    lock = tmp_path / ".lock"
+    lock.symlink_to(precious) if kind == "link" else os.mkfifo(lock)
+    with pytest.raises(ConfigError), RunLock(tmp_path):
+        pass
+    assert precious.read_text() == "kept"

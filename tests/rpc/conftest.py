@@ -1,7 +1,9 @@
 """Services over a simulation or over a recording arm, and clients of them."""
 
+import queue
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import grpc
@@ -92,7 +94,7 @@ def connect(settings):
     arms = []
 
     def make(server, **options):
-        address = server if isinstance(server, str) else f"grpc://{server.address}"
+        address = server if isinstance(server, str) else server.url
         given = [options.pop(n, v) for n, v in zip(_NAMES, settings, strict=True)]
         made_of = dict(zip(_NAMES, given, strict=True))
         made_of["task"] = TaskSpec.parse(made_of["task"])
@@ -113,9 +115,9 @@ def open_stub():
     """Make bare clients of a service."""
     channels = []
 
-    def make(server):
+    def make(server, *, has_token=True):
         channels.append(grpc.insecure_channel(server.address))
-        return Stub(channels[-1])
+        return Stub(channels[-1], token_of(server) if has_token else ())
 
     yield make
     for channel in channels:
@@ -128,9 +130,40 @@ def stub(server, open_stub):
 
 
 @pytest.fixture
-def lease(stub):
-    request = pb.LeaseRequest(version=own_version(), client="bare")
-    return stub.acquire_lease(request).lease
+def acquire():
+    """Open control streams that stay open until the end; returns stream and lease."""
+    opened = []
+
+    def make(stub, name="bare"):
+        outbox = queue.SimpleQueue()
+        request = pb.LeaseRequest(version=own_version(), client=name)
+        outbox.put(pb.StepRequest(acquire=request))
+        stream = stub.control(iter(outbox.get, None), timeout=60)
+        opened.append((stream, outbox))
+        return stream, next(stream).lease
+
+    yield make
+    for stream, outbox in opened:
+        stream.cancel()
+        outbox.put(None)
+
+
+@pytest.fixture
+def lease(stub, acquire):
+    return acquire(stub)[1]
+
+
+def token_of(server):
+    """Return the metadata that a call to this service needs."""
+    token = GrpcAddress.parse(server.url).token
+    return [("authorization", f"Bearer {token}")]
+
+
+def wait_until(is_true, seconds=10.0):
+    deadline = time.monotonic() + seconds
+    while not is_true() and time.monotonic() < deadline:
+        time.sleep(0.005)
+    assert is_true()
 
 
 def refused(call, *args, code=grpc.StatusCode.INVALID_ARGUMENT):
@@ -156,7 +189,7 @@ def spawn_learner(start):
 
     def start_one(server, how):
         script = Path(__file__).with_name("learner.py")
-        address = f"grpc://{server.address}"
+        address = server.url
         process = subprocess.Popen(
             [sys.executable, str(script), address, how, *map(str, start)],
             stdout=subprocess.PIPE,

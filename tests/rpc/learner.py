@@ -1,9 +1,10 @@
 """A learner in a process of its own: steps until it is killed.
 
-python learner.py grpc://HOST:PORT DURATION|leave Q1 ... Q7
+python learner.py grpc://HOST:PORT DURATION|leave|acquire Q1 ... Q7
 """
 
 import sys
+import time
 
 import numpy as np
 
@@ -24,7 +25,11 @@ settings = ControllerSettings(
     period=0.005,
 )
 address = GrpcAddress.parse(sys.argv[1])
-arm = RemoteArm(address, settings, robot=robot, lease_timeout=60.0)
+arm = RemoteArm(address, settings, robot=robot)
+if sys.argv[2] == "acquire":
+    sys.stdout.write("moving\n")
+    sys.stdout.flush()
+    time.sleep(60.0)
 q = [float(word) for word in sys.argv[3:]]
 arm.reset(np.array(q), Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0)))
 target = _core.Target(quat_wxyz_d=np.array([0.0, 1.0, 0.0, 0.0]))

@@ -12,6 +12,7 @@ from dovetail.errors import ArmError
 from dovetail.rpc.arm_host import ArmHost
 
 from .conftest import HOLE, push
+from .recording_arm import RecordingArm
 
 
 @pytest.fixture
@@ -115,3 +116,55 @@ def test_settings_do_not_change_during_a_step(host, builder, start):
     builder.arm.step = configured_meanwhile
     host.step(push(0.0), 0.05)
     assert len(builder.built) == 1
+
+
+@pytest.mark.parametrize("is_ordered", [False, True])
+def test_a_stop_that_the_arm_forgets_as_its_reset_begins_is_said_again(
+    host, builder, start, is_ordered
+):
+    host.stop("before", is_ordered=False)
+
+    def reset(q, hole):
+        host.hold_if_stopped()  # of the stop that this reset ends: nothing
+        assert not builder.arm._stop.is_set()
+        host.stop("during", is_ordered=is_ordered)
+        builder.arm.clear()
+        host.hold_if_stopped()
+        assert builder.arm._stop.is_set()
+        return RecordingArm.reset(builder.arm, q, hole)
+
+    builder.arm.reset = reset
+    host.reset(start, HOLE, None)
+    assert host.stop_reason == "during"
+
+
+def test_a_stop_that_the_arm_forgets_as_it_is_cleared_is_said_again(
+    host, builder, start
+):
+    host.reset(start, HOLE, None)
+    host.stop("before", is_ordered=True)
+    clear = builder.arm.clear
+
+    def stopped_meanwhile():
+        host.stop("during", is_ordered=True)
+        clear()
+
+    builder.arm.clear = stopped_meanwhile
+    host.clear()
+    assert host.stop_reason == "during"
+    assert builder.arm._stop.is_set()
+
+
+def test_a_reset_of_a_learner_that_has_left_meanwhile_does_not_end_that_stop(
+    host, builder, start
+):
+    host.stop("left", is_ordered=False)
+
+    def lost():
+        raise ArmError("no longer its owner")
+
+    for use in (lambda: host.reset(start, HOLE, None, lost), lambda: host.clear(lost)):
+        with pytest.raises(ArmError, match="no longer its owner"):
+            use()
+    assert host.stop_reason == "left"
+    assert builder.arm.calls == ["stop"]

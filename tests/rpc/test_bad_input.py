@@ -1,6 +1,7 @@
 """Whatever a client sends: it is told what is wrong, and the service goes on."""
 
 import math
+import queue
 import socket
 
 import grpc
@@ -14,7 +15,7 @@ from dovetail.rpc.messages import write_pose
 from dovetail.rpc.settings import write_settings
 from dovetail.rpc.version import PROTOCOL, own_version
 
-from .conftest import HOLE, refused
+from .conftest import HOLE, refused, token_of, wait_until
 
 NAN, INF = math.nan, math.inf
 
@@ -217,16 +218,9 @@ def test_an_unknown_choice_lists_the_known_ones(stub, configuration):
     assert "limits.scheme is 'magic'; allowed: qp, paper" in problem.text
 
 
-@pytest.mark.parametrize("timeout", [0.0, -1.0, NAN, 1e9])
-def test_wrong_lease_timeouts(stub, timeout):
-    request = pb.LeaseRequest(version=own_version(), timeout=timeout)
-    assert paths(refused(stub.acquire_lease, request)) == ["timeout"]
-
-
-def test_a_name_with_control_characters_cannot_forge_lines(stub, news):
-    request = pb.LeaseRequest(version=own_version(), client="a\n\x1b[31mb" * 100)
-    stub.acquire_lease(request)
-    assert len(news) == 1
+def test_a_name_with_control_characters_cannot_forge_lines(stub, news, acquire):
+    acquire(stub, "a\n\x1b[31mb" * 100)
+    wait_until(lambda: len(news) == 1)
     assert news[0].isprintable()
     assert len(news[0]) < 300
 
@@ -246,29 +240,50 @@ def test_a_step_before_the_reset(stub, configuration, step_request):
 
 
 @pytest.mark.parametrize(
-    "name", ["reset", "step", "clear", "keep_alive", "release_lease", "control"]
+    "name", ["reset", "step", "clear", "release_lease", "configure"]
 )
 def test_without_the_lease_nothing_moves(
     ready, builder, step_request, reset_request, name
 ):
     before = list(builder.arm.calls)
-    request = {"step": step_request, "control": step_request, "reset": reset_request}
+    request = {"step": step_request, "reset": reset_request}
+    request["configure"] = pb.Configuration(version=own_version())
     message = request.get(name, pb.Holder())
     for wrong in ("", "0" * 32):
         message.lease = wrong
-        sent = iter([message]) if name == "control" else message
-        problem = refused(getattr(ready, name), sent, code=FAILED)
+        problem = refused(getattr(ready, name), message, code=FAILED)
         assert "does not hold the arm's lease" in problem.text
     assert builder.arm.calls == before
 
 
-def test_an_error_in_the_stream_does_not_end_it(ready, builder, step_request, lease):
+def test_a_stream_that_acquires_nothing_is_refused(ready, step_request):
+    refused(ready.control, iter([step_request]), code=FAILED)
+
+
+def test_a_second_stream_is_refused_while_the_first_is_open(ready):
+    acquire = pb.LeaseRequest(version=own_version(), client="second")
+    request = pb.StepRequest(acquire=acquire)
+    problem = refused(ready.control, iter([request]), code=FAILED)
+    assert "held by bare at ipv4:127.0.0.1" in problem.text
+
+
+def test_an_error_in_the_stream_does_not_end_it(
+    stub, configuration, reset_request, step_request
+):
+    stub.release_lease(pb.Holder(lease=configuration.lease))
+    outbox = queue.SimpleQueue()
+    acquire = pb.LeaseRequest(version=own_version(), client="bare")
+    outbox.put(pb.StepRequest(acquire=acquire))
+    answers = stub.control(iter(outbox.get, None), timeout=20)
+    configuration.lease = reset_request.lease = next(answers).lease
+    stub.configure(configuration)
+    stub.reset(reset_request)
     bad = pb.StepRequest()
     bad.CopyFrom(step_request)
     bad.target.f_star[0] = NAN
-    requests = [pb.StepRequest(lease=lease), bad, step_request]
-    empty, problem, state = ready.control(iter(requests), timeout=20)
-    assert not empty.HasField("state")
+    for request in (bad, step_request, None):
+        outbox.put(request)
+    problem, state = answers
     assert problem.problem.kind == "ConfigError"
     assert problem.problem.fields[0].path == "target.f_star[X]"
     assert state.state.stamp == 0.05
@@ -278,7 +293,6 @@ def test_an_error_in_the_stream_does_not_end_it(ready, builder, step_request, le
     ("name", "message"),
     [
         ("get_info", pb.InfoRequest),
-        ("acquire_lease", pb.LeaseRequest),
         ("configure", pb.Configuration),
         ("state", pb.WatchRequest),
         ("get_log", pb.LogRequest),
@@ -303,17 +317,21 @@ def test_settings_do_not_change_while_the_arm_follows_a_target(
     assert builder.built[-1].period == 0.002
 
 
-def test_bytes_that_are_no_message(server, stub, lease):
+def test_bytes_that_are_no_message(server, stub, lease, news):
     channel = grpc.insecure_channel(server.address)
-    for name in ("GetInfo", "Step", "Configure", "Stop"):
-        call = channel.unary_unary(f"/dovetail.Arm/{name}")
-        with pytest.raises(grpc.RpcError):
-            call(b"\xff" * 100, timeout=10)
+    token = token_of(server)
+    for name in ("GetInfo", "Step", "Configure", "Stop", "Control", "State"):
+        call = channel.stream_stream(f"/dovetail.Arm/{name}")
+        with pytest.raises(grpc.RpcError) as error:
+            list(call(iter([b"\xff" * 100]), timeout=10, metadata=token))
+        assert error.value.code() == grpc.StatusCode.INVALID_ARGUMENT
+    call = channel.unary_unary("/dovetail.Arm/GetInfo")
     with pytest.raises(grpc.RpcError) as error:
-        channel.unary_unary("/dovetail.Arm/GetInfo")(b"\0" * 10**6, timeout=10)
+        call(b"\0" * 10**6, timeout=10, metadata=token)
     assert error.value.code() == grpc.StatusCode.RESOURCE_EXHAUSTED
     channel.close()
-    stub.keep_alive(pb.Holder(lease=lease), timeout=10)
+    stub.clear(pb.Holder(lease=lease), timeout=10)
+    assert not any("unexpected" in line for line in news)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -329,4 +347,4 @@ def test_garbage_on_the_port(server, stub, lease, seed):
                 connection.recv(1000)
             except OSError:
                 pass
-    stub.keep_alive(pb.Holder(lease=lease), timeout=10)
+    stub.clear(pb.Holder(lease=lease), timeout=10)

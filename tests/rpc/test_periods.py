@@ -29,7 +29,7 @@ def play(**options):
 
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_arm_moves_as_one_in_this_process_at_every_period(simulation, period):
-    address = f"grpc://{simulation.address}?period={1e3 * period:g}ms"
+    address = f"{simulation.url}&period={1e3 * period:g}ms"
     remote, here = play(arm=address), play(period=period)
     assert len(remote) == len(here) == round(3 * 0.05 / period)
     columns = slice(COLUMN["time"], COLUMN["q7"] + 1)
@@ -40,14 +40,14 @@ def test_a_service_refuses_a_learner_that_declares_less(cell, news):
     plant, least = make_plant("mujoco", cell, DynamicsConfig()), DeclaredErrors
     builder = LocalBuilder("mujoco", plant, declared=least(delay=0.012, mass_error=0.1))
     with ArmServer(builder, "127.0.0.1:0", notify=news.append) as server:
-        address = f"grpc://{server.address}"
+        address = server.url
         with pytest.raises(ConfigError) as error:
             play(arm=address)
         assert "delay of the arm at mujoco is up to 12 ms" in str(error.value)
         assert "the learner's limits declare 10 ms" in str(error.value)
         assert "--delay 12ms, or in Python delay=0.012" in str(error.value)
         with pytest.raises(ConfigError, match=r"declare 0 ms.*and no margins=model"):
-            play(arm=f"{address}?margins=model")
+            play(arm=f"{address}&margins=model")
         assert len(play(arm=address, delay=0.012)) == 30
     assert any("warning: as declared, the loop's delay is 12 ms" in n for n in news)
 
@@ -55,9 +55,9 @@ def test_a_service_refuses_a_learner_that_declares_less(cell, news):
 def test_a_service_that_offers_one_period_refuses_any_other(cell):
     plant = make_plant("mujoco", cell, DynamicsConfig())
     with ArmServer(LocalBuilder("mujoco", plant, 0.0025), "127.0.0.1:0") as server:
-        address = f"grpc://{server.address}"
+        address = server.url
         with pytest.raises(ConfigError) as error:
             play(arm=address, period=0.001)
         assert "commanded every 2.5 ms, the learner asks for 1 ms" in str(error.value)
         assert "add period=2.5ms to the learner's address" in str(error.value)
-        assert len(play(arm=f"{address}?period=2.5ms")) == 60
+        assert len(play(arm=f"{address}&period=2.5ms")) == 60

@@ -29,7 +29,7 @@ def serve():
         while line.startswith("warning: "):
             process.before, line = process.before + line, process.stdout.readline()
         process.address = re.search(r"grpc://\S+", line)[0]  # as told to learners
-        return process, re.search(r"grpc://127\.0\.0\.1:\d+", line)[0]
+        return process, re.search(r"grpc://127\.0\.0\.1:\d+\?token=[\w-]+", line)[0]
 
     yield start_one
     for process in processes:
@@ -60,7 +60,7 @@ def test_a_twin_with_another_peg(serve, connect):
 
 def test_a_cabinets_period_is_told_to_the_learner(serve, connect):
     process, address = serve("--arm", f"fri://127.0.0.1:{free_port()}?period=1ms")
-    assert process.address == f"{address}?period=1ms"
+    assert process.address == f"{address}&period=1ms"
     with pytest.raises(ConfigError) as error:
         connect(address)  # with 5 ms
     for words in ("commanded every 1 ms", "asks for 5 ms", "grpc://HOST:PORT?period="):

@@ -6,12 +6,12 @@ import pytest
 
 from dovetail.errors import ArmError
 from dovetail.rpc import dovetail_pb2 as pb
-from dovetail.rpc.arm_service import WATCHERS_MAX
+from dovetail.rpc.arm_service import READERS_MAX
 from dovetail.rpc.messages import read_state, rows_from_bytes
 from dovetail.rpc.version import own_version
 from states import state_numbers
 
-from .conftest import HOLE, push, refused
+from .conftest import HOLE, push, refused, wait_until
 
 
 def watch(stub, **options):
@@ -50,12 +50,13 @@ def test_a_slow_watcher_gets_the_newest(simulation, start, connect, open_stub):
 
 
 def test_there_are_only_so_many_watchers(server, stub):
-    reports = [watch(stub) for _ in range(WATCHERS_MAX)]
+    reports = [watch(stub) for _ in range(READERS_MAX)]
     for report in reports:
         next(report)
     request = pb.WatchRequest(version=own_version())
-    problem = refused(stub.state, request, code=grpc.StatusCode.FAILED_PRECONDITION)
-    assert f"{WATCHERS_MAX} clients watch already" in problem.text
+    full = grpc.StatusCode.RESOURCE_EXHAUSTED
+    refused(stub.state, request, code=full)
+    refused(stub.get_log, pb.LogRequest(version=own_version()), code=full)
     for report in reports:
         report.cancel()
 
@@ -70,7 +71,7 @@ def test_anyone_may_stop_but_only_the_holder_clears(
     with pytest.raises(ArmError, match=r"stopped \(hand in the cell, asked by ipv4"):
         arm.step(push(0.0))
     assert builder.arm.calls == ["reset", "step", "stop"]
-    assert "hand in the cell" in news[-1]
+    wait_until(lambda: "hand in the cell" in news[-1])
     refused(stub.clear, pb.Holder(), code=grpc.StatusCode.FAILED_PRECONDITION)
     info = stub.get_info(pb.InfoRequest(version=own_version()))
     assert info.stopped.startswith("hand in the cell")

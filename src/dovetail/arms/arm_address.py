@@ -90,6 +90,11 @@ class ArmAddress(ABC):
         )
 
     @property
+    def may_be_robot(self) -> bool:
+        """Whether a real arm may move there; no only where it is surely simulated."""
+        return True
+
+    @property
     def undisturbed(self) -> str:
         """Why nothing at this end can push the arm or move its fixture, and what could.
 
@@ -103,7 +108,7 @@ class ArmAddress(ABC):
 
         A simulated arm can be exactly its model, and hurts nobody where it is not.
         """
-        if self.margins == "hardware" or not self.undisturbed:
+        if self.margins == "hardware" or not self.may_be_robot:
             return ""
         return (
             f"arm {self.text!r} has margins=model, those of an arm that is exactly its "

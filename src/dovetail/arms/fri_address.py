@@ -165,6 +165,11 @@ class FriAddress(Sectioned, ArmAddress):
         return f"the arm at {self.text.partition('?')[0]}"
 
     @property
+    def may_be_robot(self) -> bool:
+        """Whether a real arm may move there: not with a control port."""
+        return self.cabinet.control is None
+
+    @property
     def undisturbed(self) -> str:
         """Why nothing can push the arm; empty with a control port."""
         if self.cabinet.control is not None:

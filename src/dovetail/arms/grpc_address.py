@@ -1,8 +1,9 @@
 """An arm that `dovetail serve` offers: `grpc://HOST:PORT?KEY=VALUE&...`."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import ClassVar, Self
+from urllib.parse import unquote
 
 from dovetail.arms.arm_address import ArmAddress, Keys
 from dovetail.control.period import PERIODS
@@ -30,6 +31,8 @@ class GrpcAddress(ArmAddress):
     """Own certificate."""
     key: Path | None = None
     """Own private key."""
+    token: str | None = field(default=None, repr=False, compare=False)
+    """Token of the service, which `text` leaves out: texts are kept and sent around."""
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -39,7 +42,7 @@ class GrpcAddress(ArmAddress):
             ConfigError: Unknown key (lists the known ones), a file that is none, or
                 another machine without certificates.
         """
-        keys = Keys(text, PORT, (*_FILES, "period", "margins"))
+        keys = Keys(text, PORT, (*_FILES, "token", "period", "margins"))
         files = {
             name: Path(given).expanduser()
             for name in _FILES
@@ -59,7 +62,8 @@ class GrpcAddress(ArmAddress):
             if not path.is_file():
                 raise ConfigError(f"arm {name} {str(path)!r} is no file")
         return cls(
-            text=text,
+            text=_without_token(text),
+            token=keys.get("token"),
             host=keys.host,
             port=keys.port,
             period=keys.period(PERIODS),
@@ -87,3 +91,12 @@ class GrpcAddress(ArmAddress):
             f"approach is asked of {self.text!r}, which is not fri://; add "
             "approach=yes to the address of `dovetail serve`"
         )
+
+
+def _without_token(text: str) -> str:
+    """Return an address without the secret in it."""
+    where, mark, keys = text.partition("?")
+    kept = [
+        pair for pair in keys.split("&") if unquote(pair.partition("=")[0]) != "token"
+    ]
+    return f"{where}{mark}{'&'.join(kept)}".removesuffix("?")

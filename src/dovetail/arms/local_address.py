@@ -28,6 +28,11 @@ class LocalAddress(ArmAddress):
         """Whether the arm moves on while the learner thinks: no."""
         return False
 
+    @property
+    def may_be_robot(self) -> bool:
+        """Whether a real arm may move there: no."""
+        return False
+
     @abstractmethod
     def make_plant(self, cell: "Workcell") -> DrivenPlant:
         """Build the simulation."""

@@ -1,5 +1,6 @@
 """An arm behind `dovetail serve`, here or on another machine, over gRPC."""
 
+import os
 import threading
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +31,8 @@ class RemoteArm:
     """An arm in another process; moves bit for bit as it would here.
 
     It holds the service's lease from construction to `close`: another learner is
-    refused meanwhile. If this process dies, the service holds the arm.
+    refused meanwhile. The lease is an open stream: if this process dies, the service
+    holds the arm at once.
     """
 
     def __init__(
@@ -43,7 +45,6 @@ class RemoteArm:
         name: str | None = None,
         timeout: float = 30.0,
         reset_timeout: float = 120.0,
-        lease_timeout: float = 10.0,
     ) -> None:
         """Connect, take the lease and set the arm up.
 
@@ -57,8 +58,6 @@ class RemoteArm:
             name: What others are told about who holds the arm; default the program.
             timeout: Longest wait for an answer, beyond a step's own duration [s].
             reset_timeout: Longest wait for a reset, which may be a motion [s].
-            lease_timeout: The service gives the arm to others when nothing is heard of
-                this process for so long [s].
 
         Raises:
             ArmError: No service there, or another client holds the arm.
@@ -72,7 +71,7 @@ class RemoteArm:
         self._timeout, self._reset_timeout = timeout, reset_timeout
         self._seed: int | None = None
         self._closed = threading.Event()
-        self._lease = self._problem = ""
+        self._lease = ""
         self._steps: StepStream | None = None
         self._connection = _connect(address, timeout)
         self._stub = self._connection.stub
@@ -92,12 +91,8 @@ class RemoteArm:
                     measures_contact=True,
                 ),
             )
-            self._lease = self._acquire(name or client_name(), lease_timeout)
-            self._steps = StepStream(self._connection, self._lease, timeout)
-            self._keeper = threading.Thread(
-                target=self._keep_alive, name="dovetail-lease", daemon=True
-            )
-            self._keeper.start()
+            self._steps = StepStream(self._connection, name or client_name(), timeout)
+            self._lease = self._steps.lease
             self._configure(settings, cell)
         except BaseException:
             self.close()
@@ -160,7 +155,8 @@ class RemoteArm:
 
     def statistics(self) -> dict[str, Any]:
         """Return whether the service still answers; it tells its notes itself."""
-        return {"notes": [], "problem": self._problem}
+        problem = "" if self._steps is None else self._steps.problem
+        return {"notes": [], "problem": problem}
 
     def cycles(self) -> Array:
         """Return every control cycle since the last reset, columns CYCLE_COLUMNS.
@@ -196,18 +192,6 @@ class RemoteArm:
             self._steps.close()
         self._connection.close()
 
-    def _acquire(self, name: str, lease_timeout: float) -> str:
-        from dovetail.rpc import dovetail_pb2 as pb
-        from dovetail.rpc.version import own_version
-
-        request = pb.LeaseRequest(
-            version=own_version(), client=name, timeout=lease_timeout
-        )
-        with self._connection.words("the arm's lease cannot be had"):
-            lease = self._stub.acquire_lease(request, timeout=self._timeout)
-        self._rest = lease.timeout / 3.0
-        return lease.lease
-
     def _configure(self, settings: ControllerSettings, cell: "Workcell | None") -> None:
         from dovetail.rpc import dovetail_pb2 as pb
         from dovetail.rpc.settings import write_settings
@@ -219,24 +203,6 @@ class RemoteArm:
             request.cell.name = cell.name
         with self._connection.words("the arm refuses its settings"):
             self._stub.configure(request, timeout=self._reset_timeout)
-
-    def _keep_alive(self) -> None:
-        """Keep the lease while this process lives; end a step that never answers."""
-        from dovetail.rpc import dovetail_pb2 as pb
-        from dovetail.rpc.calls import is_failed_call
-
-        holder, steps = pb.Holder(lease=self._lease), self._steps
-        assert steps is not None  # the thread begins after it
-        while not self._closed.wait(min(self._rest, 1.0)):
-            steps.end_overdue()
-            try:
-                self._stub.keep_alive(holder, timeout=self._rest)
-                self._problem = ""
-            except Exception as error:
-                if not is_failed_call(error):
-                    raise  # else the next step says it, too
-                lost = self._connection.error(error, "nobody answers")
-                self._problem = str(lost)
 
 
 def _require_grpc() -> None:
@@ -251,12 +217,13 @@ def _require_grpc() -> None:
 
 def _connect(address: GrpcAddress, timeout: float) -> "Connection":
     from dovetail.rpc.client import Connection
-    from dovetail.rpc.security import certificates
+    from dovetail.rpc.security import TOKEN, certificates
 
     files = certificates(
         cert=address.cert, key=address.key, ca=address.ca, names=("cert", "key", "ca")
     )
-    return Connection(address.host, address.port, files, timeout)
+    token = address.token or os.environ.get(TOKEN)
+    return Connection(address.host, address.port, files, timeout, token)
 
 
 def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:

@@ -120,9 +120,10 @@ class Serve(Sectioned):
             raise
         with ended_by_signal() as end, server:
             how = "mutual TLS" if files else "this machine only, no TLS"
-            learners = f"grpc://{server.address}"
+            learners = server.url
             if address.period is not None:
-                learners += f"?period={format_period(address.period)}"
+                mark = "&" if "?" in learners else "?"
+                learners += f"{mark}period={format_period(address.period)}"
             notify(f"{builder.name} is served at {learners} ({how})")
             _show_status(console, server, end)
             notify("closing: the arm is held")

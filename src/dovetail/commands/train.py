@@ -40,6 +40,7 @@ def defaults(words: list[str]) -> Train | None:
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--out", type=Path, nargs="?")
+    parser.add_argument("--arm", nargs="?")
     parser.add_argument("--doubt", nargs="?")
     parser.add_argument("--teacher", nargs="?", default="corner")
     found, _ = parser.parse_known_args(words)
@@ -49,7 +50,7 @@ def defaults(words: list[str]) -> Train | None:
             del usual["learning_starts"]  # logs are there already; chance finds nothing
         return None if found.doubt is None else Train.of(**usual)
     folder = found.out.expanduser().absolute()
-    return Train.of(**settings_of(folder), out=found.out, resume=True)
+    return Train.of(**settings_of(folder, found.arm), out=found.out, resume=True)
 
 
 def _describe(result: TrainResult, config: TrainConfig) -> str:

@@ -204,7 +204,7 @@ def _describe(
         "task": str(env.axes),
         "period": facts.period,
         "fixture": [place.x, place.y, place.z, place.theta],
-        "arm": config.place.arm,
+        "arm": parse_address(config.place.arm).text,
         "commands": {
             "f_scale": action.f_scale,
             "f_scale_angular": action.f_scale_angular,

@@ -25,7 +25,8 @@ from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.trackers.find import require_tracker
 
-_NOT_COMPARED = ("out", "resume", "threads")
+NOT_COMPARED = ("out", "resume", "threads")
+"""Settings that are a sitting's, not the run's."""
 _OPTIONS = {"from_policy": "from"}
 
 
@@ -245,12 +246,14 @@ class TrainConfig(Sectioned):
         """
         values = self.flat()
         values |= values.pop("task_options") | self.environment.own()
+        if self.place.arm is not None:
+            values["arm"] = parse_address(self.place.arm).text  # without its token
         if self.dynamics.model_file is not None:
             values["model"] = self.dynamics.model_file.table()
         return {
             name: list(value) if isinstance(value, tuple) else value
             for name, value in values.items()
-            if name not in _NOT_COMPARED
+            if name not in NOT_COMPARED
         }
 
     def require_same(self, other: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from rich.console import Console
 
+from dovetail.arms.address import parse_address
 from dovetail.errors import ArmError, PlantError
 from dovetail.files import write_atomic
 from dovetail.learn.algorithms import make_model, make_vec_env
@@ -62,6 +63,9 @@ class TrainResult(NamedTuple):
 def announce(console: Console, config: TrainConfig, folder: Path) -> None:
     """Say where a run is and how it goes on, before anything can end it."""
     own = named_modules(config.flat())  # a run's folder alone lets none be imported
+    arm = None if config.place.arm is None else parse_address(config.place.arm)
+    if arm is not None and not arm.is_here:  # nor does it let one be reached
+        own += ["--arm", arm.text]
     words = ["dovetail", "train", "--resume", "--out", str(folder), *own]
     command = shlex.join(words)
     console.print(

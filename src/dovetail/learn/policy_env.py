@@ -6,7 +6,7 @@ where it runs (plant, twin, arm) is said by who runs it, never by the file.
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium
 
@@ -130,25 +130,42 @@ def policy_settings(
     return {name: value for name, value in env.items() if name in taken}
 
 
-def lax_contact(settings: Mapping[str, Any]) -> str:
-    """Say which contact settings are laxer than the defaults; empty for none.
+class LaxSetting(NamedTuple):
+    """A contact setting that is laxer than its default."""
+
+    name: str
+    """Keyword of the environment."""
+    value: float | str
+    """As the policy's file has it."""
+    default: float | str
+    """As it usually is."""
+    unit: str = ""
+    """Unit of both."""
+
+    def __str__(self) -> str:
+        """Name, value and default, for messages."""
+        if isinstance(self.value, str) or isinstance(self.default, str):
+            return f"{self.name} {self.value} (default {self.default})"
+        return f"{self.name} {self.value:g} {self.unit} (default {self.default:g})"
+
+
+def lax_contact(settings: Mapping[str, Any]) -> list[LaxSetting]:
+    """Return the contact settings that are laxer than the defaults.
 
     Args:
         settings: Keyword arguments of an environment, by `policy_settings`.
     """
-    usual, words = USUAL.approach, []
-    speed = settings.get("near_speed", usual.near_speed)
-    press = settings.get("near_press", usual.near_press)
-    distance = settings.get("near_distance", usual.near_distance)
-    if speed > usual.near_speed:
-        words.append(f"near_speed {speed:g} m/s (default {usual.near_speed:g})")
-    if press > usual.near_press:
-        words.append(f"near_press {press:g} m/s2 (default {usual.near_press:g})")
-    if distance < usual.near_distance:
-        words.append(f"near_distance {distance:g} m (default {usual.near_distance:g})")
+    usual, lax = USUAL.approach, []
+    for name, unit in (("near_speed", "m/s"), ("near_press", "m/s2")):
+        default = vars(usual)[name]
+        if (value := settings.get(name, default)) > default:
+            lax.append(LaxSetting(name, value, default, unit))
+    default = usual.near_distance
+    if (value := settings.get("near_distance", default)) < default:
+        lax.append(LaxSetting("near_distance", value, default, "m"))
     if (scheme := settings.get("scheme", "qp")) != "qp":
-        words.append(f"scheme {scheme} (default qp)")
-    return ", ".join(words)
+        lax.append(LaxSetting("scheme", scheme, "qp"))
+    return lax
 
 
 def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool) -> str:
@@ -169,18 +186,16 @@ def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool)
     lax = lax_contact(settings)
     if not lax:
         return ""
-    note = f"the policy's contact settings are laxer than the defaults: {lax}"
-    if arm is not None and not is_given and _may_be_robot(arm):
+    said = ", ".join(map(str, lax))
+    note = f"the policy's contact settings are laxer than the defaults: {said}"
+    is_robot = arm is not None and parse_address(arm).may_be_robot
+    if is_robot and not is_given:
         raise ConfigError(
             f"{note}. The arm at {arm} may be a robot, which would touch and press "
             "harder; say --accept-contact where that is wanted, or take a policy or a "
             "search that keeps to the defaults"
         )
     return note
-
-
-def _may_be_robot(arm: str) -> bool:
-    return bool(parse_address(arm).undisturbed)
 
 
 def make_env(

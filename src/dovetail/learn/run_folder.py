@@ -1,10 +1,15 @@
 """The folder of a training run: claimed for one process, and only for its settings."""
 
+import errno
 import fcntl
 import json
+import os
+import shlex
+import stat
 from pathlib import Path
 from typing import IO, Annotated, Any, Literal, get_args, get_origin
 
+from dovetail.arms.address import parse_address
 from dovetail.control.sections import settings_in
 from dovetail.envs.registered import old_fixture_word, task_class
 from dovetail.errors import ConfigError
@@ -14,7 +19,8 @@ from dovetail.files import (
     require_empty,
     write_atomic,
 )
-from dovetail.learn.config import TrainConfig
+from dovetail.learn.config import NOT_COMPARED, TrainConfig
+from dovetail.reading import read_text
 from dovetail.strangers import OPTIONS, require_trusted
 from dovetail.tasks.options import gather_options, option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
@@ -41,11 +47,17 @@ def place_run(config: TrainConfig) -> TrainConfig:
     return config.having(out=dated_folder("runs", f"{name}-"))
 
 
-def settings_of(folder: Path) -> dict[str, Any]:
+def settings_of(folder: Path, arm: str | None = None) -> dict[str, Any]:
     """Return a run's settings as keyword arguments of `TrainConfig.of`.
 
+    Args:
+        folder: The run's.
+        arm: The arm as the user gives it again. A folder may come from somebody else:
+            it must not choose an arm outside this process.
+
     Raises:
-        ConfigError: There is no run, or its config.json is damaged.
+        ConfigError: There is no run, its config.json is damaged, or it names an arm, a
+            robot perhaps, that the user has not given; names it.
     """
     content = _read_config(folder)
     kinds = {name: known.kind for name, known in settings_in(TrainConfig).items()}
@@ -57,7 +69,7 @@ def settings_of(folder: Path) -> dict[str, Any]:
     settings = {
         name: tuple(value) if isinstance(value, list) else value
         for name, value in content.items()
-        if name in kinds
+        if name in kinds and name not in NOT_COMPARED
     }
     if settings.get("model") is not None:  # of which config.json has the content
         file = folder / MODEL
@@ -68,9 +80,28 @@ def settings_of(folder: Path) -> dict[str, Any]:
                 f"{folder / CONFIG} is damaged: {name} is {str(value)[:80]!r}, which "
                 "is no such setting; start a new run"
             )
+    if (named := settings.get("arm")) is not None:
+        _require_given(str(named), arm, folder / CONFIG)
     if not settings.get("fixed_goal"):  # older versions write a place all the same
         settings.pop("fixture", None)
     return gather_options(settings, task)
+
+
+def _require_given(named: str, given: str | None, file: Path) -> None:
+    """Refuse an arm outside this process that only a file names.
+
+    Raises:
+        ConfigError: It is not the given one, or none is given.
+    """
+    address = parse_address(named)
+    if address.is_here or (given is not None and parse_address(given) == address):
+        return
+    what = "which may be a robot" if address.may_be_robot else "outside this process"
+    wrong = "is not given again" if given is None else f"is not the given {given!r}"
+    raise ConfigError(
+        f"{file} names the arm {named!r}, {what}, and it {wrong}; if this run may use "
+        f"that arm, add --arm {shlex.quote(named)}"
+    )
 
 
 def _is_of(kind: Any, value: Any) -> bool:
@@ -134,7 +165,7 @@ def open_run(config: TrainConfig) -> Path:
 def _read_config(folder: Path) -> dict[str, Any]:
     path, once = folder / CONFIG, old_fixture_word()
     try:
-        settings = json.loads(path.read_text(encoding="utf-8"))
+        settings = json.loads(read_text(path))
         if not isinstance(settings, dict):
             raise ValueError("it holds no table")
         return {"fixture" if k == once else k: v for k, v in settings.items()}
@@ -143,8 +174,9 @@ def _read_config(folder: Path) -> dict[str, Any]:
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
             "start one"
         ) from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path} is damaged: {error}; start a new run") from error
+    except (OSError, ValueError, RecursionError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(f"{path} is damaged: {why}; start a new run") from error
 
 
 class RunLock:
@@ -159,9 +191,20 @@ class RunLock:
         """Take the folder.
 
         Raises:
-            ConfigError: Another process trains in it.
+            ConfigError: Another process trains in it, or its lock is no file.
         """
-        self._file = (self._folder / _LOCK).open("w")
+        path = self._folder / _LOCK
+        # A link would let a folder that somebody sent choose a file elsewhere, and a
+        # named pipe would wait for its other end.
+        flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+        try:
+            self._file = os.fdopen(os.open(path, flags, 0o666), "r+")
+            if not stat.S_ISREG(os.fstat(self._file.fileno()).st_mode):
+                raise OSError(errno.EINVAL, "it is not a regular file")
+        except OSError as error:
+            raise ConfigError(
+                f"{path} cannot lock the run: {error.strerror}; remove it"
+            ) from error
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

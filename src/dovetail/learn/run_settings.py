@@ -40,7 +40,7 @@ class RunsConfig(Section):
     named by part or environment and the time."""
     resume: bool = False
     """Continue the run in `out` from its newest checkpoint, with its settings. On the
-    command line no other option is needed."""
+    command line only an arm outside this process has to be given again."""
     seed: Annotated[int, Range(0, 2**31 - 1, "1")] = 0
     """Seed of everything random, with `seeds` of the first run."""
     seeds: Annotated[int, Range(1, 1000, "runs")] = 1

@@ -5,6 +5,8 @@ Who may move it is the lease's business; whether it can be moved is decided here
 
 import threading
 from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from dovetail.arms.arm import Arm, ArmState
@@ -74,13 +76,21 @@ class ArmHost:
         self.settings: ControllerSettings | None = None
         self._configured = b""
         self._arm: Arm | None = None
+        self.on_news: Callable[[], None] = lambda: None
+        """Called, in any thread, when `watched` has changed; it must not block."""
         self._turn = threading.Lock()
-        self._news = threading.Condition()
+        self._news = threading.Lock()
         self._watched = Watched(0, None, None)
+        self._ending: Stop | None = None
         self._in_motion = False
         self._blocks: deque[tuple[int, Array]] = deque()
         self._rows = 0
         self._steps = 0
+
+    @property
+    def watched(self) -> Watched:
+        """The newest report for watchers."""
+        return self._watched
 
     @property
     def stop_reason(self) -> str:
@@ -123,8 +133,21 @@ class ArmHost:
         finally:
             self._turn.release()
 
-    def reset(self, q: Vec7, fixture: Pose, seed: int | None) -> ArmState:
+    def reset(
+        self,
+        q: Vec7,
+        fixture: Pose,
+        seed: int | None,
+        require: Callable[[], object] = lambda: None,
+    ) -> ArmState:
         """Go to q [rad], at rest; the log begins again.
+
+        Args:
+            q: Joint positions [rad].
+            fixture: Pose of the fixture.
+            seed: Of a simulation's noise; None lets it go on.
+            require: Raises where the caller has lost the arm while it waited: the stop
+                that its loss brought must not be ended by it.
 
         Raises:
             ArmError: Not configured, or stopped by someone's order.
@@ -132,13 +155,15 @@ class ArmHost:
         with self._turn:
             arm = self._require_arm()
             stop = self._watched.stop
+            require()
             if stop is not None and stop.is_ordered:
                 raise ArmError(f"the arm is stopped ({stop.reason}): clear it first")
-            if stop is not None:
-                arm.clear()
-            if seed is not None:
-                arm.seed(seed)
-            state = arm.reset(q, fixture)
+            with self._ends(stop):
+                if stop is not None:
+                    arm.clear()
+                if seed is not None:
+                    arm.seed(seed)
+                state = arm.reset(q, fixture)
             self._in_motion = True
             self._blocks.clear()
             self._rows = self._steps = 0
@@ -175,33 +200,34 @@ class ArmHost:
                 self._watched = Watched(
                     self._watched.serial + 1, self._watched.state, stop
                 )
-                self._news.notify_all()
-        arm = self._arm  # read once: another thread may put another arm, or none
-        if arm is not None:
-            arm.stop()
+        self.on_news()
+        self._hold()
 
-    def clear(self) -> None:
-        """Let the arm move again."""
+    def clear(self, require: Callable[[], object] = lambda: None) -> None:
+        """Let the arm move again; `require` as in `reset`."""
         with self._turn:
-            if (stop := self._watched.stop) is not None:
-                if self._arm is not None:
-                    self._arm.clear()
+            stop = self._watched.stop
+            require()
+            if stop is not None:
+                with self._ends(stop):
+                    if self._arm is not None:
+                        self._arm.clear()
+                    self.hold_if_stopped()
                 self._tell(self._watched.state, ended=stop)
 
-    def wait_for_news(self, serial: int, timeout: float) -> Watched:
-        """Return the newest report as soon as there is one after `serial`.
+    def hold_if_stopped(self) -> None:
+        """Hold the arm again if a stop is in force, except one that is being ended.
 
-        Args:
-            serial: Of the last report seen, -1 for none.
-            timeout: Longest wait [s]; then the report may be an old one.
+        An arm ends its stop when a reset or a clear begins; a stop that came a moment
+        earlier would end, too.
         """
-        with self._news:
-            self._news.wait_for(lambda: self._watched.serial > serial, timeout)
-            return self._watched
+        stop = self._watched.stop
+        if stop is not None and stop is not self._ending:
+            self._hold()
 
     def notes(self) -> list[str]:
         """Return what the arm wants a person to know, such as refused priorities."""
-        arm = self._arm  # read once, as in `stop`
+        arm = self._arm  # read once, as in `_hold`
         return [] if arm is None else list(arm.statistics()["notes"])
 
     def cycles(self) -> list[tuple[int, Array]]:
@@ -215,6 +241,20 @@ class ArmHost:
         with self._turn:
             self._arm = None
             self.builder.close()
+
+    @contextmanager
+    def _ends(self, stop: Stop | None) -> Iterator[None]:
+        """Mark a stop as being ended."""
+        self._ending = stop
+        try:
+            yield
+        finally:
+            self._ending = None
+
+    def _hold(self) -> None:
+        arm = self._arm  # read once: another thread may put another arm, or none
+        if arm is not None:
+            arm.stop()
 
     def _require_arm(self) -> Arm:
         if self._arm is None:
@@ -234,4 +274,4 @@ class ArmHost:
             stop = self._watched.stop
             stop = None if stop is ended else stop
             self._watched = Watched(self._watched.serial + 1, state, stop)
-            self._news.notify_all()
+        self.on_news()

@@ -1,10 +1,16 @@
-"""The service's calls: who calls, is it allowed, what is answered."""
+"""The service's calls: who calls, is it allowed, what is answered.
 
-import functools
+They run in one event loop, so a call that waits takes no thread. The arm's own work,
+which blocks, has one thread beside it; a stop needs neither that thread nor a turn.
+"""
+
+import asyncio
 import logging
-import threading
-import time
+import secrets
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import partial
 from typing import Any, TypeVar
 
 import grpc
@@ -15,9 +21,9 @@ from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.arm_host import ArmHost, Watched
+from dovetail.rpc.calls import read_message
 from dovetail.rpc.fields import FieldReader
-from dovetail.rpc.first_message import first_message
-from dovetail.rpc.lease import TIMEOUT, TIMEOUT_MAX, TIMEOUT_MIN, Holder, LeaseBook
+from dovetail.rpc.lease import Holder, LeaseBook
 from dovetail.rpc.messages import (
     read_configuration,
     read_duration,
@@ -25,106 +31,104 @@ from dovetail.rpc.messages import (
     rows_to_bytes,
     write_state,
 )
-from dovetail.rpc.problems import abort, problem_of
+from dovetail.rpc.problems import NoRoomError, SilentCallError, TokenError, problem_of
 from dovetail.rpc.robot_message import write_robot
-from dovetail.rpc.room import Room
+from dovetail.rpc.security import AUTHORIZATION, TOKEN, bearer
 from dovetail.rpc.settings import read_settings, write_settings
 from dovetail.rpc.version import own_version, require_version
 from dovetail.types import JOINTS
 
-WATCHERS_MAX = 8
-"""Most read-only watchers at a time: each needs a thread."""
-STREAMS_MAX = 8
-"""Most control streams at a time: one is the learner's, the others are mistakes."""
-LOGS_MAX = 4
-"""Most logs that are read at a time: a reader may be slow."""
+READERS_MAX = 8
+"""Most watchers and readers of logs at a time: answers to them take time from steps."""
 LOG_TIME_MAX = 60.0
 """Longest time for reading a log, 40 MB at most [s]; then the call is ended."""
-MOTIONS_MAX = 8
-"""Most resets and steps at a time outside the stream: all but one of them wait."""
-LASTING_MAX = WATCHERS_MAX + STREAMS_MAX + LOGS_MAX + MOTIONS_MAX
-"""Most threads that lasting calls can take; short ones, as a stop, need more."""
 INTERVAL_MAX = 10.0
 """Longest time between two reports that a watcher can ask for [s]."""
+HOLD_AGAIN = 0.1
+"""Time after which a reset that goes on in spite of a stop is stopped again [s]."""
 
 _NAME_MAX = 200
-_OF_THE_HOLDER = ("configure", "reset", "step", "clear")
+_NEEDS_NO_TOKEN = ("stop",)
+_OF_THE_HOLDER = ("control", "configure", "reset", "step", "clear")
 _NO_LOG = np.empty((0, len(CYCLE_COLUMNS)))
 _LOG = logging.getLogger("dovetail.rpc")
-_Asked = TypeVar("_Asked")
-_Answer = TypeVar("_Answer")
-
-
-def _answered(
-    method: "Callable[[ArmService, _Asked, grpc.ServicerContext], _Answer]",
-) -> "Callable[[ArmService, _Asked, grpc.ServicerContext], _Answer]":
-    """Turn an exception into the call's status; a stream's is turned in the stream."""
-
-    @functools.wraps(method)
-    def call(
-        self: "ArmService", request: _Asked, context: grpc.ServicerContext
-    ) -> _Answer:
-        try:
-            return method(self, request, context)
-        except DovetailError as error:
-            return abort(context, error)
-        except Exception as error:
-            self.fail(error, is_holder=method.__name__ in _OF_THE_HOLDER)
-            return abort(context, error)
-
-    return call
+_Context = grpc.aio.ServicerContext
+_Result = TypeVar("_Result")
 
 
 class ArmService:
     """Serves one arm to one controlling client and to watchers."""
 
-    def __init__(self, host: ArmHost, notify: Callable[[str], None]) -> None:
-        """Serve a host's arm.
+    def __init__(
+        self, host: ArmHost, notify: Callable[[str], None], token: str = ""
+    ) -> None:
+        """Serve a host's arm; in the event loop of the calls.
 
         Args:
-            host: Owns the arm; closed by whoever made it.
-            notify: Called with a line for each thing that a person should know.
+            host: Owns the arm; closed by its maker.
+            notify: Called with a line for each thing that a person should know, in a
+                thread of its own.
+            token: Secret that a caller has to show; empty where certificates do that.
         """
         self._host = host
         self._notify = notify
+        self._token = token
         self.leases = LeaseBook(self._lease_ended)
         self.steps = 0
+        self.readers = 0
         self._noted: set[str] = set()
-        self._watchers = threading.BoundedSemaphore(WATCHERS_MAX)
-        self.streams = Room(
-            STREAMS_MAX,
-            "control streams are open",
-            "a learner needs one, so close the others; silent ones end by themselves "
-            "within seconds, then try again",
-        )
-        self.logs = Room(
-            LOGS_MAX, "logs are being read", "read one to its end, then try again"
-        )
-        self.motions = Room(
-            MOTIONS_MAX,
-            "resets and steps are under way",
-            "wait for their answers before asking for another",
-        )
+        self._watches: set[asyncio.Task[None]] = set()
+        self._arm_thread = ThreadPoolExecutor(1, "dovetail-arm")
+        self._lines_thread = ThreadPoolExecutor(1, "dovetail-lines")
+        self._loop = asyncio.get_running_loop()
+        self._news = asyncio.Event()
+        host.on_news = self._tell_readers
 
     @property
     def status(self) -> str:
-        """One line: who holds the arm, how far it is, whether it is stopped."""
+        """One line: the holder, the number of steps, and whether the arm is stopped."""
         holder = self.leases.holder
         parts = [f"held by {holder}" if holder else "free", f"{self.steps} steps"]
         if self._host.stop_reason:
             parts.append(f"stopped: {self._host.stop_reason}")
         return ", ".join(parts)
 
-    def fail(self, error: Exception, *, is_holder: bool) -> None:
-        """Tell of an error that nobody expected; hold the arm if it was a motion's."""
+    def close(self) -> None:
+        """Take no more work; what is under way ends by itself."""
+        self._arm_thread.shutdown(wait=False, cancel_futures=True)
+        self._lines_thread.shutdown()
+
+    def admit(self, name: str, context: _Context) -> None:
+        """Let a call pass if it carries the token; a stop needs none.
+
+        Stopping is safe, and who wants to stop the arm must not look for a word first.
+
+        Raises:
+            TokenError: It carries none, or another one.
+        """
+        if not self._token or name in _NEEDS_NO_TOKEN:
+            return
+        shown = dict(context.invocation_metadata() or ()).get(AUTHORIZATION, "")
+        if not secrets.compare_digest(
+            str(shown).encode(), bearer(self._token).encode()
+        ):
+            other = "another one" if shown else "none"
+            raise TokenError(
+                f"the service wants its token and was shown {other}: take the whole "
+                "address that `dovetail serve` prints, grpc://HOST:PORT?token=..., or "
+                f"set {TOKEN}"
+            )
+
+    def fail(self, name: str, error: Exception) -> None:
+        """Report an unexpected error; hold the arm if the call was a motion's."""
         _LOG.error("an error that nobody expected", exc_info=error)
+        is_holder = name in _OF_THE_HOLDER
         held = "; the arm is held" if is_holder else ""
-        self._notify(f"unexpected {type(error).__name__}: {error}{held}")
+        self._say(f"unexpected {type(error).__name__}: {error}{held}")
         if is_holder:
             self._host.stop(f"unexpected {type(error).__name__}", is_ordered=False)
 
-    @_answered
-    def get_info(self, request: pb.InfoRequest, context: Any) -> pb.Info:
+    async def get_info(self, request: pb.InfoRequest, context: _Context) -> pb.Info:
         """Say what arm this is."""
         require_version(request.version, "client")
         builder, holder = self._host.builder, self.leases.holder
@@ -145,176 +149,186 @@ class ArmService:
             write_settings(self._host.settings, info.configured)
         return info
 
-    @_answered
-    def acquire_lease(self, request: pb.LeaseRequest, context: Any) -> pb.Lease:
-        """Give the lease to the caller, if nobody has it."""
-        require_version(request.version, "client")
-        timeout = TIMEOUT
-        if request.HasField("timeout"):
-            fields = FieldReader()
-            allowed = (TIMEOUT_MIN, TIMEOUT_MAX)
-            timeout = fields.number("timeout", request, "timeout", "s", allowed)
-            fields.finish()
-        name = "".join(c for c in request.client if c.isprintable())[:_NAME_MAX]
-        holder = self.leases.acquire(name or "a client", _caller(context), timeout)
-        self._notify(f"{holder} holds the arm")
-        return pb.Lease(lease=holder.lease, timeout=timeout)
-
-    @_answered
-    def keep_alive(self, request: pb.Holder, context: Any) -> pb.Lease:
-        """Note that the holder is there."""
-        holder = self.leases.require(request.lease)
-        return pb.Lease(lease=holder.lease, timeout=holder.timeout)
-
-    @_answered
-    def release_lease(self, request: pb.Holder, context: Any) -> pb.Done:
+    async def release_lease(self, request: pb.Holder, context: _Context) -> pb.Done:
         """Take the lease back."""
         self.leases.end(self.leases.require(request.lease), "released")
         return pb.Done()
 
-    @_answered
-    def configure(self, request: pb.Configuration, context: Any) -> pb.Done:
+    async def configure(self, request: pb.Configuration, context: _Context) -> pb.Done:
         """Build the arm with the caller's settings."""
         require_version(request.version, "client")
-        with self.leases.use(request.lease):
-            self._require_cell(request)
-            settings = read_settings(request, self._host.builder.robot)
-            key = pb.Configuration()
-            write_settings(settings, key)
-            is_new = self._host.configure(
-                settings, key.SerializeToString(deterministic=True)
-            )
+        self.leases.require(request.lease)
+        self._require_cell(request)
+        settings = read_settings(request, self._host.builder.robot)
+        key = pb.Configuration()
+        write_settings(settings, key)
+        is_new = await self._by_arm(
+            self._host.configure, settings, key.SerializeToString(deterministic=True)
+        )
         if is_new:
-            self._notify(f"configured: {settings.task}, {settings.period:g} s")
+            self._say(f"configured: {settings.task}, {settings.period:g} s")
             for text in settings.limits.declared.unproven():
-                self._notify(f"warning: {text}")
+                self._say(f"warning: {text}")
         return pb.Done()
 
-    @_answered
-    def reset(self, request: pb.ResetRequest, context: Any) -> pb.Report:
+    async def reset(self, request: pb.ResetRequest, context: _Context) -> pb.Report:
         """Begin a motion."""
-        with self.leases.use(request.lease), self.motions:
-            q, fixture = read_configuration(request, self._host.builder.robot)
-            seed = request.seed if request.HasField("seed") else None
-            report = _report(0, self._host.reset(q, fixture, seed))
-        for note in self._host.notes():
+        self.leases.require(request.lease)
+        q, fixture = read_configuration(request, self._host.builder.robot)
+        seed = request.seed if request.HasField("seed") else None
+        still = partial(self.leases.require, request.lease)
+        motion = self._arm_thread.submit(self._host.reset, q, fixture, seed, still)
+        watch = self._loop.create_task(self._keep_stopped(motion))
+        self._watches.add(watch)  # it goes on where this call's client has gone
+        watch.add_done_callback(self._watches.discard)
+        report = _report(0, await asyncio.wrap_future(motion))
+        for note in await self._by_arm(self._host.notes):
             if note not in self._noted:
                 self._noted.add(note)
-                self._notify(note)
+                self._say(note)
         return report
 
-    @_answered
-    def step(self, request: pb.StepRequest, context: Any) -> pb.Report:
+    async def step(self, request: pb.StepRequest, context: _Context) -> pb.Report:
         """Follow a target."""
-        with self.leases.use(request.lease), self.motions:
-            return self._step(request)
+        self.leases.require(request.lease)
+        return await self._step(request)
 
-    def control(
-        self, requests: Iterator[pb.StepRequest], context: grpc.ServicerContext
-    ) -> Iterator[pb.Report]:
-        """Follow targets one after the other; the lease ends with the stream."""
+    async def control(self, request: pb.StepRequest, context: _Context) -> None:
+        """Give the caller the lease, then follow its targets one after the other."""
+        if not request.HasField("acquire"):
+            raise ArmError("the first message of a control stream acquires the lease")
+        require_version(request.acquire.version, "client")
+        name = _printable(request.acquire.client) or "a client"
+        holder = self.leases.acquire(name, _caller(context))
         try:
-            with self.streams:
-                yield from self._control(requests, context)
-        except DovetailError as error:
-            abort(context, error)
-
-    def state(
-        self, request: pb.WatchRequest, context: grpc.ServicerContext
-    ) -> Iterator[pb.Report]:
-        """Report every change to a watcher, or the newest if it is slow."""
-        try:
-            require_version(request.version, "client")
-            interval = _interval(request)
-            if not self._watchers.acquire(blocking=False):
-                raise ArmError(f"{WATCHERS_MAX} clients watch already: end one of them")
-        except DovetailError as error:
-            return abort(context, error)
-        try:
-            serial = -1
-            while context.is_active():
-                news = self._host.wait_for_news(serial, timeout=0.5)
-                if news.serial > serial:
-                    serial = news.serial
-                    yield self._watched(news, has_log=request.log)
-                    time.sleep(interval)
+            self._say(f"{holder} holds the arm")
+            await context.write(pb.Report(lease=holder.lease))
+            while (request := await read_message(context)) is not None:
+                await context.write(await self._streamed_step(holder, request))
         finally:
-            self._watchers.release()
+            self.leases.end(holder, "its connection has ended")
 
-    @_answered
-    def stop(self, request: pb.StopRequest, context: Any) -> pb.Done:
+    async def state(self, request: pb.WatchRequest, context: _Context) -> None:
+        """Report every change to a watcher, or the newest if it is slow."""
+        require_version(request.version, "client")
+        interval = _interval(request)
+        with self._reading():
+            serial = -1
+            while True:
+                news = self._news  # first, so that no report is missed
+                watched = self._host.watched
+                if watched.serial == serial:
+                    await news.wait()
+                    continue
+                serial = watched.serial
+                await context.write(self._watched(watched, has_log=request.log))
+                await asyncio.sleep(interval)
+
+    async def stop(self, request: pb.StopRequest, context: _Context) -> pb.Done:
         """Hold the arm now, whoever asks."""
-        reason = "".join(c for c in request.reason if c.isprintable())[:_NAME_MAX]
-        reason = f"{reason or 'stopped'}, asked by {_caller(context)}"
+        reason = f"{_printable(request.reason) or 'stopped'}, asked by "
+        reason += _caller(context)
+        before = self._host.watched.stop
         self._host.stop(reason, is_ordered=True)
-        self._notify(f"the arm is held: {reason}")
+        if before is None or not before.is_ordered:
+            self._say(f"the arm is held: {reason}")
         return pb.Done()
 
-    @_answered
-    def clear(self, request: pb.Holder, context: Any) -> pb.Done:
+    async def clear(self, request: pb.Holder, context: _Context) -> pb.Done:
         """Let the arm move again."""
-        with self.leases.use(request.lease) as holder:
-            self._host.clear()
-        self._notify(f"{holder} lets the arm move again")
+        holder = self.leases.require(request.lease)
+        still = partial(self.leases.require, request.lease)
+        await self._by_arm(self._host.clear, still)
+        self._say(f"{holder} lets the arm move again")
         return pb.Done()
 
-    def get_log(
-        self, request: pb.LogRequest, context: grpc.ServicerContext
-    ) -> Iterator[pb.LogChunk]:
+    async def get_log(self, request: pb.LogRequest, context: _Context) -> None:
         """Send the control cycles since the last reset."""
+        require_version(request.version, "client")
+        with self._reading():
+            sending = await self._send_log(context)
+        if sending is not None:
+            await sending  # the call can end only when its reader has read this
+            raise SilentCallError(
+                f"the log was not read within {LOG_TIME_MAX:g} s: read it at once"
+            )
+
+    async def _keep_stopped(self, motion: Future[ArmState]) -> None:
+        """Say a stop again while a reset goes on in spite of it."""
+        while not motion.done():
+            await asyncio.sleep(HOLD_AGAIN)
+            self._host.hold_if_stopped()
+
+    async def _send_log(self, context: _Context) -> asyncio.Future[None] | None:
+        """Send the log; return what is still being sent at the end of the time."""
+        end = self._loop.time() + LOG_TIME_MAX
+        for chunk in _chunks(await self._by_arm(self._host.cycles)):
+            sending = asyncio.ensure_future(context.write(chunk))
+            await asyncio.wait({sending}, timeout=end - self._loop.time())
+            if not sending.done():
+                return sending
+            await sending
+        return None
+
+    def _by_arm(
+        self, function: Callable[..., _Result], *given: Any
+    ) -> asyncio.Future[_Result]:
+        """Call what may block in the arm's thread, after what waits there already."""
+        return self._loop.run_in_executor(self._arm_thread, function, *given)
+
+    def _say(self, line: str) -> None:
+        """Print a line for a person; a terminal that stands still stops no call."""
+        self._lines_thread.submit(self._notify, line)
+
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """Count a reader.
+
+        Raises:
+            NoRoomError: There are as many as there may be.
+        """
+        if self.readers >= READERS_MAX:
+            raise NoRoomError(
+                f"{self.readers} clients watch or read logs, the most at a time: end "
+                "one of them, then try again"
+            )
+        self.readers += 1
         try:
-            require_version(request.version, "client")
-            with self.logs:
-                # A reader that reads no more would keep thread and room for ever.
-                limit = threading.Timer(LOG_TIME_MAX, context.cancel)
-                limit.daemon = True
-                limit.start()
-                try:
-                    yield from self._log()
-                finally:
-                    limit.cancel()
+            yield
+        finally:
+            self.readers -= 1
+
+    def _tell_readers(self) -> None:
+        """Wake the watchers; called in any thread."""
+        if self.readers:
+            self._loop.call_soon_threadsafe(self._wake_readers)
+
+    def _wake_readers(self) -> None:
+        news, self._news = self._news, asyncio.Event()
+        news.set()
+
+    async def _streamed_step(self, holder: Holder, request: pb.StepRequest) -> Any:
+        """Return the report of a step; an error is inside it, so the stream goes on."""
+        try:
+            self.leases.require(holder.lease)
+            return await self._step(request)
         except DovetailError as error:
-            abort(context, error)
+            return _trouble(request.counter, error)
+        except Exception as error:
+            self.fail("control", error)
+            return _trouble(request.counter, error)
 
-    def _control(
-        self, requests: Iterator[pb.StepRequest], context: grpc.ServicerContext
-    ) -> Iterator[pb.Report]:
-        lease = first_message(requests, pb.StepRequest()).lease
-        # A learner that hangs would hold the stream's thread and room for ever.
-        holder = self.leases.bind(lease, context.cancel)
-        if not context.add_callback(
-            lambda: self.leases.end(holder, "its connection has ended")
-        ):
-            return self.leases.end(holder, "its connection has ended")
-        yield pb.Report()
-        for request in requests:
-            try:
-                report = self._step(request)
-            except DovetailError as error:
-                report = _trouble(request.counter, error)
-            except Exception as error:
-                self.fail(error, is_holder=True)
-                report = _trouble(request.counter, error)
-            yield report
-
-    def _log(self) -> Iterator[pb.LogChunk]:
-        blocks = self._host.cycles()
-        yield pb.LogChunk(columns=CYCLE_COLUMNS, dropped=blocks[0][0] if blocks else 0)
-        for step, rows in blocks:
-            yield pb.LogChunk(step=step, rows=rows_to_bytes(rows))
-
-    def _step(self, request: pb.StepRequest) -> pb.Report:
-        with self.leases.use(request.lease):
-            settings = self._host.settings
-            if settings is None:
-                raise ArmError("the arm has no settings yet: configure it first")
-            fields = FieldReader()
-            target = read_target(request.target, fields)
-            duration = read_duration(request, settings.period, fields)
-            fields.finish()
-            state = self._host.step(target, duration)
-            self.steps += 1
-            return _report(request.counter, state)
+    async def _step(self, request: pb.StepRequest) -> pb.Report:
+        settings = self._host.settings
+        if settings is None:
+            raise ArmError("the arm has no settings yet: configure it first")
+        fields = FieldReader()
+        target = read_target(request.target, fields)
+        duration = read_duration(request, settings.period, fields)
+        fields.finish()
+        state = await self._by_arm(self._host.step, target, duration)
+        self.steps += 1
+        return _report(request.counter, state)
 
     def _watched(self, news: Watched, *, has_log: bool) -> pb.Report:
         holder = self.leases.holder
@@ -341,7 +355,7 @@ class ArmService:
     def _lease_ended(self, holder: Holder, reason: str) -> None:
         why = f"{holder} has left: {reason}"
         self._host.stop(why, is_ordered=False)
-        self._notify(f"{why}; the arm is held")
+        self._say(f"{why}; the arm is held")
 
 
 def _report(counter: int, state: ArmState) -> pb.Report:
@@ -352,6 +366,12 @@ def _report(counter: int, state: ArmState) -> pb.Report:
 
 def _trouble(counter: int, error: Exception) -> pb.Report:
     return pb.Report(counter=counter, problem=problem_of(error))
+
+
+def _chunks(blocks: list[tuple[int, Any]]) -> Iterator[pb.LogChunk]:
+    yield pb.LogChunk(columns=CYCLE_COLUMNS, dropped=blocks[0][0] if blocks else 0)
+    for step, rows in blocks:
+        yield pb.LogChunk(step=step, rows=rows_to_bytes(rows))
 
 
 def _interval(request: pb.WatchRequest) -> float:
@@ -365,7 +385,12 @@ def _interval(request: pb.WatchRequest) -> float:
     return interval
 
 
-def _caller(context: grpc.ServicerContext) -> str:
+def _printable(text: str) -> str:
+    """Return a text of the other end without what could forge lines."""
+    return "".join(c for c in text if c.isprintable())[:_NAME_MAX]
+
+
+def _caller(context: _Context) -> str:
     """Return where a call comes from, with the name in its certificate if any."""
     names: Any = context.auth_context().get("x509_common_name", [])
     name = ", ".join(part.decode(errors="replace") for part in names)

@@ -15,7 +15,13 @@ from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.calls import KEEPALIVE, MESSAGE_MAX, Stub
 from dovetail.rpc.problems import error_of, problem_in
-from dovetail.rpc.security import Certificates, channel_credentials, tls_context
+from dovetail.rpc.security import (
+    AUTHORIZATION,
+    Certificates,
+    bearer,
+    channel_credentials,
+    tls_context,
+)
 from dovetail.rpc.version import own_version, require_version
 
 _PROBE = 2.0  # s for finding out why a connection failed
@@ -25,7 +31,12 @@ class Connection:
     """A channel to a service, its calls, and what the service said of itself."""
 
     def __init__(
-        self, host: str, port: int, files: Certificates | None, timeout: float
+        self,
+        host: str,
+        port: int,
+        files: Certificates | None,
+        timeout: float,
+        token: str | None = None,
     ) -> None:
         """Connect and agree on the version.
 
@@ -34,6 +45,7 @@ class Connection:
             port: TCP port.
             files: Certificates; None speaks without TLS.
             timeout: Longest time to wait for the service [s].
+            token: The service's, where it has one.
 
         Raises:
             ArmError: Nobody answers there; says what to check.
@@ -54,7 +66,8 @@ class Connection:
             self.channel = grpc.secure_channel(
                 self.address, channel_credentials(files), options
             )
-        self.stub = Stub(self.channel)
+        shown = [] if token is None else [(AUTHORIZATION, bearer(token))]
+        self.stub = Stub(self.channel, shown)
         try:
             with self.words("cannot reach the arm"):
                 self.info: pb.Info = self.stub.get_info(

@@ -101,22 +101,12 @@ class Workcell(_message.Message):
     def __init__(self, name: _Optional[str] = ...) -> None: ...
 
 class LeaseRequest(_message.Message):
-    __slots__ = ("version", "client", "timeout")
+    __slots__ = ("version", "client")
     VERSION_FIELD_NUMBER: _ClassVar[int]
     CLIENT_FIELD_NUMBER: _ClassVar[int]
-    TIMEOUT_FIELD_NUMBER: _ClassVar[int]
     version: Version
     client: str
-    timeout: float
-    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., client: _Optional[str] = ..., timeout: _Optional[float] = ...) -> None: ...
-
-class Lease(_message.Message):
-    __slots__ = ("lease", "timeout")
-    LEASE_FIELD_NUMBER: _ClassVar[int]
-    TIMEOUT_FIELD_NUMBER: _ClassVar[int]
-    lease: str
-    timeout: float
-    def __init__(self, lease: _Optional[str] = ..., timeout: _Optional[float] = ...) -> None: ...
+    def __init__(self, version: _Optional[_Union[Version, _Mapping]] = ..., client: _Optional[str] = ...) -> None: ...
 
 class Holder(_message.Message):
     __slots__ = ("lease",)
@@ -203,16 +193,18 @@ class Target(_message.Message):
     def __init__(self, f_star: _Optional[_Iterable[float]] = ..., position_d: _Optional[_Iterable[float]] = ..., quat_wxyz_d: _Optional[_Iterable[float]] = ..., q_d: _Optional[_Iterable[float]] = ..., near_plane: _Optional[_Iterable[float]] = ..., velocity_d: _Optional[_Iterable[float]] = ..., acceleration_d: _Optional[_Iterable[float]] = ..., age: _Optional[float] = ..., stay: _Optional[int] = ..., f_tare: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class StepRequest(_message.Message):
-    __slots__ = ("lease", "counter", "target", "duration")
+    __slots__ = ("lease", "counter", "target", "duration", "acquire")
     LEASE_FIELD_NUMBER: _ClassVar[int]
     COUNTER_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
     DURATION_FIELD_NUMBER: _ClassVar[int]
+    ACQUIRE_FIELD_NUMBER: _ClassVar[int]
     lease: str
     counter: int
     target: Target
     duration: float
-    def __init__(self, lease: _Optional[str] = ..., counter: _Optional[int] = ..., target: _Optional[_Union[Target, _Mapping]] = ..., duration: _Optional[float] = ...) -> None: ...
+    acquire: LeaseRequest
+    def __init__(self, lease: _Optional[str] = ..., counter: _Optional[int] = ..., target: _Optional[_Union[Target, _Mapping]] = ..., duration: _Optional[float] = ..., acquire: _Optional[_Union[LeaseRequest, _Mapping]] = ...) -> None: ...
 
 class ArmState(_message.Message):
     __slots__ = ("stamp", "q", "dq", "position", "quat_wxyz", "velocity", "contact_force", "flags", "log", "wrench")
@@ -239,18 +231,20 @@ class ArmState(_message.Message):
     def __init__(self, stamp: _Optional[float] = ..., q: _Optional[_Iterable[float]] = ..., dq: _Optional[_Iterable[float]] = ..., position: _Optional[_Iterable[float]] = ..., quat_wxyz: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., contact_force: _Optional[_Iterable[float]] = ..., flags: _Optional[int] = ..., log: _Optional[bytes] = ..., wrench: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Report(_message.Message):
-    __slots__ = ("counter", "state", "problem", "holder", "stopped")
+    __slots__ = ("counter", "state", "problem", "holder", "stopped", "lease")
     COUNTER_FIELD_NUMBER: _ClassVar[int]
     STATE_FIELD_NUMBER: _ClassVar[int]
     PROBLEM_FIELD_NUMBER: _ClassVar[int]
     HOLDER_FIELD_NUMBER: _ClassVar[int]
     STOPPED_FIELD_NUMBER: _ClassVar[int]
+    LEASE_FIELD_NUMBER: _ClassVar[int]
     counter: int
     state: ArmState
     problem: Problem
     holder: str
     stopped: str
-    def __init__(self, counter: _Optional[int] = ..., state: _Optional[_Union[ArmState, _Mapping]] = ..., problem: _Optional[_Union[Problem, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ...) -> None: ...
+    lease: str
+    def __init__(self, counter: _Optional[int] = ..., state: _Optional[_Union[ArmState, _Mapping]] = ..., problem: _Optional[_Union[Problem, _Mapping]] = ..., holder: _Optional[str] = ..., stopped: _Optional[str] = ..., lease: _Optional[str] = ...) -> None: ...
 
 class Problem(_message.Message):
     __slots__ = ("kind", "text", "fields", "reason")

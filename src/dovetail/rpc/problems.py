@@ -15,8 +15,6 @@ from dovetail.errors import (
     PlantError,
 )
 from dovetail.rpc import dovetail_pb2 as pb
-from dovetail.rpc.first_message import SilentStreamError
-from dovetail.rpc.room import NoRoomError
 
 METADATA_KEY = "dovetail-problem-bin"
 """Trailing metadata of a failed call: a serialized Problem."""
@@ -57,6 +55,22 @@ class FieldError(ConfigError):
         self.fields = tuple(wrong)
 
 
+class TokenError(ArmError):
+    """A call does not carry the service's token."""
+
+
+class NoRoomError(ArmError):
+    """All the room for calls of one kind is taken."""
+
+
+class SilentCallError(ArmError):
+    """A call was begun and nothing was said, or nothing of its answer was read."""
+
+
+class MalformedError(ConfigError):
+    """The bytes of a request are not its message."""
+
+
 def problem_of(error: Exception) -> pb.Problem:
     """Put an exception into a message."""
     kind = type(error)
@@ -87,20 +101,22 @@ def status_of(error: Exception) -> grpc.StatusCode:
         return grpc.StatusCode.INVALID_ARGUMENT
     if isinstance(error, PlantError):
         return grpc.StatusCode.ABORTED
+    if isinstance(error, TokenError):
+        return grpc.StatusCode.UNAUTHENTICATED
     if isinstance(error, NoRoomError):
         return grpc.StatusCode.RESOURCE_EXHAUSTED
-    if isinstance(error, SilentStreamError):
+    if isinstance(error, SilentCallError):
         return grpc.StatusCode.DEADLINE_EXCEEDED
     if isinstance(error, DovetailError):
         return grpc.StatusCode.FAILED_PRECONDITION
     return grpc.StatusCode.INTERNAL
 
 
-def abort(context: grpc.ServicerContext, error: Exception) -> NoReturn:
+async def abort(context: grpc.aio.ServicerContext, error: Exception) -> NoReturn:
     """End a call with an exception's status, words and fields; does not return."""
     problem = problem_of(error)
-    context.set_trailing_metadata(((METADATA_KEY, problem.SerializeToString()),))
-    context.abort(status_of(error), problem.text)
+    metadata = ((METADATA_KEY, problem.SerializeToString()),)
+    await context.abort(status_of(error), problem.text, metadata)
 
 
 def problem_in(call: grpc.RpcError) -> pb.Problem | None:

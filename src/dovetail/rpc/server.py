@@ -1,29 +1,41 @@
 """The server process's side: a port, the service behind it, and an orderly end."""
 
+import asyncio
 import errno
+import functools
 import os
 import socket
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+import threading
+from collections.abc import Callable, Coroutine
 from types import TracebackType
-from typing import Self
+from typing import Any, Self, TypeVar
 
 import grpc
 
 from dovetail.errors import ConfigError
 from dovetail.rpc.arm_host import ArmBuilder, ArmHost
-from dovetail.rpc.arm_service import LASTING_MAX, ArmService
+from dovetail.rpc.arm_service import ArmService
 from dovetail.rpc.calls import KEEPALIVE, MESSAGE_MAX, REQUEST_MAX, make_handler
-from dovetail.rpc.security import Certificates, server_credentials, split_address
+from dovetail.rpc.security import (
+    Certificates,
+    make_token,
+    server_credentials,
+    split_address,
+)
 
 LISTEN = "127.0.0.1:50051"
 """Where the service listens if nothing else is asked for: this machine only."""
 
-# So that a stop finds a thread. A short call whose request never comes holds one, too,
-# until its connection ends; threads that are never needed are never made.
-_THREADS = LASTING_MAX + 100
-_CALLS_MAX = 8 * _THREADS  # calls beyond the threads wait; only a flood is refused
 _GRACE = 0.5  # s for the calls under way when the service closes
+_OPTIONS = (
+    *KEEPALIVE,
+    ("grpc.so_reuseport", 0),
+    ("grpc.max_send_message_length", MESSAGE_MAX),
+    ("grpc.max_receive_message_length", REQUEST_MAX),
+    ("grpc.max_concurrent_streams", 100),  # of one connection
+    ("grpc.server_handshake_timeout_ms", 3000),  # of one that says nothing
+)
+_Result = TypeVar("_Result")
 
 
 class ArmServer:
@@ -42,49 +54,55 @@ class ArmServer:
             builder: Makes the arm; closed with the server.
             listen: HOST:PORT; port 0 is any free one.
             files: Certificates; needed for any host but this machine's loopback.
-            notify: Called with a line for each thing that a person should know.
+                Without them a caller has to show a token: DOVETAIL_TOKEN, or a random
+                one.
+            notify: Called with a line for each thing that a person should know, in a
+                thread of its own.
 
         Raises:
             ConfigError: No such address, in use, not permitted, or open to the network
-                without certificates.
+                without certificates; or a DOVETAIL_TOKEN that is none.
         """
         host, port = split_address(listen)
         credentials = server_credentials(host, files)
+        token = "" if files else make_token()
         self._host = ArmHost(builder)
-        self.service = ArmService(self._host, notify)
-        self._server = grpc.server(
-            ThreadPoolExecutor(_THREADS, thread_name_prefix="dovetail-rpc"),
-            handlers=[make_handler(self.service)],
-            maximum_concurrent_rpcs=_CALLS_MAX,
-            options=[
-                *KEEPALIVE,
-                ("grpc.so_reuseport", 0),
-                ("grpc.max_send_message_length", MESSAGE_MAX),
-                ("grpc.max_receive_message_length", REQUEST_MAX),
-            ],
-        )
         spelled = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+        async def build() -> tuple[ArmService, grpc.aio.Server]:
+            service = ArmService(self._host, notify, token)
+            handlers = [make_handler(service)]
+            return service, grpc.aio.server(handlers=handlers, options=_OPTIONS)
+
+        self.service, self._server = _in_loop(build())
         try:
             if credentials is None:
                 bound = self._server.add_insecure_port(spelled)
             else:
                 bound = self._server.add_secure_port(spelled, credentials)
         except RuntimeError as error:
-            self.service.leases.close()
+            self.service.close()
             raise ConfigError(_why_not(host, port)) from error
         self.address = f"{spelled.rpartition(':')[0]}:{bound}"
         """HOST:PORT on which it listens."""
+        self.url = f"grpc://{self.address}" + (f"?token={token}" if token else "")
+        """Address for learners, with the token."""
 
     def start(self) -> None:
         """Begin to serve, in threads of its own."""
-        self._server.start()
+        _in_loop(self._server.start())
 
     def close(self) -> None:
         """Hold the arm, end every call and release arm and port."""
-        self.service.leases.close()
-        self._host.stop("the service closes", is_ordered=False)
-        self._server.stop(_GRACE).wait(timeout=5.0)
+
+        async def end() -> None:
+            self.service.leases.close()
+            self._host.stop("the service closes", is_ordered=False)
+            await self._server.stop(_GRACE)
+
+        _in_loop(end())
         self._host.close()
+        self.service.close()
 
     def __enter__(self) -> Self:
         """Start."""
@@ -99,6 +117,19 @@ class ArmServer:
     ) -> None:
         """Close."""
         self.close()
+
+
+@functools.cache
+def _loop() -> asyncio.AbstractEventLoop:
+    """Return the event loop of this process's services, in a thread of its own."""
+    loop = asyncio.new_event_loop()
+    threading.Thread(target=loop.run_forever, name="dovetail-rpc", daemon=True).start()
+    return loop
+
+
+def _in_loop(work: Coroutine[Any, Any, _Result]) -> _Result:
+    """Do something in that loop, and return its result."""
+    return asyncio.run_coroutine_threadsafe(work, _loop()).result()
 
 
 def _why_not(host: str, port: int) -> str:

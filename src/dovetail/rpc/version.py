@@ -5,7 +5,7 @@ from importlib.metadata import PackageNotFoundError, version
 from dovetail.errors import ConfigError
 from dovetail.rpc import dovetail_pb2 as pb
 
-PROTOCOL = 4
+PROTOCOL = 5
 """Version of `proto/dovetail.proto`; it grows when an old peer would misunderstand."""
 
 
