@@ -126,7 +126,7 @@ def test_files_that_are_no_robot_are_refused(tmp_path):
     with pytest.raises(ConfigError, match=r"root element <robot>, expected <mujoco>"):
         Robot.from_mjcf(write(tmp_path, urdf()))
     broken = urdf().replace("link3", "linkX", 1)
-    with pytest.raises(ConfigError, match=r"the parent of joint J4 .* is link3; the file's links: base"):
+    with pytest.raises(ConfigError, match="is link3; the file's links: "):
         Robot.from_urdf(write(tmp_path, broken))
     with pytest.raises(ConfigError, match=r"no site or body 'wrist'; known: .*hand"):
         Robot.from_urdf(write(tmp_path, urdf()), flange="wrist")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dovetail.envs.registered import find_cell
-from dovetail.plants.mjcf import build_mjcf
 from dovetail.errors import ConfigError
+from dovetail.plants.mjcf import build_mjcf
 from dovetail.robots import drawn as meshes
 from dovetail.robots.meshes import find_mesh
 from dovetail.robots.robot import Robot

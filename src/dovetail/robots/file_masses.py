@@ -11,8 +11,8 @@ from dovetail.robots.robot_file import RobotFile
 if TYPE_CHECKING:
     import mujoco
 
-_FACES = 20_000
-"""Most triangles of meshes that give a mass: MuJoCo wraps them in a hull."""
+_VERTICES = 20_000
+"""Most corners of meshes that give a mass: MuJoCo wraps them in a hull."""
 
 
 def require_masses(spec: "mujoco.MjSpec", file: RobotFile) -> None:
@@ -95,27 +95,33 @@ def _require_mass(joint: Any, file: RobotFile) -> None:
 
 def _read_meshes(spec: "mujoco.MjSpec", file: RobotFile, used: set[str]) -> None:
     """Read the meshes that a mass needs; MuJoCo opens none itself."""
-    faces = 0
+    count = 0
     for mesh in list(spec.meshes):
         if mesh.name not in used:
             spec.delete(mesh)
             continue
-        if not mesh.file:
-            continue
-        place = file.meshes[mesh.file]
-        if not is_near(place, file.path):
-            raise ConfigError(
-                f"{file.path}: mesh {mesh.name} is {place}; only files of the file's "
-                "own folder and of the one above are read: write the <inertial> of the "
-                "body that needs it"
-            )
-        content = read_mesh(place)
-        faces += len(content.faces)
-        if faces > _FACES:
+        count += len(mesh.uservert) // 3
+        if mesh.file:
+            count += _read_into(mesh, file)
+        if count > _VERTICES:
             raise ConfigError(
                 f"{file.path}: bodies without <inertial> have meshes of more than "
-                f"{_FACES} triangles: write their <inertial>"
+                f"{_VERTICES} vertices: write their <inertial>"
             )
-        mesh.file = ""
-        mesh.uservert = content.vertices.ravel()
-        mesh.userface = content.faces.ravel()
+
+
+def _read_into(mesh: Any, file: RobotFile) -> int:
+    """Read the file of a mesh, and return how many corners it has."""
+    place = file.meshes[mesh.file]
+    if not is_near(place, file.path):
+        raise ConfigError(
+            f"{file.path}: mesh {mesh.name} is {place}; only files of the file's own "
+            "folder and of the one above are read: write the <inertial> of the body "
+            "that needs it"
+        )
+    content = read_mesh(place)
+    vertices, faces = np.unique(content.vertices, axis=0, return_inverse=True)
+    mesh.file = ""
+    mesh.uservert = vertices.ravel()
+    mesh.userface = faces.ravel()[content.faces].ravel()
+    return len(vertices)

@@ -134,7 +134,8 @@ def _compile(
     except ValueError as error:  # MuJoCo's own, but for a ConfigError
         if isinstance(error, ConfigError):
             raise
-        words = " ".join(str(error).split())
+        words = " ".join(str(error).split()).replace("XML Error: ", "")
+        words = words.removeprefix("Error: ")
         words = re.sub(r"line (\d+)", lambda m: places[int(m[1]) - 1], words)
         raise ConfigError(f"MuJoCo cannot load {file.path}: {words}") from error
 
@@ -309,15 +310,14 @@ def _ranges(
     for joint, name in zip(ids, names, strict=True):
         low, high = model.jnt_range[joint]
         where = f"{file.path}: {file.where('joint', name)}"
-        if not model.jnt_limited[joint]:
+        if low > high:
+            raise ConfigError(
+                f"{where} has the range {low:g} to {high:g} rad; swap its ends"
+            )
+        if not model.jnt_limited[joint] or low == high:
             raise ConfigError(
                 f"{where} has no position limits: give it a range (in a URDF the type "
                 "revolute, and lower and upper of its <limit>)"
-            )
-        if not low < high:
-            raise ConfigError(
-                f"{where} has the range {low:g} to {high:g} rad: its end must be the "
-                "larger"
             )
     return model.jnt_range[ids, 0], model.jnt_range[ids, 1]
 
@@ -336,7 +336,7 @@ def _limit(
         if not known.get(joint, 0.0) > 0.0:
             said = f"{name} {known[joint]:g}" if joint in known else f"no {name}"
             raise ConfigError(
-                f"{file.path} gives {file.where('joint', joint)} {said}: pass {name}=[...] "
-                f"with {NUM_JOINTS} values"
+                f"{file.path} gives {file.where('joint', joint)} {said}: pass "
+                f"{name}=[...] with {NUM_JOINTS} values"
             )
     return np.array([known[joint] for joint in joints])

@@ -1,5 +1,6 @@
 """Files of triangles: found beside a robot file, and read within bounds."""
 
+import io
 import itertools
 import os
 from functools import lru_cache
@@ -19,6 +20,10 @@ BYTES = 20_000_000
 """Largest file [bytes]."""
 FACES = 200_000
 """Most triangles of a file."""
+_LINES = 2_000_000
+"""Most lines of an OBJ file."""
+_CORNERS = 64
+"""Most corners of a face."""
 _LARGEST = 1e6
 """Largest coordinate."""
 _PACKAGE_DEPTH = 3
@@ -72,7 +77,9 @@ def _of_obj(content: bytes) -> Mesh:
     """Return vertices and triangles of all objects in a file: MuJoCo reads one only."""
     vertices: list[list[float]] = []
     faces: list[tuple[int, int, int]] = []
-    for line in content.splitlines():
+    for number, line in enumerate(io.BytesIO(content)):
+        if number >= _LINES:
+            raise ValueError(f"it has more than {_LINES} lines")
         kind, *parts = line.split(None, 3) or [b""]
         if kind == b"v":
             if len(parts) < 3:
@@ -80,7 +87,10 @@ def _of_obj(content: bytes) -> Mesh:
             z = parts[2].split(None, 1)[0]
             vertices.append([float(parts[0]), float(parts[1]), float(z)])
         elif kind == b"f":
-            corners = [_corner(part, len(vertices)) for part in line.split()[1:]]
+            words = line.split(None, _CORNERS + 1)[1:]
+            if len(words) > _CORNERS:
+                raise ValueError(f"a face has more than {_CORNERS} corners")
+            corners = [_corner(word, len(vertices)) for word in words]
             for one, other in itertools.pairwise(corners[1:]):
                 faces.append((corners[0], one, other))
         if len(faces) > FACES or len(vertices) > 3 * FACES:

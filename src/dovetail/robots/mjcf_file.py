@@ -36,6 +36,8 @@ _ATTRIBUTES = {
     ),
 }
 """Attributes that are kept, where not every one is."""
+_DROPPED = ("material", "user", "plugin")
+"""Attributes that say nothing of an arm; MuJoCo pads `user` to the longest."""
 _WORDS = ("name", "class", "childclass", "mesh", "joint", "jointinparent", "file")
 """Attributes that are no numbers, so that nan is a name there."""
 _FILES = 20
@@ -119,7 +121,7 @@ def _kept(node: Node, path: Path) -> Node:
     attributes = {
         name: value
         for name, value in node.items()
-        if name in _ATTRIBUTES.get(node.tag, (name,)) and name != "material"
+        if name in _ATTRIBUTES.get(node.tag, (name,)) and name not in _DROPPED
     }
     for name, value in attributes.items():
         if name not in _WORDS and not all(map(_is_finite, value.split())):

@@ -203,6 +203,7 @@ def _joint(joint: Node) -> Node:
     for tag, attributes in facts.items():
         if isinstance(node := joint.find(tag), Node):
             copy.append(_copy(node, tag, attributes))
+    _require_facts(copy, joint)
     axis = copy.find("axis")
     if axis is None:
         return copy
@@ -211,6 +212,19 @@ def _joint(joint: Node) -> Node:
     elif not numbers(axis, "xyz").any():
         raise ConfigError(f"{named(joint)} has the axis 0 0 0: give its direction")
     return copy
+
+
+def _require_facts(copy: Node, joint: Node) -> None:
+    """Drop limits that a joint does not have, and refuse reversed or negative ones."""
+    limit, dynamics = copy.find("limit"), copy.find("dynamics")
+    if limit is not None:
+        if joint.get("type") in ("continuous", "planar"):
+            copy.remove(limit)
+        elif number(limit, "lower", "0") > number(limit, "upper", "0"):
+            raise ConfigError(f"{named(joint)}: lower is more than upper; swap them")
+    for fact in _DYNAMICS.values():
+        if dynamics is not None and number(dynamics, fact, "0") < 0.0:
+            raise ConfigError(f"{named(joint)}: {fact} is < 0; it must be >= 0")
 
 
 def _compiler(robot: Node) -> dict[str, str]:

@@ -13,7 +13,7 @@ from dovetail.types import Array
 
 BYTES = 4_000_000
 """Largest file [bytes]."""
-ELEMENTS = 20_000
+ELEMENTS = 5_000
 """Most elements of a file."""
 DEPTH = 100
 """Deepest nesting of elements."""
