@@ -82,18 +82,12 @@ def urdf_files():
 
 def mjcf_files(folder):
     """Texts of MJCF files that must be refused."""
-    square = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
-    link_to(folder / "zero.stl", "/dev/zero")
     link_to(folder / "zero.xml", "/dev/zero")
-    os.mkfifo(folder / "pipe.obj")
-    with (folder / "large.obj").open("wb") as file:
-        file.truncate(80_000_000)
     (folder / "ring.xml").write_text('<mujoco><include file="ring2.xml"/></mujoco>')
     (folder / "ring2.xml").write_text('<mujoco><include file="ring.xml"/></mujoco>')
     for i in range(40):
         inner = f'<mujocoinclude><include file="row{i + 1}.xml"/></mujocoinclude>'
         (folder / f"row{i}.xml").write_text(inner)
-    header = b"\0" * 80 + (4_000_000_000).to_bytes(4, "little")
     return {
         "replicate": mjcf(
             body=f'<replicate count="1000000000"><body>{SPHERE}</body></replicate>'
@@ -121,6 +115,25 @@ def mjcf_files(folder):
             body='<geom type="hfield" hfield="h"/>',
             inertial=False,
         ),
+        "nested": mjcf(body="<body>" * 95 + SPHERE + "</body>" * 95),
+        "free": mjcf(body='<body><freejoint/><geom size="0.1"/></body>'),
+        "weightless": mjcf(inertial=False),
+        "not_finite": mjcf(joint='damping="inf"'),
+        "no_rotation": mjcf(body='<site quat="0 0 0 0"/>'),
+        "same_names": mjcf(body='<body><joint name="axis1"/><geom size="1"/></body>'),
+        "unknown_class": mjcf(body='<site class="nowhere"/>'),
+    }
+
+
+def mesh_files(folder):
+    """Texts of MJCF files that need a mesh that must be refused."""
+    square = b"v 0 0 0\nv 1 0 0\nv 0 1 0\n"
+    link_to(folder / "zero.stl", "/dev/zero")
+    os.mkfifo(folder / "pipe.obj")
+    with (folder / "large.obj").open("wb") as file:
+        file.truncate(80_000_000)
+    header = b"\0" * 80 + (4_000_000_000).to_bytes(4, "little")
+    return {
         "mesh_of_zeros": with_mesh("zero.stl"),
         "mesh_of_a_pipe": with_mesh("pipe.obj"),
         "mesh_of_80_mb": with_mesh("large.obj"),
@@ -141,13 +154,6 @@ def mjcf_files(folder):
             body=MESH,
             inertial=False,
         ),
-        "nested": mjcf(body="<body>" * 95 + SPHERE + "</body>" * 95),
-        "free": mjcf(body='<body><freejoint/><geom size="0.1"/></body>'),
-        "weightless": mjcf(inertial=False),
-        "not_finite": mjcf(joint='damping="inf"'),
-        "no_rotation": mjcf(body='<site quat="0 0 0 0"/>'),
-        "same_names": mjcf(body='<body><joint name="axis1"/><geom size="1"/></body>'),
-        "unknown_class": mjcf(body='<site class="nowhere"/>'),
     }
 
 
@@ -191,7 +197,8 @@ def main():
     """Write the files, and give each to the command."""
     folder = Path.cwd()
     files = {f"{n}.urdf": text for n, text in urdf_files().items()}
-    files |= {f"{n}.xml": text for n, text in mjcf_files(folder).items()}
+    texts = mjcf_files(folder) | mesh_files(folder)
+    files |= {f"{n}.xml": text for n, text in texts.items()}
     files |= {
         f"{n}.{'urdf' if n == 'wide' else 'xml'}": text
         for n, text in loaded_files().items()

@@ -74,8 +74,6 @@ def load_robot(
     mujoco.mj_comPos(model, data)
     frames = _joint_frames(model, data, ids, names)
     mass, com, inertia = _links(model, data, ids, frames)
-    position, rotation = _flange(model, data, ids, flange)
-    _, last = frames[-1]
     low, high = _ranges(model, ids, names, file)
     speed = _limit("dq_max", dq_max, names, file.velocity, file)
     effort = file.effort or read_torque_limits(model)
@@ -86,12 +84,7 @@ def load_robot(
         warnings.warn(note, UnprovenWarning, stacklevel=3)
     return {
         "name": path.stem,
-        "geometry": Geometry(
-            origin_position=np.array([p for p, _ in _relative(frames)]),
-            origin_rotation=np.array([R for _, R in _relative(frames)]),
-            flange_position=last.T @ (position - frames[-1][0]),
-            flange_rotation=last.T @ rotation,
-        ),
+        "geometry": _geometry(frames, _flange(model, data, ids, flange)),
         "links": Links(mass=mass, com=com, inertia=inertia),
         "limits": RobotLimits(q_min=low, q_max=high, dq_max=speed, tau_max=torque),
         "motors": motors,
@@ -227,6 +220,17 @@ def _relative(frames: list[tuple[Vec3, Mat33]]) -> list[tuple[Vec3, Mat33]]:
     return [
         (P.T @ (p - o), P.T @ R) for (o, P), (p, R) in zip(parents, frames, strict=True)
     ]
+
+
+def _geometry(frames: list[tuple[Vec3, Mat33]], flange: tuple[Vec3, Mat33]) -> Geometry:
+    """Return joints and flange, each in the frame before it."""
+    inside, (at, last), (position, rotation) = _relative(frames), frames[-1], flange
+    return Geometry(
+        origin_position=np.array([p for p, _ in inside]),
+        origin_rotation=np.array([R for _, R in inside]),
+        flange_position=last.T @ (position - at),
+        flange_rotation=last.T @ rotation,
+    )
 
 
 def _owners(model: "mujoco.MjModel", ids: list[int]) -> dict[int, int]:
