@@ -87,7 +87,7 @@ def test_an_arm_over_fri_is_refused_too(robot):
         task=TaskSpec.parse(TASK),
         period=PERIOD,
     )
-    address = FriAddress.parse("fri://127.0.0.1:0?clock=lockstep")
+    address = FriAddress.parse("fri://127.0.0.1:39217?clock=lockstep")
     with pytest.raises(TorqueError):
         FriArm(address, robot, settings)
 
