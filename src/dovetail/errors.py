@@ -15,6 +15,21 @@ class ConfigError(DovetailError, ValueError):
     """A setting, argument or configuration file is wrong."""
 
 
+class TorqueError(ConfigError):
+    """A joint has less torque than it needs to hold or to brake the arm."""
+
+    def __init__(
+        self, message: str, joint: str, cause: str, shares: dict[str, float]
+    ) -> None:
+        super().__init__(message)
+        self.joint = joint
+        """Name of the joint."""
+        self.cause = cause
+        """What takes most of its torque: speed, damping, payload, gravity, inertia."""
+        self.shares = shares
+        """What each of these takes [Nm]."""
+
+
 class LimitError(DovetailError, ValueError):
     """A state or command lies outside a limit."""
 

@@ -8,6 +8,7 @@ import pytest
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.control.task_spec import TaskSpec
 from dovetail.robots.robot import Robot
 
 
@@ -57,7 +58,13 @@ def run_loop(robot: Robot, q_home: np.ndarray):
         near_plane=None,
         aim=None,
     ) -> Run:
-        controller = make_controller(robot, OscConfig(), limits, task, period)
+        controller = _core.Controller(  # tau_max may be below gravity elsewhere
+            chain,
+            OscConfig().params(),
+            limits.params(),
+            list(TaskSpec.parse(task).modes),
+            period,
+        )
         plant = _core.RigidPlant(
             chain, damping=np.full(7, damping), armature=np.full(7, armature)
         )

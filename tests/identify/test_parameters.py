@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,6 +7,8 @@ from dovetail.errors import ConfigError
 from dovetail.identify.parameters import KNOWN, ParameterSet, nominal_model
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import load_twin
+from dovetail.robots.iiwa14 import iiwa14
+from dovetail.robots.motors import Motors
 
 
 def test_the_papers_set_is_gravity_one_mass_scale_and_damping():
@@ -78,3 +82,27 @@ def test_a_set_that_cannot_be_searched_is_refused(text, message):
 def test_a_vector_of_another_length_is_refused():
     with pytest.raises(ConfigError, match="needs 5 finite numbers: gravity_x"):
         ParameterSet.parse("paper").to_model(np.zeros(3))
+
+
+def test_a_search_begins_at_the_robots_own_motors():
+    motors = Motors(
+        damping=np.full(7, 3.0), armature=np.arange(1, 8) / 10, coulomb=np.full(7, 0.4)
+    )
+    robot = replace(iiwa14(), motors=motors)
+    text = "damping_2,armature,coulomb=0:1,armature_3=0.2:0.9:0.5"
+    with pytest.raises(ConfigError):
+        ParameterSet.parse(text)  # armature is there twice
+    names = ParameterSet.parse("damping_2,armature,coulomb=0:1").of_robot(robot)
+    assert [p.start for p in names.parameters] == pytest.approx([3.0, 0.4, 0.4])
+    assert [p.high for p in names.parameters] == pytest.approx([6.0, 0.8, 1.0])
+    own = ParameterSet.parse("armature_3=0.2:0.9:0.5").of_robot(robot)
+    assert own.parameters[0].start == 0.5
+    model = own.to_model(np.array([0.5]))
+    assert model.arm.damping == (3.0,) * 7  # not identified: as the robot's
+    assert model.arm.armature == (0.1, 0.2, 0.5, 0.4, 0.5, 0.6, 0.7)
+    assert own.nominal().arm.coulomb == (0.4,) * 7
+
+
+def test_the_iiwas_search_is_as_its_parameters_say():
+    parameters = ParameterSet.parse("extended")
+    assert parameters.of_robot(iiwa14()) == parameters

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from dovetail.envs.registered import find_cell
+from dovetail.errors import ConfigError
 from dovetail.plants.mjcf import build_mjcf
 from dovetail.robots import drawn as meshes
+from dovetail.robots.meshes import find_mesh
 from dovetail.robots.robot import Robot
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
 from dovetail.workcell.tool import wsg50
@@ -116,8 +118,9 @@ def test_without_the_files_arm_and_gripper_are_plain_bodies(monkeypatch, tmp_pat
 
 
 @pytest.mark.parametrize("name", ["package://gone/x.stl", "x.dae", "file:///gone.obj"])
-def test_a_mesh_that_is_not_here_is_left_out(name, tmp_path):
-    assert meshes._find_file(name, tmp_path / "arm.urdf") is None
+def test_a_mesh_that_is_not_here_is_not_found(name, tmp_path):
+    with pytest.raises(ConfigError):
+        find_mesh(name, tmp_path / "arm.urdf")
 
 
 def test_a_mesh_is_found_below_its_package_or_beside_the_urdf(tmp_path):
@@ -127,9 +130,7 @@ def test_a_mesh_is_found_below_its_package_or_beside_the_urdf(tmp_path):
     urdf = tmp_path / "arm_description" / "urdf" / "arm.urdf"
     urdf.parent.mkdir()
     for name in ("package://arm_description/meshes/x.STL", "../meshes/x.STL"):
-        found = meshes._find_file(name, urdf)
-        assert found is not None
-        assert found.resolve() == file
+        assert find_mesh(name, urdf) == file
 
 
 def test_what_a_urdf_says_in_short_or_cannot_be_drawn_is_no_refusal(tmp_path):
@@ -144,6 +145,8 @@ def test_what_a_urdf_says_in_short_or_cannot_be_drawn_is_no_refusal(tmp_path):
     files = "".join(visual.format(f) for f in ("good.stl", "text.stl", "bad.obj"))
     colour = '<material name="grey"><color rgba="1 1 1"/></material>'
     text = f'<robot name="r">{colour}<link name="a">{files}</link></robot>'
-    (only,) = meshes.read_drawn(ET.fromstring(text), tmp_path / "r.urdf")["a"]
+    found, (note,) = meshes.read_drawn(ET.fromstring(text), tmp_path / "r.urdf")
+    (only,) = found["a"]
+    assert note.startswith("r.urdf: 2 meshes are not drawn; the first is text.stl")
     assert only.file.name == "good.stl"
     assert only.scale == (0.001, 0.001, 0.001)

@@ -25,6 +25,7 @@ from dovetail.arms.reset_motion import TICK
 from dovetail.arms.servo_params import servo_params
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
+from dovetail.control.available import check_torque
 from dovetail.control.config import check_period
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ArmError, ConfigError
@@ -77,7 +78,9 @@ class FriArm:
         Raises:
             ArmError: The port is in use or not permitted.
             ConfigError: A setting is out of range.
+            TorqueError: A torque limit is below what gravity takes.
         """
+        check_torque(robot, settings.limits)
         self._address, pace = address, address.pace
         self._is_lockstep = pace.clock == "lockstep"
         control = address.cabinet.control

@@ -53,7 +53,7 @@ class Doctor:
             ConfigError: An option that these checks do not use, or a wrong one.
         """
         self._require_used()
-        warn_of_arm(console, None, self.arm)
+        warn_of_arm(console, None, self.arm, self.robot)
         if self.tracker is not None:
             checks = self._check_camera(self.tracker)
         else:

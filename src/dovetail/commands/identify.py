@@ -12,7 +12,6 @@ from rich.table import Table
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.identify.fit import FitConfig, FitResult, fit
 from dovetail.identify.fit_folder import MODEL
-from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
 
@@ -47,7 +46,7 @@ class IdentifyFit(FitConfig):
     def run(self, console: Console) -> int:
         """Fit, and say what came out and where it is."""
         result = fit(self, console)
-        console.print(_table(ParameterSet.parse(self.parameters), result))
+        console.print(_table(result))
         console.print(
             f"TCP's RMS error on the log: {1e3 * result.rms_before:.2f} mm before, "
             f"{1e3 * result.rms_after:.2f} mm after ({result.evaluations} simulated "
@@ -81,12 +80,12 @@ class IdentifyReport:
         return 0
 
 
-def _table(parameters: ParameterSet, result: FitResult) -> Table:
+def _table(result: FitResult) -> Table:
     table = Table()
     for name in ("parameter", "model", "fitted", "unit"):
         side = "left" if name in ("parameter", "unit") else "right"
         table.add_column(name, justify=side)
-    for p, value in zip(parameters.parameters, result.vector, strict=True):
+    for p, value in zip(result.parameters.parameters, result.vector, strict=True):
         table.add_row(p.name, f"{p.start:.4g}", f"{value:.4g}", p.unit)
     return table
 

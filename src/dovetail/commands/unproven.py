@@ -39,5 +39,8 @@ def warn_of_arm(
         said += [f"warning: twin {twin}: {t}" for t in config.unproven().values()]
         if robot is not None and (lack := config.lacks(find_robot(robot))):
             said.append(f"note: {lack}")
+    if robot is not None:
+        own = find_robot(robot)
+        said += [f"note: {text}" for text in (*own.notes, *own.motors.notes)]
     for text in said:
         console.print(text, soft_wrap=True, highlight=False)

@@ -1,14 +1,18 @@
-"""The joint acceleration that the motors can give anywhere, with this payload."""
+"""What the motors can give, beside what gravity and speed take: with this payload."""
 
+import warnings
+from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dovetail.errors import ConfigError
-from dovetail.types import JOINTS, Vec7
+from dovetail.errors import TorqueError, UnprovenWarning
+from dovetail.types import JOINTS, Array, Vec7
 
 if TYPE_CHECKING:
+    from dovetail import _core
+    from dovetail.control.config import LimitConfig
     from dovetail.robots.robot import Robot
 
 REFERENCE = np.array([15.0, 15.0, 15.0, 15.0, 20.0, 20.0, 20.0])
@@ -17,6 +21,21 @@ REFERENCE = np.array([15.0, 15.0, 15.0, 15.0, 20.0, 20.0, 20.0])
 _SAMPLES = 1000
 _RESERVE = 0.9  # the sampled worst case is not the worst case
 _SHARE_MIN = 0.2  # below this, braking distances grow past use
+_GRAVITY_ROOM = 1.2  # times gravity: less is warned of
+_SWEEPS = 3  # over the joints, in search of the configuration where gravity is largest
+
+Numbers = tuple[float, ...]
+
+
+class _Samples(NamedTuple):
+    """Configurations and speeds inside of limits, and the torques there."""
+
+    q: Array
+    dq: Array
+    inertia: Array
+    """Inertia matrix by its elements' size, without rotors, shape (n, 7, 7)."""
+    coriolis: Array
+    gravity: Array
 
 
 def available_acceleration(
@@ -39,38 +58,204 @@ def available_acceleration(
         Acceleration A [rad/s2], shape (7,), at most `REFERENCE`.
 
     Raises:
-        ConfigError: The payload leaves too little torque; names the joint.
+        TorqueError: Too little torque is left; names the joint, what takes most of it,
+            and what to change.
     """
-    key = tuple(tuple(map(float, v)) for v in (tau_max, damping, armature))
-    return np.array(_available(robot, *key))
+    limits = robot.limits
+    at = _samples(robot, *map(_key, (limits.q_min, limits.q_max, limits.dq_max)))
+    bias = np.abs(at.coriolis) + np.asarray(damping) * np.abs(at.dq)
+    moved = (at.inertia + np.diag(armature)) @ REFERENCE
+    shares = (np.asarray(tau_max) - bias - np.abs(at.gravity)) / moved
+    row, joint = (int(i) for i in np.unravel_index(np.argmin(shares), shares.shape))
+    share = min(1.0, _RESERVE * float(shares[row, joint]))
+    if share < _SHARE_MIN:
+        torque, viscous = float(tau_max[joint]), float(damping[joint])
+        needed = _SHARE_MIN / _RESERVE * float(moved[row, joint])
+        raise _too_little(robot, at, row, joint, torque, viscous, needed)
+    return share * REFERENCE
+
+
+def check_torque(robot: "Robot", limits: "LimitConfig") -> None:
+    """Refuse torque limits that cannot hold the arm; warn of those that barely can.
+
+    It is called wherever a controller is built.
+
+    Args:
+        robot: The controller's model, tool and payload included.
+        limits: Limits for it.
+
+    Raises:
+        TorqueError: Gravity takes the whole torque of a joint somewhere inside its
+            limits; names the joint, its torque and what gravity takes.
+    """
+    joints, model = limits.joints, limits.prediction
+    span = tuple(map(_key, (joints.q_min, joints.q_max, joints.dq_max)))
+    gravity, tau_max = largest_gravity(robot, *span), np.asarray(joints.tau_max)
+    enough = _GRAVITY_ROOM * gravity
+    if (gravity >= tau_max).any():
+        i = int(np.argmax(gravity / tau_max))
+        raise TorqueError(
+            f"tau_max[{JOINTS[i]}] is {tau_max[i]:g} Nm; gravity alone takes up to "
+            f"{gravity[i]:.3g} Nm there inside the joint limits of {robot.name}"
+            f"{_carrying(robot)}: the arm would fall. Give at least {enough[i]:.3g} "
+            "Nm, a lighter tool, or a narrower q_min and q_max",
+            JOINTS[i],
+            "gravity",
+            {"gravity": float(gravity[i])},
+        )
+    if (enough > tau_max).any():
+        i = int(np.argmax(gravity / tau_max))
+        warnings.warn(
+            f"tau_max[{JOINTS[i]}] is {tau_max[i]:g} Nm, of which gravity takes up to "
+            f"{gravity[i]:.3g} Nm; less than {_GRAVITY_ROOM:g} times that is unproven: "
+            f"give at least {enough[i]:.3g} Nm",
+            UnprovenWarning,
+            stacklevel=3,
+        )
+        return
+    at = _samples(robot, *span)
+    braking = (at.inertia + np.diag(model.armature)) @ (joints.eta * joints.ddq_max)
+    bias = np.abs(at.coriolis) + model.damping * np.abs(at.dq)
+    most = (braking + bias + np.abs(at.gravity)).max(axis=0)
+    if (most > tau_max).any():
+        i = int(np.argmax(most / tau_max))
+        warnings.warn(
+            f"tau_max[{JOINTS[i]}] is {tau_max[i]:g} Nm; to brake from full speed "
+            f"takes up to {most[i]:.3g} Nm, gravity included: less is unproven; lower "
+            f"dq_max ({joints.dq_max[i]:.3g} rad/s) or ddq_max "
+            f"({joints.ddq_max[i]:.3g} rad/s2)",
+            UnprovenWarning,
+            stacklevel=3,
+        )
 
 
 @lru_cache(maxsize=64)
-def _available(
+def largest_gravity(
+    robot: "Robot", q_min: Numbers, q_max: Numbers, dq_max: Numbers
+) -> Vec7:
+    """Return the largest torque of gravity on each joint inside limits [Nm].
+
+    On one joint after the other, as along each the torque is a sine: from the worst of
+    the samples, which misses it by a few percent.
+
+    Args:
+        robot: The arm with its payload.
+        q_min: Lower joint limits [rad].
+        q_max: Upper joint limits [rad].
+        dq_max: Joint speed limits [rad/s], of the samples.
+    """
+    chain, at = robot.chain(), _samples(robot, q_min, q_max, dq_max)
+    worst = np.empty(7)
+    for i in range(7):
+        q = at.q[int(np.argmax(np.abs(at.gravity[:, i])))].copy()
+        for _ in range(_SWEEPS):
+            for j in range(7):
+                q[j] = _worst_angle(chain, q, i, j, (q_min[j], q_max[j]))
+        worst[i] = abs(chain.gravity(q)[i])
+    return worst
+
+
+def _worst_angle(
+    chain: "_core.Chain", q: Vec7, i: int, j: int, span: tuple[float, float]
+) -> float:
+    """Return the angle of joint j at which gravity on joint i is largest [rad]."""
+
+    def torque(angle: float) -> float:
+        return float(chain.gravity(np.array([*q[:j], angle, *q[j + 1 :]]))[i])
+
+    thirds = 2.0 * np.pi / 3.0 * np.arange(3)
+    values = np.array([torque(angle) for angle in thirds])
+    peak = float(np.arctan2(values @ np.sin(thirds), values @ np.cos(thirds)))
+    turns = peak + np.pi * np.arange(-8, 9)
+    inside = [*turns[(span[0] <= turns) & (turns <= span[1])], *span, float(q[j])]
+    return max(inside, key=lambda angle: abs(torque(angle)))
+
+
+@lru_cache(maxsize=16)
+def _samples(
+    robot: "Robot", q_min: Numbers, q_max: Numbers, dq_max: Numbers
+) -> _Samples:
+    chain, rng = robot.chain(), np.random.default_rng(0)
+    rows = []
+    for _ in range(_SAMPLES):
+        q = rng.uniform(q_min, q_max)
+        dq = rng.uniform([-speed for speed in dq_max], dq_max)
+        M = np.abs(chain.inertia_matrix(q))
+        rows.append((q, dq, M, chain.coriolis(q, dq), chain.gravity(q)))
+    return _Samples(*(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _key(values: Vec7) -> Numbers:
+    return tuple(map(float, values))
+
+
+def _too_little(
     robot: "Robot",
-    tau_max: tuple[float, ...],
-    damping: tuple[float, ...],
-    armature: tuple[float, ...],
-) -> tuple[float, ...]:
-    chain = robot.chain()
-    rng = np.random.default_rng(0)
-    shares = np.empty((_SAMPLES, 7))
-    for row in shares:
-        q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
-        dq = rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
-        M = np.abs(chain.inertia_matrix(q)) + np.diag(armature)
-        bias = np.abs(chain.coriolis(q, dq)) + np.asarray(damping) * np.abs(dq)
-        row[:] = (tau_max - bias - np.abs(chain.gravity(q))) / (M @ REFERENCE)
-    worst = shares.min(axis=0)
-    joint = int(np.argmin(worst))
-    share = min(1.0, _RESERVE * float(worst[joint]))
-    if share < _SHARE_MIN:
-        payload = 0.0 if robot.payload is None else robot.payload.mass
-        raise ConfigError(
-            f"joint {JOINTS[joint]} of {robot.name} has too little torque for its "
-            f"{payload:g} kg payload: {tau_max[joint]:g} Nm leave "
-            f"{share * REFERENCE[joint]:.2f} rad/s2, at least "
-            f"{_SHARE_MIN * REFERENCE[joint]:g} rad/s2 are needed; use a lighter tool "
-            "or one with its mass nearer to the flange"
-        )
-    return tuple(share * REFERENCE)
+    at: _Samples,
+    row: int,
+    joint: int,
+    tau_max: float,
+    damping: float,
+    braking: float,
+) -> TorqueError:
+    """Say what takes a joint's torque, the largest share first, and what to change."""
+    total = abs(float(at.gravity[row, joint]))
+    own = total
+    if robot.payload is not None:
+        with_it = float(at.gravity[row, joint])
+        own = abs(with_it - float(_payload_alone(robot).gravity(at.q[row])[joint]))
+    shares = {
+        "speed": abs(float(at.coriolis[row, joint])),
+        "damping": damping * abs(float(at.dq[row, joint])),
+        "payload": max(total - own, 0.0),
+        "gravity": min(own, total),
+        "inertia": braking,
+    }
+    cause = max(shares, key=lambda name: shares[name])
+    name, dq_max = JOINTS[joint], robot.limits.dq_max
+    fastest = int(np.argmax(dq_max))
+    speeds = f"up to {dq_max[fastest]:.3g} rad/s ({JOINTS[fastest]})"
+    slower = "lower the speed limits: dq_max=[...] of from_urdf and from_mjcf"
+    payload = 0.0 if robot.payload is None else robot.payload.mass
+    takes = {
+        "speed": f"{{:.3g}} Nm for the motion at {speeds}",
+        "damping": f"{{:.3g}} Nm for damping, {damping:.3g} Nms/rad",
+        "payload": f"{{:.3g}} Nm for the weight of its {payload:g} kg payload",
+        "gravity": "{:.3g} Nm for the weight of the links",
+        "inertia": "{:.3g} Nm for braking by "
+        f"{_SHARE_MIN * REFERENCE[joint]:g} rad/s2, the least that is of use",
+    }
+    remedies = {
+        "speed": f"{slower}; a file's are often placeholders",
+        "damping": f"correct the damping (motors=Motors(...)), or {slower}",
+        "payload": "use a lighter tool or one with its mass nearer to the flange",
+        "gravity": "correct tau_max, or the masses of the file",
+        "inertia": "correct tau_max, or inertia and armature of the arm",
+    }
+    order = sorted(shares, key=lambda share: -shares[share])
+    said = ", ".join(takes[n].format(shares[n]) for n in order if shares[n] >= 5e-3)
+    return TorqueError(
+        f"joint {name} of {robot.name} has {tau_max:g} Nm, too little for {said}; "
+        f"{remedies[cause]}",
+        name,
+        cause,
+        shares,
+    )
+
+
+def _payload_alone(robot: "Robot") -> "_core.Chain":
+    """Return the chain of an arm that weighs nothing, with the payload."""
+    assert robot.payload is not None
+    at, tiny = robot.geometry, 1e-9
+    com = np.zeros((7, 3))
+    com[6] = at.flange_position + at.flange_rotation @ robot.payload.com
+    mass = np.array([tiny] * 6 + [max(robot.payload.mass, tiny)])
+    inertia = np.tile(tiny * np.eye(3), (7, 1, 1))
+    links = replace(robot.links, mass=mass, com=com, inertia=inertia)
+    return replace(robot, links=links).chain()
+
+
+def _carrying(robot: "Robot") -> str:
+    return (
+        "" if robot.payload is None else f" with its {robot.payload.mass:g} kg payload"
+    )

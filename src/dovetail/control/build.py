@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from dovetail.control.available import check_torque
 from dovetail.control.config import LimitConfig, OscConfig, check_period
 from dovetail.control.task_spec import TaskSpec
 
@@ -28,9 +29,11 @@ def make_controller(
 
     Raises:
         ConfigError: Unknown axis or mode, or a period out of range.
+        TorqueError: A torque limit is below what gravity takes.
     """
     from dovetail import _core
 
+    check_torque(robot, limits)
     spec = TaskSpec.parse(task) if isinstance(task, str) else task
     return _core.Controller(
         robot.chain(),

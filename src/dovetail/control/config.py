@@ -158,7 +158,8 @@ class LimitConfig(Sectioned):
                 it never has, as no other were attacked.
 
         Raises:
-            ConfigError: Period out of range, or the payload leaves too little torque.
+            ConfigError: Period out of range.
+            TorqueError: Too little torque is left to brake; see its `cause`.
         """
         check_period(period)
         row = int(np.searchsorted(_PERIODS, period * (1 - 1e-9)))

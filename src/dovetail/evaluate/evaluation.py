@@ -151,7 +151,9 @@ def _notes(
     """Return what a reader of the numbers must know; empty for nothing."""
     notes = (lax, other_period(period, policy), shared_engine(config, policy))
     films = (o.files.film_error for o in outcomes)
-    return "; ".join(filter(None, (*notes, lacking_inertia(config, robot), *films)))
+    file = (*robot.notes, *robot.motors.notes)
+    lack = lacking_inertia(config, robot)
+    return "; ".join(filter(None, (*notes, lack, *file, *films)))
 
 
 def _print(report: Report, said: str, is_tared: bool, console: Console) -> None:

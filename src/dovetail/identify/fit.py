@@ -109,6 +109,8 @@ class FitResult:
     evaluations: int
     wall_time: float
     """Time of the search [s], all its runs together."""
+    parameters: ParameterSet
+    """What was searched, with the start in the controller's model."""
     warnings: tuple[str, ...] = field(default=())
     """What a reader of the result has to know."""
 
@@ -133,6 +135,7 @@ def fit(config: FitConfig, console: Console) -> FitResult:
             f"evaluations is {budget} and seed {asked.seed}; needs at least 1 and 0"
         )
     recording = Recording.load(config.log)
+    parameters = parameters.of_robot(recording.cell.robot)
     settings = _settings(config, parameters, recording)
     folder = FitFolder.claim(config.out, settings, resume=config.resume)
     workers = os.cpu_count() or 1 if engine.workers is None else engine.workers
@@ -155,6 +158,7 @@ def fit(config: FitConfig, console: Console) -> FitResult:
         after,
         search.search.evaluations + outset.evaluations,
         wall_time,
+        parameters,
         warnings,
     )
     _write(folder, parameters, outset, result, search.search.history, config)

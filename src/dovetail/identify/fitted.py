@@ -78,7 +78,8 @@ class Fitted:
             recording=recording,
             plant=summary["settings"]["plant"],
             parameters=ParameterSet(
-                tuple(Parameter(*(row[n] for n in names)) for row in rows)
+                tuple(Parameter(*(row[n] for n in names)) for row in rows),
+                recording.cell.robot.motors,
             ),
             vector=np.array([row["value"] for row in rows], dtype=float),
             search=FittedSearch(

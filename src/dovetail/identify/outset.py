@@ -19,7 +19,7 @@ from typing import Any, Self
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.identify.parameters import Parameter, ParameterSet, nominal_model
+from dovetail.identify.parameters import Parameter, ParameterSet
 from dovetail.identify.population import Population
 from dovetail.identify.replay import DIVERGED, rms_of
 from dovetail.identify.search import (
@@ -144,7 +144,7 @@ def measure_outset(
             "no parameter has an effect on this log: "
             + "; ".join(describe_sensitivity(p, size) for p, size in pairs)
         )
-    before = rms_of(errors.of_models([nominal_model(engine)])[0])
+    before = rms_of(errors.of_models([parameters.nominal(engine)])[0])
     mean, spread = point[active], np.eye(len(active)) * PRIOR_WIDTH**2
     if warm:
         point, error, jacobian = _approach(errors, point, error, jacobian, active)

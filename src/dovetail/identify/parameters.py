@@ -1,7 +1,7 @@
 """What an identification may change in the simulation, and how far."""
 
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -11,7 +11,11 @@ from dovetail.errors import ConfigError
 from dovetail.plants.find import find_engine
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
+from dovetail.robots.motors import Motors
 from dovetail.types import Array
+
+if TYPE_CHECKING:
+    from dovetail.robots.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,8 @@ class ParameterSet:
     """The parameters of one identification, in order."""
 
     parameters: tuple[Parameter, ...]
+    motors: Motors = field(default_factory=Motors, compare=False)
+    """Of the controller's model: friction and rotors that are not identified."""
 
     def __post_init__(self) -> None:
         """Refuse an empty set, a parameter that is there twice, or bad bounds."""
@@ -133,6 +139,27 @@ class ParameterSet:
             parameters += [_bounded(KNOWN[n], bounds) for n in names]
         return cls(tuple(parameters))
 
+    def of_robot(self, robot: "Robot") -> Self:
+        """Return the set that begins at the friction and rotors of a robot's model.
+
+        A start of one's own stays. Bounds reach to twice the robot's value.
+
+        Args:
+            robot: The controller's model.
+        """
+        motors = robot.motors
+        return replace(
+            self,
+            parameters=tuple(_started(p, motors) for p in self.parameters),
+            motors=motors,
+        )
+
+    def nominal(self, engine: str = "mujoco") -> TwinConfig:
+        """Return the controller's own model as a twin without noise."""
+        names = ("damping", "coulomb", "armature")
+        own = {name: tuple(vars(self.motors)[name].tolist()) for name in names}
+        return nominal_model(engine).having(**own)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names in the order of the vector."""
@@ -169,7 +196,7 @@ class ParameterSet:
                 f"the vector is {values.tolist()}; it needs {len(self.parameters)} "
                 f"finite numbers: {', '.join(self.names)}"
             )
-        model = nominal_model(engine)
+        model = self.nominal(engine)
         changed: dict[str, list[float]] = {}
         for p, value in zip(self.parameters, values.tolist(), strict=True):
             _put(changed, model, p.name, value)
@@ -179,7 +206,7 @@ class ParameterSet:
 
 
 def nominal_model(engine: str = "mujoco") -> TwinConfig:
-    """Return the controller's own model as a twin without noise."""
+    """Return the iiwa's own model as a twin without noise."""
     d = _NOMINAL
     return TwinConfig.of(
         description="the controller's model",
@@ -227,6 +254,20 @@ def _put(
         changed.setdefault(stem, list(vars(model.arm)[stem]))[int(part) - 1] = value
     else:
         changed[name] = [value] * 7
+
+
+def _started(parameter: Parameter, motors: Motors) -> Parameter:
+    """Return a parameter of the joints with the start that the motors are."""
+    stem, _, joint = parameter.name.partition("_")
+    usual = KNOWN[parameter.name]
+    if stem not in ("damping", "coulomb", "armature") or parameter.start != usual.start:
+        return parameter
+    values = vars(motors)[stem]
+    start = float(values[int(joint) - 1] if joint else values.mean())
+    low, high = parameter.low, parameter.high
+    if (low, high) == (usual.low, usual.high):
+        low, high = min(low, start), max(high, min(2.0 * start, _allowed(stem)[1]))
+    return replace(parameter, low=low, high=high, start=min(max(start, low), high))
 
 
 def _expand(name: str) -> list[str]:

@@ -28,7 +28,6 @@ from dovetail.identify.figures import (
 )
 from dovetail.identify.fitted import Fitted
 from dovetail.identify.hidden_delay import hidden_delay
-from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import MotionsConfig
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
@@ -169,7 +168,7 @@ def _compare(log: str, replay: Replay, fit: Fitted) -> Comparison:
     return Comparison(
         log,
         replay.recording.positions(),
-        replay.run(nominal_model(fit.plant)),
+        replay.run(fit.parameters.nominal(fit.plant)),
         replay.run(fit.parameters.to_model(fit.vector, fit.plant)),
     )
 

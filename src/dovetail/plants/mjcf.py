@@ -1,11 +1,12 @@
 """Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
 import math
+import xml.etree.ElementTree as ET
 
 import numpy as np
 
 from dovetail.poses import quat_from_matrix, quat_multiply
-from dovetail.robots.drawn import Drawn, geom_xml, mesh_xml
+from dovetail.robots.drawn import Drawn, add_geom, add_mesh
 from dovetail.robots.robot import Robot
 from dovetail.workcell.parts import Primitive
 from dovetail.workcell.workcell import TABLE, Workcell
@@ -20,7 +21,7 @@ _SOLREF = "0.002 1"
 _SOLIMP = "0.95 0.99 0.0001 0.5 2"
 
 _ORANGE, _GREY = (0.85, 0.5, 0.2, 1.0), (0.35, 0.37, 0.40, 1.0)
-_HEADER = """\
+_HEADER = f"""\
 <mujoco model="dovetail">
   <compiler angle="radian" autolimits="true"/>
   <option integrator="implicitfast" cone="elliptic" jacobian="dense" solver="Newton"
@@ -31,15 +32,18 @@ _HEADER = """\
   <size memory="4M"/>
   <visual><global offwidth="1280" offheight="960"/></visual>
   <default>
-    <geom condim="3" solref="{solref}" solimp="{solimp}"/>
+    <geom condim="3" solref="{_SOLREF}" solimp="{_SOLIMP}"/>
     <default class="visual"><geom contype="0" conaffinity="0" group="1"/></default>
     <default class="tool"><geom contype="1" conaffinity="0" mass="0"/>
       <default class="hidden"><geom group="3"/></default></default>
     <default class="world"><geom contype="0" conaffinity="1"/></default>
   </default>
-{assets}  <worldbody>
+  <asset/>
+  <worldbody>
     <light pos="0.4 -1 2" dir="0 0.5 -1" castshadow="false"/>
     <camera name="side" pos="0.6 -1.1 0.5" xyaxes="1 0 0 0 0.4 0.9"/>
+  </worldbody>
+</mujoco>
 """
 
 
@@ -57,9 +61,20 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
             that has none as a capsule. Never used for collisions.
     """
     looks = _Looks(robot, cell) if visual_meshes else _Looks(None, None)
-    lines = [_table(), *_fixture(cell), *_links(robot, cell, looks)]
-    header = _HEADER.format(solref=_SOLREF, solimp=_SOLIMP, assets=_assets(cell, looks))
-    return header + "\n".join(lines) + "\n  </worldbody>\n</mujoco>\n"
+    root = ET.fromstring(_HEADER)
+    assets, world = root.find("asset"), root.find("worldbody")
+    assert assets is not None
+    assert world is not None
+    _add_prisms(assets, cell)
+    looks.add_assets(assets)
+    _add_part(world, TABLE.primitives[0], "world")
+    fixture = ET.SubElement(
+        world, "body", name="fixture", mocap="true", pos="0.6 0 0.1"
+    )
+    for part in cell.fixture.primitives:
+        _add_part(fixture, part, "world")
+    _add_tool(_add_links(world, robot, looks), robot, cell, looks)
+    return ET.tostring(root, encoding="unicode")
 
 
 class _Looks:
@@ -74,14 +89,14 @@ class _Looks:
         tool = () if cell is None else cell.tool.drawn
         self.tool = {f"tool_{k}": one for k, one in enumerate(tool)}
 
-    def assets(self) -> list[str]:
-        """Return an asset for each."""
-        every = [*self.links, self.tool]
-        return [mesh_xml(name, one) for part in every for name, one in part.items()]
+    def add_assets(self, assets: ET.Element) -> None:
+        """Add an asset for each."""
+        for part in (*self.links, self.tool):
+            for name, one in part.items():
+                add_mesh(assets, name, one)
 
 
-def _assets(cell: Workcell, looks: _Looks) -> str:
-    lines = []
+def _add_prisms(assets: ET.Element, cell: Workcell) -> None:
     shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
     for part in (part for part in shapes if part.kind == "prism"):
         radius, half = part.size
@@ -91,38 +106,25 @@ def _assets(cell: Workcell, looks: _Looks) -> str:
             for a in (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
         ]
         vertices = "  ".join(_numbers(corner) for corner in corners)
-        lines.append(f'    <mesh name="{part.name}" vertex="{vertices}"/>')
-    lines += [f"    {asset}" for asset in looks.assets()]
-    if not lines:
-        return ""
-    return "  <asset>\n" + "\n".join(lines) + "\n  </asset>\n"
+        ET.SubElement(assets, "mesh", name=part.name, vertex=vertices)
 
 
-def _table() -> str:
-    return "    " + _geom(TABLE.primitives[0], "world")
-
-
-def _fixture(cell: Workcell) -> list[str]:
-    parts = ["      " + _geom(part, "world") for part in cell.fixture.primitives]
-    return [
-        '    <body name="fixture" mocap="true" pos="0.6 0 0.1">',
-        *parts,
-        "    </body>",
-    ]
-
-
-def _links(robot: Robot, cell: Workcell, looks: _Looks) -> list[str]:
-    """Write the serial chain; the tool is geoms of the last link."""
-    lines, at = [_link_visual(0, robot, looks)], robot.geometry
+def _add_links(world: ET.Element, robot: Robot, looks: _Looks) -> ET.Element:
+    """Write the serial chain and return the last link."""
+    _add_link_visual(world, 0, robot, looks)
+    body, at = world, robot.geometry
     for i in range(7):
-        pad = "    " + "  " * i
-        pos = _numbers(at.origin_position[i])
-        quat = _numbers(quat_from_matrix(at.origin_rotation[i]))
-        lines.append(f'{pad}<body name="link{i + 1}" pos="{pos}" quat="{quat}">')
-        lines.append(f"{pad}  {_inertial(robot, i)}")
-        lines.append(f'{pad}  <joint name="A{i + 1}" type="hinge" axis="0 0 1"/>')
-        lines.append(f"{pad}  {_link_visual(i + 1, robot, looks)}")
-    flange = _pose(at.flange_position, at.flange_rotation)
+        pose = _pose(at.origin_position[i], at.origin_rotation[i])
+        body = ET.SubElement(body, "body", pose, name=f"link{i + 1}")
+        _add_inertial(body, robot, i)
+        ET.SubElement(body, "joint", name=f"A{i + 1}", type="hinge", axis="0 0 1")
+        _add_link_visual(body, i + 1, robot, looks)
+    return body
+
+
+def _add_tool(link: ET.Element, robot: Robot, cell: Workcell, looks: _Looks) -> None:
+    """Write the tool, geoms of the last link, and the flange with the TCP."""
+    at = robot.geometry
     hidden = {part.name for part in cell.tool.primitives} if looks.tool else set()
     for part in cell.tool_primitives():
         T_flange = np.eye(4)
@@ -131,60 +133,57 @@ def _links(robot: Robot, cell: Workcell, looks: _Looks) -> list[str]:
         quat = quat_from_matrix(at.flange_rotation)
         quat = quat_multiply(quat, part.quat_wxyz)
         placed = part._replace(position=position, quat_wxyz=quat)
-        group = "hidden" if part.name in hidden else "tool"
-        lines.append("                  " + _geom(placed, group))
+        _add_part(link, placed, "hidden" if part.name in hidden else "tool")
     for name, one in looks.tool.items():
         placed = one.seen_from(at.flange_position, at.flange_rotation)
-        lines.append("                  " + geom_xml(name, placed, _GREY))
-    lines.append(f'                  <body name="flange" {flange}>')
+        add_geom(link, name, placed, _GREY)
+    pose = _pose(at.flange_position, at.flange_rotation)
+    flange = ET.SubElement(link, "body", pose, name="flange")
     tool = _pose(at.tool_position, at.tool_rotation)
-    lines.append(f'                    <site name="tcp" size="0.003" {tool}/></body>')
-    return [*lines, "    " + "</body>" * 7]
+    ET.SubElement(flange, "site", tool, name="tcp", size="0.003")
 
 
-def _inertial(robot: Robot, i: int) -> str:
+def _add_inertial(body: ET.Element, robot: Robot, i: int) -> None:
     links, I = robot.links, robot.links.inertia[i]
     full = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
-    return (
-        f'<inertial pos="{_numbers(links.com[i])}" mass="{links.mass[i]:.17g}" '
-        f'fullinertia="{_numbers(full)}"/>'
+    ET.SubElement(
+        body,
+        "inertial",
+        pos=_numbers(links.com[i]),
+        mass=f"{links.mass[i]:.17g}",
+        fullinertia=_numbers(full),
     )
 
 
-def _link_visual(link: int, robot: Robot, looks: _Looks) -> str:
+def _add_link_visual(body: ET.Element, link: int, robot: Robot, looks: _Looks) -> None:
     """Draw a link by its meshes, or by a capsule to the next joint."""
     if meshes := looks.links[link]:
-        return "".join(geom_xml(name, one, _ORANGE) for name, one in meshes.items())
+        for name, one in meshes.items():
+            add_geom(body, name, one, _ORANGE)
+        return
     at = robot.geometry
     end = at.origin_position[link] if link < 7 else at.flange_position
-    radius = 0.06 if link < 5 else 0.045
+    shape = {"type": "capsule", "fromto": f"0 0 0 {_numbers(end)}"}
     if np.linalg.norm(end) < 1e-6:  # MuJoCo builds no capsule without a length
-        return (
-            f'<geom class="visual" type="sphere" size="{radius}" '
-            f'rgba="0.85 0.5 0.2 1" mass="0"/>'
-        )
-    return (
-        f'<geom class="visual" type="capsule" size="{radius}" rgba="0.85 0.5 0.2 1" '
-        f'fromto="0 0 0 {_numbers(end)}" mass="0"/>'
-    )
+        shape = {"type": "sphere"}
+    size = "0.06" if link < 5 else "0.045"
+    facts = {"class": "visual", "rgba": _numbers(_ORANGE), "mass": "0"}
+    ET.SubElement(body, "geom", facts | shape, size=size)
 
 
-def _geom(part: Primitive, group: str) -> str:
+def _add_part(body: ET.Element, part: Primitive, group: str) -> None:
     shape = {
-        "box": f'type="box" size="{_numbers(part.size)}"',
-        "cylinder": f'type="cylinder" size="{_numbers(part.size)}"',
-        "prism": f'type="mesh" mesh="{part.name}"',
+        "box": {"type": "box", "size": _numbers(part.size)},
+        "cylinder": {"type": "cylinder", "size": _numbers(part.size)},
+        "prism": {"type": "mesh", "mesh": part.name},
     }[part.kind]
-    return (
-        f'<geom class="{group}" name="{part.name}" {shape} '
-        f'pos="{_numbers(part.position)}" quat="{_numbers(part.quat_wxyz)}" '
-        f'rgba="{_numbers(part.rgba)}"/>'
-    )
+    facts = {"class": group, "name": part.name, "rgba": _numbers(part.rgba)}
+    place = {"pos": _numbers(part.position), "quat": _numbers(part.quat_wxyz)}
+    ET.SubElement(body, "geom", facts | shape | place)
 
 
-def _pose(position: np.ndarray, rotation: np.ndarray) -> str:
-    quat = quat_from_matrix(rotation)
-    return f'pos="{_numbers(position)}" quat="{_numbers(quat)}"'
+def _pose(position: np.ndarray, rotation: np.ndarray) -> dict[str, str]:
+    return {"pos": _numbers(position), "quat": _numbers(quat_from_matrix(rotation))}
 
 
 def _numbers(values: "np.ndarray | tuple[float, ...]") -> str:

@@ -146,6 +146,7 @@ class DynamicsConfig(Sectioned):
         return cls.of(
             inertia=robot.links.inertia_set,
             damping=tuple(robot.motors.damping.tolist()),
+            coulomb=tuple(robot.motors.coulomb.tolist()),
             armature=tuple(robot.motors.armature.tolist()),
         )
 

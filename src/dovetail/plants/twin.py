@@ -89,7 +89,8 @@ class TwinConfig(Sectioned):
             return ""
         return (
             f"the twin's inertia set {inertia!r} is of another robot: in its "
-            f"place {own!r} of {robot.name} is taken; a file that says so: dovetail "
+            f"place {own!r} of {robot.name} is taken, with the twin's friction and "
+            f"rotors; a file that says so: dovetail "
             f"twin show NAME > mine.toml, there inertia = {own!r}, --twin mine.toml"
         )
 

@@ -4,23 +4,23 @@ Nothing collides with them and they weigh nothing.
 """
 
 import importlib.util
-import itertools
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from functools import cache
 from pathlib import Path
 from typing import NamedTuple
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from dovetail.errors import ConfigError
 from dovetail.poses import matrix_from_quat, quat_from_matrix
-from dovetail.types import Array, Mat33, Vec3
+from dovetail.robots.meshes import FACES, find_mesh, read_mesh
+from dovetail.robots.xml_file import named, numbers, shown
+from dovetail.types import Mat33, Vec3
 
-KINDS = (".stl", ".obj", ".msh")
-"""Files that MuJoCo reads."""
-_MOST_FACES = 200_000
-"""Of an STL file."""
+_SCALE = (1e-6, 1e6)
+"""Smallest and largest scale of a mesh."""
+_BYTES = 40_000_000
+"""Most of an arm's files in all [bytes]."""
 Rgba = tuple[float, float, float, float]
 
 
@@ -55,14 +55,22 @@ def bullet_file(*parts: str) -> Path | None:
     return file if file.exists() else None
 
 
-def read_drawn(robot: ET.Element, path: Path) -> dict[str, list[Drawn]]:
-    """Return what the links of a URDF are drawn as, by their names, in their frames.
+def read_drawn(
+    robot: ET.Element, path: Path
+) -> tuple[dict[str, list[Drawn]], tuple[str, ...]]:
+    """Read what the links of a URDF are drawn as.
 
     What is not here, or cannot be drawn, is left out: a plain body is in its place.
 
     Args:
         robot: Root of the URDF.
         path: Where that is.
+
+    Returns:
+        Shapes by the links' names, in their frames, and notes on what is left out.
+
+    Raises:
+        ConfigError: A colour that is no numbers.
     """
     colours = {
         name: colour
@@ -70,76 +78,60 @@ def read_drawn(robot: ET.Element, path: Path) -> dict[str, list[Drawn]]:
         if (colour := _colour(material)) and (name := material.get("name"))
     }
     found: dict[str, list[Drawn]] = {}
+    lacks: list[str] = []
+    size = faces = 0
     for link in robot.iter("link"):
-        shapes = [_read_one(visual, path, colours) for visual in link.findall("visual")]
-        found[str(link.get("name"))] = [shape for shape in shapes if shape is not None]
-    return found
+        shapes = found.setdefault(str(link.get("name")), [])
+        for visual in link.findall("visual"):
+            if (mesh := visual.find("geometry/mesh")) is None:
+                continue
+            try:
+                one = _read_one(visual, mesh, path, colours)
+                size += one.file.stat().st_size
+                if size > _BYTES or faces > FACES:
+                    raise ConfigError(
+                        f"an arm's meshes may have {_BYTES} bytes and {FACES} triangles"
+                    )
+                faces += len(read_mesh(one.file).faces)
+                shapes.append(one)
+            except ConfigError as error:
+                name = shown(str(mesh.get("filename")))
+                lacks.append(f"{name}, in {named(link)}: {error}")
+    if not lacks:
+        return found, ()
+    count = f"{len(lacks)} mesh{'es are' if len(lacks) > 1 else ' is'} not drawn"
+    return found, (f"{path.name}: {count}; the first is {lacks[0]}",)
 
 
 def _read_one(
-    visual: ET.Element, path: Path, colours: Mapping[str, Rgba]
-) -> Drawn | None:
-    mesh = visual.find("geometry/mesh")
-    file = None if mesh is None else _find_file(str(mesh.get("filename")), path)
-    if mesh is None or file is None or not _can_draw(file):
-        return None
+    visual: ET.Element, mesh: ET.Element, path: Path, colours: Mapping[str, Rgba]
+) -> Drawn:
     origin = visual.find("origin")
-    place = {} if origin is None else origin.attrib
+    place = visual if origin is None else origin
     material = visual.find("material")
     name = None if material is None else material.get("name")
-    x, y, z = np.broadcast_to(_numbers(mesh.get("scale", "1 1 1")), 3)
+    scale = np.broadcast_to(numbers(mesh, "scale", "1 1 1", (1, 3)), 3).tolist()
+    low, high = _SCALE
+    if not all(low <= abs(part) <= high for part in scale):
+        raise ConfigError(f"{named(mesh)} has the scale {scale}")
     return Drawn(
-        file,
-        _numbers(place.get("xyz", "0 0 0")),
-        _from_rpy(_numbers(place.get("rpy", "0 0 0"))),
-        (float(x), float(y), float(z)),
+        find_mesh(str(mesh.get("filename")), path),
+        numbers(place, "xyz", "0 0 0"),
+        _from_rpy(numbers(place, "rpy", "0 0 0")),
+        (scale[0], scale[1], scale[2]),
         colours.get(name or ""),
     )
-
-
-def _find_file(name: str, path: Path) -> Path | None:
-    """Find a mesh by the name that a URDF gives it: of a package, or beside it."""
-    kind, _, rest = name.rpartition("://")
-    if Path(rest).suffix.lower() not in KINDS:
-        return None
-    if kind == "file":
-        return Path(rest) if Path(rest).exists() else None
-    folder = path.resolve().parent
-    inside = Path(rest) if kind != "package" else Path(*Path(rest).parts[1:])
-    for base in (folder, *folder.parents):
-        for part in (Path(rest), inside):
-            if (base / part).is_file():
-                return base / part
-    return None
 
 
 def _colour(material: ET.Element) -> Rgba | None:
     colour = material.find("color")
     if colour is None:
         return None
-    r, g, b, *a = _numbers(colour.get("rgba", "0.7 0.7 0.7")).tolist()
+    r, g, b, *a = numbers(colour, "rgba", "0.7 0.7 0.7", (3, 4)).tolist()
     return r, g, b, a[0] if a else 1.0
 
 
-def _numbers(text: str) -> Array:
-    return np.array([float(part) for part in text.split()])
-
-
-def _can_draw(file: Path) -> bool:
-    """Say whether MuJoCo reads a file: of STL the binary kind, and not too large."""
-    if file.suffix.lower() == ".stl":
-        with file.open("rb") as stream:
-            count = int.from_bytes(stream.read(84)[80:], "little")
-        return 0 < count <= _MOST_FACES and file.stat().st_size == 84 + 50 * count
-    if file.suffix.lower() == ".obj":
-        try:
-            return 'face=""' not in _obj_content(file)
-        except ValueError:
-            return False
-    return True
-
-
-def _from_rpy(angles: Array) -> Mat33:
+def _from_rpy(angles: Vec3) -> Mat33:
     """Return the rotation by roll, pitch and yaw [rad] about fixed axes."""
     turned = np.eye(3)
     for axis, angle in enumerate(angles):
@@ -149,42 +141,30 @@ def _from_rpy(angles: Array) -> Mat33:
     return turned
 
 
-def mesh_xml(name: str, drawn: Drawn) -> str:
-    """Return the MJCF asset of one of these."""
-    scale = " ".join(f"{part:.9g}" for part in drawn.scale)
-    if drawn.file.suffix.lower() == ".obj":
-        content = _obj_content(drawn.file)
+def add_mesh(assets: ET.Element, name: str, drawn: Drawn) -> None:
+    """Add the MJCF asset of one of these."""
+    scale = _words(drawn.scale)
+    mesh = ET.SubElement(assets, "mesh", name=name, scale=scale, inertia="shell")
+    if drawn.file.suffix.lower() == ".obj":  # of these MuJoCo reads the first object
+        content = read_mesh(drawn.file)
+        mesh.set("vertex", _words(content.vertices.ravel()))
+        mesh.set("face", " ".join(map(str, content.faces.ravel().tolist())))
     else:
-        content = f"file={quoteattr(str(drawn.file))}"
-    return f'<mesh name="{name}" {content} scale="{scale}" inertia="shell"/>'
+        mesh.set("file", str(drawn.file))
 
 
-@cache
-def _obj_content(file: Path) -> str:
-    """Return vertices and triangles of all objects in a file: MuJoCo reads one only."""
-    vertices: list[str] = []
-    faces: list[str] = []
-    for line in file.read_text(encoding="utf-8", errors="replace").splitlines():
-        kind, *parts = line.split() or [""]
-        if kind == "v":
-            vertices.append(" ".join(parts[:3]))
-        elif kind == "f":
-            numbers = [int(part.partition("/")[0]) for part in parts]
-            corners = [n - 1 if n > 0 else len(vertices) + n for n in numbers]
-            pairs = itertools.pairwise(corners[1:])
-            faces += [f"{corners[0]} {one} {other}" for one, other in pairs]
-    return f'vertex="{"  ".join(vertices)}" face="{"  ".join(faces)}"'
-
-
-def geom_xml(name: str, drawn: Drawn, usual: Rgba) -> str:
-    """Return the MJCF geom of one of these, in its body's frame."""
-    quat = quat_from_matrix(drawn.rotation)
-    rgba = drawn.rgba or usual
-    pos, turn, colour = (
-        " ".join(f"{float(part):.9g}" for part in row)
-        for row in (drawn.position, quat, rgba)
+def add_geom(body: ET.Element, name: str, drawn: Drawn, usual: Rgba) -> None:
+    """Add the MJCF geom of one of these, in its body's frame."""
+    facts = {"class": "visual", "type": "mesh", "mesh": name, "mass": "0"}
+    ET.SubElement(
+        body,
+        "geom",
+        facts,
+        pos=_words(drawn.position),
+        quat=_words(quat_from_matrix(drawn.rotation)),
+        rgba=_words(drawn.rgba or usual),
     )
-    return (
-        f'<geom class="visual" type="mesh" mesh="{name}" pos="{pos}" quat="{turn}" '
-        f'rgba="{colour}" mass="0"/>'
-    )
+
+
+def _words(values: "Vec3 | tuple[float, ...]") -> str:
+    return " ".join(f"{float(value):.9g}" for value in values)

@@ -1,17 +1,29 @@
-"""Read a seven-joint arm from a URDF or MJCF file, through MuJoCo's own loader."""
+"""Read a seven-joint arm from a URDF or MJCF file, through MuJoCo's own loader.
 
-import xml.etree.ElementTree as ET
+MuJoCo gets the bodies, joints and masses alone (`urdf`, `mjcf_file`): it opens no file
+and generates nothing, and most of what is wrong is said here, with its line.
+"""
+
+import re
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.errors import ConfigError
-from dovetail.robots.drawn import Drawn, read_drawn
+from dovetail.errors import ConfigError, UnprovenWarning
+from dovetail.robots.drawn import Drawn
+from dovetail.robots.file_masses import require_masses
+from dovetail.robots.file_motors import read_motors, read_torque_limits
 from dovetail.robots.geometry import Geometry
 from dovetail.robots.inertia import merge_bodies
 from dovetail.robots.links import Links
+from dovetail.robots.mjcf_file import read_mjcf
+from dovetail.robots.motors import Motors
+from dovetail.robots.robot_file import RobotFile
 from dovetail.robots.robot_limits import RobotLimits
+from dovetail.robots.urdf import read_urdf
+from dovetail.robots.xml_file import listed, read_xml, write_xml
 from dovetail.types import Array, Mat33, Vec3
 
 if TYPE_CHECKING:
@@ -30,8 +42,12 @@ def load_robot(
     flange: str | None = None,
     dq_max: "Sequence[float] | None" = None,
     tau_max: "Sequence[float] | None" = None,
+    motors: Motors | None = None,
 ) -> "dict[str, Any]":
     """Read the fields of a `Robot`; bodies fixed to a link are merged into it.
+
+    What the file does not say of the motors, or what cannot be used of it, is in the
+    robot's notes and a warning (`UnprovenWarning`).
 
     Args:
         path: URDF or MJCF file; its meshes need not exist for a URDF.
@@ -41,110 +57,122 @@ def load_robot(
         flange: Site or body that is the flange; default the last link's frame.
         dq_max: Speed limits [rad/s]; MJCF has none, URDF's are the default.
         tau_max: Torque limits [Nm]; default from the file.
+        motors: Friction and rotor inertia; default from the file.
 
     Raises:
-        ConfigError: Unreadable file, not seven hinges in a row, a limit missing.
+        ConfigError: Unreadable file, not seven hinges in a row, a limit missing, a body
+            without mass or with an inertia that no body has; names it and its line.
     """
     import mujoco
 
-    model, limits, shapes = _compile(path, root)
-    names = _joint_names(model, path, joints)
+    file = _read(path, root)
+    model, names = _compile(file, joints)
     ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name) for name in names]
     data = mujoco.MjData(model)
-    data.qpos[:] = model.qpos0
-    data.qpos[model.jnt_qposadr[ids]] = 0.0
+    data.qpos[:] = 0.0
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     frames = _joint_frames(model, data, ids, names)
     mass, com, inertia = _links(model, data, ids, frames)
-    position, rotation = _flange(model, data, ids, flange)
-    _, last = frames[-1]
-    if not all(model.jnt_limited[ids]):
-        free = names[list(model.jnt_limited[ids]).index(0)]
-        raise ConfigError(f"joint {free} in {path} has no position limits: add a range")
-    speed = _limit("dq_max", dq_max, names, limits["velocity"], path)
-    effort = limits["effort"] or _motor_limits(model)
-    torque = _limit("tau_max", tau_max, names, effort, path)
+    low, high = _ranges(model, ids, names, file)
+    speed = _limit("dq_max", dq_max, names, file.velocity, file)
+    effort = file.effort or read_torque_limits(model)
+    torque = _limit("tau_max", tau_max, names, effort, file)
+    if motors is None:
+        motors = read_motors(model, ids, names, file)
+    for note in (*file.notes, *motors.notes):
+        warnings.warn(note, UnprovenWarning, stacklevel=3)
     return {
         "name": path.stem,
-        "geometry": Geometry(
-            origin_position=np.array([p for p, _ in _relative(frames)]),
-            origin_rotation=np.array([R for _, R in _relative(frames)]),
-            flange_position=last.T @ (position - frames[-1][0]),
-            flange_rotation=last.T @ rotation,
-        ),
+        "geometry": _geometry(frames, _flange(model, data, ids, flange)),
         "links": Links(mass=mass, com=com, inertia=inertia),
-        "limits": RobotLimits(
-            q_min=model.jnt_range[ids, 0],
-            q_max=model.jnt_range[ids, 1],
-            dq_max=speed,
-            tau_max=torque,
-        ),
-        "drawn": _drawn(model, data, ids, frames, shapes),
+        "limits": RobotLimits(q_min=low, q_max=high, dq_max=speed, tau_max=torque),
+        "motors": motors,
+        "drawn": _drawn(model, data, ids, frames, file.drawn),
+        "notes": file.notes,
     }
 
 
-def _compile(
-    path: Path, root: str
-) -> "tuple[mujoco.MjModel, dict[str, dict], dict[str, list[Drawn]]]":
-    """Compile the file; for a URDF also read limits that MuJoCo drops, and shapes."""
-    import mujoco
-
-    limits: dict[str, dict[str, float]] = {"velocity": {}, "effort": {}}
-    try:
-        tree = ET.parse(path)
-    except (OSError, ET.ParseError) as error:
-        raise ConfigError(f"cannot read robot file {path}: {error}") from error
-    if tree.getroot().tag != root:
+def _read(path: Path, root: str) -> RobotFile:
+    """Read the file, and refuse one of the other kind."""
+    tree = read_xml(path)
+    if tree.tag != root:
         raise ConfigError(
-            f"{path} has root element <{tree.getroot().tag}>, expected <{root}>: "
+            f"{path} has root element <{tree.tag}>, expected <{root}>: "
             "URDF files start with <robot>, MJCF files with <mujoco>"
         )
+    return read_urdf(tree, path) if root == "robot" else read_mjcf(tree, path)
+
+
+def _compile(
+    file: RobotFile, joints: "Sequence[str] | None"
+) -> "tuple[mujoco.MjModel, list[str]]":
+    """Return the model of the seven hinges, all others welded, and their names."""
+    import mujoco
+
+    text, places = write_xml(file.tree)
     try:
-        if root == "mujoco":
-            return mujoco.MjModel.from_xml_path(str(path)), limits, {}
-        shapes = read_drawn(tree.getroot(), path)
-        _prepare_urdf(tree.getroot(), limits)
-        options = ET.SubElement(tree.getroot(), "mujoco")
-        ET.SubElement(options, "compiler", fusestatic="false", strippath="true")
-        text = ET.tostring(tree.getroot(), encoding="unicode")
-        return mujoco.MjModel.from_xml_string(text), limits, shapes
-    except ValueError as error:
-        raise ConfigError(f"MuJoCo cannot load {path}: {error}") from error
-
-
-def _prepare_urdf(robot: ET.Element, limits: dict[str, dict[str, float]]) -> None:
-    """Drop the shapes, whose meshes may be missing, and note the joints' limits."""
-    for link in robot.iter("link"):
-        for shape in link.findall("visual") + link.findall("collision"):
-            link.remove(shape)
-    for joint in robot.iter("joint"):
-        for element in joint.findall("limit"):
-            for kind, known in limits.items():
-                if element.get(kind) is not None:
-                    known[str(joint.get("name"))] = float(str(element.get(kind)))
+        spec = mujoco.MjSpec.from_string(text)
+        for index, joint in enumerate(spec.joints):
+            joint.name = joint.name or f"unnamed {index}"
+        names = _joint_names(spec, file, joints)
+        for joint in spec.joints:
+            if joint.name not in names:
+                spec.delete(joint)
+        for actuator in list(spec.actuators):
+            if actuator.target not in names:
+                spec.delete(actuator)
+        require_masses(spec, file)
+        return spec.compile(), names
+    except ValueError as error:  # MuJoCo's own, but for a ConfigError
+        if isinstance(error, ConfigError):
+            raise
+        words = " ".join(str(error).split()).replace("XML Error: ", "")
+        words = words.removeprefix("Error: ")
+        words = re.sub(r"line (\d+)", lambda m: places[int(m[1]) - 1], words)
+        raise ConfigError(f"MuJoCo cannot load {file.path}: {words}") from error
 
 
 def _joint_names(
-    model: "mujoco.MjModel", path: Path, joints: "Sequence[str] | None"
+    spec: "mujoco.MjSpec", file: RobotFile, joints: "Sequence[str] | None"
 ) -> list[str]:
     """Return the seven hinges' names, or say which joints the file has."""
     import mujoco
 
-    hinge = int(mujoco.mjtJoint.mjJNT_HINGE)
-    every = [model.joint(i).name or f"(unnamed {i})" for i in range(model.njnt)]
-    names = list(joints) if joints is not None else every
+    kinds = {
+        joint.name: str(mujoco.mjtJoint(joint.type).name).removeprefix("mjJNT_").lower()
+        for joint in spec.joints
+    }
+    every = listed([f"{n} ({k})" if k != "hinge" else n for n, k in kinds.items()])
+    names = list(joints) if joints is not None else list(kinds)
     for name in names:
-        if name not in every:
-            known = ", ".join(every)
-            raise ConfigError(f"{path} has no joint {name!r}; known: {known}")
-        if model.jnt_type[every.index(name)] != hinge:
-            raise ConfigError(f"joint {name} in {path} is not a hinge")
-    if len(names) != NUM_JOINTS:
+        if name not in kinds:
+            raise ConfigError(f"{file.path} has no joint {name!r}; known: {every}")
+    others = [name for name in names if kinds[name] != "hinge"]
+    hinges = len(names) - len(others)
+    if hinges < NUM_JOINTS:
         raise ConfigError(
-            f"{path} has {len(names)} joints ({', '.join(names) or 'none'}); an arm of "
-            f"{NUM_JOINTS} hinges is needed: name them with joints=[...]"
+            f"{file.path} has {len(kinds)} joints ({every}); an arm of {NUM_JOINTS} "
+            f"hinges is needed, and {'these' if joints is None else 'joints=[...]'} "
+            f"have {hinges}"
         )
+    if joints is None and (others or hinges != NUM_JOINTS):
+        raise ConfigError(
+            f"{file.path} has {len(kinds)} joints ({every}); an arm has {NUM_JOINTS} "
+            "hinges: name the seven from base to flange with joints=[...]; the others "
+            "stay at their zero"
+        )
+    if len(set(names)) != NUM_JOINTS:
+        raise ConfigError(
+            f"joints=[...] names {len(set(names))} different joints ({listed(names)}); "
+            f"an arm has {NUM_JOINTS}"
+        )
+    for name in names:
+        if name in file.mimics:
+            raise ConfigError(
+                f"{file.path}: {file.where('joint', name)} mimics {file.mimics[name]} "
+                "and has no motor of its own: name seven others with joints=[...]"
+            )
     return names
 
 
@@ -192,6 +220,17 @@ def _relative(frames: list[tuple[Vec3, Mat33]]) -> list[tuple[Vec3, Mat33]]:
     return [
         (P.T @ (p - o), P.T @ R) for (o, P), (p, R) in zip(parents, frames, strict=True)
     ]
+
+
+def _geometry(frames: list[tuple[Vec3, Mat33]], flange: tuple[Vec3, Mat33]) -> Geometry:
+    """Return joints and flange, each in the frame before it."""
+    inside, (at, last), (position, rotation) = _relative(frames), frames[-1], flange
+    return Geometry(
+        origin_position=np.array([p for p, _ in inside]),
+        origin_rotation=np.array([R for _, R in inside]),
+        flange_position=last.T @ (position - at),
+        flange_rotation=last.T @ rotation,
+    )
 
 
 def _owners(model: "mujoco.MjModel", ids: list[int]) -> dict[int, int]:
@@ -268,23 +307,23 @@ def _flange(
     return np.array(data.xpos[body]), data.xmat[body].reshape(3, 3).copy()
 
 
-def _motor_limits(model: "mujoco.MjModel") -> dict[str, float]:
-    """Read torque limits from the joints or from the actuators that drive them."""
-    import mujoco
-
-    limits: dict[str, float] = {}
-    for i in range(model.nu):
-        if (
-            model.actuator_trntype[i] == int(mujoco.mjtTrn.mjTRN_JOINT)
-            and model.actuator_forcelimited[i]
-        ):
-            joint = model.joint(int(model.actuator_trnid[i, 0])).name
-            gear = abs(float(model.actuator_gear[i, 0]))
-            limits[joint] = gear * float(np.abs(model.actuator_forcerange[i]).min())
-    for i in range(model.njnt):
-        if model.jnt_actfrclimited[i]:
-            limits[model.joint(i).name] = float(np.abs(model.jnt_actfrcrange[i]).min())
-    return limits
+def _ranges(
+    model: "mujoco.MjModel", ids: list[int], names: list[str], file: RobotFile
+) -> tuple[Array, Array]:
+    """Return the position limits, or say which joint has none."""
+    for joint, name in zip(ids, names, strict=True):
+        low, high = model.jnt_range[joint]
+        where = f"{file.path}: {file.where('joint', name)}"
+        if low > high:
+            raise ConfigError(
+                f"{where} has the range {low:g} to {high:g} rad; swap its ends"
+            )
+        if not model.jnt_limited[joint] or low == high:
+            raise ConfigError(
+                f"{where} has no position limits: give it a range (in a URDF the type "
+                "revolute, and lower and upper of its <limit>)"
+            )
+    return model.jnt_range[ids, 0], model.jnt_range[ids, 1]
 
 
 def _limit(
@@ -292,15 +331,16 @@ def _limit(
     given: "Sequence[float] | None",
     joints: list[str],
     known: "Mapping[str, float]",
-    path: Path,
+    file: RobotFile,
 ) -> Array:
     """Take the given limits, else the file's, else say which joint has none."""
     if given is not None:
         return np.array(given, dtype=float)
     for joint in joints:
-        if joint not in known:
+        if not known.get(joint, 0.0) > 0.0:
+            said = f"{name} {known[joint]:g}" if joint in known else f"no {name}"
             raise ConfigError(
-                f"{path} gives no {name} for joint {joint}: pass {name}=[...] with "
-                f"{NUM_JOINTS} values"
+                f"{file.path} gives {file.where('joint', joint)} {said}: pass "
+                f"{name}=[...] with {NUM_JOINTS} values"
             )
     return np.array([known[joint] for joint in joints])

@@ -5,13 +5,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from dovetail.robots.arrays import ArrayFacts
-from dovetail.types import Vec7
+from dovetail.errors import ConfigError
+from dovetail.robots.arrays import ArrayFacts, frozen_array
+from dovetail.types import JOINTS, Vec7
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motors(ArrayFacts):
-    """What the model assumes of the drives; a file of an arm rarely says it."""
+    """What the model assumes of the drives."""
 
     shapes: ClassVar = {"damping": (7,), "armature": (7,)}
 
@@ -19,3 +20,21 @@ class Motors(ArrayFacts):
     """Viscous friction of the joints that the model assumes [Nms/rad], shape (7,)."""
     armature: Vec7 = field(default_factory=lambda: np.full(7, 0.1))
     """Rotor inertia at the joints that the model assumes [kg m2], shape (7,)."""
+    coulomb: Vec7 = field(default_factory=lambda: np.zeros(7))
+    """Dry friction of the joints [Nm], shape (7,). Only a simulated arm has it: the
+    controller's model has none, so it does not go over a wire."""
+    notes: tuple[str, ...] = ()
+    """What of this a robot file does not say, and what is assumed instead."""
+
+    def __post_init__(self) -> None:
+        """Refuse a negative value, by its joint."""
+        super().__post_init__()
+        coulomb = frozen_array(self.coulomb, (7,), "robot coulomb")
+        object.__setattr__(self, "coulomb", coulomb)
+        units = {"damping": "Nms/rad", "armature": "kg m2", "coulomb": "Nm"}
+        for name, unit in units.items():
+            for joint, value in zip(JOINTS, vars(self)[name], strict=True):
+                if value < 0.0:
+                    raise ConfigError(
+                        f"{name}[{joint}] is {value} {unit}: must be >= 0"
+                    )

@@ -78,6 +78,8 @@ class Robot:
     drawn: tuple[tuple[Drawn, ...], ...] = ((),) * 8
     """What base and links are drawn as, in their frames; a link of none as a plain
     body. Of this machine: it does not go over a wire."""
+    notes: tuple[str, ...] = ()
+    """What is not used of the file that it was read from; see `motors.notes`, too."""
 
     def __post_init__(self) -> None:
         postures = {
