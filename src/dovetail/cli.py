@@ -157,7 +157,7 @@ class Terminal(Console):
 
     def __init__(self, **options: Any) -> None:
         """Take options of `Console`; [brackets] and :colons: are left alone."""
-        super().__init__(**({"markup": False, "emoji": False} | options))
+        super().__init__(markup=False, emoji=False, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
         """Return text, whatever file or service it quotes, ready to be shown."""
