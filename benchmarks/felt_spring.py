@@ -44,12 +44,15 @@ def cabinet(
         f"--client 127.0.0.1:{client} --port {free_port(socket.SOCK_DGRAM)} "
         f"--control 127.0.0.1:{control}"
     )
+    if options.realtime:
+        words += " --realtime"
     program = [sys.executable, "-m", "dovetail", *words.split()]
     with subprocess.Popen(program, stdout=subprocess.DEVNULL) as running:
         try:
             yield FriAddress.parse(
                 f"fri://127.0.0.1:{client}?period={period}ms&clock={options.clock}"
                 f"&control=127.0.0.1:{control}&reset=move&timeout=60s"
+                f"&realtime={'yes' if options.realtime else 'no'}"
             )
         finally:
             running.terminate()
@@ -73,6 +76,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--clock", choices=("wall", "lockstep"), default="wall")
     parser.add_argument("--busy", type=int, default=0, help="processes beside it")
+    parser.add_argument("--realtime", action="store_true", help="as on a robot")
     parser.add_argument("--twin", default="medium")
     parser.add_argument("--periods", nargs="*", type=int, default=[1, 5], help="[ms]")
     parser.add_argument(
