@@ -21,6 +21,7 @@ LAYERS = (
         "paths_option",
         "reading",
         "page",
+        "printable",
         "durations",
         "robots",
         "strangers",

@@ -66,7 +66,8 @@ def feel_checks(
         delay = feeling.delay.delay - 0.5 * integration_step
         fits = spring(delay)
         inertia = np.asarray(arm.facts.robot.chain().inertia_matrix(q))
-        yield check_spring(fits, feeling, inertia + np.diag(rotors))
+        inertia += np.diag(rotors)
+        yield check_spring(fits, feeling, inertia, arm.facts.period)
     fixed = check_fixed_spring(feeling)
     if fixed is not None:
         yield fixed

@@ -7,13 +7,16 @@ import os
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import tyro
 from rich.console import Console
+from rich.text import Text
 
 import dovetail
 from dovetail.commands.help_page import Groups, help_page
 from dovetail.errors import ConfigError, DovetailError, UnprovenWarning
+from dovetail.printable import printable
 from dovetail.strangers import trust_typed
 
 COMMANDS = {
@@ -95,7 +98,7 @@ def run(words: list[str]) -> int:
     except DovetailError as error:
         if is_debug:
             raise
-        print(f"dovetail: {_plain(str(error))}", file=sys.stderr)
+        print(f"dovetail: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("dovetail: interrupted", file=sys.stderr)
@@ -149,14 +152,21 @@ def _run_command(name: str, words: list[str]) -> int:
     return parse(settings, words, task, prog=prog, default=found).run(make_console())
 
 
+class Terminal(Console):
+    """A terminal on which a text cannot do more than stand there."""
+
+    def __init__(self, **options: Any) -> None:
+        """Take options of `Console`; [brackets] and :colons: are left alone."""
+        super().__init__(markup=False, emoji=False, **options)
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        """Return text, whatever file or service it quotes, ready to be shown."""
+        return super().render_str(printable(text, keep="\n\t"), **options)
+
+
 def make_console() -> Console:
-    """Return the terminal: a name with [brackets] or :colons: is printed as it is."""
-    return Console(markup=False, emoji=False)
-
-
-def _plain(text: str) -> str:
-    """Return text that tells a terminal nothing, whatever file it quotes."""
-    return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+    """Return the terminal that commands write to."""
+    return Terminal()
 
 
 def _help() -> str:

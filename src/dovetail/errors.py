@@ -1,5 +1,7 @@
 """Exceptions of dovetail: each says what is wrong, where, and what to do next."""
 
+from dovetail.printable import printable
+
 
 def install_command(*extras: str) -> str:
     """Return how to install extras: from dovetail's folder, as it is on no index."""
@@ -9,6 +11,10 @@ def install_command(*extras: str) -> str:
 
 class DovetailError(Exception):
     """Base of every error that dovetail raises on purpose."""
+
+    def __str__(self) -> str:
+        """Return the message; what it quotes of others steers no terminal."""
+        return printable(super().__str__(), keep="\n")
 
 
 class ConfigError(DovetailError, ValueError):

@@ -29,15 +29,18 @@ CERTAIN = 0.995
 """The same from which it is its cause, also inside the declared range [1]: links that
 are all too heavy look like a load, but of random arms inside that range at most 2 in
 100 so exactly like one of more than 1 kg."""
-FRICTION = 0.5
-"""Viscous friction of a joint that is taken for its own [Nms/rad]."""
+FRICTION, FRICTION_MAX = 0.5, 6.0
+"""Viscous friction of a joint that is taken for its own, and the most that may be its
+own, dry friction mistaken for some included [Nms/rad]."""
 SENT_RATE = 2.0 * np.pi * 20.0
 """Of the filter between measured and sent position [1/s]; `ServoParams`."""
+EXACT = 0.15
+"""Share within which a stiffness is said to be known [1]."""
 NOTHING = 0.3
 """Gravity error of every joint below which none is explained [Nm]."""
 LIGHTEST, FARTHEST = 0.05, 0.5
 """Least mass [kg] and farthest centre of mass [m] of a load that is believed."""
-_SPREADS = 5.0
+_SPREADS, _SURE = 5.0, 3.0
 _UNEXPLAINED = (
     "check the mounting's inclination, and identify the arm (dovetail identify); the "
     "limits are unproven for it, with a tare, too"
@@ -92,13 +95,16 @@ def check_delay(feeling: Feeling, declared: dict[str, float]) -> Check:
     return Check("delay", "ok" if said.is_within else "broken", said.text)
 
 
-def check_spring(fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array) -> Check:
+def check_spring(
+    fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array, period: float
+) -> Check:
     """Say whether the cabinet's impedance is on, by how it takes being leaned on.
 
     Args:
         fits: Torque balances of the joints while they were leaned on.
-        feeling: What they were before, pushed.
+        feeling: What they were before, pushed farther.
         inertia: The model's inertia with rotors [kg m2], shape (7, 7).
+        period: Control period [s].
     """
     name = "cabinet's spring"
     spring = np.array([fit.sent_spring for fit in fits])
@@ -107,18 +113,38 @@ def check_spring(fits: tuple[JointFit, ...], feeling: Feeling, inertia: Array) -
     is_felt = (spring > SPRING_MIN) & (spring > _SPREADS * spread)
     if not is_felt.any():
         return Check(name, "ok", f"none: {detail}")
-    # friction of the joint, and of the sent position, which follows late, taken off
-    damping = np.array([fit.damping for fit in feeling.fits]) - FRICTION
-    damping -= spring / SENT_RATE
-    ratio = damping / (2.0 * np.sqrt(np.maximum(spring, 1.0) * inertia.diagonal()))
-    stiffness = _round(float(np.median(spring[is_felt])))
+    lag = 1.0 / SENT_RATE + feeling.delay.delay + 0.5 * period  # of a sent position
+    damping = np.array([fit.damping for fit in feeling.fits]) - spring * lag
+    critical = 2.0 * np.sqrt(np.maximum(spring, 0.0) * inertia.diagonal())
+
+    def ratio(friction: float) -> float:
+        """Weigh a joint by its critical damping: the heavy ones tell most."""
+        return float((damping - friction) @ critical / (critical @ critical))
+
+    said = "no damping is seen"
+    if ratio(FRICTION_MAX) > 0.0:
+        said = (
+            f"it adds damping, too, a ratio of about {ratio(FRICTION):.1f}: set it to "
+            "0 in the control mode of the Java application"
+        )
     return Check(
         name,
         "broken",
-        f"{detail}: the cabinet adds stiffness of about {stiffness:g} Nm/rad"
-        f"{_where(is_felt)}: set it to 0. It adds damping, too, a ratio of about "
-        f"{float(np.median(ratio[is_felt])):.1f}: set it to 0 in the control mode of "
-        "the Java application",
+        f"{detail}: the cabinet adds stiffness of {_stiffness(spring, spread, is_felt)}"
+        f"{_where(is_felt)}: set it to 0; {said}",
+    )
+
+
+def _stiffness(spring: Array, spread: Array, is_felt: NDArray[np.bool_]) -> str:
+    """Return the stiffness of the joints that feel one, or what it is at least."""
+    about = float(np.median(spring[is_felt]))
+    doubt = float(np.median(spread[is_felt])) / np.sqrt(np.count_nonzero(is_felt))
+    sure = about - _SURE * doubt
+    if sure > (1.0 - EXACT) * about:
+        return f"about {_round(about):g} Nm/rad"
+    return (
+        f"at least {_round(sure):g} Nm/rad (dry friction, or answers that came late, "
+        f"leave {_round(about - sure):g} Nm/rad open)"
     )
 
 

@@ -2,15 +2,18 @@
 
 import json
 import socket
+from contextlib import suppress
 
 import numpy as np
 import pytest
 
+from dovetail.arms.cabinet_control import CabinetControl
+from dovetail.cabinet import control_port
 from dovetail.cabinet.config import Endpoint
-from dovetail.cabinet.control_port import MAX_CONNECTIONS, MAX_LINE
+from dovetail.cabinet.control_port import MAX_LINE
 from dovetail.cabinet.protocol import SessionState
 from dovetail.cabinet.signals import parse_signal
-from dovetail.errors import ConfigError
+from dovetail.errors import ArmError, ConfigError
 
 from .client import mirror, wait_until
 from .conftest import FIXTURE, Q_START, LightPlant
@@ -167,19 +170,52 @@ def test_a_wrong_request_is_answered_and_changes_nothing(line, request_, message
     [
         b"hello",
         b"{",
+        b"\xff\xfe\x00",
+        b"[" * 30000,
+        b"GET / HTTP/1.1",
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+    ],
+)
+def test_what_is_not_json_is_answered_with_an_error_and_ends_the_connection(
+    cabinet, line, garbage
+):
+    assert not line.send(garbage)["ok"]
+    assert line.file.readline() == b""
+    again = Line(cabinet.control_address)
+    assert again.ask(do="status")["ok"]
+    again.close()
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
         b"[1, 2]",
         b"7",
         b"null",
         b'{"do": NaN}',
-        b"\xff\xfe\x00",
         b'{"do": "place", "q": [NaN, 0, 0, 0, 0, 0, 0]}',
-        b"[" * 30000,
     ],
 )
-def test_garbage_is_answered_with_an_error(line, garbage):
-    answer = line.send(garbage)
-    assert not answer["ok"]
+def test_json_that_is_no_request_is_answered_with_an_error(line, request_):
+    assert not line.send(request_)["ok"]
     assert line.ask(do="status")["ok"]
+
+
+def test_a_request_in_the_body_of_an_http_post_is_not_served(cabinet, client):
+    """As any web page can have a browser beside the cabinet send it."""
+    client.wait_for(ACTIVE)
+    body = b'\n{"do": "stop"}\n'
+    head = (
+        f"POST / HTTP/1.1\r\nHost: {cabinet.control_address}\r\n"
+        f"Content-Type: text/plain\r\nContent-Length: {len(body)}\r\n\r\n"
+    )
+    page = Line(cabinet.control_address)
+    page.socket.sendall(head.encode() + body)
+    assert not page.read()["ok"]
+    with suppress(ConnectionResetError):  # what it had still sent was not read
+        assert page.file.readline() == b""
+    page.close()
+    assert cabinet.status()["state"] == "COMMANDING_ACTIVE"
 
 
 def test_empty_lines_are_skipped(line):
@@ -213,13 +249,55 @@ def test_connections_that_vanish_leave_the_others_served(cabinet, line, rng):
     assert line.ask(do="status")["ok"]
 
 
-def test_too_many_connections_are_closed(cabinet):
-    lines = [Line(cabinet.control_address) for _ in range(MAX_CONNECTIONS)]
-    assert all(line.ask(do="status")["ok"] for line in lines)
-    extra = Line(cabinet.control_address)
-    assert extra.file.readline() == b""
-    for line in (*lines, extra):
-        line.close()
+def test_300_silent_connections_neither_lock_the_port_nor_end_a_live_one(cabinet, line):
+    assert line.ask(do="status")["ok"]
+    idle = [socket.create_connection(cabinet.control_address) for _ in range(300)]
+    late = Line(cabinet.control_address)
+    assert late.ask(do="status")["ok"]
+    assert line.ask(do="status")["ok"]
+    for connection in idle:
+        connection.close()
+    late.close()
+
+
+def test_300_connections_that_asked_once_do_not_lock_the_port(cabinet):
+    control = CabinetControl(str(cabinet.control_address))
+    control.request("status")
+    many = []
+    for _ in range(300):
+        many.append(Line(cabinet.control_address))
+        assert many[-1].ask(do="status")["ok"]
+    assert control.request("status")["ok"]  # its own was closed: it opens another
+    control.close()
+    for other in many:
+        other.close()
+
+
+def test_a_connection_that_asks_nothing_is_closed(cabinet, monkeypatch):
+    monkeypatch.setattr(control_port, "SILENCE_MAX", 0.1)
+    silent = Line(cabinet.control_address)
+    silent.socket.sendall(b'{"do": ')
+    assert silent.file.readline() == b""
+    silent.close()
+
+
+def test_an_answer_that_is_not_fetched_makes_nobody_wait(cabinet, line):
+    greedy = socket.create_connection(cabinet.control_address)
+    greedy.setblocking(False)
+    with suppress(BlockingIOError, ConnectionError):
+        for _ in range(2000):
+            greedy.send(b'{"do": "status"}\n' * 50)
+    assert line.ask(do="status")["ok"]
+    greedy.close()
+
+
+def test_a_refusal_steers_no_terminal():
+    control = CabinetControl("127.0.0.1:1")
+    told = {"ok": False, "error": "\x1b[2J\nok  all well"}
+    control._exchange = lambda line: json.dumps(told).encode()
+    with pytest.raises(ArmError) as raised:
+        control.request("status")
+    assert str(raised.value).isprintable()
 
 
 def test_a_control_port_in_use_is_said(make, cabinet):

@@ -122,6 +122,14 @@ def test_a_cabinet_whose_impedance_is_on_is_told_to_set_it_to_0():
     assert "a ratio of about 0.7" in check.detail
 
 
+def test_a_cabinet_with_a_spring_alone_is_not_said_to_damp():
+    with cabinet(stiffness=(200.0,) * 7) as address:
+        check = check_at(address, "cabinet's spring")
+    assert check.status == "broken"
+    assert "about 200 Nm/rad" in check.detail
+    assert "no damping" in check.detail
+
+
 def test_a_cabinet_that_pulls_on_some_joints_only_is_told_which():
     stiffness = (0.0, 0.0, 0.0, 100.0, 0.0, 50.0, 0.0)
     with cabinet(stiffness=stiffness) as address:

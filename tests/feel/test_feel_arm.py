@@ -1,5 +1,6 @@
 """Arms that are felt, from here and over FRI: what was planted is found."""
 
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,9 @@ from dovetail.feel.busy import busy_words
 from dovetail.feel.feeling import feel_arm
 from dovetail.feel.gains import quiet, simulated_step
 from dovetail.feel.missed_load import explain_by_load
-from dovetail.feel.spring import feel_spring
+from dovetail.feel.spring import LEAN_RATE, Side, feel_spring, leaned
 from dovetail.plants.find import make_plant
-from dovetail.plants.plant import DynamicsConfig
+from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 
@@ -42,9 +43,9 @@ def local(plant, period):
     return arm
 
 
-def over_fri(plant, period, **cabinet):
+def over_fri(plant, period, clock="lockstep", **cabinet):
     osc, limits = settings(period)
-    arm = CabinetArm(plant, osc, limits, HOLD, period, cabinet=cabinet)
+    arm = CabinetArm(plant, osc, limits, HOLD, period, clock=clock, cabinet=cabinet)
     arm.reset(START, HOLE)
     return arm
 
@@ -82,19 +83,65 @@ def test_the_delay_of_a_twin_is_found(name, period, delay_ms):
     arm.close()
 
 
-def test_the_delay_and_the_spring_of_a_cabinet_are_found():
-    plant = twin("medium", 0.005)
-    arm = over_fri(plant, 0.005, stiffness=(200.0,) * 7, damping=(0.7,) * 7)
-    fits = feel_spring(arm, START, arm.facts.limits.prediction.armature, 0.005)
-    np.testing.assert_allclose([f.sent_spring for f in fits], 200.0, rtol=0.15)
+@pytest.mark.parametrize("damping", [0.0, 0.7])
+@pytest.mark.parametrize("stiffness", [20.0, 200.0, 1000.0])
+def test_the_spring_of_a_cabinet_is_found(stiffness, damping):
+    impedance = {"stiffness": (stiffness,) * 7, "damping": (damping,) * 7}
+    arm = over_fri(twin("medium", 0.005), 0.005, **impedance)
+    springs = spring_of(arm, 0.005)
+    np.testing.assert_allclose(np.median(springs), stiffness, rtol=0.15)
+    np.testing.assert_allclose(springs, stiffness, rtol=0.25)
     arm.close()
+
+
+def test_a_stiff_spring_is_leaned_on_by_little():
+    arm = over_fri(twin("medium", 0.005), 0.005, stiffness=(1000.0,) * 7)
+    spring_of(arm, 0.005)
+    log = arm.recent(5.0)
+    turned = np.abs(log[:, COLUMN["q1"] : COLUMN["q7"] + 1] - START).max()
+    assert turned < 0.1  # 0.21 where it was leaned on by 0.02 rad at once
+    arm.close()
+
+
+def spring_of(arm, delay):
+    fits = feel_spring(arm, START, arm.facts.limits.prediction.armature, delay)
+    return [fit.sent_spring for fit in fits]
+
+
+def test_a_spring_is_found_by_the_clock_whatever_was_computed_before():
+    """What the arm did while the delay was fitted was taken for a lean."""
+    arm = over_fri(
+        twin("medium", 0.005),
+        0.005,
+        clock="wall",
+        stiffness=(200.0,) * 7,
+        fair_from=0.2,
+        good_from=0.2,
+    )
+    time.sleep(1.0)
+    springs = spring_of(arm, 0.005)
+    np.testing.assert_allclose(np.median(springs), 200.0, rtol=0.15)
+    arm.close()
+
+
+def test_a_lean_is_counted_from_its_cycle_on_and_not_while_the_arm_is_held():
+    period = 0.01
+    log = np.zeros((300, len(CYCLE_COLUMNS)))
+    log[:, 0] = period * np.arange(1.0, 301.0)
+    log[250:, COLUMN["flags"]] = FLAG_MASK["target_late"]
+    share = leaned(log, [Side(0.0, 1.0), Side(1.0, -1.0)], period)
+    rate = 1.0 - LEAN_RATE * period
+    np.testing.assert_allclose(share[:100], 1.0 - rate ** np.arange(1, 101))
+    assert share[99] > 0.99
+    assert share[100] < share[99]
+    assert share[249] < -0.99
+    np.testing.assert_allclose(share[299], share[249] * rate**50)
 
 
 def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
     arm = over_fri(twin("hard", 0.01), 0.005)
     assert feel(arm).delay.delay == pytest.approx(0.01, abs=5e-4)
-    fits = feel_spring(arm, START, arm.facts.limits.prediction.armature, 0.01)
-    assert max(abs(f.sent_spring) for f in fits) < 5.0
+    assert max(map(abs, spring_of(arm, 0.01))) < 10.0
     arm.close()
 
 
@@ -118,13 +165,10 @@ def test_a_gravity_error_is_measured_and_its_load_found():
 def test_logs_with_too_many_gaps_are_refused():
     arm = local(make_plant("mujoco", CELL, DynamicsConfig()), 0.005)
     step = arm.step
-    count = 0
 
     def lossy(target, duration=0.05):
-        nonlocal count
         state = step(target, duration)
-        count += 1
-        return state._replace(log=np.delete(state.log, 1, axis=0))
+        return state._replace(log=np.delete(state.log, np.s_[1:], axis=0))
 
     arm.step = lossy
     with pytest.raises(ArmError, match="A1 was pushed, 5 times, no more than"):
@@ -133,13 +177,13 @@ def test_logs_with_too_many_gaps_are_refused():
 
 
 def test_a_push_that_lost_cycles_is_done_again():
-    """As on a busy machine, where some pushes are gapless and some are not."""
+    """As on a busy machine, where some pushes have long gaps and some have none."""
     arm = local(twin("medium", 0.005), 0.005)
     step, lossy = arm.step, iter([True] * 70 + [False] * 10**6)
 
     def step_with_gaps(target, duration=0.05):
         state = step(target, duration)
-        return state._replace(log=state.log[1:] if next(lossy) else state.log)
+        return state._replace(log=state.log[-1:] if next(lossy) else state.log)
 
     arm.step = step_with_gaps
     assert feel(arm).delay.delay == pytest.approx(0.005, abs=5e-4)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from dovetail.feel.gapless import longest_gapless
 from dovetail.feel.resting import measure_rest
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 
@@ -47,9 +46,3 @@ def test_a_quiet_arm_does_not_oscillate_whatever_its_spectrum():
     t = np.arange(1000) * PERIOD
     assert not measure_rest(log_of(0.5 * np.sin(100.0 * t)), PERIOD).is_oscillating
     assert not measure_rest(log_of(np.zeros(1000)), PERIOD).is_oscillating
-
-
-def test_of_a_log_with_gaps_the_longest_part_is_taken():
-    log = np.delete(log_of(np.arange(100.0)), [20, 21, 70], axis=0)
-    part = longest_gapless(log, PERIOD)
-    np.testing.assert_array_equal(part[:, COLUMN["tau2"]], np.arange(22.0, 70.0))

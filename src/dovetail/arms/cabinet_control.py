@@ -7,6 +7,7 @@ from typing import Any
 from dovetail.arms.arm_address import parse_endpoint
 from dovetail.errors import ArmError
 from dovetail.poses import Pose
+from dovetail.printable import printable
 from dovetail.types import Vec3, Vec7
 
 _LONGEST = 1 << 20
@@ -49,7 +50,8 @@ class CabinetControl:
             ) from error
         if not isinstance(answer, dict) or not answer.get("ok"):
             why = answer.get("error") if isinstance(answer, dict) else answer
-            raise ArmError(f"the cabinet refuses to {do}: {why}", "refused")
+            text = f"the cabinet refuses to {do}: {printable(str(why))}"
+            raise ArmError(text, "refused")
         return answer
 
     def place(self, q: Vec7, fixture: Pose, seed: int | None = None) -> dict[str, Any]:
@@ -71,15 +73,34 @@ class CabinetControl:
         return self.request("push", force=list(map(float, force)), duration=duration)
 
     def _exchange(self, line: bytes) -> bytes:
-        if self._socket is None:
-            self._socket = socket.create_connection(self._where, self._timeout)
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.sendall(line)
+        """Send a request and return its answer.
+
+        The cabinet may have closed a connection that was silent for long: then it has
+        not read the request, which is sent once more on a new one.
+        """
+        if self._socket is not None:
+            try:
+                if answer := self._ask(self._socket, line):
+                    return answer
+            except ConnectionError:
+                pass
+            self.close()
+        self._socket = socket.create_connection(self._where, self._timeout)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if answer := self._ask(self._socket, line):
+            return answer
+        raise ConnectionError("it closed the connection")
+
+    def _ask(self, connection: socket.socket, line: bytes) -> bytes:
+        """Return the answer to a line; nothing if the connection ends before it."""
+        connection.sendall(line)
         answer = b""
         while not answer.endswith(b"\n"):
-            part = self._socket.recv(65536)
+            part = connection.recv(65536)
+            if not part and not answer:
+                return b""
             if not part or len(answer) > _LONGEST:
-                raise ConnectionError("it closed the connection")
+                raise OSError("it closed the connection")
             answer += part
         return answer
 

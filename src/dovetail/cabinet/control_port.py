@@ -1,9 +1,14 @@
-"""The control port: a line of JSON in, a line of JSON out, over TCP."""
+"""The control port: a line of JSON in, a line of JSON out, over TCP.
+
+The first line that is not JSON ends its connection: a web page can have a browser send
+an HTTP request here, and nothing behind that request's first line is read.
+"""
 
 import json
 import selectors
 import socket
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -13,9 +18,26 @@ from dovetail.cabinet.udp_port import bind_error, resolve
 MAX_LINE = 65536
 """Longest request [bytes]."""
 MAX_CONNECTIONS = 16
-"""Connections at one time; more are closed at once."""
-_SEND_TIME = 2.0
-"""How long an answer may take to leave [s]."""
+"""Connections at one time. One more takes the place of the one silent for longest, and
+of one that never asked anything before those that did."""
+SILENCE_MAX = 5.0
+"""A connection that has not asked anything for so long is closed [s]."""
+
+
+class _Client:
+    """One connection, and what has come of its next request."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        """Begin without a request."""
+        self.connection = connection
+        self.buffer = bytearray()
+        self.has_asked = False
+        self.heard = time.monotonic()
+
+    @property
+    def worth(self) -> tuple[bool, float]:
+        """The least goes first where there are too many."""
+        return self.has_asked, self.heard
 
 
 class ControlPort:
@@ -46,7 +68,7 @@ class ControlPort:
         self._selector.register(self._listener, selectors.EVENT_READ, None)
         self._stop, self._stopped = socket.socketpair()
         self._selector.register(self._stopped, selectors.EVENT_READ, None)
-        self._buffers: dict[socket.socket, bytearray] = {}
+        self._clients: dict[socket.socket, _Client] = {}
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
 
@@ -55,66 +77,70 @@ class ControlPort:
         if self._thread.is_alive():
             self._stop.send(b"x")
             self._thread.join()
-        for opened in (self._listener, self._stop, self._stopped, *self._buffers):
+        for opened in (self._listener, self._stop, self._stopped, *self._clients):
             opened.close()
         self._selector.close()
 
     def _serve(self) -> None:
         while True:
-            for key, _ in self._selector.select():
+            is_any_silent = not all(c.has_asked for c in self._clients.values())
+            for key, _ in self._selector.select(1.0 if is_any_silent else None):
                 if key.fileobj is self._stopped:
                     return
                 if key.fileobj is self._listener:
                     self._accept()
-                elif isinstance(key.fileobj, socket.socket):
-                    self._read(key.fileobj)
+                elif key.fileobj in self._clients:  # not dropped meanwhile
+                    self._read(key.data)
+            oldest = time.monotonic() - SILENCE_MAX
+            for client in list(self._clients.values()):
+                if not client.has_asked and client.heard < oldest:
+                    self._drop(client)
 
     def _accept(self) -> None:
         try:
             connection, _ = self._listener.accept()
         except OSError:
             return
-        if len(self._buffers) >= MAX_CONNECTIONS:
-            connection.close()
-            return
-        connection.settimeout(_SEND_TIME)
+        if len(self._clients) >= MAX_CONNECTIONS:
+            self._drop(min(self._clients.values(), key=lambda client: client.worth))
+        connection.setblocking(False)  # an answer that is not fetched waits for nobody
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._buffers[connection] = bytearray()
-        self._selector.register(connection, selectors.EVENT_READ, None)
+        client = self._clients[connection] = _Client(connection)
+        self._selector.register(connection, selectors.EVENT_READ, client)
 
-    def _drop(self, connection: socket.socket) -> None:
-        self._selector.unregister(connection)
-        del self._buffers[connection]
-        connection.close()
+    def _drop(self, client: _Client) -> None:
+        self._selector.unregister(client.connection)
+        del self._clients[client.connection]
+        client.connection.close()
 
-    def _read(self, connection: socket.socket) -> None:
-        buffer = self._buffers[connection]
+    def _read(self, client: _Client) -> None:
         try:
-            data = connection.recv(MAX_LINE)
-            if not data:
-                self._drop(connection)
-                return
-            buffer += data
-            while (end := buffer.find(b"\n")) >= 0:
-                line = bytes(buffer[:end])
-                del buffer[: end + 1]
-                if line.strip():
-                    self._reply(connection, self._answer_line(line))
-            if len(buffer) > MAX_LINE:
-                error = f"a request has more than {MAX_LINE} bytes; connection closed"
-                self._reply(connection, {"ok": False, "error": error})
-                self._drop(connection)
+            data = client.connection.recv(MAX_LINE)
+            client.buffer += data
+            if not data or not self._answer_all(client):
+                self._drop(client)
         except OSError:
-            self._drop(connection)
+            self._drop(client)
 
-    def _answer_line(self, line: bytes) -> dict[str, Any]:
-        try:
-            if len(line) > MAX_LINE:
-                raise ValueError(f"more than {MAX_LINE} bytes")
-            request = json.loads(line)
-        except (ValueError, RecursionError) as error:
-            return {"ok": False, "error": f"the line is no JSON object: {error}"}
-        return self._answer(request)
+    def _answer_all(self, client: _Client) -> bool:
+        """Answer every line that has come; return whether to go on listening."""
+        *lines, client.buffer = client.buffer.split(b"\n")
+        if max(map(len, (*lines, client.buffer))) > MAX_LINE:
+            return self._refuse(client, f"a request has more than {MAX_LINE} bytes")
+        for line in lines:
+            if not line.strip():
+                continue
+            try:
+                request = json.loads(line)
+            except (ValueError, RecursionError) as error:
+                return self._refuse(client, f"the line is no JSON object: {error}")
+            self._reply(client, self._answer(request))
+            client.has_asked, client.heard = True, time.monotonic()
+        return True
 
-    def _reply(self, connection: socket.socket, answer: dict[str, Any]) -> None:
-        connection.sendall(json.dumps(answer).encode() + b"\n")
+    def _refuse(self, client: _Client, error: str) -> bool:
+        self._reply(client, {"ok": False, "error": f"{error}; connection closed"})
+        return False
+
+    def _reply(self, client: _Client, answer: dict[str, Any]) -> None:
+        client.connection.sendall(json.dumps(answer).encode() + b"\n")

@@ -37,6 +37,7 @@ from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
+from dovetail.printable import printable
 from dovetail.robots.find import find_robot
 
 _FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
@@ -211,8 +212,7 @@ def describe_status(status: dict[str, Any]) -> str:
     why = next((status[name] for name in reasons if status.get(name)), "")
     if not why and not counts.get("received"):
         why = "nothing heard from the client yet"
-    line = f"{line}  {why}" if why else line
-    return line.encode("utf-8", "backslashreplace").decode()
+    return printable(f"{line}  {why}" if why else line)
 
 
 def _show_status(server: Server, console: Console, end: End) -> None:

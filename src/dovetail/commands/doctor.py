@@ -16,6 +16,7 @@ from dovetail.control.proven import DECLARED
 from dovetail.doctor import Check, run_checks
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
+from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
 
 _HERE = "it belongs to the checks of an arm: give --arm ADDRESS with it"
@@ -67,7 +68,8 @@ class Doctor:
                 markup=True,
                 highlight=False,
             )
-            console.print(check.detail, markup=False, highlight=False, soft_wrap=True)
+            detail = printable(check.detail)
+            console.print(detail, markup=False, highlight=False, soft_wrap=True)
             is_broken |= check.is_essential and check.status != "ok"
         if is_broken:
             console.print("something essential is broken, see above")

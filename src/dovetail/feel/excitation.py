@@ -31,10 +31,18 @@ def excite(
         seconds: How long, about [s].
         rng: Where the times come from.
     """
-    side, spent = 1.0, 0.0
-    while spent < seconds:
-        duration = TICK * int(rng.integers(1, 5))
+    side = 1.0
+    for duration in random_times(seconds, rng):
         q_d = np.array(q, dtype=float)
         q_d[joint] += side * AMPLITUDE
         yield arm.step(_core.Target(joint_mode=True, q_d=q_d), duration).log
-        side, spent = -side, spent + duration
+        side = -side
+
+
+def random_times(seconds: float, rng: np.random.Generator) -> Iterator[float]:
+    """Yield times of one to four `TICK` each until they make up enough [s]."""
+    spent = 0.0
+    while spent < seconds:
+        duration = TICK * int(rng.integers(1, 5))
+        yield duration
+        spent += duration

@@ -9,7 +9,7 @@ from dovetail.arms.arm import Arm
 from dovetail.errors import ArmError
 from dovetail.feel.busy import busy_words
 from dovetail.feel.excitation import excite
-from dovetail.feel.gapless import longest_gapless
+from dovetail.feel.filled import longest_filled
 from dovetail.feel.loop_delay import LoopDelay, estimate_delay
 from dovetail.feel.torque_balance import JointFit, TorqueBalance
 from dovetail.plants.plant import COLUMN
@@ -81,7 +81,7 @@ def balance_of(
     period: float,
     lean: Array | None = None,
 ) -> TorqueBalance:
-    """Return the torque balance of a gapless cycle log."""
+    """Return the torque balance of a cycle log without gaps."""
     return TorqueBalance(_of(log, "q"), _of(log, "tau"), joint, inertia, period, lean)
 
 
@@ -92,7 +92,7 @@ def _push(
     longest = np.empty((0, 0))
     for _ in range(TRIES):
         log = np.vstack(list(excite(arm, q, joint, seconds, rng)))
-        part = longest_gapless(log, arm.facts.period)
+        part = longest_filled(log, arm.facts.period)
         longest = max(longest, part, key=len)
         if len(longest) * arm.facts.period >= ENOUGH * seconds:
             return longest

@@ -51,7 +51,7 @@ class JointFit(NamedTuple):
 
 
 class TorqueBalance:
-    """The balance of one joint over one gapless log."""
+    """The balance of one joint over one log without gaps."""
 
     def __init__(
         self,

@@ -12,6 +12,7 @@ from typing import Any
 import grpc
 
 from dovetail.errors import ArmError, ConfigError, DovetailError
+from dovetail.printable import printable
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.calls import KEEPALIVE, MESSAGE_MAX, Stub
 from dovetail.rpc.problems import error_of, problem_in
@@ -94,7 +95,7 @@ class Connection:
         """Return a failed call as an exception."""
         if (problem := problem_in(call)) is not None:
             return error_of(problem)
-        code, details = call.code(), call.details() or ""
+        code, details = call.code(), printable(call.details() or "")
         if code == grpc.StatusCode.UNAVAILABLE:
             reason = explain(self.host, self.port, self.files)
             return ArmError(f"{doing} at {self.address}: {reason or details}")

@@ -14,6 +14,7 @@ from dovetail.errors import (
     MissingDependencyError,
     PlantError,
 )
+from dovetail.printable import printable
 from dovetail.rpc import dovetail_pb2 as pb
 
 METADATA_KEY = "dovetail-problem-bin"
@@ -88,11 +89,12 @@ def problem_of(error: Exception) -> pb.Problem:
 def error_of(problem: pb.Problem) -> DovetailError:
     """Return the exception that a message tells of."""
     if problem.fields:
-        return FieldError([Field(f.path, f.value, f.allowed) for f in problem.fields])
-    kind = _KNOWN.get(problem.kind, ArmError)
+        facts = ((f.path, f.value, f.allowed) for f in problem.fields)
+        return FieldError([Field(*map(printable, texts)) for texts in facts])
+    kind, text = _KNOWN.get(problem.kind, ArmError), printable(problem.text)
     if kind is ArmError:
-        return ArmError(problem.text, problem.reason)
-    return kind(problem.text)
+        return ArmError(text, printable(problem.reason))
+    return kind(text)
 
 
 def status_of(error: Exception) -> grpc.StatusCode:
