@@ -16,7 +16,7 @@ from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 from extras import need
 
-from .conftest import wait_until
+from .conftest import resume, wait_until
 
 Q_NEAR = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 
@@ -162,6 +162,23 @@ def test_a_start_right_after_a_demonstration_was_kept_goes_on(session):
     session.end_demonstration(is_kept=True)
     session.start()
     wait_until(lambda: session.status.success)
+
+
+def test_an_arm_elsewhere_that_was_stopped_before_its_first_reset_goes_on_later(
+    make_session, service
+):
+    session = make_session(place=f"grpc://{service.address}")
+    session.stop()
+    session.reset()
+    resume(session)
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
+    session.start()
+    wait_until(lambda: session.status.mode == "running")
+    session.stop()
+    resume(session)
+    session.start()
+    wait_until(lambda: session.status.mode == "running")
 
 
 def test_without_a_policy_an_arm_elsewhere_is_led(make_session, service):

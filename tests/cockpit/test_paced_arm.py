@@ -115,6 +115,46 @@ def test_an_arm_that_is_no_simulation_is_stepped_whole_and_stops_itself():
     env.close()
 
 
+def test_an_arm_elsewhere_is_stopped_before_its_first_reset_has_ended_too():
+    """The stop used to wait for a first state, while the arm drove to its start."""
+    env = make()
+    distant = Distant(env.arm)
+    env.arm = arm = PacedArm(distant, Hand(), FAST, lambda *_: None)
+    reset, stops = distant.reset, []
+
+    def drive(q, fixture):
+        arm.stop()  # a person's, from another thread
+        stops.append(distant.stops)
+        return reset(q, fixture)
+
+    distant.reset = drive
+    env.reset(seed=1)
+    assert stops == [1]
+    env.close()
+
+
+def test_while_a_stop_of_a_person_holds_nothing_frees_the_arm():
+    env = make()
+    stopped = [False]
+    distant = Distant(env.arm)
+    arm = PacedArm(distant, Hand(), FAST, lambda *_: None, lambda: stopped[0])
+    env.arm = arm
+    env.reset(seed=1)
+    stopped[0] = True
+    arm.stop()
+    arm.clear()
+    with pytest.raises(ArmError) as refusal:
+        env.reset(seed=1)
+    assert refusal.value.reason == "stopped"
+    assert arm.is_held
+    assert distant.stops == 1
+    stopped[0] = False
+    arm.clear()
+    assert not arm.is_held
+    assert distant.stops == 0
+    env.close()
+
+
 @pytest.mark.parametrize("stretch", [0.0, 1e-3, 0.05, 0.5, 1.0, 1e6, 1e308])
 def test_the_spring_pulls_along_its_stretch_and_not_too_hard(stretch):
     direction = np.array([0.6, 0.0, -0.8])

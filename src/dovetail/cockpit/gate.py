@@ -351,7 +351,7 @@ def _wrong_place(request: Request) -> str:
 @contextmanager
 def serving(gate: Gate) -> Iterator[None]:
     """Let what viser serves in this block go through a gate."""
-    module = websockets.asyncio.server
+    module: Any = websockets.asyncio.server
     original = module.serve
 
     def serve(handler: Handler, *args: Any, **more: Any) -> Any:
@@ -373,11 +373,11 @@ def serving(gate: Gate) -> Iterator[None]:
         return original(handle, *args, **more)
 
     with _PATCHING:
-        module.serve = serve  # pyright: ignore[reportAttributeAccessIssue]
+        module.serve = serve
         try:
             yield
         finally:
-            module.serve = original  # pyright: ignore[reportAttributeAccessIssue]
+            module.serve = original
 
 
 def require_closed(gate: Gate, port: int, subprotocol: str) -> None:

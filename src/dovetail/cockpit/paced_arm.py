@@ -55,6 +55,7 @@ class PacedArm:
         self._arm, self._hand, self._pace, self._see = arm, hand, pace, see
         self._is_stopped = is_stopped
         self._hold: _core.Target | None = None
+        self._is_held = False
         self._state: ArmState | None = None
         self._looked = 0.0
 
@@ -72,7 +73,7 @@ class PacedArm:
         self._hand.let_go()
         if self._is_stopped():
             raise ArmError("STOP was pressed before the arm was reset", "stopped")
-        if self._hold is not None:  # a service wants to be told that the stop is over
+        if self._is_held:  # a service wants to be told that the stop is over
             self.clear()
         self.fixture = fixture
         self._state = state = self._arm.reset(q, fixture)
@@ -150,6 +151,7 @@ class PacedArm:
         Raises:
             ArmError: One that is elsewhere cannot be told; nothing more is asked of it.
         """
+        self._is_held = True
         if self._state is not None:  # None until the first reset has come to its end
             hold, tool = _core.Target(), self._state.tool
             hold.position_d, hold.quat_wxyz_d = tool.position, tool.quat_wxyz
@@ -162,12 +164,12 @@ class PacedArm:
         if self._is_stopped():
             return
         self._arm.clear()
-        self._hold = None
+        self._hold, self._is_held = None, False
 
     @property
     def is_held(self) -> bool:
         """Whether a stop holds it."""
-        return self._hold is not None
+        return self._is_held
 
     def push(self, force: Vec3, duration: float) -> None:
         """Push the TCP with a force [N], world axes, for a duration [s]."""
