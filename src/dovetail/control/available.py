@@ -235,7 +235,7 @@ def _too_little(
     order = sorted(shares, key=lambda share: -shares[share])
     said = ", ".join(takes[n].format(shares[n]) for n in order if shares[n] >= 5e-3)
     return TorqueError(
-        f"joint {name} of {robot.name} has {tau_max:g} Nm, too little for {said}; "
+        f"joint {name} of {robot.name} has {tau_max:g} Nm and would need {said}; "
         f"{remedies[cause]}",
         name,
         cause,
