@@ -42,7 +42,7 @@ def test_pipes_devices_and_folders_are_refused_at_once(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "a = " + "9" * 900_000,  # a number of nearly a million digits
+        "a = " + "9" * 200_000,
         ".".join("k" * 50_000) + " = 1",
         "a = " + "[" * 3000 + "]" * 3000,
         "a.b.c = \xff",
