@@ -73,7 +73,9 @@ def open_member(archive: ZipFile, name: str) -> Iterator[IO[bytes]]:
         raise ValueError(f"it has {names.count(name)} members {name}; it has {found}")
     info = archive.getinfo(name)
     if info.compress_type not in (ZIP_STORED, ZIP_DEFLATED) or info.flag_bits & 1:
-        raise ValueError(f"{name} is encrypted or packed by another method than deflate")
+        raise ValueError(
+            f"{name} is encrypted or packed by another method than deflate"
+        )
     try:
         with archive.open(info) as member:
             yield member
@@ -138,7 +140,9 @@ def read_array_header(
     except (SyntaxError, TypeError, RecursionError, MemoryError) as error:
         raise ValueError(f"its NPY header is damaged: {error}") from error
     if kind.kind not in "biufU" or kind.itemsize == 0 or kind.subdtype is not None:
-        raise ValueError(f"it is an array of {str(kind)[:80]}; numbers or text are read")
+        raise ValueError(
+            f"it is an array of {str(kind)[:80]}; numbers or text are read"
+        )
     if any(type(length) is not int or length < 0 for length in shape):
         raise ValueError(f"an array has the shape {str(shape)[:80]}")
     return shape, kind, member.tell()

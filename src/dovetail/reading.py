@@ -6,8 +6,9 @@ import os
 import re
 import stat
 import tomllib
+from io import BufferedReader
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from dovetail.errors import ConfigError
 
@@ -23,7 +24,7 @@ _ARRAY_NUMBER = re.compile(r"(?<=[\[,\s])[-+]?\d+\.\d+(?:[eE][-+]?\d+)?(?=\s*[,\
 """A number in a TOML array; in a dotted key only text between quotes looks like it."""
 
 
-def open_regular(path: str | Path, limit: int) -> IO[bytes]:
+def open_regular(path: str | Path, limit: int) -> BufferedReader:
     """Open a regular file of at most `limit` bytes.
 
     Devices, pipes and sockets are refused without reading from them, so a link to

@@ -85,7 +85,9 @@ def _name_of(activation: Any) -> str:
 
 
 def _features(kind: type) -> PolicyError:
-    return PolicyError(f"the model has the features extractor {kind.__name__}; {_ADVICE}")
+    return PolicyError(
+        f"the model has the features extractor {kind.__name__}; {_ADVICE}"
+    )
 
 
 def _from_torch(model: Any) -> tuple[list[Layer], str, str]:
@@ -109,7 +111,9 @@ def _from_torch(model: Any) -> tuple[list[Layer], str, str]:
     layers: list[Layer] = []
     for module in dense:
         if type(module) is not nn.Linear:
-            raise PolicyError(f"the model's actor has a {type(module).__name__}; {_ADVICE}")
+            raise PolicyError(
+                f"the model's actor has a {type(module).__name__}; {_ADVICE}"
+            )
         weight, bias = module.weight, module.bias
         if bias is None:
             raise PolicyError(f"the model's actor has a layer without bias; {_ADVICE}")

@@ -1,4 +1,4 @@
-"""A model.zip of Stable-Baselines3 or SBX: what it plainly says, and its library's load.
+"""A model.zip of Stable-Baselines3 or SBX: what it plainly says, and how it is loaded.
 
 `data` in the zip is JSON. Objects in it are pickles, but their class, and of a space
 the numbers, stand beside them as text. That text is enough to refuse what cannot be
@@ -14,8 +14,11 @@ import gymnasium
 import numpy as np
 
 from dovetail.archives import open_zip, read_member
-from dovetail.errors import ConfigError, MissingDependencyError, PolicyError
-from dovetail.errors import install_command
+from dovetail.errors import (
+    MissingDependencyError,
+    PolicyError,
+    install_command,
+)
 from dovetail.reading import TEXT_BYTES, parse_json, read_bytes
 
 ZIP_BYTES = 200_000_000

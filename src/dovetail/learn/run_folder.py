@@ -11,10 +11,12 @@ from dovetail.errors import ConfigError
 from dovetail.files import (
     claim_output_folder,
     dated_folder,
+    open_lock,
     require_empty,
     write_atomic,
 )
 from dovetail.learn.config import TrainConfig
+from dovetail.reading import read_json
 from dovetail.strangers import OPTIONS, require_trusted
 from dovetail.tasks.options import gather_options, option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
@@ -134,7 +136,7 @@ def open_run(config: TrainConfig) -> Path:
 def _read_config(folder: Path) -> dict[str, Any]:
     path, once = folder / CONFIG, old_fixture_word()
     try:
-        settings = json.loads(path.read_text(encoding="utf-8"))
+        settings = read_json(path)
         if not isinstance(settings, dict):
             raise ValueError("it holds no table")
         return {"fixture" if k == once else k: v for k, v in settings.items()}
@@ -143,8 +145,9 @@ def _read_config(folder: Path) -> dict[str, Any]:
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
             "start one"
         ) from error
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path} is damaged: {error}; start a new run") from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(f"{path} is damaged: {reason}; start a new run") from error
 
 
 class RunLock:
@@ -161,7 +164,7 @@ class RunLock:
         Raises:
             ConfigError: Another process trains in it.
         """
-        self._file = (self._folder / _LOCK).open("w")
+        self._file = open_lock(self._folder / _LOCK)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
