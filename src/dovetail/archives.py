@@ -6,6 +6,7 @@ is unpacked than was declared.
 """
 
 import math
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -100,21 +101,26 @@ def read_member(archive: ZipFile, name: str, limit: int) -> bytes:
         return member.read(size)
 
 
-def read_array(archive: ZipFile, name: str) -> np.ndarray[Any, Any]:
+def read_array(
+    archive: ZipFile, name: str, limit: int = sys.maxsize
+) -> np.ndarray[Any, Any]:
     """Read an array of an NPZ file, of numbers or text.
 
     Args:
-        archive: What `open_zip` gave.
+        archive: What `open_zip` gave, which has a limit for all arrays together.
         name: The array's name, without .npy.
+        limit: Largest size [bytes].
 
     Raises:
-        ValueError: As `open_member`; or it is no array of numbers or text, or has
-            another size than it declares.
+        ValueError: As `open_member`; or it is no array of numbers or text, has another
+            size than it declares, or is larger than the limit.
     """
     place = f"{name}.npy"
     with open_member(archive, place) as member:
         shape, kind, begin = read_array_header(member)
     size = archive.getinfo(place).file_size
+    if size > limit:
+        raise ValueError(f"the array {name} has {size} bytes; allowed: up to {limit}")
     if begin + math.prod(shape) * kind.itemsize != size:
         raise ValueError(
             f"the array {name} has shape {str(shape)[:80]} of {kind}, for which "

@@ -12,8 +12,8 @@ from typing import Any
 
 from dovetail.errors import ConfigError
 
-TEXT_BYTES = 16_000_000
-"""Largest JSON or table file that is read [bytes]: 1 GB of Python objects at worst."""
+TEXT_BYTES = 8_000_000
+"""Largest JSON or table file that is read [bytes]: 2 s and 300 MB at worst."""
 TOML_BYTES = 300_000
 """Largest TOML file that is read [bytes]: a second of tomllib at worst."""
 DEPTH = 32

@@ -96,6 +96,8 @@ def test_a_saved_model_acts_as_it_did(name, tmp_path, rng):
     facts = policy.metadata["provenance"]
     assert name.partition(".")[0] in facts["policy_class"]
     assert facts["model_file"] == "model.zip"
+    is_on_policy = name.rpartition(".")[2] in ("PPO", "A2C")
+    assert ("VecNormalize" in facts.get("note", "")) is not is_on_policy
     assert len(facts["model_sha256"]) == 64
 
 
@@ -208,6 +210,12 @@ def test_the_environments_of_make_vec_env_bring_their_settings(process, rng):
     settings = policy.metadata["env"]
     assert (settings["peg"], settings["clearance"]) == ("round", 0.001)
     require_actions(policy, model, rng)
+
+
+def test_a_wide_network_is_not_refused_for_its_rounding(rng):
+    kwargs = {"net_arch": [512, 512, 512]}
+    model = random_model("stable_baselines3.TD3", rng, policy_kwargs=kwargs)
+    import_model(model, environment())
 
 
 class Halved(gym.ObservationWrapper):

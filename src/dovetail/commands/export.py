@@ -55,12 +55,15 @@ class Export:
         try:
             policy = import_file(model, env, settings, is_trusted=self.trust)
             weights = policy.save(out)
+            note = policy.metadata["provenance"].get("note", "")
         finally:
             env.close()
         for file in policy_files(weights):
             line = f"written: {file}"
             console.print(line, soft_wrap=True, highlight=False, markup=False)
         words = ["dovetail", "evaluate", str(weights), "--twin", "medium"]
+        if note:
+            console.print(note, soft_wrap=True, highlight=False, markup=False)
         line = f"next: {shlex.join(words)}"
         console.print(line, soft_wrap=True, highlight=False, markup=False)
         return 0

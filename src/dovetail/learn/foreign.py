@@ -28,7 +28,8 @@ from dovetail.reading import read_bytes
 from dovetail.tasks.options import gather_options, option_types
 
 TOLERANCE = 1e-5
-"""Largest difference between the exported policy's actions and the model's [1]."""
+"""Largest difference between the exported policy's actions and the model's [1], with
+hidden layers of 256 units together; rounding grows with their number."""
 COMPARED = 256
 """Observations on which they are compared."""
 _BEYOND = 3.0
@@ -151,6 +152,12 @@ def import_file(
     model = load_model(path, facts)
     require_raw_observations(model)
     file = {"model_file": path.name, "model_sha256": digest}
+    file["stable_baselines3"] = facts.version
+    if not facts.is_on_policy:
+        file["note"] = (
+            "the file does not say whether it was trained under VecNormalize: if it "
+            "was, the policy acts wrongly; import_model in the training's program knows"
+        )
     return _policy_of(model, env, file, settings)
 
 
@@ -231,9 +238,11 @@ def require_same_actions(policy: Policy, model: Any, env: gymnasium.Env) -> None
             f"policy's {actions.shape[1:]}"
         )
     worst = float(np.abs(actions - wanted).max())
-    if not worst <= TOLERANCE:
+    units = sum(weight.shape[1] for weight, _ in policy.layers[:-1])
+    allowed = TOLERANCE * max(1.0, units / 256.0)
+    if not worst <= allowed:
         raise PolicyError(
             f"the exported policy's actions differ by up to {worst:.2g} from "
-            f"model.predict; allowed: {TOLERANCE:g}. Please report the model's policy "
+            f"model.predict; allowed: {allowed:g}. Please report the model's policy "
             "class and policy_kwargs"
         )

@@ -52,8 +52,8 @@ class ModelFacts(NamedTuple):
     """Name of the class that loads it."""
     version: str
     """Of Stable-Baselines3."""
-    steps: int
-    """Environment steps done."""
+    is_on_policy: bool
+    """Whether it says that VecNormalize changed its observations, where it did."""
 
 
 def read_facts(path: Path, env: gymnasium.Env) -> ModelFacts:
@@ -92,13 +92,10 @@ def read_facts(path: Path, env: gymnasium.Env) -> ModelFacts:
             f"the model has the features extractor {features[:80]!r}; only multilayer "
             "perceptrons on the environment's own observation can be exported"
         )
-    steps = data.get("num_timesteps")
     name = _ALGORITHMS[module]
     if name == "PPO" and "clip_range" not in data:
         name = "A2C"
-    return ModelFacts(
-        module.partition(".")[0], name, version, steps if isinstance(steps, int) else 0
-    )
+    return ModelFacts(module.partition(".")[0], name, version, is_on_policy)
 
 
 def _read_data(path: Path) -> tuple[dict[str, Any], str]:
