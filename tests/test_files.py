@@ -6,7 +6,7 @@ import os
 import pytest
 
 from dovetail.errors import ConfigError, LogError
-from dovetail.files import claim_output_folder, write_atomic
+from dovetail.files import claim_output_folder, open_lock, write_atomic
 
 
 def test_a_new_folder_is_made_with_its_parents(tmp_path):
@@ -57,3 +57,16 @@ def test_a_full_disk_leaves_the_old_file_and_nothing_else(tmp_path, monkeypatch,
         write_atomic(path, "new")
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["report.json"]
+
+
+@pytest.mark.timeout(10)
+def test_a_lock_that_leads_elsewhere_is_refused_and_nothing_is_emptied(tmp_path):
+    other, link, pipe = (tmp_path / name for name in ("other", "link", "pipe"))
+    other.write_text("mine")
+    link.symlink_to(other)
+    os.mkfifo(pipe)
+    for path in (link, pipe, tmp_path):
+        with pytest.raises(ConfigError):
+            open_lock(path)
+    open_lock(other).close()
+    assert other.read_text() == "mine"

@@ -42,10 +42,14 @@ def test_pipes_devices_and_folders_are_refused_at_once(tmp_path):
 @pytest.mark.parametrize(
     "text",
     [
-        "a = " + "9" * 900_000,  # a number of nearly a million digits
+        "a = " + "9" * 200_000,
         ".".join("k" * 50_000) + " = 1",
         "a = " + "[" * 3000 + "]" * 3000,
         "a.b.c = \xff",
+        ".".join(['"="'] * 50_000) + " = 1",  # quotes hide the dots from a splitter
+        '"#".' + ".".join("k" * 50_000) + " = 1",
+        "a = [1.0, 2.0]." + ".".join("k" * 50_000),
+        "a = 0x" + "f" * 17,  # 68 bits: prints, becomes a float, or neither
     ],
 )
 @pytest.mark.timeout(30)
@@ -54,6 +58,20 @@ def test_a_hostile_toml_is_a_config_error(tmp_path, text):
     file.write_bytes(text.encode("latin-1"))
     with pytest.raises(ConfigError):
         read_toml(file)
+
+
+def test_an_array_of_many_numbers_in_one_line_is_read(tmp_path):
+    file = tmp_path / "file.toml"
+    file.write_text("a = [" + "-1.5e-3, " * 1000 + "0.5]\n")
+    assert len(read_toml(file)["a"]) == 1001
+
+
+@pytest.mark.parametrize("text", ['"\\ud800"', "1" + "0" * 400, "\xff"])
+def test_a_json_that_later_code_could_not_handle_is_a_config_error(tmp_path, text):
+    file = tmp_path / "file.json"
+    file.write_bytes(text.encode("latin-1"))
+    with pytest.raises(ConfigError):
+        read_json(file)
 
 
 def test_a_json_is_read_down_to_the_allowed_depth(tmp_path):

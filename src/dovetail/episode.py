@@ -10,7 +10,7 @@ import os
 import signal
 import tempfile
 import threading
-import zipfile
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -21,11 +21,18 @@ from typing import IO, Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
+from dovetail.archives import open_zip, read_array
 from dovetail.errors import LogError, MissingDependencyError, install_command
 from dovetail.plants.plant import CYCLE_COLUMNS, CYCLE_UNITS
+from dovetail.reading import TEXT_BYTES, open_regular, parse_json
 from dovetail.types import Array
 
 FORMAT = 1
+LOG_BYTES = 300_000_000
+"""Largest log that is read, unpacked [bytes]: about 9 minutes at 1 ms, 45 at 5 ms.
+
+Reading needs twice as much memory at worst. An episode of 10 s has 6 MB at 1 ms.
+"""
 
 OBSERVED = (
     *(f"obs_q{i}" for i in range(1, 8)),
@@ -42,8 +49,8 @@ _UNITS |= {f"obs_{name}": unit for name, unit in CYCLE_UNITS.items()}
 _UNITS |= dict.fromkeys(("obs_theta", "obs_tilt_x", "obs_tilt_y"), "rad")
 _WRENCH = tuple(name for name in CYCLE_COLUMNS if name.startswith("wrench_"))
 _MAY_BE_NAN = ("fx", "fy", "fz", *_WRENCH)  # what an arm or an old log does not know
-_UNREADABLE = (OSError, EOFError, zipfile.BadZipFile)  # a file,
-_UNREADABLE += (ValueError, KeyError, RecursionError)  # and what is in it
+_NAME_BYTES = 1_000_000
+"""Most that the names of the columns, or their units, may take [bytes]."""
 
 
 def unit_of(column: str) -> str:
@@ -183,8 +190,17 @@ class Episode:
         Raises:
             LogError: The disk is full or not writable; a file that was there before
                 stays as it was, and the log stays in memory.
+
+        Warns:
+            UserWarning: The log is too large for `load`.
         """
         path = Path(path)
+        if (size := self.data.nbytes) > LOG_BYTES:
+            warnings.warn(
+                f"the log {path} has {size} bytes of numbers, and a log is read up to "
+                f"{LOG_BYTES}: use NumPy or pyarrow to read it, or shorter episodes",
+                stacklevel=2,
+            )
         write = _write_parquet if path.suffix == ".parquet" else _write_npz
         beside = None
         try:
@@ -223,13 +239,14 @@ class Episode:
         read = _read_parquet if path.suffix == ".parquet" else _read_npz
         try:
             data, columns, units, text = read(path)
-            metadata = json.loads(text)
+            metadata = parse_json(text, "its metadata")
         except MissingDependencyError:
             raise
-        except _UNREADABLE as error:
+        except (OSError, ValueError) as error:
+            reason = error.strerror if isinstance(error, OSError) else None
             raise LogError(
-                f"the log {path} cannot be read: {error}; it is missing, cut short or "
-                "no dovetail log"
+                f"the log {path} cannot be read: {reason or error}; it is missing, cut "
+                "short or no dovetail log"
             ) from error
         if not isinstance(metadata, dict) or metadata.get("format") != FORMAT:
             found = metadata.get("format") if isinstance(metadata, dict) else None
@@ -351,13 +368,20 @@ def _write_npz(episode: Episode, file: IO[bytes]) -> None:
 
 
 def _read_npz(path: Path) -> _Parts:
-    with path.open("rb") as file:
-        if not zipfile.is_zipfile(file):  # NumPy would advise to trust it
-            raise ValueError("it is no .npz file")
-    with np.load(path, allow_pickle=False) as arrays:
-        columns = tuple(str(name) for name in arrays["columns"])
-        units = tuple(str(unit) for unit in arrays["units"])
-        return arrays["data"], columns, units, str(arrays["metadata"])
+    with open_zip(path, LOG_BYTES) as archive:
+        columns = _texts(read_array(archive, "columns", _NAME_BYTES))
+        units = _texts(read_array(archive, "units", _NAME_BYTES))
+        metadata = read_array(archive, "metadata", 4 * TEXT_BYTES)
+        if metadata.shape != ():
+            raise ValueError(f"metadata has shape {metadata.shape}")
+        data = read_array(archive, "data")
+    return data, columns, units, str(metadata)
+
+
+def _texts(array: np.ndarray[Any, Any]) -> tuple[str, ...]:
+    if array.ndim != 1:
+        raise ValueError(f"columns or units have shape {array.shape}")
+    return tuple(str(text) for text in array)
 
 
 def _pyarrow() -> tuple[Any, Any]:
@@ -384,13 +408,74 @@ def _write_parquet(episode: Episode, file: IO[bytes]) -> None:
 
 
 def _read_parquet(path: Path) -> _Parts:
-    _, parquet = _pyarrow()
-    table = parquet.read_table(path)
-    text = (table.schema.metadata or {})[b"dovetail"].decode()
-    units = tuple((f.metadata or {})[b"unit"].decode() for f in table.schema)
-    columns = tuple(table.column_names)
-    data = np.column_stack([table[name].to_numpy() for name in columns])
+    pyarrow, parquet = _pyarrow()
+    with open_regular(path, LOG_BYTES) as file:
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - 8))
+        footer = int.from_bytes(file.read(8)[:4], "little")
+        if footer > TEXT_BYTES:  # pyarrow takes many times its size in memory
+            raise ValueError(f"its footer has {footer} bytes")
+        try:
+            table = parquet.ParquetFile(file, thrift_container_size_limit=10_000)
+            text, columns, units = _schema_of(table)
+            _require_sizes(table, size)
+            data = _rows_of(table, len(columns))
+        except pyarrow.ArrowException as error:
+            raise ValueError(str(error)[:500]) from error
     return data, columns, units, text
+
+
+def _schema_of(file: Any) -> tuple[str, tuple[str, ...], tuple[str, ...]]:
+    """Return metadata, columns and units of a Parquet file."""
+    schema = file.schema_arrow
+    text = (schema.metadata or {}).get(b"dovetail", b"").decode()
+    columns = tuple(schema.names)
+    if len(columns) > 10 * len(CYCLE_COLUMNS):
+        raise ValueError(f"it has {len(columns)} columns")
+    if strange := [str(f.type)[:40] for f in schema if str(f.type) != "double"]:
+        raise ValueError(f"it has columns of type {strange[0]}; allowed: double")
+    units = tuple((f.metadata or {}).get(b"unit", b"").decode() for f in schema)
+    return text, columns, units
+
+
+def _require_sizes(file: Any, size: int) -> None:
+    """Refuse a Parquet file whose pages can be much larger than their numbers.
+
+    A page is unpacked whole. Snappy makes at most 21 bytes of one, so that a packed
+    column that is not larger than its numbers bounds the memory; other methods do not.
+    """
+    about = file.metadata
+    numbers = about.num_rows * about.num_columns * 8
+    if numbers > LOG_BYTES:
+        raise ValueError(f"it unpacks to {numbers} bytes; allowed: up to {LOG_BYTES}")
+    if about.num_columns < len(CYCLE_COLUMNS) - len(_WRENCH) and about.num_rows:
+        raise ValueError(f"it has {about.num_columns} columns")
+    for group in map(about.row_group, range(about.num_row_groups)):
+        for column in map(group.column, range(group.num_columns)):
+            packed = column.total_compressed_size
+            most = 100_000 + 10 * about.num_rows
+            if column.compression not in ("SNAPPY", "UNCOMPRESSED"):
+                raise ValueError(
+                    f"it is packed by {column.compression}; allowed: SNAPPY or nothing"
+                )
+            if not 0 <= packed <= min(most, size):
+                raise ValueError(f"a column has {packed} bytes; allowed: up to {most}")
+
+
+def _rows_of(file: Any, num_columns: int) -> Array:
+    """Return the numbers of a Parquet file, as many rows as it declares."""
+    count, begin = file.metadata.num_rows, 0
+    data = np.empty((count, num_columns))
+    for batch in file.iter_batches(batch_size=10_000, use_threads=False):
+        end = begin + batch.num_rows
+        if end > count or batch.num_columns != num_columns:
+            raise ValueError(f"it has more than the {count} rows that it declares")
+        for i, column in enumerate(batch.columns):
+            data[begin:end, i] = column.to_numpy(zero_copy_only=False)
+        begin = end
+    if begin < count:
+        raise ValueError(f"it has {begin} of the {count} rows that it declares")
+    return data
 
 
 def _version(package: str) -> str:

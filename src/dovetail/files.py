@@ -1,9 +1,11 @@
 """Output folders and files that are either whole or absent."""
 
 import os
+import stat
 import tempfile
 from datetime import datetime
 from pathlib import Path
+from typing import IO
 
 from dovetail.errors import ConfigError, LogError
 
@@ -116,6 +118,26 @@ def write_atomic(path: Path, data: bytes | str) -> Path:
             "free some space or choose another --out"
         ) from error
     return path
+
+
+def open_lock(path: Path) -> IO[str]:
+    """Open a file to lock it; its content stays as it is.
+
+    In a folder that a stranger has made it may be a link, which would lead to another
+    file, or a pipe, which would wait: these are refused.
+
+    Raises:
+        ConfigError: It is no regular file, or cannot be opened; says which.
+    """
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        file = os.fdopen(os.open(path, flags, 0o644), "r+")
+    except OSError as error:
+        raise ConfigError(f"cannot lock {path}: {error.strerror}") from error
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise ConfigError(f"cannot lock {path}: it is not a regular file; remove it")
+    return file
 
 
 def require_new(path: str | Path) -> Path:

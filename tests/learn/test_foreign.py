@@ -1,8 +1,6 @@
-"""Models of plain Stable-Baselines3 and SBX become policies; none of them is run."""
+"""Models of plain Stable-Baselines3 and SBX become policies of equal actions."""
 
 import base64
-import contextlib
-import io
 import json
 import os
 import pickle
@@ -25,11 +23,15 @@ from dovetail.cli import run
 from dovetail.envs import registered
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.env_settings import EnvSettings
-from dovetail.learn.foreign import import_file, import_model, make_policy
-from dovetail.learn.gru import Gru
+from dovetail.learn.foreign import (
+    import_file,
+    import_model,
+    make_policy,
+    require_same_actions,
+)
+from dovetail.learn.foreign_actor import read_actor
 from dovetail.learn.policy import Policy
 from dovetail.learn.policy_env import make_env
-from dovetail.learn.sb3_file import read_actor
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 ID = "dovetail/PegInHole-v0"
@@ -74,7 +76,11 @@ def saved(model, tmp_path) -> Path:
     return tmp_path / "model.zip"
 
 
-def require_same_actions(policy, model, rng):
+def imported(path, *, is_trusted=True):
+    return import_file(path, environment(), EnvSettings(), is_trusted=is_trusted)
+
+
+def require_actions(policy, model, rng):
     observations = rng.uniform(-3.0, 3.0, (50, 14)).astype(np.float32)
     expected, _ = model.predict(observations, deterministic=True)
     actions = np.array([policy(observation) for observation in observations])
@@ -85,11 +91,13 @@ def require_same_actions(policy, model, rng):
 @pytest.mark.parametrize("name", MODELS)
 def test_a_saved_model_acts_as_it_did(name, tmp_path, rng):
     model = random_model(name, rng)
-    policy = import_file(saved(model, tmp_path), environment(), EnvSettings())
-    require_same_actions(policy, model, rng)
+    policy = imported(saved(model, tmp_path))
+    require_actions(policy, model, rng)
     facts = policy.metadata["provenance"]
     assert name.partition(".")[0] in facts["policy_class"]
     assert facts["model_file"] == "model.zip"
+    is_on_policy = name.rpartition(".")[2] in ("PPO", "A2C")
+    assert ("VecNormalize" in facts.get("note", "")) is not is_on_policy
     assert len(facts["model_sha256"]) == 64
 
 
@@ -104,8 +112,8 @@ def test_a_saved_model_acts_as_it_did(name, tmp_path, rng):
 )
 def test_another_activation_is_found(name, activation, tmp_path, rng):
     model = random_model(name, rng, policy_kwargs={"activation_fn": activation})
-    policy = import_file(saved(model, tmp_path), environment(), EnvSettings())
-    require_same_actions(policy, model, rng)
+    policy = imported(saved(model, tmp_path))
+    require_actions(policy, model, rng)
 
 
 @pytest.mark.parametrize(
@@ -128,7 +136,7 @@ def test_another_activation_is_found(name, activation, tmp_path, rng):
 def test_a_network_that_cannot_be_run_is_refused(name, kwargs, words, tmp_path, rng):
     model = random_model(name, rng, **kwargs)
     with pytest.raises(PolicyError, match=words):
-        read_actor(saved(model, tmp_path))
+        read_actor(model)
 
 
 def test_another_features_extractor_is_refused(tmp_path, rng):
@@ -141,14 +149,14 @@ def test_another_features_extractor_is_refused(tmp_path, rng):
     kwargs = {"features_extractor_class": Doubling}
     model = random_model("stable_baselines3.PPO", rng, policy_kwargs=kwargs)
     with pytest.raises(PolicyError, match=r"features extractor .*only multilayer"):
-        read_actor(saved(model, tmp_path))
+        read_actor(model)
 
 
 def test_actions_of_another_range_are_refused(tmp_path, rng):
     wide = gym.wrappers.RescaleAction(environment(), -2.0, 2.0)
     model = random_model("stable_baselines3.TD3", rng, env=wide)
     with pytest.raises(PolicyError, match="without RescaleAction"):
-        read_actor(saved(model, tmp_path))
+        read_actor(model)
 
 
 def test_a_model_in_this_process_brings_its_environments_settings(rng, tmp_path):
@@ -182,23 +190,105 @@ def test_an_environment_without_a_name_is_refused(rng):
         make_policy([], registered.make_env(PegInHole), activation="", output="")
 
 
-def test_a_recurrent_network_of_ones_own_becomes_a_policy(rng, tmp_path):
-    gru, head = torch.nn.GRU(14, 10), torch.nn.Linear(10, 4)
-    layer = head.weight.detach().numpy().T, head.bias.detach().numpy()
-    policy = make_policy(
-        [layer],
-        environment(),
-        activation="tanh",
-        output="tanh",
-        memory=(Gru.from_torch(gru.state_dict()), 0),
-        provenance={"trained by": "hand"},
+@pytest.mark.parametrize("process", ["DummyVecEnv", "SubprocVecEnv"])
+def test_the_environments_of_make_vec_env_bring_their_settings(process, rng):
+    from stable_baselines3.common import env_util, vec_env
+
+    wrapped = vec_env.VecMonitor(
+        env_util.make_vec_env(
+            f"dovetail:{ID}",  # a process that is spawned has to import it
+            2,
+            env_kwargs={"peg": "round", "clearance": 0.001},
+            vec_env_cls=getattr(vec_env, process),
+        )
     )
-    policy = Policy.load(policy.save(tmp_path / "gru"))
-    inputs = rng.uniform(-3.0, 3.0, (20, 14)).astype(np.float32)
-    with torch.no_grad():
-        expected = torch.tanh(head(gru(torch.from_numpy(inputs))[0])).numpy()
-    actions = np.array([policy(x) for x in inputs])
-    np.testing.assert_allclose(actions, expected, atol=TOLERANCE, rtol=0.0)
+    try:
+        model = random_model("stable_baselines3.PPO", rng, env=wrapped, n_steps=8)
+        policy = import_model(model, wrapped)
+    finally:
+        wrapped.close()
+    settings = policy.metadata["env"]
+    assert (settings["peg"], settings["clearance"]) == ("round", 0.001)
+    require_actions(policy, model, rng)
+
+
+def test_a_wide_network_is_not_refused_for_its_rounding(rng):
+    kwargs = {"net_arch": [512, 512, 512]}
+    model = random_model("stable_baselines3.TD3", rng, policy_kwargs=kwargs)
+    import_model(model, environment())
+
+
+class Halved(gym.ObservationWrapper):
+    """Changes what is seen and keeps the space."""
+
+    def observation(self, observation):
+        return 0.5 * observation
+
+
+@pytest.mark.parametrize("is_given", [True, False])
+def test_a_wrapper_that_changes_observations_is_refused(is_given, rng):
+    env = Halved(environment())
+    model = random_model("stable_baselines3.PPO", rng, env=env)
+    with pytest.raises(PolicyError, match=r"under (Halved|ObservationWrapper)"):
+        import_model(model, env if is_given else environment())
+
+
+def test_a_model_that_acts_otherwise_is_refused(rng):
+    """Whatever the cause: here it clips what it sees, which no fact of it says."""
+    model = random_model("stable_baselines3.PPO", rng)
+    policy = import_model(model, environment())
+    predict = model.predict
+    model.predict = lambda seen, **k: predict(np.clip(seen, -3.0, 3.0), **k)
+    with pytest.raises(PolicyError, match="differ by up to"):
+        require_same_actions(policy, model, environment())
+
+
+class Picking(gym.ActionWrapper):
+    """Four actions to choose from."""
+
+    def __init__(self, env):
+        super().__init__(env)
+        self.action_space = gym.spaces.Discrete(4)
+
+    def action(self, action):
+        return np.eye(4, dtype=np.float32)[int(action)]
+
+
+@pytest.mark.parametrize("is_trusted", [True, False])
+@pytest.mark.parametrize("library", ["stable_baselines3", "sbx"])
+def test_discrete_actions_are_refused(library, is_trusted, rng, tmp_path):
+    model = random_model(f"{library}.PPO", rng, env=Picking(environment()))
+    with pytest.raises(PolicyError, match=r"Discrete\(4\)"):
+        imported(saved(model, tmp_path), is_trusted=is_trusted)
+    with pytest.raises(PolicyError, match=r"Discrete\(4\)"):
+        read_actor(model)
+
+
+@pytest.mark.parametrize("is_trusted", [True, False])
+@pytest.mark.parametrize("library", ["stable_baselines3", "sbx"])
+def test_a_file_trained_under_vecnormalize_is_refused(
+    library, is_trusted, rng, tmp_path
+):
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    vec = VecNormalize(DummyVecEnv([environment]))
+    model = random_model(f"{library}.PPO", rng, env=vec, n_steps=16, batch_size=16)
+    model.learn(16)
+    with pytest.raises(PolicyError, match="VecNormalize"):
+        imported(saved(model, tmp_path), is_trusted=is_trusted)
+
+
+def test_an_off_policy_file_is_refused_where_its_last_observation_shows_it(
+    rng, tmp_path
+):
+    from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+
+    vec = VecNormalize(DummyVecEnv([environment]))
+    model = random_model("stable_baselines3.SAC", rng, env=vec, learning_starts=30)
+    model.learn(25)
+    assert (np.abs(model._last_obs) > 1.2).any()
+    with pytest.raises(PolicyError, match="VecNormalize"):
+        imported(saved(model, tmp_path))
 
 
 class Evil:
@@ -221,23 +311,19 @@ def changed(path, **members):
 
 
 @pytest.mark.parametrize("name", ["sbx.SAC", "stable_baselines3.SAC"])
-def test_a_hostile_model_is_read_or_refused_and_never_run(name, tmp_path, rng):
+def test_nothing_of_a_model_is_run_without_trust(name, tmp_path, rng):
     path, mark = saved(random_model(name, rng), tmp_path), tmp_path / "called"
     with zipfile.ZipFile(path) as archive:
         data = json.loads(archive.read("data"))
     evil = base64.b64encode(pickle.dumps(Evil(mark))).decode()
-    for key in data:
-        hostile = data | {key: {":type:": "x", ":serialized:": evil}}
-        changed(path, data=json.dumps(hostile).encode())
-        with contextlib.suppress(PolicyError):
-            read_actor(path)
-        assert not mark.exists(), key
-    if name == "stable_baselines3.SAC":
-        buffer = io.BytesIO()
-        torch.save({"actor.mu.weight": Evil(mark)}, buffer)
-        changed(path, **{"data": json.dumps(data), "policy.pth": buffer.getvalue()})
-        with pytest.raises(PolicyError, match=r"policy.pth cannot be read"):
-            read_actor(path)
+    data |= {
+        key: {**entry, ":serialized:": evil}
+        for key, entry in data.items()
+        if isinstance(entry, dict)
+    }
+    changed(path, data=json.dumps(data).encode())
+    with pytest.raises(PolicyError, match="add --trust"):
+        imported(path, is_trusted=False)
     assert not mark.exists()
 
 
@@ -247,7 +333,7 @@ def test_a_file_that_is_no_model_is_one_message(content, tmp_path):
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(PolicyError, match=r"no model\.zip of Stable-Baselines3 or SBX"):
-        read_actor(path)
+        imported(path)
 
 
 def test_a_model_that_is_not_there_is_said_so(tmp_path, capsys):
@@ -260,7 +346,11 @@ def test_a_model_that_is_not_there_is_said_so(tmp_path, capsys):
 
 def test_export_writes_a_policy_beside_the_model(tmp_path, rng, capsys):
     path = saved(random_model("sbx.PPO", rng), tmp_path)
-    assert run(["export", str(path), "--peg", "round", "--clearance", "0.001"]) == 0
+    words = ["export", str(path), "--peg", "round", "--clearance", "0.001"]
+    assert run(words) == 2
+    assert "add --trust" in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["model.zip"]
+    assert run([*words, "--trust"]) == 0
     assert f"dovetail evaluate {tmp_path / 'model.safetensors'}" in (
         capsys.readouterr().out
     )
@@ -274,8 +364,8 @@ def test_export_writes_a_policy_beside_the_model(tmp_path, rng, capsys):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--stack", "2"], "shape (50,), this policy was trained with (14,)"),
-        (["--task", "XY:force ZABC:hold"], "gives actions of shape (4,)"),
+        (["--stack", "2"], "observations have shape [14], the environment's [50]"),
+        (["--task", "XY:force ZABC:hold"], "actions have shape [4], the environment's"),
         (["--env", "CartPole-v1"], "known: dovetail/PegInHole-v0"),
         (["--peg", "hexagon"], "hexagon"),
     ],

@@ -15,6 +15,7 @@ from dovetail.control.ranges import Range, check_ranges, ranges_of
 from dovetail.control.sections import Section, Sectioned, settings_in
 from dovetail.durations import parse_duration
 from dovetail.errors import ConfigError
+from dovetail.reading import read_text
 
 DIRECTIONS = ("both", "to_client", "from_client")
 Share = Annotated[float, Range(0.0, 1.0, "1")]
@@ -175,6 +176,10 @@ def parse_faults(text: str) -> FaultConfig:
     return FaultConfig.of(**values)
 
 
+_SCRIPT_BYTES = 1_000_000
+"""Largest fault script [bytes]."""
+
+
 def read_script(path: Path) -> list[tuple[float, FaultConfig]]:
     """Read a fault script: its changes in the order of time.
 
@@ -182,8 +187,12 @@ def read_script(path: Path) -> list[tuple[float, FaultConfig]]:
         ConfigError: The file cannot be read, or a line is wrong; with its number.
     """
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_text(path, _SCRIPT_BYTES).splitlines()
+    except OSError as error:
+        raise ConfigError(
+            f"fault script {path} cannot be read: {error.strerror}"
+        ) from error
+    except UnicodeDecodeError as error:
         raise ConfigError(f"fault script {path} cannot be read: {error}") from error
     changes = []
     for number, line in enumerate(lines, 1):

@@ -262,11 +262,11 @@ def _fixtures(
             poses = [(0.0, place.pose())]
         else:
             poses = []
+        places = np.array([[*p.position, *p.quat_wxyz] for _, p in poses], dtype=float)
     except (TypeError, ValueError) as error:
         raise LogError(
             f"the log {path} does not say where its fixture was: {error}"
         ) from error
-    for _, pose in poses:
-        if not np.isfinite([*pose.position, *pose.quat_wxyz]).all():
-            raise LogError(f"the log {path}: a place of its fixture is not finite")
+    if not np.isfinite(places).all():
+        raise LogError(f"the log {path}: a place of its fixture is not finite")
     return tuple(poses) or ((0.0, first.pose()),)

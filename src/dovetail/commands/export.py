@@ -18,11 +18,11 @@ from dovetail.learn.policy import policy_files
 
 @dataclass(frozen=True, kw_only=True)
 class Export:
-    """Write a model.zip of Stable-Baselines3 or SBX as a policy; runs none of it.
+    """Write a model.zip of Stable-Baselines3 or SBX as a policy.
 
     The model does not say how its environment was set: give the settings that differ
-    from the defaults. Statistics of VecNormalize are not in the model: a policy that
-    was trained on them acts wrongly.
+    from the defaults. The policy is written if its actions are the model's on 256
+    random observations.
     """
 
     model: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MODEL.zip")]
@@ -30,6 +30,9 @@ class Export:
     out: Path | None = None
     """Name of the policy, NAME.safetensors and NAME.json; default the model's, beside
     it."""
+    trust: bool = False
+    """Load the file by its library, which runs whatever is in it: for files of your
+    own. Without it the file is looked at only."""
     environment: EnvSettings = field(default_factory=EnvSettings)
     """Where it was trained."""
 
@@ -50,13 +53,17 @@ class Export:
         options = settings.env_options()
         env = gymnasium.make(settings.env, disable_env_checker=True, **options)
         try:
-            weights = import_file(model, env, settings).save(out)
+            policy = import_file(model, env, settings, is_trusted=self.trust)
+            weights = policy.save(out)
+            note = policy.metadata["provenance"].get("note", "")
         finally:
             env.close()
         for file in policy_files(weights):
             line = f"written: {file}"
             console.print(line, soft_wrap=True, highlight=False, markup=False)
         words = ["dovetail", "evaluate", str(weights), "--twin", "medium"]
+        if note:
+            console.print(note, soft_wrap=True, highlight=False, markup=False)
         line = f"next: {shlex.join(words)}"
         console.print(line, soft_wrap=True, highlight=False, markup=False)
         return 0

@@ -12,6 +12,7 @@ from typing import Any, Self
 
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import claim_output_folder, write_atomic
+from dovetail.reading import parse_json, read_json, read_text
 
 FORMAT = 1
 SUMMARY = "fit.json"
@@ -96,11 +97,11 @@ class FitFolder:
     def _read_generations(self) -> None:
         """Read the generations; a last line that was cut short is removed."""
         path = self.path / GENERATIONS
-        lines = path.read_text(encoding="utf-8").split("\n") if path.is_file() else []
-        whole = lines[:-1]  # what follows the last line's end was not finished
         try:
-            self.generations = [json.loads(line) for line in whole]
-        except (ValueError, RecursionError) as error:
+            lines = read_text(path).split("\n") if path.is_file() else []
+            whole = lines[:-1]  # what follows the last line's end was not finished
+            self.generations = [parse_json(line, "a line") for line in whole]
+        except (OSError, ValueError) as error:
             raise LogError(
                 f"{path} is damaged ({error}); the fit cannot go on: choose another "
                 "--out"
@@ -117,10 +118,11 @@ def read_summary(path: Path) -> dict[str, Any]:
     """
     file = path / SUMMARY
     try:
-        summary = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        summary = read_json(file)
+    except (OSError, ConfigError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
         raise LogError(
-            f"{path} holds no fit: {SUMMARY} cannot be read ({error}); make one with "
+            f"{path} holds no fit: {SUMMARY} cannot be read ({reason}); make one with "
             "`dovetail identify fit`"
         ) from error
     found = summary.get("format") if isinstance(summary, dict) else None

@@ -1,6 +1,5 @@
 """A finished fit as its folder has it, with the recording that was fitted."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -11,6 +10,7 @@ from dovetail.errors import LogError
 from dovetail.identify.fit_folder import GENERATIONS, SUMMARY, read_summary
 from dovetail.identify.parameters import Parameter, ParameterSet
 from dovetail.identify.recording import Recording
+from dovetail.reading import parse_json, read_text
 from dovetail.types import Array
 
 
@@ -97,13 +97,13 @@ class Fitted:
 def _generation_sizes(folder: Path) -> list[int]:
     """Return how many logs each generation of the search simulated."""
     try:
-        lines = (folder / GENERATIONS).read_text(encoding="utf-8").splitlines()
+        lines = read_text(folder / GENERATIONS).splitlines()
     except OSError as error:
         raise LogError(
             f"{folder} is not whole: {GENERATIONS} cannot be read ({error.strerror}); "
             "fit the log again"
         ) from error
-    return [len(json.loads(line)["values"]) for line in lines]
+    return [len(parse_json(line, GENERATIONS)["values"]) for line in lines]
 
 
 def _load_recording(folder: Path, summary: dict[str, Any]) -> Recording:

@@ -23,7 +23,7 @@ from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import make_task, old_fixture_word, task_class
 from dovetail.episode import Episode
-from dovetail.errors import LogError
+from dovetail.errors import ConfigError, LogError
 from dovetail.identify.log_checks import (
     assign_steps,
     read_targets,
@@ -35,6 +35,7 @@ from dovetail.identify.log_checks import (
 from dovetail.identify.old_targets import targets_of_actions
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose
+from dovetail.reading import read_json
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.robots.robot import Robot
 from dovetail.strangers import require_trusted
@@ -228,11 +229,12 @@ def read_description(folder: Path) -> dict[str, Any]:
     """
     path = folder / DESCRIPTION
     try:
-        metadata = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
+        metadata = read_json(path)
+    except (OSError, ConfigError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
         raise LogError(
-            f"{folder} is no recording: {path.name} cannot be read ({error}); make one "
-            "with `dovetail identify record`"
+            f"{folder} is no recording: {path.name} cannot be read ({reason}); make "
+            "one with `dovetail identify record`"
         ) from error
     if not isinstance(metadata, dict):
         raise LogError(
@@ -295,11 +297,11 @@ def _read_sequence(
     require_robot(path, metadata["robot"], robot, log)
     steps = episode["step"].astype(int)
     firsts = np.flatnonzero(np.diff(steps, prepend=-1))
-    if not np.array_equal(steps[firsts], np.arange(metadata["excitation"]["steps"])):
+    wanted = metadata["excitation"]["steps"]
+    if len(firsts) != wanted or (steps[firsts] != np.arange(len(firsts))).any():
         raise LogError(
             f"{path}: it has {len(firsts)} policy steps, the recording's sequences "
-            f"have {metadata['excitation']['steps']}: delete the file and record it "
-            "again"
+            f"have {wanted}: delete the file and record it again"
         )
     if metadata["format"] == _BEFORE:
         targets = _old_targets(episode, firsts, metadata)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from dovetail.evaluate.transfer import wilson_interval
 from dovetail.learn.algorithms import derive_seed
-from dovetail.learn.policy import Actor, Policy
+from dovetail.learn.policy import Actor
 
 TEST_SEED = 20_200_419
 """First number of the test episodes' seeds: the same episodes for every run."""
@@ -88,7 +88,8 @@ def play(policy: Actor, seeds: Sequence[int], stage: Stage) -> list[Episode]:
     """Play one episode for each seed, without exploration.
 
     Args:
-        policy: Any; a policy with a memory plays in the first environment only.
+        policy: Chooses actions by the newest observation alone, as one of it plays in
+            all environments at the same time.
         seeds: Of the environment's reset. Number i is played in the environment i, from
             the first one again after the last.
         stage: Where to play them.
@@ -96,8 +97,7 @@ def play(policy: Actor, seeds: Sequence[int], stage: Stage) -> list[Episode]:
     Returns:
         How each went, in the order of the seeds.
     """
-    has_memory = isinstance(policy, Policy) and policy.memory is not None
-    envs = stage.envs[:1] if has_memory else stage.envs
+    envs = stage.envs
     numbered = list(enumerate(seeds))
     players = [
         _Player(policy, env, numbered[i :: len(envs)]) for i, env in enumerate(envs)

@@ -19,6 +19,7 @@ from zipfile import ZipFile
 
 import numpy as np
 
+from dovetail.archives import open_zip, read_array
 from dovetail.control.ranges import in_count
 from dovetail.errors import ConfigError, LogError
 from dovetail.learn.algorithms import derive_seed
@@ -41,8 +42,11 @@ from dovetail.learn.sbx_model import (
     replay_buffer,
     trained_states,
 )
+from dovetail.reading import read_bytes
 
 KEPT = 2
+_BESIDE = 1_000_000
+"""How much larger than its numbers a checkpoint's file may be [bytes]."""
 
 
 class Counters(NamedTuple):
@@ -121,10 +125,14 @@ def load_checkpoint(place: Path, model: SbxModel, seed: int) -> Counters:
     buffer = replay_buffer(model)
     try:
         facts = read_facts(place, has_replay=buffer is not None)
-        check_files(place, facts.digests)
-        _set_states(model, (place / NETWORKS).read_bytes())
+        limits = {NETWORKS: 2 * len(_states(model)) + _BESIDE}
         if buffer is not None:
-            _set_replay(buffer, place / REPLAY)
+            rooms = buffer_arrays(buffer).values()
+            limits[REPLAY] = sum(room.nbytes for room in rooms) + _BESIDE
+        check_files(place, facts.digests, limits)
+        _set_states(model, read_bytes(place / NETWORKS, limits[NETWORKS]))
+        if buffer is not None:
+            _set_replay(buffer, place / REPLAY, limits[REPLAY])
     except Exception as error:
         # Whatever damaged or hostile bytes raise here, they are no checkpoint.
         raise ConfigError(
@@ -153,10 +161,14 @@ def seed_run(model: SbxModel, seed: int, step: int) -> None:
     env._seeds = [derive_seed(seed, step, 2, i) for i in range(env.num_envs)]
 
 
-def _write(folder: Path, model: SbxModel, wall_time: float) -> None:
+def _states(model: SbxModel) -> bytes:
     from flax import serialization
 
-    _write_file(folder / NETWORKS, serialization.to_bytes(trained_states(model)))
+    return serialization.to_bytes(trained_states(model))
+
+
+def _write(folder: Path, model: SbxModel, wall_time: float) -> None:
+    _write_file(folder / NETWORKS, _states(model))
     if (buffer := replay_buffer(model)) is not None:
         count = buffer.buffer_size if buffer.full else buffer.pos
         arrays: dict[str, Any] = {"position": buffer.pos, "full": buffer.full}
@@ -212,9 +224,9 @@ def _require_alike(wanted: Mapping[str, Any], found: Mapping[str, Any]) -> None:
             )
 
 
-def _set_replay(buffer: ReplayBuffer, path: Path) -> None:
+def _set_replay(buffer: ReplayBuffer, path: Path, limit: int) -> None:
     size = buffer.buffer_size
-    with ZipFile(path) as archive:
+    with open_zip(path, limit) as archive:
         is_full = bool(_read(archive, "full", (), np.dtype(bool)))
         position = int(_read(archive, "position", (), np.dtype(int)))
         last = size - 1 if is_full else size
@@ -239,19 +251,14 @@ def _set_replay(buffer: ReplayBuffer, path: Path) -> None:
 def _read(
     archive: ZipFile, name: str, shape: tuple[int, ...], kind: np.dtype[Any]
 ) -> np.ndarray[Any, Any]:
-    """Read an array of which the header says that it is as large as it must be."""
-    place = f"{name}.npy"
-    with archive.open(place) as file:
-        if (version := np.lib.format.read_magic(file)) != (1, 0):
-            raise ConfigError(f"replay buffer {name} has NPY version {version}")
-        found = np.lib.format.read_array_header_1_0(file)
-        if (found[0], found[2]) != (shape, kind):
-            raise ConfigError(
-                f"replay buffer {name} has shape {found[0]}, {found[2]}; this run's "
-                f"has {shape}, {kind}"
-            )
-    with archive.open(place) as file:
-        return np.lib.format.read_array(file, allow_pickle=False)
+    """Read an array that has the shape and type of this run's."""
+    array = read_array(archive, name)
+    if (array.shape, array.dtype) != (shape, kind):
+        raise ConfigError(
+            f"replay buffer {name} has shape {array.shape}, {array.dtype}; this run's "
+            f"has {shape}, {kind}"
+        )
+    return array
 
 
 def _write_file(path: Path, content: bytes) -> None:

@@ -5,13 +5,14 @@ and checksums are of the checkpoint's own files, which are plain files of its fo
 """
 
 import hashlib
-import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.errors import ConfigError
+from dovetail.reading import open_regular, read_json
 
 VERSION = 1
 FACTS = "checkpoint.json"
@@ -64,14 +65,22 @@ def read_facts(place: Path, has_replay: bool) -> CheckpointFacts:
     return CheckpointFacts(counters, wall_time, _digests(place, facts, names))
 
 
-def check_files(place: Path, digests: dict[str, str]) -> None:
+def check_files(
+    place: Path, digests: dict[str, str], limits: Mapping[str, int]
+) -> None:
     """Hold a checkpoint's files against their checksums.
+
+    Args:
+        place: The checkpoint's folder.
+        digests: SHA-256 of each file.
+        limits: Largest size of each [bytes].
 
     Raises:
         ConfigError: One is damaged; names it.
+        OSError: One is no regular file, or too large.
     """
     for name, digest in digests.items():
-        with (place / name).open("rb") as file:
+        with open_regular(place / name, limits[name]) as file:
             if hashlib.file_digest(file, "sha256").hexdigest() != digest:
                 raise ConfigError(f"{name} is damaged: its SHA-256 differs")
 
@@ -79,12 +88,7 @@ def check_files(place: Path, digests: dict[str, str]) -> None:
 def _read_table(place: Path) -> dict[str, Any]:
     path = place / FACTS
     _require_plain(path)
-    if (size := path.stat().st_size) > _LARGEST:
-        raise ConfigError(f"{FACTS} has {size} bytes; allowed: 0 to {_LARGEST}")
-    try:
-        facts = json.loads(path.read_bytes())
-    except RecursionError as error:
-        raise ConfigError(f"{FACTS} is nested too deep") from error
+    facts = read_json(path, _LARGEST)
     if not isinstance(facts, dict):
         raise ConfigError(f"{FACTS} holds no table")
     return facts

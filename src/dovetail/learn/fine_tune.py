@@ -61,11 +61,6 @@ def _refused(config: TrainConfig, error: PolicyError) -> PolicyError:
 
 
 def _require_settings(policy: Policy, config: TrainConfig) -> None:
-    if policy.memory is not None:
-        raise PolicyError(
-            "it has a memory (GRU), which no algorithm here trains; start from a "
-            "policy without one"
-        )
     env, learner = config.environment, config.learner
     policy.require_env(env.env, env.env_options())
     hidden = tuple(int(weight.shape[1]) for weight, _ in policy.layers[:-1])

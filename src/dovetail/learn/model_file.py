@@ -8,6 +8,7 @@ from typing import Any
 
 from dovetail.errors import ConfigError
 from dovetail.plants.twin import TwinConfig, load_twin
+from dovetail.reading import TOML_BYTES, read_bytes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,7 +35,11 @@ class ModelFile:
                 f"no model file {path}; give the .toml file that `dovetail identify "
                 "fit` wrote, or any twin file"
             )
-        return cls(name=path.name, content=path.read_bytes(), twin=load_twin(path))
+        try:
+            content = read_bytes(path, TOML_BYTES)
+        except OSError as error:
+            raise ConfigError(f"cannot read {path}: {error.strerror}") from error
+        return cls(name=path.name, content=content, twin=load_twin(path))
 
     def table(self) -> dict[str, Any]:
         """Return the file's table, as JSON knows it."""

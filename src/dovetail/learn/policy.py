@@ -17,11 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.files import write_atomic
-from dovetail.learn.gru import TENSORS, Gru
+from dovetail.reading import parse_json, read_bytes
 
 FORMAT = "dovetail-policy"
-VERSIONS = (1, 2)
-"""Versions that are read: 2 is 1 with a memory, and written only where there is one."""
+VERSION = 1
+WEIGHT_BYTES = 100_000_000
+"""Largest file of weights that is read [bytes]; the shipped ones have up to 0.4 MB."""
+_HEADER_BYTES = 1_000_000
+"""Longest header of it, which lists the tensors."""
+_SIDECAR_BYTES = 4_000_000
+"""Largest JSON file beside it [bytes]."""
 
 RUN_POLICY = "policy.safetensors"
 """A training's policy in the folder of its run."""
@@ -53,29 +58,20 @@ class Policy:
     """A multilayer perceptron from an environment's observation to its action.
 
     Called with an observation as the environment returns it (scaled, stacked), it gives
-    the mean action in [-1, 1], without exploration. With a memory, a GRU before one of
-    its layers, each call is one step of 50 ms, and `reset` begins an episode.
+    the mean action in [-1, 1], without exploration.
     """
 
-    def __init__(
-        self,
-        layers: list[Layer],
-        metadata: Mapping[str, Any],
-        memory: Gru | None = None,
-    ) -> None:
+    def __init__(self, layers: list[Layer], metadata: Mapping[str, Any]) -> None:
         """Take the weights.
 
         Args:
             layers: The dense layers, first to last.
             metadata: Content of the JSON file.
-            memory: A GRU whose input is what the layers before it give, and whose state
-                is what the layer number `network.memory.before` takes.
 
         Raises:
             PolicyError: The weights do not fit the metadata or one another.
         """
         self.layers = layers
-        self.memory = memory
         self.metadata = dict(metadata)
         network = self._section("network")
         self._is_relu = _known("activation", network, ACTIVATIONS) == "relu"
@@ -86,56 +82,21 @@ class Policy:
                 f"the weights have shapes {shapes}, the policy's JSON file says "
                 f"{network.get('layers')}; export the policy again"
             )
-        self._before = self._place_of_memory(network)
         width = shapes[0][0]
-        if self.memory is not None and self._before == 0:
-            width = self.memory.num_inputs
         self.observation_size = int(width)
         for i, (weight, bias) in enumerate(layers):
-            rows = width
-            if self.memory is not None and self._before == i:
-                self._require_inputs(width)
-                rows = self.memory.units
-            if weight.shape[0] != rows or bias.shape != weight.shape[1:]:
+            if weight.shape[0] != width or bias.shape != weight.shape[1:]:
                 raise PolicyError(
                     f"policy layer {i} has weights of shape {weight.shape} and a bias "
-                    f"of shape {bias.shape}; its neighbour needs {rows} rows"
+                    f"of shape {bias.shape}; its neighbour needs {width} rows"
                 )
             if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
                 raise PolicyError(f"policy layer {i} holds a number that is not finite")
             width = weight.shape[1]
         self.action_size = int(shapes[-1][1])
 
-    def _place_of_memory(self, network: Mapping[str, Any]) -> int:
-        """Return the number of the layer that takes the memory's state; -1 for none."""
-        said = network.get("memory")
-        if self.memory is None and said is None:
-            return -1
-        own = None if self.memory is None else self.memory.describe()
-        before = said.get("before") if isinstance(said, Mapping) else None
-        if not isinstance(said, Mapping) or own is None or {**said, **own} != said:
-            raise PolicyError(
-                f"the weights have the memory {own}, the policy's JSON file says "
-                f"{str(said)[:80]}; export the policy again"
-            )
-        if type(before) is not int or not 0 <= before < len(self.layers):
-            raise PolicyError(
-                f"the policy's memory stands before layer {str(before)[:20]!r}; "
-                f"allowed: 0 to {len(self.layers) - 1}"
-            )
-        return before
-
-    def _require_inputs(self, width: int) -> None:
-        if self.memory is not None and self.memory.num_inputs != width:
-            raise PolicyError(
-                f"the policy's memory takes {self.memory.num_inputs} numbers, the "
-                f"layer before it gives {width}"
-            )
-
     def reset(self) -> None:
-        """Forget the last episode; call it when an episode begins."""
-        if self.memory is not None:
-            self.memory.reset()
+        """Do nothing: its actions depend on the newest observation alone."""
 
     def __call__(self, observation: ArrayLike) -> NDArray[np.float32]:
         """Return the action for one observation, each number in [-1, 1].
@@ -155,8 +116,6 @@ class Policy:
             )
         last = len(self.layers) - 1
         for i, (weight, bias) in enumerate(self.layers):
-            if self.memory is not None and i == self._before:
-                x = self.memory.step(x)
             x = x @ weight + bias
             if i < last:
                 x = np.maximum(x, 0.0) if self._is_relu else np.tanh(x)
@@ -231,9 +190,6 @@ class Policy:
             for i, layer in enumerate(self.layers)
             for name, array in zip(("weight", "bias"), layer, strict=True)
         }
-        if self.memory is not None:
-            arrays = zip(TENSORS, self.memory.weights, strict=True)
-            tensors |= {f"memory.{name}": array for name, array in arrays}
         data = save(
             {
                 name: np.ascontiguousarray(array, dtype=np.float32)
@@ -242,7 +198,7 @@ class Policy:
         )
         self.metadata = {
             "format": FORMAT,
-            "version": VERSIONS[self.memory is not None],
+            "version": VERSION,
             "sha256": hashlib.sha256(data).hexdigest(),
             **{k: v for k, v in self.metadata.items() if k not in _HEADER},
         }
@@ -262,30 +218,16 @@ class Policy:
             PolicyError: A file is missing, cut short, no policy, of another version, or
                 not the partner of the other.
         """
-        from safetensors import SafetensorError
-        from safetensors.numpy import load
-
         weights, sidecar = policy_files(path)
         metadata = _read_sidecar(sidecar)
-        data = _read(weights)
+        data = _read(weights, WEIGHT_BYTES)
         if hashlib.sha256(data).hexdigest() != metadata.get("sha256"):
             raise PolicyError(
                 f"{weights} ({len(data)} bytes) is cut short, damaged or not the "
                 f"partner of {sidecar.name}: its SHA-256 is not the one noted "
                 "there; copy both files again"
             )
-        try:
-            tensors = load(data)
-            memory = None
-            if "memory.bias" in tensors:
-                memory = Gru(*(tensors.pop(f"memory.{name}") for name in TENSORS))
-            layers = [
-                (tensors[f"layer{i}.weight"], tensors[f"layer{i}.bias"])
-                for i in range(len(tensors) // 2)
-            ]
-        except (SafetensorError, KeyError) as error:
-            raise PolicyError(f"{weights} holds no policy: {error}") from error
-        return cls(layers, metadata, memory)
+        return cls(_read_layers(data, weights), metadata)
 
     def _section(self, name: str) -> Mapping[str, Any]:
         section = self.metadata.get(name)
@@ -333,9 +275,9 @@ def find_policy(name_or_path: str) -> Path:
     )
 
 
-def _read(path: Path) -> bytes:
+def _read(path: Path, limit: int) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path, limit)
     except OSError as error:
         raise PolicyError(
             f"cannot read {path}: {error.strerror}; a policy is the pair "
@@ -343,11 +285,42 @@ def _read(path: Path) -> bytes:
         ) from error
 
 
-def _read_sidecar(path: Path) -> dict[str, Any]:
-    content = _read(path)
+def _read_layers(data: bytes, path: Path) -> list[Layer]:
+    """Return the layers in a file of weights."""
+    from safetensors import SafetensorError
+    from safetensors.numpy import load
+
+    header = int.from_bytes(data[:8], "little")
+    if header > _HEADER_BYTES:
+        raise PolicyError(
+            f"{path} holds no policy: its header has {header} bytes; allowed: up to "
+            f"{_HEADER_BYTES}"
+        )
     try:
-        metadata = json.loads(content, parse_constant=_refuse_constant)
-    except (ValueError, RecursionError) as error:
+        tensors = load(data)  # holds shapes and offsets against the file's size
+        layers = [
+            (tensors.pop(f"layer{i}.weight"), tensors.pop(f"layer{i}.bias"))
+            for i in range(len(tensors) // 2)
+        ]
+    except (SafetensorError, KeyError, AttributeError, TypeError, ValueError) as error:
+        raise PolicyError(f"{path} holds no policy: {error}") from error
+    for i, layer in enumerate(layers):
+        for array, ndim in zip(layer, (2, 1), strict=True):
+            if array.dtype != np.float32 or array.ndim != ndim:
+                raise PolicyError(
+                    f"{path} holds no policy: layer {i} has an array of {array.dtype} "
+                    f"and shape {array.shape}; needs float32, {ndim} axes"
+                )
+    if tensors:
+        raise PolicyError(f"{path} holds {str([*tensors])[:80]}, which is no layer")
+    return layers
+
+
+def _read_sidecar(path: Path) -> dict[str, Any]:
+    content = _read(path, _SIDECAR_BYTES)
+    try:
+        metadata = parse_json(content, str(path), is_finite=True)
+    except ConfigError as error:
         raise PolicyError(
             f"{path} ({len(content)} bytes) is cut short or no JSON: {error}; copy it "
             "again"
@@ -356,16 +329,12 @@ def _read_sidecar(path: Path) -> dict[str, Any]:
         raise PolicyError(
             f"{path} does not describe a policy: format is not {FORMAT!r}"
         )
-    if metadata.get("version") not in VERSIONS:
+    if metadata.get("version") != VERSION:
         raise PolicyError(
             f"{path} has format version {metadata.get('version')!r}, this release "
-            f"reads {' and '.join(map(str, VERSIONS))}"
+            f"reads {VERSION}"
         )
     return metadata
-
-
-def _refuse_constant(name: str) -> None:
-    raise ValueError(f"{name} is no number of JSON")
 
 
 def _known(name: str, network: Mapping[str, Any], known: tuple[str, ...]) -> str:

@@ -1,6 +1,5 @@
 """What a run shows while it trains: progress.csv with a row per episode, and a bar."""
 
-import csv
 import math
 import time
 from collections import deque
@@ -13,6 +12,7 @@ from rich.progress import BarColumn, Progress, TextColumn
 
 from dovetail.errors import ConfigError
 from dovetail.files import write_atomic
+from dovetail.reading import read_text
 
 WINDOW = 50
 """Finished episodes behind the success rate and the reward that are shown."""
@@ -62,6 +62,10 @@ class Status(NamedTuple):
 
 Report = Callable[[Status], None]
 """Told now and then where a run stands."""
+
+
+_PROGRESS_BYTES = 10_000_000
+"""Largest progress.csv that is read [bytes]: 200,000 episodes; 2 s at worst."""
 
 
 class EpisodeLog:
@@ -125,10 +129,16 @@ def read_progress(path: Path) -> list[EpisodeRow]:
     """
     if not path.exists():
         return []
-    with path.open(newline="", encoding="utf-8") as file:
-        lines = list(csv.reader(file))[1:]
+    try:
+        lines = read_text(path, _PROGRESS_BYTES).split("\n")[1:]
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(f"cannot read {path}: {reason}") from error
+    if lines and not lines[-1]:
+        lines.pop()
     rows: list[EpisodeRow] = []
-    for number, cells in enumerate(lines, start=2):
+    for number, line in enumerate(lines, start=2):
+        cells = line.rstrip("\r").split(",")
         try:
             step, reward, length, success, force, wall_time = cells
             row = EpisodeRow(
@@ -142,7 +152,9 @@ def read_progress(path: Path) -> list[EpisodeRow]:
         except ValueError as error:
             if number == len(lines) + 1:
                 break
-            raise ConfigError(f"{path} line {number} is damaged: {cells}") from error
+            raise ConfigError(
+                f"{path} line {number} is damaged: {line[:80]!r}"
+            ) from error
         rows.append(row)
     return rows
 

@@ -103,6 +103,9 @@ def read_steps(path: Path) -> RecordedSteps:
     ]
     if not names:
         raise LogError(f"the log {path} does not have what was done; leave it out")
+    axes = told[ACTION].get("axes", [])
+    if not isinstance(axes, list) or not all(isinstance(axis, str) for axis in axes):
+        raise LogError(f"the log {path}: its actions' axes are {str(axes)[:80]}")
     actions = np.column_stack([episode[name] for name in names])[last]
     led = episode[LED][last] if LED in episode.columns else np.zeros(len(last))
     return RecordedSteps(

@@ -1,11 +1,8 @@
 """The folder of a training run: claimed for one process, and only for its settings."""
 
-import errno
 import fcntl
 import json
-import os
 import shlex
-import stat
 from pathlib import Path
 from typing import IO, Annotated, Any, Literal, get_args, get_origin
 
@@ -16,11 +13,12 @@ from dovetail.errors import ConfigError
 from dovetail.files import (
     claim_output_folder,
     dated_folder,
+    open_lock,
     require_empty,
     write_atomic,
 )
 from dovetail.learn.config import NOT_COMPARED, TrainConfig
-from dovetail.reading import read_text
+from dovetail.reading import read_json
 from dovetail.strangers import OPTIONS, require_trusted
 from dovetail.tasks.options import gather_options, option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
@@ -165,7 +163,7 @@ def open_run(config: TrainConfig) -> Path:
 def _read_config(folder: Path) -> dict[str, Any]:
     path, once = folder / CONFIG, old_fixture_word()
     try:
-        settings = json.loads(read_text(path))
+        settings = read_json(path)
         if not isinstance(settings, dict):
             raise ValueError("it holds no table")
         return {"fixture" if k == once else k: v for k, v in settings.items()}
@@ -174,9 +172,9 @@ def _read_config(folder: Path) -> dict[str, Any]:
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
             "start one"
         ) from error
-    except (OSError, ValueError, RecursionError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        raise ConfigError(f"{path} is damaged: {why}; start a new run") from error
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(f"{path} is damaged: {reason}; start a new run") from error
 
 
 class RunLock:
@@ -193,18 +191,7 @@ class RunLock:
         Raises:
             ConfigError: Another process trains in it, or its lock is no file.
         """
-        path = self._folder / _LOCK
-        # A link would let a folder that somebody sent choose a file elsewhere, and a
-        # named pipe would wait for its other end.
-        flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-        try:
-            self._file = os.fdopen(os.open(path, flags, 0o666), "r+")
-            if not stat.S_ISREG(os.fstat(self._file.fileno()).st_mode):
-                raise OSError(errno.EINVAL, "it is not a regular file")
-        except OSError as error:
-            raise ConfigError(
-                f"{path} cannot lock the run: {error.strerror}; remove it"
-            ) from error
+        self._file = open_lock(self._folder / _LOCK)
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

@@ -43,7 +43,7 @@ def require_spaces(metadata: Mapping[str, Any], env: Any) -> None:
     here = _read(describe_spaces(env))
     try:
         trained = _read(metadata)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
         raise PolicyError(
             "the policy's JSON file does not say what the numbers of its observation "
             "and action mean (sections 'observation' and 'action'): export the policy "

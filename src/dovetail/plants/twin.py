@@ -6,7 +6,6 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 """
 
 import difflib
-import tomllib
 import warnings
 from dataclasses import MISSING, dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from dovetail.plants.plant import DrivenPlant, DynamicsConfig, Engine
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact
 from dovetail.plants.wrapped_plant import WrappedPlant
+from dovetail.reading import read_toml
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
@@ -177,9 +177,11 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
             "or give the path of a .toml file"
         )
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ConfigError(f"twin file {path} is not TOML: {error}") from error
+        table = read_toml(path)
+    except OSError as error:
+        raise ConfigError(f"cannot read twin file {path}: {error.strerror}") from error
+    except ConfigError as error:
+        raise ConfigError(f"twin file {error}") from error
     known = settings_in(TwinConfig)
     unknown = [key for key in table if key not in known]
     needed = [name for name, setting in known.items() if setting.default is MISSING]

@@ -20,6 +20,7 @@ from typing import IO
 from rich.console import Console
 
 from dovetail.errors import ConfigError, DovetailError
+from dovetail.files import open_lock
 from dovetail.reproduce.stage import (
     STAGE,
     Sitting,
@@ -71,7 +72,7 @@ def _lock(path: Path) -> IO[str]:
     Raises:
         ConfigError: Another process has it and does not end.
     """
-    file = path.open("w")
+    file = open_lock(path)
     deadline = time.monotonic() + PATIENCE
     while True:
         try:

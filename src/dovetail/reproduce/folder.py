@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.errors import ConfigError
-from dovetail.files import claim_output_folder, write_atomic
+from dovetail.files import claim_output_folder, open_lock, write_atomic
 from dovetail.plants.twin import TwinConfig
 from dovetail.reproduce.experiments import TWINS, twin_file
 from dovetail.reproduce.stage import read_json
@@ -74,7 +74,7 @@ def locked(root: Path) -> Iterator[None]:
     Raises:
         ConfigError: Another command works in it.
     """
-    with (root / ".lock").open("w") as file:
+    with open_lock(root / ".lock") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:

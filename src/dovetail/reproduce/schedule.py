@@ -1,6 +1,7 @@
 """Runs stages in an order that their needs allow, whatever becomes of one of them."""
 
 import json
+import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ from typing import Protocol
 
 from dovetail.errors import ConfigError
 from dovetail.files import write_atomic
+from dovetail.reading import open_regular
 from dovetail.reproduce.executor import Executor, Job
 from dovetail.reproduce.stage import (
     DONE,
@@ -198,7 +200,7 @@ def _collect(
 def last_lines(path: Path, count: int = 1) -> list[str]:
     """Return the last lines of a log that are not empty; none where there is no log."""
     try:
-        with path.open("rb") as file:
+        with open_regular(path, sys.maxsize) as file:
             file.seek(0, 2)
             file.seek(max(0, file.tell() - 4000))
             text = file.read().decode("utf-8", "replace")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.files import write_atomic
+from dovetail.reading import read_json
 
 if TYPE_CHECKING:
     pass
@@ -83,8 +84,11 @@ def _ports(path: Path) -> tuple[int, int]:
             "control": _free(socket.SOCK_STREAM),
         }
         write_atomic(path, json.dumps(free) + "\n")
-    kept = json.loads(path.read_text(encoding="utf-8"))
-    return kept["client"], kept["control"]
+    kept = read_json(path)
+    try:
+        return int(kept["client"]), int(kept["control"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{path} is damaged: remove it") from error
 
 
 def _free(kind: int) -> int:

@@ -17,6 +17,7 @@ from typing import Any
 
 from rich.console import Console
 
+from dovetail import reading
 from dovetail.errors import ConfigError
 from dovetail.files import write_atomic
 
@@ -89,12 +90,16 @@ def read_json(path: Path) -> dict[str, Any]:
         ConfigError: It is damaged.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
+        table = reading.read_json(path)
+        if not isinstance(table, dict):
+            raise ConfigError("it holds no table")
+    except (OSError, ConfigError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
         raise ConfigError(
-            f"{path} is damaged: {error}; remove its folder, and that experiment is "
+            f"{path} is damaged: {reason}; remove its folder, and that experiment is "
             "done again"
         ) from error
+    return table
 
 
 def read_done(root: Path, stage: Stage) -> dict[str, Any] | None:
