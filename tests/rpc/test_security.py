@@ -1,14 +1,18 @@
-"""Who may connect: loopback without certificates, everyone else with the right ones."""
+"""Who may connect: loopback with a token, everyone else with the right ones."""
 
 import socket
 
+import grpc
 import pytest
 
+from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.errors import ArmError, ConfigError
+from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.security import Certificates, is_loopback, split_address
 from dovetail.rpc.server import ArmServer
+from dovetail.rpc.version import own_version
 
-from .conftest import HOLE, push
+from .conftest import HOLE, push, refused
 
 
 def files_of(folder, name, ca="ca"):
@@ -153,3 +157,36 @@ def test_clients_that_only_connect_are_no_harm(server, start, connect):
     assert arm.step(push(0.0)).stamp == 0.05
     for connection in idle:
         connection.close()
+
+
+@pytest.mark.parametrize(
+    "name", ["get_info", "configure", "reset", "step", "clear", "state", "get_log"]
+)
+def test_without_the_token_only_a_stop_is_served(server, builder, open_stub, name):
+    stranger = open_stub(server, has_token=False)
+    kind = {"get_info": "InfoRequest", "configure": "Configuration"}
+    kind |= {"reset": "ResetRequest", "step": "StepRequest", "clear": "Holder"}
+    kind |= {"state": "WatchRequest", "get_log": "LogRequest"}
+    request = getattr(pb, kind[name])()
+    refused(getattr(stranger, name), request, code=grpc.StatusCode.UNAUTHENTICATED)
+    stranger.stop(pb.StopRequest(reason="hand in the cell"), timeout=10)
+    assert server._host.stop_reason.startswith("hand in the cell")
+
+
+def test_without_the_token_nobody_gets_the_lease(server, open_stub):
+    acquire = pb.LeaseRequest(version=own_version(), client="stranger")
+    requests = iter([pb.StepRequest(acquire=acquire)])
+    stranger = open_stub(server, has_token=False)
+    refused(stranger.control, requests, code=grpc.StatusCode.UNAUTHENTICATED)
+    assert server.service.leases.holder is None
+
+
+def test_each_service_has_a_token_of_its_own(builder):
+    urls = []
+    for _ in range(2):
+        server = ArmServer(builder, "127.0.0.1:0")
+        urls.append(server.url)
+        server.close()
+    tokens = {GrpcAddress.parse(url).token for url in urls}
+    assert len(tokens) == 2
+    assert min(len(token) for token in tokens) >= 16

@@ -1,6 +1,7 @@
 """`dovetail serve` as a user starts it."""
 
 import re
+import resource
 import signal
 import subprocess
 import sys
@@ -9,7 +10,8 @@ import pytest
 
 from arms.loopback import free_port
 from dovetail.cli import run
-from dovetail.errors import ConfigError
+from dovetail.errors import ArmError, ConfigError
+from dovetail.rpc.security import make_token
 
 from .conftest import HOLE, push
 
@@ -88,3 +90,27 @@ def test_a_learner_has_to_declare_what_is_known_of_the_arm(serve, connect):
 def test_wrong_settings(words, message, capsys):
     assert run(["serve", *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_the_token_comes_from_the_environment(serve, connect, monkeypatch):
+    monkeypatch.setenv("DOVETAIL_TOKEN", "a-token-of-both-ends")
+    _, address = serve("--arm", "mujoco")
+    assert address.endswith("?token=a-token-of-both-ends")
+    connect(address.partition("?")[0]).close()  # as a learner with that environment
+    monkeypatch.delenv("DOVETAIL_TOKEN")
+    for wrong in ("", "?token=another-token-than-the-one"):
+        with pytest.raises(ArmError, match="wants its token"):
+            connect(address.partition("?")[0] + wrong)
+
+
+def test_a_token_that_can_be_guessed_is_refused(monkeypatch):
+    for token in ("short", "with spaces and so on", "ünïcode-ünïcode-ünïcode"):
+        monkeypatch.setenv("DOVETAIL_TOKEN", token)
+        with pytest.raises(ConfigError, match="DOVETAIL_TOKEN"):
+            make_token()
+
+
+def test_a_new_learner_is_not_kept_waiting_by_silent_connections(serve):
+    process, _ = serve("--arm", "mujoco")
+    soft, most = resource.prlimit(process.pid, resource.RLIMIT_NOFILE)
+    assert soft == most

@@ -1,5 +1,6 @@
 """`dovetail serve`: the controller process; learners reach its arm over gRPC."""
 
+import resource
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from pathlib import Path
@@ -62,7 +63,8 @@ class ServiceOptions(Section):
     """Where learners reach it, and who may."""
 
     listen: str = "127.0.0.1:50051"
-    """Where to listen; anything but this machine's loopback needs certificates."""
+    """Where to listen; anything but this machine's loopback needs certificates.
+    There a learner shows the token that is printed, or the one in DOVETAIL_TOKEN."""
     cert: Path | None = None
     """Certificate of this service, PEM."""
     key: Path | None = None
@@ -113,6 +115,7 @@ class Serve(Sectioned):
         builder = _builder(self.cell, address, self.declared)
         robot = self.cell.robot
         warn_of_arm(console, offered.twin, offered.arm, robot, self.declared)
+        _allow_many_connections()
         try:
             server = ArmServer(builder, service.listen, files, notify)
         except BaseException:
@@ -129,6 +132,15 @@ class Serve(Sectioned):
             notify("closing: the arm is held")
         notify(f"closed after {server.service.steps} steps")
         return 0
+
+
+def _allow_many_connections() -> None:
+    """Open as many files as the system allows: each connection is one.
+
+    Otherwise a thousand silent connections keep a new one waiting for seconds.
+    """
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (most, most))
 
 
 def _show_status(console: Console, server: Any, end: End) -> None:
