@@ -86,7 +86,10 @@ def test_a_stop_comes_through_at_once_under_half_open_calls(
     monkeypatch.setattr("dovetail.rpc.calls.FIRST_MESSAGE_MAX", 60.0)
     token = GrpcAddress.parse(server.url).token if has_token else None
     attack(MANY, connections, token, data)
-    assert np.percentile(stop_times(stub), 95) <= AT_ONCE
+    times = stop_times(stub)
+    p50, p95, worst = 1e3 * np.percentile(times, [50, 95, 100])
+    print(f"stop p50 {p50:.1f} ms, p95 {p95:.1f} ms, max {worst:.1f} ms")  # noqa: T201
+    assert p95 <= 1e3 * AT_ONCE
     info = stub.get_info(pb.InfoRequest(version=own_version()), timeout=DEADLINE)
     assert info.holder.startswith(("pytest", "__main__"))
     count = len(stepping)
