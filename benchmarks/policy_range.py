@@ -18,50 +18,26 @@ import sys
 import tempfile
 import tomllib
 from pathlib import Path
-from typing import NamedTuple
 
+from dovetail.evaluate.measured import DISTURBANCES, RANGES
 from dovetail.learn.policy import list_policies
 from dovetail.plants.twin import load_twin
 
-FILE = Path(__file__).parents[1] / "src" / "dovetail" / "policies" / "ranges.toml"
 TWIN = "medium"
 ENOUGH = 0.95
 """Share of the tries that succeed within a range."""
 
 
-class Disturbance(NamedTuple):
-    """One thing that is made harder."""
-
-    words: str
-    """For the table."""
-    unit: str
-    scale: float
-    """From SI to the unit of the table."""
-    values: tuple[float, ...]
-    """Tried, mild to hard [SI]."""
-    falls: bool = False
-    """Whether a smaller value is the harder one."""
-
-
-DISTURBANCES = {
-    "push": Disturbance("pushes of up to", "N", 1.0, (10, 20, 30, 45, 60)),
-    "fixture_speed": Disturbance(
-        "fixture moves, seen at once", "mm/s", 1e3, (0.01, 0.02, 0.04, 0.06, 0.08, 0.1)
-    ),
-    "bias": Disturbance(
-        "fixture's place given wrong by", "mm", 1e3, (0.001, 0.002, 0.003, 0.005, 0.01)
-    ),
-    "turn": Disturbance(
-        "fixture's yaw given wrong by", "mrad", 1e3, (0.01, 0.02, 0.05, 0.1)
-    ),
-    "contact_friction": Disturbance(
-        "friction coefficient", "1", 1.0, (0.3, 0.5, 0.7, 1.0, 1.5)
-    ),
-    "command_delay": Disturbance("delay", "ms", 1e3, (0.005, 0.01, 0.015, 0.02)),
-    "clearance": Disturbance(
-        "clearance per side", "mm", 1e3, (0.0005, 0.0003, 0.0002, 0.0001), falls=True
-    ),
+VALUES: dict[str, tuple[float, ...]] = {
+    "push": (10, 20, 30, 45, 60),
+    "fixture_speed": (0.01, 0.02, 0.04, 0.06, 0.08, 0.1),
+    "bias": (0.001, 0.002, 0.003, 0.005, 0.01),
+    "turn": (0.01, 0.02, 0.05, 0.1),
+    "contact_friction": (0.3, 0.5, 0.7, 1.0, 1.5),
+    "command_delay": (0.005, 0.01, 0.015, 0.02),
+    "clearance": (0.0005, 0.0003, 0.0002, 0.0001),
 }
+"""Tried, mild to hard [SI]."""
 
 
 def options_for(name: str, value: float, folder: Path) -> list[str]:
@@ -96,7 +72,7 @@ def successes(policy: str, options: list[str], tries: int) -> tuple[int, int, fl
 def sweep(policy: str, name: str, tries: int) -> tuple[list[str], float | None]:
     """Try the values of a disturbance; return the cells, and where its range ends."""
     kind, cells, last, is_within = DISTURBANCES[name], [], None, True
-    for value in kind.values:
+    for value in VALUES[name]:
         with tempfile.TemporaryDirectory() as folder:
             options = options_for(name, value, Path(folder))
             done, count, peak = successes(policy, options, tries)
@@ -116,13 +92,13 @@ def main() -> None:
     )
     parser.add_argument("--tries", type=int, default=20, help="at each of three poses")
     parser.add_argument("--policy", choices=list_policies(), action="append")
-    parser.add_argument("--disturbance", choices=[*DISTURBANCES], action="append")
+    parser.add_argument("--disturbance", choices=[*VALUES], action="append")
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
-    ranges = tomllib.loads(FILE.read_text()) if FILE.exists() else {}
+    ranges = tomllib.loads(RANGES.read_text()) if RANGES.exists() else {}
     print("| disturbance | policy | within | successes of 60 (p95 of peak force) |")
     print("|---|---|---|---|")
-    for name in given.disturbance or DISTURBANCES:
+    for name in given.disturbance or VALUES:
         kind = DISTURBANCES[name]
         for policy in given.policy or list_policies():
             cells, last = sweep(policy, name, given.tries)
@@ -139,7 +115,7 @@ def main() -> None:
         for policy, known in sorted(ranges.items()):
             lines += ["", f"[{policy}]"]
             lines += [f"{name} = {value}" for name, value in known.items()]
-        FILE.write_text("\n".join(lines) + "\n")
+        RANGES.write_text("\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

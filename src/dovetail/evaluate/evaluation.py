@@ -22,6 +22,7 @@ from dovetail.evaluate.config import (
     require_place,
 )
 from dovetail.evaluate.figures import draw_forces, draw_paths
+from dovetail.evaluate.measured import outside_measured
 from dovetail.evaluate.origin import (
     describe_origin,
     lacking_inertia,
@@ -76,8 +77,9 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
     options = environment_options(config, policy.metadata)
     perturbation = config.harder.perturbation()
     lax = require_yes(options, config.place.arm, is_given=config.place.accept_contact)
-    if lax:
-        console.print(f"note: {lax}", soft_wrap=True)  # before anything moves
+    said = "; ".join(filter(None, (lax, outside_measured(file, config, options))))
+    if said:
+        console.print(f"note: {said}", soft_wrap=True)  # before anything moves
     env_id = known_env_id(policy.metadata, config.task.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
@@ -110,7 +112,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
         title=title,
         ground=name_ground(config),
         period=options["period"],
-        note=_notes(lax, config, options["period"], policy.metadata, outcomes, robot),
+        note=_notes(said, config, options["period"], policy.metadata, outcomes, robot),
         rows=rows,
         outcomes=outcomes,
         done_word=task.done_word,
@@ -118,7 +120,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             config.having(out=folder), options, poses, policy.metadata, started
         ),
     )
-    _print(report, lax, options["tare"], console)
+    _print(report, said, options["tare"], console)
     films = [folder / film_name(pose) for pose in poses] if config.trials.video else []
     searched = None
     if perturbation.fixture_shift:
@@ -141,7 +143,7 @@ def _title(policy: str, task: Task, config: EvaluationConfig, period: float) -> 
 
 
 def _notes(
-    lax: str,
+    said: str,
     config: EvaluationConfig,
     period: float,
     policy: Mapping[str, Any],
@@ -149,7 +151,7 @@ def _notes(
     robot: Robot,
 ) -> str:
     """Return what a reader of the numbers must know; empty for nothing."""
-    notes = (lax, other_period(period, policy), shared_engine(config, policy))
+    notes = (said, other_period(period, policy), shared_engine(config, policy))
     films = (o.files.film_error for o in outcomes)
     file = (*robot.notes, *robot.motors.notes)
     lack = lacking_inertia(config, robot)
