@@ -35,11 +35,12 @@ beside.close()
 NO_CONTEXT_LEFT = """
 import dovetail
 import gymnasium
-from OpenGL import EGL
 
 env = gymnasium.make("dovetail/PegInHole-v0", render_mode="rgb_array")
 env.reset(seed=0)
 env.render()
+from OpenGL import EGL  # by the platform that MuJoCo has chosen
+
 assert not EGL.eglGetCurrentContext()
 env.close()
 """
