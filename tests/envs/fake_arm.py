@@ -29,6 +29,7 @@ class FakeArm:
                 is_real_time=False,
                 places_fixture=True,
                 measures_contact=True,
+                holds_its_weight=True,
             ),
         )
         self.targets = []

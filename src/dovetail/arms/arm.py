@@ -62,6 +62,9 @@ class ArmTraits:
     measures_contact: bool
     """Whether it may tell contact forces; if not, they are not-a-number. Behind a
     service only that knows: this says yes."""
+    holds_its_weight: bool = False
+    """Whether gravity compensation misses nothing: on a plant with the masses and the
+    gravity of the controller's model. Elsewhere it may, and a tare measures it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

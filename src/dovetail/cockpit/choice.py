@@ -68,13 +68,13 @@ def build(
         task_class(env_id)
         where["period"] = _period(choice, {})
         if choice.policy == SCRIPT:
-            policy, where = CornerScript(), {**SCRIPT_SETTINGS, "tare": True, **where}
+            policy, where = CornerScript(), {**SCRIPT_SETTINGS, **where}
             require_yes(where, choice.place, is_given=choice.accept_contact)
         env = gymnasium.make(env_id, disable_env_checker=True, **where)
     else:
         policy = Policy.load(find_policy(choice.policy))
         trained = policy.metadata.get("env", {})
-        where = {"tare": True, "robot": _trained_robot(trained), **where}
+        where = {"robot": _trained_robot(trained), **where}
         where["period"] = _period(choice, trained)
         env = make_env(
             policy,

@@ -97,7 +97,7 @@ class ControlPanel:
             Toggle(
                 gui,
                 "Tare at a reset",
-                bool(settings["tare"]),
+                session.core.is_tared,
                 may=self.may_drive,
                 act=lambda is_on: session.choose(change(is_on)),
             )

@@ -138,11 +138,11 @@ class EpisodeConfig(Section):
 
     max_steps: Annotated[int, Range(1, 1_000_000, "steps")] = 200
     """Actions per episode, of 50 ms each."""
-    tare: bool = False
+    tare: bool | None = None
     """Measure before each episode the weight that gravity compensation misses. It takes
-    2.2 s in free air, and is taken off what the policy commands: in training with
-    `model`, `randomise_dynamics` or `arm`, as there is none in the nominal model; and
-    wherever the policy is evaluated."""
+    2.2 s in free air, and is taken off what the policy commands. Left out, it is done
+    on every arm but the nominal simulation, which misses none, where force axes are
+    damped enough for it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,6 +18,7 @@ from dovetail.control.sections import settings_in
 from dovetail.envs.batch_vector_env import BatchVectorEnv
 from dovetail.envs.config import FALL_BACK, SCRIPTS, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.contract import require_class
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.strangers import import_names
@@ -40,7 +41,12 @@ def register_task(env_id: str, task: type[Task] | str) -> None:
     Args:
         env_id: Gymnasium id, such as ``MyTask-v0``.
         task: The task's class, or ``module:Class``.
+
+    Raises:
+        TaskError: The class lacks a part of the contract.
     """
+    if isinstance(task, type):
+        require_class(task)
     if env_id not in gymnasium.registry:
         gymnasium.register(
             env_id,
@@ -219,9 +225,7 @@ def _import(module: str, env_id: str) -> None:
 
 
 def _class(task: type[Task] | str) -> type[Task]:
-    if isinstance(task, type):
-        return task
-    return _named(task)
+    return require_class(task if isinstance(task, type) else _named(task))
 
 
 def _named(text: str) -> type:

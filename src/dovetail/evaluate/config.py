@@ -40,9 +40,10 @@ class TriedTaskConfig(Section):
     fall_back: float | None = None
     """The corner search takes over after this time of a try [s]; 0 is never. Default
     what the policy's file says."""
-    tare: bool = True
+    tare: bool | None = None
     """Measure before each try the weight that gravity compensation misses. It is taken
-    off what the policy commands; not where the policy was trained with --no-tare."""
+    off what the policy commands. Default as the policy was trained, or else on every
+    arm but the nominal simulation, which misses none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +179,6 @@ def environment_options(
     else:
         options["period"] = arm.control_period(where.period, trained)
         options["arm"] = _usable(config, arm)
-    options["tare"] = task.tare and options.get("tare", True)
     if config.harder.search != "none":
         options |= SCRIPT_SETTINGS
     return options | _episode(config)
@@ -192,8 +192,8 @@ def _episode(config: EvaluationConfig) -> dict[str, Any]:
             f"fall_back is {task.fall_back:g} s, but with --search {search} "
             "the search acts from the start; give one of the two"
         )
-    asked = {"fall_back": task.fall_back, "max_steps": task.max_steps}
-    return {name: value for name, value in asked.items() if value is not None}
+    names = ("fall_back", "max_steps", "tare")
+    return {n: vars(task)[n] for n in names if vars(task)[n] is not None}
 
 
 def _trained_robot(

@@ -79,8 +79,6 @@ def make_vec_env(config: TrainConfig) -> Any:
     if arm is not None:
         approaches = config.place.approach
         options["arm"] = parse_address(arm).with_approach() if approaches else arm
-    if not (dynamics.model or dynamics.randomise_dynamics or arm):
-        options["tare"] = False  # the nominal model compensates all of its weight
     if dynamics.model_file is not None:
         plant = config.environment.config.place.plant
         options |= {"twin": dynamics.model_file.twin, "engine": plant}

@@ -28,9 +28,6 @@ TOLERANCE = 1e-4
 def settings_of_env(env: gymnasium.Env) -> EnvSettings:
     """Return the settings of an environment that `gymnasium.make` built.
 
-    `tare` is on where nothing else was asked for: it is 0 in the nominal simulation,
-    and wanted wherever the policy is evaluated.
-
     Raises:
         ConfigError: No environment of dovetail, or one that was built by its class.
     """

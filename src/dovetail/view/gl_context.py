@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from queue import SimpleQueue
 from threading import Thread
 from typing import Any, ParamSpec, Protocol, TypeVar
@@ -47,7 +47,8 @@ class GlThread:
         Raises:
             MissingDependencyError: There is no OpenGL that draws without a screen.
         """
-        self._asked: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._asked: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]
+        self._asked = SimpleQueue()
         # A daemon, as others are ended before what is registered with atexit.
         Thread(target=self._serve, name="renderer", daemon=True).start()
         try:
@@ -57,8 +58,13 @@ class GlThread:
             raise
 
     def _serve(self) -> None:
-        while (act := self._asked.get()) is not None:
-            act()
+        while (asked := self._asked.get()) is not None:
+            given, act = asked
+            try:
+                given.set_result(act())
+            except BaseException as error:
+                given.set_exception(error)
+            del asked, given, act  # an error holds this frame
 
     def do(
         self,
@@ -68,18 +74,11 @@ class GlThread:
     ) -> _Made:
         """Return what a function gives that is called in the thread."""
         given: Future[_Made] = Future()
-
-        def run() -> None:
-            try:
-                given.set_result(act(*args, **options))
-            except BaseException as error:
-                given.set_exception(error)
-
-        self._asked.put(run)
+        self._asked.put((given, partial(act, *args, **options)))
         try:
             return given.result()
         finally:
-            del given  # an error holds the frame of `run`, which holds this
+            del given
 
     def close(self, last: Callable[[], object]) -> None:
         """Give the context back and end the thread.
