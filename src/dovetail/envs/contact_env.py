@@ -340,13 +340,20 @@ class ContactEnv(
         if self.render_mode is not None:
             self._pictures.add(self.state)
         raw = self._locate()
-        info = self._info(raw)
-        true, is_done = self._by_truth, info["success"]
-        weight = self.task.weigh(
-            true.position_error, true.theta_error, is_done, info["contact_force_max"]
-        )
-        reward = read_reward(self.task, weight)
+        try:
+            info = self._info(raw)
+            is_done, reward = info["success"], self._reward(info)
+        except Exception:  # of a task of one's own, too
+            self.arm.stop()
+            raise
         return raw, reward, is_done, self.steps >= self._length and not is_done, info
+
+    def _reward(self, info: dict[str, Any]) -> float:
+        true, force = self._by_truth, info["contact_force_max"]
+        told = self.task.weigh(
+            true.position_error, true.theta_error, info["success"], force
+        )
+        return read_reward(self.task, told)
 
     def remember(self, scaled: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return a step's observation: what is seen, scaled, and what was.

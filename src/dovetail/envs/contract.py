@@ -5,6 +5,8 @@ made, and not at the end of a training.
 """
 
 import math
+from collections.abc import Mapping
+from dataclasses import MISSING, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -65,6 +67,25 @@ def require_class(task: type[Task]) -> type[Task]:
         if not isinstance(pose, FixturePose):
             raise TaskError(task, "trial_poses", f"has {pose!r}", _POSES)
     return task
+
+
+def build_task(kind: type[Task], settings: Mapping[str, Any]) -> Task:
+    """Return the task with these fields, or refuse a class that takes none.
+
+    Raises:
+        ConfigError: A field has no value, or a value that the task refuses.
+    """
+    needed = (f for f in fields(kind) if f.init and f.name not in settings)
+    bare = [f.name for f in needed if f.default is f.default_factory is MISSING]
+    if bare:
+        raise TaskError(
+            kind,
+            bare[0],
+            "has no value",
+            "a default in the class, which is a @dataclass(frozen=True, kw_only=True) "
+            "itself, or a value where the environment is made",
+        )
+    return kind(**settings)
 
 
 def require_task(task: Task, robot: "Robot") -> None:

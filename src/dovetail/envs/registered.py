@@ -18,7 +18,7 @@ from dovetail.control.sections import settings_in
 from dovetail.envs.batch_vector_env import BatchVectorEnv
 from dovetail.envs.config import FALL_BACK, SCRIPTS, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.contract import require_class
+from dovetail.envs.contract import build_task, require_class
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.strangers import import_names
@@ -86,7 +86,7 @@ def make_env(
         base, tracker = base.having(tracker=tracker), None
     whole = base.having(**rest)
     return _kind(whole)(
-        kind(**own), arm, whole, tracker=tracker, render_mode=render_mode
+        build_task(kind, own), arm, whole, tracker=tracker, render_mode=render_mode
     )
 
 
@@ -105,6 +105,7 @@ def make_batch(
     task_class: type[Task] | str,
     num_envs: int,
     threads: int | None = None,
+    max_episode_steps: int | None = None,
     **settings: Any,
 ) -> BatchVectorEnv:
     """Build many environments of a task that are stepped at once.
@@ -113,6 +114,7 @@ def make_batch(
         task_class: The task's class, or ``module:Class``.
         num_envs: How many, at least 1.
         threads: That simulate; None is one for each core that this process may use.
+        max_episode_steps: Gymnasium's word for `max_steps`.
         **settings: See `make_env`; an arm is given by its address, a tracker by its
             name.
 
@@ -122,6 +124,12 @@ def make_batch(
     """
     if num_envs < 1:
         raise ConfigError(f"num_envs is {num_envs}; allowed: 1 and more")
+    steps = max_episode_steps
+    if steps is not None and settings.setdefault("max_steps", steps) != steps:
+        raise ConfigError(
+            f"max_steps is {settings['max_steps']} and max_episode_steps {steps}: both "
+            "are the actions of an episode; give one of them"
+        )
     for name in ("arm", "tracker"):
         if not isinstance(settings.get(name), str | None):
             raise ConfigError(
@@ -210,7 +218,7 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
     kind = task_class(env_id)
     given = {name: value for name, value in settings.items() if value is not None}
     own, _ = split_settings(kind, given)
-    return kind(**own)
+    return build_task(kind, own)
 
 
 def _import(module: str, env_id: str) -> None:

@@ -173,6 +173,7 @@ def environment_options(
             options["twin"] = str(Path(where.twin).expanduser().absolute())
         load_twin(options["twin"])
     arm = None if where.arm is None else parse_address(where.arm)
+    _require_used(config)
     trained = options.get("period", DEFAULT_PERIOD)
     if arm is None:
         options["period"] = require_period(where.period or trained, "period")
@@ -182,6 +183,18 @@ def environment_options(
     if config.harder.search != "none":
         options |= SCRIPT_SETTINGS
     return options | _episode(config)
+
+
+def _require_used(config: EvaluationConfig) -> None:
+    """Refuse what is given beside another option that would override it."""
+    where, shift = config.place, config.harder.perturbation().fixture_shift
+    if where.approach and where.arm is None:
+        raise ConfigError("approach is given, which needs --arm fri://HOST:PORT")
+    if where.tracker is not None and shift:
+        raise ConfigError(
+            f"the tracker {where.tracker} and a covered camera (fixture_shift "
+            f"{shift:g} m) exclude each other: leave one of them out"
+        )
 
 
 def _episode(config: EvaluationConfig) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from dovetail.control.sections import settings_in
 from dovetail.envs.registered import task_class
+from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.export import commit, versions
@@ -40,6 +41,7 @@ def settings_of_env(env: gymnasium.Env) -> EnvSettings:
     task = task_class(spec.id)
     known = {*settings_in(EnvSettings), *option_types(task)}
     given = {n: v for n, v in spec.kwargs.items() if n in known and v is not None}
+    given["max_steps"] = require_contact_env(env).max_steps
     return EnvSettings.of(env=spec.id, **gather_options(given, task))
 
 
