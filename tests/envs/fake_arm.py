@@ -74,5 +74,10 @@ class FakeArm:
     def seed(self, seed):
         pass
 
+    is_stopped = False
+
+    def stop(self):
+        self.is_stopped = True
+
     def close(self):
         self.closed = True

@@ -226,7 +226,7 @@ def test_each_action_is_a_frame_of_a_recorded_video(renderer, tmp_path, monkeypa
     monkeypatch.setattr(
         sys.modules[name], "ImageSequenceClip", ImageSequenceClip, raising=False
     )
-    env = gym.make(ID, render_mode="rgb_array", max_steps=5)
+    env = gym.make(ID, render_mode="rgb_array", max_episode_steps=5)
     with gym.wrappers.RecordVideo(env, str(tmp_path / "new")) as filmed:
         filmed.reset(seed=0)
         is_over = [

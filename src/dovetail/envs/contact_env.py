@@ -13,7 +13,7 @@ from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.task_spec import FORCE, TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.commands import CommandMap, require_same
-from dovetail.envs.config import USUAL, EnvConfig
+from dovetail.envs.config import EnvConfig
 from dovetail.envs.contract import read_pose, read_progress, read_reward, require_task
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
@@ -97,8 +97,8 @@ class ContactEnv(
 
     ## Episode end
 
-    Terminated on the task's success. Truncated after `max_steps`, or what `gym.make`
-    was told as `max_episode_steps`.
+    Terminated on the task's success. Truncated after `max_steps`; by `gym.make`, whose
+    word is `max_episode_steps`, after as many, 200 if nothing is said.
 
     ## Info
 
@@ -181,29 +181,12 @@ class ContactEnv(
         """Whether a reset measures the weight that gravity compensation misses."""
         return self._tare is not None
 
-    @property
-    def max_steps(self) -> int:
-        """Actions per episode: `max_episode_steps` of `gym.make`, or the setting.
-
-        Raises:
-            ConfigError: They differ.
-        """
-        own = self.config.episode.max_steps
-        asked = None if self.spec is None else self.spec.max_episode_steps
-        if asked is None or asked < 0:  # -1 is Gymnasium's word for none
-            return own
-        if own not in (asked, USUAL.episode.max_steps):
-            raise ConfigError(
-                f"max_steps is {own} and max_episode_steps {asked}: both are the "
-                "actions of an episode; give one of them"
-            )
-        return asked
-
     def _prepare(self) -> None:
         """Take from the arm and the task what each step needs."""
         require_axes(self.arm, self.axes)
         require_task(self.task, self.arm.facts.robot)
         require_columns(self.arm, self.task.columns)
+        self.max_steps = self.config.episode.max_steps
         facts, seen, own = self.arm.facts, self.config.observation, self.task.columns
         self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
@@ -227,7 +210,6 @@ class ContactEnv(
         self._begun: NDArray[np.float32] | None = None
         self._start_check = StartCheck(self.cell)
         self._wrench_held: Vec6 = np.zeros(6)
-        self._length = 0  # of an episode, in actions
         self._action = np.zeros(size, dtype=np.float32)
 
     def reset(
@@ -250,7 +232,6 @@ class ContactEnv(
             raise ConfigError(
                 f"unknown reset options: {unknown}; known: fixture, start"
             )
-        self._length = self.max_steps
         told = self.task.draw_fixture(self.np_random)
         fixture = read_pose(self.task, "draw_fixture", told)
         if options.get("fixture") is not None:
@@ -346,7 +327,7 @@ class ContactEnv(
         except Exception:  # of a task of one's own, too
             self.arm.stop()
             raise
-        return raw, reward, is_done, self.steps >= self._length and not is_done, info
+        return raw, reward, is_done, self.steps >= self.max_steps and not is_done, info
 
     def _reward(self, info: dict[str, Any]) -> float:
         true, force = self._by_truth, info["contact_force_max"]

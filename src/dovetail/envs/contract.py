@@ -59,10 +59,12 @@ def require_class(task: type[Task]) -> type[Task]:
     for name in sorted(task.__abstractmethods__):
         about = (vars(Task).get(name).__doc__ or "").partition("\n")[0]
         raise TaskError(task, name, "is missing", f"a method. {about}".rstrip("."))
-    poses = getattr(task, "trial_poses", None)
+    try:
+        poses = task.trial_poses
+    except AttributeError:
+        raise TaskError(task, "trial_poses", "is missing", _POSES) from None
     if not isinstance(poses, tuple) or not poses:
-        what = "is missing" if poses is None else f"is {poses!r}"
-        raise TaskError(task, "trial_poses", what, f"a tuple: {_POSES}")
+        raise TaskError(task, "trial_poses", f"is {poses!r}", f"a tuple: {_POSES}")
     for pose in poses:
         if not isinstance(pose, FixturePose):
             raise TaskError(task, "trial_poses", f"has {pose!r}", _POSES)

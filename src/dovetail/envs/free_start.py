@@ -49,6 +49,8 @@ class StartCheck:
         text = build_mjcf(cell.loaded_robot(), cell)
         self._model = self._mujoco.MjModel.from_xml_string(text)
         self._data = self._mujoco.MjData(self._model)
+        self._fixture = self._model.body("fixture").id
+        self._name = cell.fixture.name
 
     def overlap(self, q: Vec7, fixture: Pose) -> Overlap:
         """Return how deep the tool is in something.
@@ -69,10 +71,12 @@ class StartCheck:
         if not data.ncon:
             return Overlap(0.0)
         deepest = int(np.argmin(data.contact.dist[: data.ncon]))
-        names = [model.geom(int(i)).name for i in data.contact.geom[deepest]]
-        # Of the two shapes the tool's collides by its contype.
-        tool, other = sorted(names, key=lambda n: -int(model.geom(n).contype[0]))
-        return Overlap(max(0.0, -float(data.contact.dist[deepest])), tool, other)
+        both = [model.geom(int(i)) for i in data.contact.geom[deepest]]
+        tool, other = sorted(both, key=lambda geom: -int(geom.contype[0]))
+        where = other.name
+        if int(other.bodyid[0]) == self._fixture:
+            where = f"{where} of the {self._name}"
+        return Overlap(max(0.0, -float(data.contact.dist[deepest])), tool.name, where)
 
     def require_free(self, q: Vec7, fixture: Pose) -> None:
         """Refuse a start that lies in something.

@@ -5,6 +5,7 @@ the package is registered by its own module with `register_task` and named
 ``my_module:MyTask-v0``.
 """
 
+import copy
 import importlib
 from collections.abc import Mapping
 from dataclasses import fields
@@ -16,18 +17,19 @@ import gymnasium
 from dovetail.arms.arm import Arm
 from dovetail.control.sections import settings_in
 from dovetail.envs.batch_vector_env import BatchVectorEnv
-from dovetail.envs.config import FALL_BACK, SCRIPTS, EnvConfig
+from dovetail.envs.config import ENDLESS, FALL_BACK, SCRIPTS, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.contract import build_task, require_class
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.strangers import import_names
-from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.tasks.shipped import DEFAULT_ENV, EPISODE_STEPS
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker
 from dovetail.workcell.workcell import Workcell
 
-_MAKE = "dovetail.envs.registered:make_env"
+_MAKE = "dovetail.envs.registered:make_untimed"
+_MAKE_TIMED = "dovetail.envs.registered:make_env"
 _MAKE_BATCH = "dovetail.envs.registered:make_batch"
 
 
@@ -52,7 +54,57 @@ def register_task(env_id: str, task: type[Task] | str) -> None:
             env_id,
             entry_point=_MAKE,
             vector_entry_point=_MAKE_BATCH,
+            max_episode_steps=EPISODE_STEPS,
             kwargs={"task_class": task},
+        )
+
+
+def make(env_id: str, **settings: Any) -> gymnasium.Env:
+    """Make an environment as `gym.make` does, its length the setting `max_steps`.
+
+    Args:
+        env_id: Gymnasium id; ``module:Id`` imports the module first.
+        **settings: See `make_env`.
+
+    Raises:
+        ConfigError: See `make_env`; or no task has this name.
+    """
+    task_class(env_id)
+    spec = copy.deepcopy(gymnasium.spec(env_id.rpartition(":")[2]))
+    spec.entry_point, spec.max_episode_steps = _MAKE_TIMED, None
+    return gymnasium.make(spec, disable_env_checker=True, **settings)
+
+
+def make_untimed(
+    task_class: type[Task] | str,
+    config: EnvConfig | None = None,
+    max_steps: int | None = None,
+    **settings: Any,
+) -> ContactEnv:
+    """Build the environment of a task for `gym.make`, which ends its episodes.
+
+    Args:
+        task_class: The task's class, or ``module:Class``.
+        config: Settings to begin with; None is the usual ones.
+        max_steps: Must be left out: Gymnasium's word is `max_episode_steps`.
+        **settings: See `make_env`.
+
+    Raises:
+        ConfigError: See `make_env`; or a `max_steps`.
+    """
+    base = config or EnvConfig()
+    _require_untimed(max_steps, base)
+    whole = base.having(max_steps=ENDLESS)
+    return make_env(task_class, config=whole, **settings)
+
+
+def _require_untimed(max_steps: int | None, config: EnvConfig | None) -> None:
+    """Refuse a length of episodes that Gymnasium would not know."""
+    given = (config or USUAL).episode.max_steps if max_steps is None else max_steps
+    if max_steps is not None or given != EPISODE_STEPS:
+        raise ConfigError(
+            f"max_steps is {given}, which gymnasium.make calls max_episode_steps: give "
+            f"max_episode_steps={given} in its place"
         )
 
 
@@ -98,6 +150,7 @@ def _kind(config: EnvConfig) -> type[ContactEnv]:
 
 
 vars(make_env)["metadata"] = ContactEnv.metadata
+vars(make_untimed)["metadata"] = ContactEnv.metadata
 # By it `gym.make` knows how to make "human" and "rgb_array_list" of "rgb_array".
 
 
@@ -105,7 +158,7 @@ def make_batch(
     task_class: type[Task] | str,
     num_envs: int,
     threads: int | None = None,
-    max_episode_steps: int | None = None,
+    max_episode_steps: int = EPISODE_STEPS,
     **settings: Any,
 ) -> BatchVectorEnv:
     """Build many environments of a task that are stepped at once.
@@ -114,7 +167,7 @@ def make_batch(
         task_class: The task's class, or ``module:Class``.
         num_envs: How many, at least 1.
         threads: That simulate; None is one for each core that this process may use.
-        max_episode_steps: Gymnasium's word for `max_steps`.
+        max_episode_steps: Actions per episode.
         **settings: See `make_env`; an arm is given by its address, a tracker by its
             name.
 
@@ -124,12 +177,8 @@ def make_batch(
     """
     if num_envs < 1:
         raise ConfigError(f"num_envs is {num_envs}; allowed: 1 and more")
-    steps = max_episode_steps
-    if steps is not None and settings.setdefault("max_steps", steps) != steps:
-        raise ConfigError(
-            f"max_steps is {settings['max_steps']} and max_episode_steps {steps}: both "
-            "are the actions of an episode; give one of them"
-        )
+    _require_untimed(settings.get("max_steps"), settings.get("config"))
+    settings["max_steps"] = max_episode_steps
     for name in ("arm", "tracker"):
         if not isinstance(settings.get(name), str | None):
             raise ConfigError(

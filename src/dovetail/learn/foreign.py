@@ -11,6 +11,7 @@ import gymnasium
 import numpy as np
 
 from dovetail.control.sections import settings_in
+from dovetail.envs.config import ENDLESS
 from dovetail.envs.registered import task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError, PolicyError
@@ -41,7 +42,9 @@ def settings_of_env(env: gymnasium.Env) -> EnvSettings:
     task = task_class(spec.id)
     known = {*settings_in(EnvSettings), *option_types(task)}
     given = {n: v for n, v in spec.kwargs.items() if n in known and v is not None}
-    given["max_steps"] = require_contact_env(env).max_steps
+    length = spec.max_episode_steps or require_contact_env(env).max_steps
+    if length != ENDLESS:
+        given["max_steps"] = length
     return EnvSettings.of(env=spec.id, **gather_options(given, task))
 
 
