@@ -15,6 +15,7 @@ from dovetail.identify.parameters import nominal_model
 from dovetail.learn.algorithms import make_vec_env
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.plant import DynamicsConfig
+from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from extras import need
 
@@ -110,20 +111,18 @@ def test_weight_that_cannot_be_measured_is_said():
             make_env(PegInHole, twin=HEAVY, **settings).close()
 
 
-def test_a_policy_that_knows_no_weight_goes_down_without_a_word_about_tare():
-    """A push of half the range went 20 mm above the hole for ever."""
+def test_a_constant_push_of_half_the_range_arrives():
+    """It hovered 20 mm above the block for ever: the weight was not held."""
     env = gym.make(ID, twin="medium", disable_env_checker=True)
-    _, info = env.reset(seed=0)
-    action = np.zeros(4, dtype=np.float32)
-    for _ in range(150):
-        x, y, z = info["position_error"]
-        action[:2] = np.clip([-20.0 * x, -20.0 * y], -1.0, 1.0)
-        action[2] = -0.5 if np.hypot(x, y) < 0.001 or z > 0.05 else 0.2
-        _, _, ended, _, info = env.step(action)
-        if ended:
-            break
+    fixture = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0))
+    robot = env.unwrapped.arm.facts.robot
+    above = Pose(np.array([0.63, 0.0, 0.13]), tool_down(0.0))
+    q = robot.inverse_kinematics(above, robot.posture("down"))
+    env.reset(seed=0, options={"fixture": fixture, "start": q})
+    down = np.array([0.0, 0.0, -0.5, 0.0], dtype=np.float32)
+    pressed = [env.step(down)[4]["contact_force_max"] for _ in range(100)]
     env.close()
-    assert info["depth"] > 0.0
+    assert pressed[-1] > 5.0
 
 
 SEEN = {"easy": 2.0, "medium": 6.0, "hard": 16.0}  # N
