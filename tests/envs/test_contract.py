@@ -1,11 +1,13 @@
 """A task that breaks its contract fails when it is registered or made, by name."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from dovetail.arms.arm import ArmState, ToolState
 from dovetail.envs.contract import TaskError
 from dovetail.envs.registered import make_env, register_task
 from dovetail.errors import ConfigError
@@ -129,3 +131,12 @@ def test_a_number_that_is_none_ends_a_step_and_stops_the_arm(method):
 def test_what_is_no_task_is_refused():
     with pytest.raises(ConfigError, match="inherit Task"):
         register_task("Nothing-v0", dict)
+
+
+def test_the_page_says_of_each_field_of_the_state_what_it_holds():
+    page = Path(__file__).parents[2] / "docs" / "your-own-task.md"
+    table = [line for line in page.read_text().splitlines() if line.startswith("| `")]
+    told = " ".join(line.split(" | ")[0] for line in table)
+    fields = {name for name in ArmState._fields if name != "tool"}
+    for name in fields | {f"tool.{name}" for name in ToolState._fields}:
+        assert f"`{name}`" in told, name
