@@ -14,6 +14,7 @@ EXTRA_OF = {
     "pyarrow.parquet": "log",
     "pybullet": "bullet",
     "pybullet_data": "bullet",
+    "pygame": "film",
     "qpsolvers": "test",
     "ray": "cluster",
     "sbx": "learn",

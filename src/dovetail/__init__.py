@@ -9,7 +9,7 @@ from importlib.metadata import version
 import gymnasium
 
 from dovetail.mujoco_gl import import_without_drawing
-from dovetail.tasks.shipped import TASKS
+from dovetail.tasks.shipped import EPISODE_STEPS, TASKS
 
 import_without_drawing()
 
@@ -19,7 +19,8 @@ __version__ = version("dovetail")
 for _env_id, _task in TASKS.items():
     gymnasium.register(
         id=_env_id,
-        entry_point="dovetail.envs.registered:make_env",
+        entry_point="dovetail.envs.registered:make_untimed",
         vector_entry_point="dovetail.envs.registered:make_batch",
+        max_episode_steps=EPISODE_STEPS,
         kwargs={"task_class": _task},
     )

@@ -79,6 +79,7 @@ TINY = {
     "resting_noise": ("--period 0.005 --plants mujoco", "mujoco"),
     "standing_still": ("--minutes 0.001 --twin none", "tool"),
     "robosuite_osc": ("FOLDER", ""),
+    "tared_wrench": ("--starts 1 --twins none", "| none | yes |"),
     "tare_accuracy": ("--tries 1 --twins easy", "| easy |"),
     "torque_hashes": ("record FILE random", "4 hashes in FILE"),
     "tracking": ("--twins easy --periods 0.005", "easy"),

@@ -4,13 +4,13 @@ import sys
 import time
 from types import SimpleNamespace
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
 from dovetail.cockpit.choice import NOBODY
 from dovetail.cockpit.guide import Guide
 from dovetail.cockpit.space_mouse import DEAD, SpaceMouse, without_rest
+from dovetail.envs import registered
 from dovetail.envs.led import LEAD_SPEED, Led, action_towards
 from dovetail.episode import LED, Episode
 from dovetail.errors import ConfigError, MissingDependencyError
@@ -47,7 +47,7 @@ def goal_of(core):
 
 
 def make(**settings):
-    env = gym.make("dovetail/PegInHole-v0", disable_env_checker=True, **settings)
+    env = registered.make("dovetail/PegInHole-v0", **settings)
     env.reset(seed=3)
     return env, env.unwrapped
 

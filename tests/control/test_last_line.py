@@ -7,13 +7,13 @@ import json
 from collections import deque
 from pathlib import Path
 
-import gymnasium
 import numpy as np
 import pytest
 
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.envs.registered import make
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.plants.plant import FLAG_MASK
 from dovetail.poses import quat_from_vector, quat_multiply
@@ -220,7 +220,7 @@ def test_a_try_that_turned_the_peg_to_and_fro_is_not_ended():
     The file has what a policy did there.
     """
     done = json.loads((Path(__file__).parent / "leaning_try.json").read_text())
-    env = require_contact_env(gymnasium.make(DEFAULT_ENV, **done["settings"]))
+    env = require_contact_env(make(DEFAULT_ENV, **done["settings"]))
     fixture = env.task.trial_poses[0].pose()
     env.reset(seed=1754190249, options={"fixture": fixture})
     for action in done["actions"]:

@@ -29,6 +29,7 @@ class FakeArm:
                 is_real_time=False,
                 places_fixture=True,
                 measures_contact=True,
+                holds_its_weight=True,
             ),
         )
         self.targets = []
@@ -72,6 +73,11 @@ class FakeArm:
 
     def seed(self, seed):
         pass
+
+    is_stopped = False
+
+    def stop(self):
+        self.is_stopped = True
 
     def close(self):
         self.closed = True

@@ -137,7 +137,9 @@ def test_so_it_does_in_other_settings(case):
 def test_make_vec_gives_a_batch_for_every_registered_task():
     register_task("TestAside-v0", Aside)
     for env_id in (ID, "dovetail/RailClip-v0", "TestAside-v0"):
-        make = functools.partial(gym.make_vec, env_id, num_envs=NUM, max_steps=5)
+        make = functools.partial(
+            gym.make_vec, env_id, num_envs=NUM, max_episode_steps=5
+        )
         batch = make(vectorization_mode="vector_entry_point", threads=2)
         assert isinstance(batch, BatchVectorEnv)
         assert batch.batch.threads == 2
@@ -186,7 +188,7 @@ def test_a_step_of_ones_own_is_whole_and_one_after_the_other(make, recwarn):
 
 def test_a_wrapper_of_rewards_or_observations_is_no_step_of_ones_own(recwarn):
     def make():
-        env = gym.make(ID, max_steps=5)
+        env = gym.make(ID, max_episode_steps=5)
         env = gym.wrappers.TransformReward(env, lambda reward: 2.0 * reward)
         return gym.wrappers.RescaleObservation(env, -1.0, 1.0)
 

@@ -2,6 +2,8 @@ import gymnasium as gym
 import numpy as np
 from gymnasium.utils.env_checker import check_env
 
+from dovetail.envs.registered import make
+
 
 def test_gymnasium_makes_the_rail_clip_and_it_passes_check_env():
     env = gym.make("dovetail/RailClip-v0")
@@ -24,7 +26,7 @@ def clip(env, seed, align):
 
 
 def test_an_aligned_clip_goes_on_the_rail_and_a_turned_one_does_not():
-    env = gym.make("dovetail/RailClip-v0", max_steps=100).unwrapped
+    env = make("dovetail/RailClip-v0", max_steps=100).unwrapped
     for seed in range(3):
         aligned = clip(env, seed, align=True)
         assert aligned["success"], aligned

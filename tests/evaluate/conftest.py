@@ -1,9 +1,9 @@
 """A policy that inserts without having learned: two layers written by hand."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
+from dovetail.envs.registered import make
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import describe_spaces
 
@@ -34,7 +34,7 @@ def scripted_policy() -> Policy:
     bias = np.array([0.0, 0.0, -1.5, 0.0], dtype=np.float32)
     layers = [(hidden, np.zeros(4, dtype=np.float32)), (output, bias)]
     shapes = [list(weight.shape) for weight, _ in layers]
-    env = gym.make("dovetail/PegInHole-v0", disable_env_checker=True, **ENV)
+    env = make("dovetail/PegInHole-v0", **ENV)
     metadata = {
         **describe_spaces(env),
         "network": {"layers": shapes, "activation": "relu", "output": "tanh"},

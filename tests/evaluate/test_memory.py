@@ -68,7 +68,7 @@ def service():
 def paths(address, load):
     """Return the paths of three tries of which two have the same seed."""
     jobs = [Job(0, i, seed) for i, seed in enumerate((5, 6, 5))]
-    make = lambda: gym.make(ID, arm=address, max_steps=STEPS)  # noqa: E731
+    make = lambda: gym.make(ID, arm=address, max_episode_steps=STEPS)  # noqa: E731
     outcomes = run_trials(make, load, jobs, poses=PegInHole.trial_poses)
     return [outcome.course.path for outcome in outcomes]
 

@@ -131,10 +131,12 @@ def test_the_learning_rate_falls_in_the_second_half_only():
     assert falling_rate(3e-4, 0.1, 0.0) == pytest.approx(3e-5)
 
 
-def test_a_policy_says_that_it_wants_the_weight_taken_off():
-    assert TrainConfig.of().environment.env_options()["tare"] is True
-    assert TrainConfig.of(tare=False).environment.env_options()["tare"] is False
-    assert "--no-tare" in TrainConfig.of(tare=False).command()
+@pytest.mark.parametrize(("tare", "word"), [(True, "--tare"), (False, "--no-tare")])
+def test_a_policy_says_of_its_tare_what_was_asked_for(tare, word):
+    assert "tare" not in TrainConfig.of().environment.env_options()
+    asked = TrainConfig.of(tare=tare)
+    assert asked.environment.env_options()["tare"] is tare
+    assert word in asked.command()
 
 
 @pytest.mark.parametrize(
@@ -142,8 +144,13 @@ def test_a_policy_says_that_it_wants_the_weight_taken_off():
 )
 def test_a_policy_cannot_want_a_tare_that_its_task_cannot_give(settings):
     with pytest.raises(ConfigError, match="--no-tare"):
-        TrainConfig.of(**settings)
-    assert not TrainConfig.of(**settings, tare=False).environment.config.episode.tare
+        TrainConfig.of(**settings, tare=True)
+    assert TrainConfig.of(**settings).environment.config.episode.tare is None
+
+
+def test_an_approach_without_an_arm_is_refused():
+    with pytest.raises(ConfigError, match="approach"):
+        TrainConfig.of(approach=True)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import pytest
 from rich.console import Console
 from tests.extras import need
 
+from dovetail.envs import registered
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.log_facts import (
     ACTION,
@@ -31,7 +32,7 @@ TILTED = {"task": "XYZ:force ABC:pose", "also": ("tilt",), "recall": (2, 4)}
 
 
 def make(**settings):
-    return gym.make("dovetail/PegInHole-v0", disable_env_checker=True, **settings)
+    return registered.make("dovetail/PegInHole-v0", **settings)
 
 
 def record(env, path, *, seed=0, success=False, led=None, stretch=1.0, **metadata):

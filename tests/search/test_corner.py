@@ -1,9 +1,9 @@
 """The corner search: it finds what nobody sees, and asks for what it needs."""
 
-import gymnasium as gym
 import numpy as np
 import pytest
 
+from dovetail.envs import registered
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
@@ -22,7 +22,7 @@ def make(shift, **settings):
         "max_steps": 300,
         "tracker": tracker,
     } | settings
-    env = gym.make("dovetail/PegInHole-v0", disable_env_checker=True, **options)
+    env = registered.make("dovetail/PegInHole-v0", **options)
     return env, require_contact_env(env)
 
 

@@ -149,11 +149,12 @@ def test_without_opengl_the_packages_are_named(monkeypatch, tmp_path, capsys):
 def test_a_driver_that_fails_ends_a_command_before_its_first_try(
     monkeypatch, tmp_path, capsys
 ):
-    def fail(width, height):
-        raise ArithmeticError("EGL_NOT_INITIALIZED")  # PyOpenGL has errors of its own
+    class Broken:
+        def __init__(self, width, height):
+            raise ArithmeticError("EGL_NOT_INITIALIZED")  # PyOpenGL has its own errors
 
     monkeypatch.setattr(mujoco_gl.ctypes.util, "find_library", lambda name: name)
-    broken = SimpleNamespace(GLContext=fail)
+    broken = SimpleNamespace(GLContext=Broken, EGL_DISPLAY=None)
     modules = SimpleNamespace(import_module=lambda name: broken)
     monkeypatch.setattr(gl_context, "importlib", modules)
     with pytest.raises(MissingDependencyError, match="EGL_NOT_INITIALIZED; install"):
@@ -225,7 +226,7 @@ def test_each_action_is_a_frame_of_a_recorded_video(renderer, tmp_path, monkeypa
     monkeypatch.setattr(
         sys.modules[name], "ImageSequenceClip", ImageSequenceClip, raising=False
     )
-    env = gym.make(ID, render_mode="rgb_array", max_steps=5)
+    env = gym.make(ID, render_mode="rgb_array", max_episode_steps=5)
     with gym.wrappers.RecordVideo(env, str(tmp_path / "new")) as filmed:
         filmed.reset(seed=0)
         is_over = [

@@ -37,12 +37,15 @@ class ArmState(NamedTuple):
     tool: ToolState
     """Where the tool is and how it moves."""
     contact_force: Vec3
-    """Largest contact force on the tool during the step [N], world axes, shape (3,);
-    not-a-number where the arm cannot measure it."""
+    """True contact force on the tool, the largest of the step [N], world axes, shape
+    (3,): a simulation's. Not-a-number where the arm cannot measure it, as on a robot:
+    then no comparison with it is true."""
     wrench: Vec6
     """Estimated wrench of the world on the tool at the TCP [N, Nm], world axes, force
-    then moment, as the step's last cycle knew it; zero before the first. What it holds
-    beside contact: docs/control.md, Wrench on the tool."""
+    then moment, as the step's last cycle knew it; zero before the first. An arm's holds
+    missed weight and dry friction beside contact (docs/control.md, Wrench on the tool).
+    In `ContactEnv.state` the weight that a tare measured is taken off, so that it is
+    contact within some newtons of friction (docs/your-own-task.md)."""
     flags: int
     """What limited any cycle of the step: the cycles' packed flags, or-ed."""
     log: Array
@@ -62,6 +65,9 @@ class ArmTraits:
     measures_contact: bool
     """Whether it may tell contact forces; if not, they are not-a-number. Behind a
     service only that knows: this says yes."""
+    holds_its_weight: bool = False
+    """Whether gravity compensation misses nothing: on a plant with the masses and the
+    gravity of the controller's model. Elsewhere it may, and a tare measures it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -56,6 +56,7 @@ class LocalArm:
                 is_real_time=False,
                 places_fixture=True,
                 measures_contact=True,
+                holds_its_weight=plant.dynamics.is_compensated(robot),
             ),
         )
         self.controller = make_controller(robot, osc, limits, task, period)

@@ -10,9 +10,10 @@ import numpy as np
 from dovetail.arms.address import parse_address
 from dovetail.control.limits import SCHEMES
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.envs.config import ENDLESS
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.log_facts import describe_cell
-from dovetail.envs.registered import task_class
+from dovetail.envs.registered import make, task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import Policy, find_policy
@@ -27,8 +28,6 @@ NOBODY = "none"
 """The policy that there is not: only a person moves the arm."""
 SCRIPT = "corner"
 """The scripted corner search, in the place of a policy."""
-_STEPS = 1_000_000
-"""Policy steps of an episode: a person ends it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,20 +60,20 @@ def build(
             or nobody knows where the fixture is.
     """
     policy: Policy | CornerScript | None = None
-    where: dict[str, Any] = {"arm": choice.place, "max_steps": _STEPS}
+    where: dict[str, Any] = {"arm": choice.place, "max_steps": ENDLESS}
     where |= choice.settings
     if choice.policy in (NOBODY, SCRIPT):
         env_id = choice.env or DEFAULT_ENV
         task_class(env_id)
         where["period"] = _period(choice, {})
         if choice.policy == SCRIPT:
-            policy, where = CornerScript(), {**SCRIPT_SETTINGS, "tare": True, **where}
+            policy, where = CornerScript(), {**SCRIPT_SETTINGS, **where}
             require_yes(where, choice.place, is_given=choice.accept_contact)
-        env = gymnasium.make(env_id, disable_env_checker=True, **where)
+        env = make(env_id, **where)
     else:
         policy = Policy.load(find_policy(choice.policy))
         trained = policy.metadata.get("env", {})
-        where = {"tare": True, "robot": _trained_robot(trained), **where}
+        where = {"robot": _trained_robot(trained), **where}
         where["period"] = _period(choice, trained)
         env = make_env(
             policy,

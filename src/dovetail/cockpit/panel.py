@@ -86,7 +86,7 @@ class ControlPanel:
             Toggle(
                 gui,
                 "Tare at a reset",
-                bool(settings["tare"]),
+                session.core.is_tared,
                 act=lambda is_on: session.choose(change(is_on)),
             )
 

@@ -32,8 +32,9 @@ class ShownPolicyOptions(Section):
     """Environment of the policy; needed for one of your own, MODULE:ID."""
     task_options: TaskOptions = field(default_factory=TaskOptions)
     """Fields of the task; left out, they are the policy's."""
-    tare: bool = True
-    """Measure at each reset the weight that nobody compensates."""
+    tare: bool | None = None
+    """Measure at each reset the weight that gravity compensation misses. Default as in
+    `evaluate`."""
     accept_contact: bool = False
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
 
@@ -146,8 +147,8 @@ class Cockpit(Sectioned):
         settings: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         settings |= actor.task_options
         settings |= vars(self.declared)
-        if not actor.tare:
-            settings["tare"] = False
+        if actor.tare is not None:
+            settings["tare"] = actor.tare
         place = where.arm or f"twin:{twin}"
         parse_address(place)
         return Choice(

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
-import gymnasium
 import tyro
 from rich.console import Console
 
 from dovetail.commands.help_page import sections_of
+from dovetail.envs.registered import make
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings, find_task
 from dovetail.learn.foreign import import_file
@@ -50,8 +50,7 @@ class Export:
                 raise ConfigError(f"{file} exists; choose another --out")
         settings = self.environment
         find_task(settings.env, type(self))
-        options = settings.env_options()
-        env = gymnasium.make(settings.env, disable_env_checker=True, **options)
+        env = make(settings.env, **settings.env_options())
         try:
             policy = import_file(model, env, settings, is_trusted=self.trust)
             weights = policy.save(out)

@@ -88,9 +88,16 @@ def _option(setting: Setting) -> str:
     name = setting.trail[-1].replace("_", "-")
     for note in get_args(kind)[1:] if get_origin(kind) is Annotated else ():
         name = vars(note).get("name") or name
-    if isinstance(default, bool):
-        return f"--[no-]{name}" if default else f"--{name}"
+    if is_switch(kind) or default is True:
+        return f"--[no-]{name}"
+    if default is False:
+        return f"--{name}"
     return f"--{name} {_metavar(kind)}"
+
+
+def is_switch(kind: Any) -> bool:
+    """Say whether an option is yes, no, or left out."""
+    return set(get_args(kind)) == {bool, type(None)}
 
 
 def _metavar(kind: Any) -> str:

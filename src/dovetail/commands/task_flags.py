@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from typing import Any, get_args
@@ -12,6 +13,7 @@ from tyro.constructors import StructConstructorSpec, StructFieldSpec, StructType
 
 from dovetail.commands.box_titles import titled_by
 from dovetail.commands.field_words import field_words
+from dovetail.commands.help_page import is_switch
 from dovetail.control.sections import settings_in
 from dovetail.envs.registered import old_fixture_word, task_class
 from dovetail.errors import ConfigError
@@ -65,7 +67,9 @@ def parse(
             something else to the command.
     """
     task = task or find_task(words)
-    fixture = _fixture_option(task, _names(settings))
+    names = _names(settings)
+    fixture = _fixture_option(task, names)
+    switches = _switches(names)
 
     def options(info: StructTypeInfo) -> StructConstructorSpec | None:
         if info.type is TaskOptions:
@@ -74,7 +78,7 @@ def parse(
 
     return tyro.cli(
         settings,
-        args=[fixture.sub("--fixture", word) for word in words],
+        args=[switches.get(w, fixture.sub("--fixture", w)) for w in words],
         prog=prog,
         config=(tyro.conf.OmitArgPrefixes,),
         registry=titled_by(options),
@@ -131,14 +135,25 @@ def _given(**values: Any) -> TaskOptions:
     return TaskOptions({k: v for k, v in values.items() if v is not None})
 
 
-def _names(settings: Any) -> set[str]:
-    """Return the names of a command's own options."""
+def _names(settings: Any) -> dict[str, Any]:
+    """Return a command's own options and their types."""
     if isinstance(settings, type) and is_dataclass(settings):
-        return set(settings_in(settings))
-    return {name for part in get_args(settings) for name in _names(part)}
+        return {name: found.kind for name, found in settings_in(settings).items()}
+    return {n: k for part in get_args(settings) for n, k in _names(part).items()}
 
 
-def _fixture_option(task: type[Task], names: set[str]) -> re.Pattern[str]:
+def _switches(kinds: dict[str, Any]) -> dict[str, str]:
+    """Return --NAME and --no-NAME as tyro reads a switch that may be left out."""
+    found = {}
+    for name, kind in kinds.items():
+        if is_switch(kind):
+            option = name.replace("_", "-")
+            found |= {f"--{option}": f"--{option}=True"}
+            found |= {f"--no-{option}": f"--{option}=False"}
+    return found
+
+
+def _fixture_option(task: type[Task], names: Iterable[str]) -> re.Pattern[str]:
     """Return what finds the task's word for the fixture in an option.
 
     Args:
@@ -149,7 +164,7 @@ def _fixture_option(task: type[Task], names: set[str]) -> re.Pattern[str]:
     own, kind = option_types(task).keys(), task.__name__
     called = {task.fixture_word, old_fixture_word()} - {"fixture"}
     for word in sorted(called):
-        means = [n for n in sorted(own | names) if re.match(rf"{word}(?:$|_)", n)]
+        means = [n for n in sorted({*own, *names}) if re.match(rf"{word}(?:$|_)", n)]
         if means and word == task.fixture_word:
             raise ConfigError(
                 f"{kind} calls its fixture {word!r}, which is also the option "

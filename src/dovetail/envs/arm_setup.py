@@ -3,7 +3,7 @@
 import warnings
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.arm import Arm
+from dovetail.arms.arm import Arm, ArmFacts
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.from_address import arm_from_address
 from dovetail.arms.local_address import TwinAddress, local_address
@@ -52,9 +52,15 @@ def build_arm(
         address = arm
     else:
         require_period(arm.facts.period, "the arm's control period")
+        _require_as_built(arm.facts, config)
         return arm
     if arm is not None and place.twin is not None:
         raise ConfigError("an arm's address and a twin exclude each other; give one")
+    if (arm or place.twin) and place.plant not in (USUAL.place.plant, place.engine):
+        raise ConfigError(
+            f"plant is {place.plant!r}, which is the plain plant's engine, beside an "
+            "arm or a twin: give a twin's engine as engine, or leave the arm out"
+        )
     if isinstance(address, TwinAddress):
         _warn_of(address)
     if doubt := address.unproven_margins:
@@ -70,6 +76,29 @@ def build_arm(
     )
     settings = ControllerSettings(osc=osc, limits=limits, task=axes, period=period)
     return arm_from_address(address, cell, settings)
+
+
+def _require_as_built(facts: ArmFacts, config: EnvConfig) -> None:
+    """Refuse settings that an arm that is built already has otherwise, or cannot have.
+
+    Raises:
+        ConfigError: Names the setting and both values.
+    """
+    limits, usual = facts.limits.flat(), USUAL.flat()
+    built = {name: limits[name] for name in ("scheme", "near_speed", "near_press")}
+    built |= {"period": facts.period, "plant": None, "engine": None, "dynamics": None}
+    built |= {"force_damping": tuple(facts.osc.axes.force_damping[:3])}
+    built |= dict.fromkeys(vars(config.declared))
+    for name, value in config.flat().items():
+        if name not in built or value == usual[name]:
+            continue
+        given = per_axis(name, value) if name == "force_damping" else value
+        if given != built[name]:
+            raise ConfigError(
+                f"{name} is {value}, but the arm is built already"
+                f"{'' if built[name] is None else f', with {built[name]}'}: give "
+                f"{name} where the arm is built, or the arm's address in its place"
+            )
 
 
 def _warn_of(address: TwinAddress) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 from gymnasium.vector import SyncVectorEnv
-from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker
+from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 from numpy.typing import NDArray
 
 from dovetail.arms.batch_arm import BatchArm
@@ -18,6 +18,7 @@ from dovetail.errors import ArmError, ConfigError
 _PLAIN_STEPS = (
     *(gymnasium.Wrapper.step, gymnasium.ObservationWrapper.step),
     *(gymnasium.RewardWrapper.step, OrderEnforcing.step, PassiveEnvChecker.step),
+    TimeLimit.step,
 )
 """These hand an action on as it is, before they do anything else."""
 _NO_STEPS = (gymnasium.Wrapper.step, OrderEnforcing.step, PassiveEnvChecker.step)

@@ -20,6 +20,7 @@ from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.tasks.shipped import EPISODE_STEPS
 from dovetail.trackers.find import DEFAULT_TRACKER
 
 F_SCALE = 4.0
@@ -28,6 +29,8 @@ FORCE_DAMPING = 40.0
 """Damping of force axes [1/s]."""
 FALL_BACK = "dovetail.search.fall_back_env:FallBackEnv"
 """Environment in which a script takes over from an action that does not succeed."""
+ENDLESS = 1_000_000
+"""Actions of an episode that only its success ends, or who runs it."""
 SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
 """Scripts that an action may correct, and the environment in which it does."""
 
@@ -136,13 +139,13 @@ class PlaceConfig(Section):
 class EpisodeConfig(Section):
     """How an episode begins and ends."""
 
-    max_steps: Annotated[int, Range(1, 1_000_000, "steps")] = 200
-    """Actions per episode, of 50 ms each."""
-    tare: bool = False
+    max_steps: Annotated[int, Range(1, ENDLESS, "steps")] = EPISODE_STEPS
+    """Actions per episode, of 50 ms each. `gym.make` calls it max_episode_steps."""
+    tare: bool | None = None
     """Measure before each episode the weight that gravity compensation misses. It takes
-    2.2 s in free air, and is taken off what the policy commands: in training with
-    `model`, `randomise_dynamics` or `arm`, as there is none in the nominal model; and
-    wherever the policy is evaluated."""
+    2.2 s in free air, and is taken off what the policy commands. Left out, it is done
+    on every arm but the nominal simulation, which misses none, where force axes are
+    damped enough for it."""
 
 
 @dataclass(frozen=True, kw_only=True)

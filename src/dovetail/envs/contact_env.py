@@ -14,14 +14,16 @@ from dovetail.control.task_spec import FORCE, TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.commands import CommandMap, require_same
 from dovetail.envs.config import EnvConfig
+from dovetail.envs.contract import read_pose, read_progress, read_reward, require_task
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
+from dovetail.envs.free_start import OVERLAP_MAX, Overlap, OverlapError, StartCheck
 from dovetail.envs.lookout import look_from_above
 from dovetail.envs.observation import Layout, sight
 from dovetail.envs.pictures import EpisodePictures
 from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
-from dovetail.envs.tare import ToolTare
+from dovetail.envs.tare import ToolTare, can_tare
 from dovetail.envs.violations import BAD_INPUT, ViolationCounter, count_bad_input
 from dovetail.envs.workspace import (
     require_axes,
@@ -36,10 +38,12 @@ from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Task
 from dovetail.trackers.find import Site, find_tracker
 from dovetail.trackers.tracker import Tracker, close_tracker
-from dovetail.types import Array, Vec3
+from dovetail.types import Array, Vec3, Vec6, Vec7
 
 _STREAM = 0x72AC6
 """Keeps the trackers' seeds apart from the draws of start and fixture."""
+_DRAWS = 100
+"""How often a start is drawn, until one is in free air."""
 
 
 class ContactEnv(
@@ -93,7 +97,8 @@ class ContactEnv(
 
     ## Episode end
 
-    Terminated on the task's success. Truncated after `max_steps`.
+    Terminated on the task's success. Truncated after `max_steps`; by `gym.make`, whose
+    word is `max_episode_steps`, after as many, 200 if nothing is said.
 
     ## Info
 
@@ -157,14 +162,29 @@ class ContactEnv(
             theta_range=action.theta_range,
             position_range=action.position_range,
         )
-        self._tare: ToolTare | None = None
-        if self.config.episode.tare:
-            self._tare = ToolTare(self.arm, self.commands, action.force_damping)
+        self._tare = self._find_tare(self.arm.facts.traits.holds_its_weight)
         self._prepare()
+
+    def _find_tare(self, holds_its_weight: bool) -> ToolTare | None:
+        """Return the tare where it is asked for, or usual and possible."""
+        asked, damping = self.config.episode.tare, self.config.action.force_damping
+        if asked is None:
+            asked = not holds_its_weight and can_tare(self.axes, damping)
+        return ToolTare(self.arm, self.commands, damping) if asked else None
+
+    def expect_weight(self) -> None:
+        """Take a tare at each reset, unless it is refused: the dynamics will change."""
+        self._tare = self._tare or self._find_tare(holds_its_weight=False)
+
+    @property
+    def is_tared(self) -> bool:
+        """Whether a reset measures the weight that gravity compensation misses."""
+        return self._tare is not None
 
     def _prepare(self) -> None:
         """Take from the arm and the task what each step needs."""
         require_axes(self.arm, self.axes)
+        require_task(self.task, self.arm.facts.robot)
         require_columns(self.arm, self.task.columns)
         self.max_steps = self.config.episode.max_steps
         facts, seen, own = self.arm.facts, self.config.observation, self.task.columns
@@ -188,6 +208,8 @@ class ContactEnv(
         self._velocity, self._followed = FixtureVelocity(), STANDS
         self._is_force = np.array([m == FORCE for m in self.axes.modes[:3]])
         self._begun: NDArray[np.float32] | None = None
+        self._start_check = StartCheck(self.cell)
+        self._wrench_held: Vec6 = np.zeros(6)
         self._action = np.zeros(size, dtype=np.float32)
 
     def reset(
@@ -210,18 +232,14 @@ class ContactEnv(
             raise ConfigError(
                 f"unknown reset options: {unknown}; known: fixture, start"
             )
-        fixture = self.task.draw_fixture(self.np_random)
+        told = self.task.draw_fixture(self.np_random)
+        fixture = read_pose(self.task, "draw_fixture", told)
         if options.get("fixture") is not None:
             fixture = Pose(*(np.asarray(p, dtype=float) for p in options["fixture"]))
         else:
             require_placed(self.task, self.cell, self.arm)
         require_inside(self.task, self.cell, self.arm, fixture)
-        if options.get("start") is not None:
-            q = np.asarray(options["start"], dtype=float)
-        else:
-            robot = self.arm.facts.robot
-            start = self.task.draw_start(self.np_random, fixture)
-            q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
+        q = self._find_start(fixture, options.get("start"))
         self.fixture = fixture
         self.slide_fixture(np.zeros(3))
         if seed is not None:
@@ -235,11 +253,41 @@ class ContactEnv(
         raw = self._locate()
         if self._tare is not None:
             plane = self._target.near_plane
-            self.state = self._tare.take(self.state, fixture, plane, self._walls)
+            tare = self._tare.take(self.state, fixture, plane, self._walls)
+            self._wrench_held = tare.wrench
+            self.state = self._without_weight(tare.state)
             raw = self._locate()
         self._pictures.begin(self.state)
         info = {**self._info(raw), "tare": self.commands.tare.copy()}
         return self._history.reset(self._recall.reset(self.scaling.scale(raw))), info
+
+    def _find_start(self, fixture: Pose, given: Any) -> Vec7:
+        """Return the configuration [rad] to start in, in free air.
+
+        Raises:
+            OverlapError: The given one is not, or none that was drawn.
+        """
+        if given is not None:
+            q = np.asarray(given, dtype=float)
+            self._start_check.require_free(q, fixture)
+            return q
+        robot, found = self.arm.facts.robot, Overlap(0.0)
+        for _ in range(_DRAWS):
+            told = self.task.draw_start(self.np_random, fixture)
+            start = read_pose(self.task, "draw_start", told)
+            q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
+            found = self._start_check.overlap(q, fixture)
+            if found.depth <= OVERLAP_MAX:
+                return q
+        raise OverlapError(
+            found,
+            f"so was each of {_DRAWS} starts that {type(self.task).__name__}.draw_start"
+            " drew: let it draw from free air",
+        )
+
+    def _without_weight(self, state: ArmState) -> ArmState:
+        """Return a state whose wrench is what it is beyond that of the tare."""
+        return state._replace(wrench=state.wrench - self._wrench_held)
 
     def step(
         self, action: NDArray[np.float32]
@@ -267,16 +315,26 @@ class ContactEnv(
             require_same(begun, action)
         self._begun = None
         self.state = self.arm.step(self._target, POLICY_PERIOD)
+        if self._tare is not None:
+            self.state = self._without_weight(self.state)
         self.steps += 1
         if self.render_mode is not None:
             self._pictures.add(self.state)
         raw = self._locate()
-        info = self._info(raw)
-        true, is_done = self._by_truth, info["success"]
-        reward = self.task.weigh(
-            true.position_error, true.theta_error, is_done, info["contact_force_max"]
-        )
+        try:
+            info = self._info(raw)
+            is_done, reward = info["success"], self._reward(info)
+        except Exception:  # of a task of one's own, too
+            self.arm.stop()
+            raise
         return raw, reward, is_done, self.steps >= self.max_steps and not is_done, info
+
+    def _reward(self, info: dict[str, Any]) -> float:
+        true, force = self._by_truth, info["contact_force_max"]
+        told = self.task.weigh(
+            true.position_error, true.theta_error, info["success"], force
+        )
+        return read_reward(self.task, told)
 
     def remember(self, scaled: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return a step's observation: what is seen, scaled, and what was.
@@ -386,7 +444,8 @@ class ContactEnv(
 
     def _info(self, raw: Array) -> dict[str, Any]:
         state, true = self.state, self._by_truth
-        depth, success = self.task.judge(true.position_error, true.goal, state)
+        told = self.task.judge(true.position_error, true.goal, state)
+        depth, success = read_progress(self.task, told)
         fx, fy, fz = state.contact_force.tolist()
         return {
             "success": success,

@@ -95,7 +95,8 @@ class RandomDynamics(gymnasium.Wrapper):
                 of what an arm may have.
         """
         super().__init__(env)
-        arm = require_contact_env(env).arm
+        core = require_contact_env(env)
+        arm = core.arm
         if not isinstance(arm, LocalArm):
             raise ConfigError(
                 "dynamics can be drawn for an arm that is simulated in this process "
@@ -106,6 +107,7 @@ class RandomDynamics(gymnasium.Wrapper):
         self.base = arm.plant.dynamics
         self._rng = np.random.default_rng()
         ranges.require_fit(self.base)
+        core.expect_weight()
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None

@@ -5,6 +5,7 @@ the package is registered by its own module with `register_task` and named
 ``my_module:MyTask-v0``.
 """
 
+import copy
 import importlib
 from collections.abc import Mapping
 from dataclasses import fields
@@ -16,17 +17,19 @@ import gymnasium
 from dovetail.arms.arm import Arm
 from dovetail.control.sections import settings_in
 from dovetail.envs.batch_vector_env import BatchVectorEnv
-from dovetail.envs.config import FALL_BACK, SCRIPTS, EnvConfig
+from dovetail.envs.config import ENDLESS, FALL_BACK, SCRIPTS, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.contract import build_task, require_class
 from dovetail.errors import ConfigError
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.strangers import import_names
-from dovetail.tasks.shipped import DEFAULT_ENV
+from dovetail.tasks.shipped import DEFAULT_ENV, EPISODE_STEPS
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker
 from dovetail.workcell.workcell import Workcell
 
-_MAKE = "dovetail.envs.registered:make_env"
+_MAKE = "dovetail.envs.registered:make_untimed"
+_MAKE_TIMED = "dovetail.envs.registered:make_env"
 _MAKE_BATCH = "dovetail.envs.registered:make_batch"
 
 
@@ -40,13 +43,68 @@ def register_task(env_id: str, task: type[Task] | str) -> None:
     Args:
         env_id: Gymnasium id, such as ``MyTask-v0``.
         task: The task's class, or ``module:Class``.
+
+    Raises:
+        TaskError: The class lacks a part of the contract.
     """
+    if isinstance(task, type):
+        require_class(task)
     if env_id not in gymnasium.registry:
         gymnasium.register(
             env_id,
             entry_point=_MAKE,
             vector_entry_point=_MAKE_BATCH,
+            max_episode_steps=EPISODE_STEPS,
             kwargs={"task_class": task},
+        )
+
+
+def make(env_id: str, **settings: Any) -> gymnasium.Env:
+    """Make an environment as `gym.make` does, its length the setting `max_steps`.
+
+    Args:
+        env_id: Gymnasium id; ``module:Id`` imports the module first.
+        **settings: See `make_env`.
+
+    Raises:
+        ConfigError: See `make_env`; or no task has this name.
+    """
+    task_class(env_id)
+    spec = copy.deepcopy(gymnasium.spec(env_id.rpartition(":")[2]))
+    spec.entry_point, spec.max_episode_steps = _MAKE_TIMED, None
+    return gymnasium.make(spec, disable_env_checker=True, **settings)
+
+
+def make_untimed(
+    task_class: type[Task] | str,
+    config: EnvConfig | None = None,
+    max_steps: int | None = None,
+    **settings: Any,
+) -> ContactEnv:
+    """Build the environment of a task for `gym.make`, which ends its episodes.
+
+    Args:
+        task_class: The task's class, or ``module:Class``.
+        config: Settings to begin with; None is the usual ones.
+        max_steps: Must be left out: Gymnasium's word is `max_episode_steps`.
+        **settings: See `make_env`.
+
+    Raises:
+        ConfigError: See `make_env`; or a `max_steps`.
+    """
+    base = config or EnvConfig()
+    _require_untimed(max_steps, base)
+    whole = base.having(max_steps=ENDLESS)
+    return make_env(task_class, config=whole, **settings)
+
+
+def _require_untimed(max_steps: int | None, config: EnvConfig | None) -> None:
+    """Refuse a length of episodes that Gymnasium would not know."""
+    given = (config or USUAL).episode.max_steps if max_steps is None else max_steps
+    if max_steps is not None or given != EPISODE_STEPS:
+        raise ConfigError(
+            f"max_steps is {given}, which gymnasium.make calls max_episode_steps: give "
+            f"max_episode_steps={given} in its place"
         )
 
 
@@ -80,7 +138,7 @@ def make_env(
         base, tracker = base.having(tracker=tracker), None
     whole = base.having(**rest)
     return _kind(whole)(
-        kind(**own), arm, whole, tracker=tracker, render_mode=render_mode
+        build_task(kind, own), arm, whole, tracker=tracker, render_mode=render_mode
     )
 
 
@@ -92,6 +150,7 @@ def _kind(config: EnvConfig) -> type[ContactEnv]:
 
 
 vars(make_env)["metadata"] = ContactEnv.metadata
+vars(make_untimed)["metadata"] = ContactEnv.metadata
 # By it `gym.make` knows how to make "human" and "rgb_array_list" of "rgb_array".
 
 
@@ -99,6 +158,7 @@ def make_batch(
     task_class: type[Task] | str,
     num_envs: int,
     threads: int | None = None,
+    max_episode_steps: int = EPISODE_STEPS,
     **settings: Any,
 ) -> BatchVectorEnv:
     """Build many environments of a task that are stepped at once.
@@ -107,6 +167,7 @@ def make_batch(
         task_class: The task's class, or ``module:Class``.
         num_envs: How many, at least 1.
         threads: That simulate; None is one for each core that this process may use.
+        max_episode_steps: Actions per episode.
         **settings: See `make_env`; an arm is given by its address, a tracker by its
             name.
 
@@ -116,6 +177,8 @@ def make_batch(
     """
     if num_envs < 1:
         raise ConfigError(f"num_envs is {num_envs}; allowed: 1 and more")
+    _require_untimed(settings.get("max_steps"), settings.get("config"))
+    settings["max_steps"] = max_episode_steps
     for name in ("arm", "tracker"):
         if not isinstance(settings.get(name), str | None):
             raise ConfigError(
@@ -204,7 +267,7 @@ def make_task(env_id: str, settings: Mapping[str, Any]) -> Task:
     kind = task_class(env_id)
     given = {name: value for name, value in settings.items() if value is not None}
     own, _ = split_settings(kind, given)
-    return kind(**own)
+    return build_task(kind, own)
 
 
 def _import(module: str, env_id: str) -> None:
@@ -219,9 +282,7 @@ def _import(module: str, env_id: str) -> None:
 
 
 def _class(task: type[Task] | str) -> type[Task]:
-    if isinstance(task, type):
-        return task
-    return _named(task)
+    return require_class(task if isinstance(task, type) else _named(task))
 
 
 def _named(text: str) -> type:

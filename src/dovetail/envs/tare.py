@@ -8,6 +8,7 @@ way as it adds the other way, so the mean over both is what holds the weight alo
 Meanwhile pose and hold axes tell by their error what they lack.
 """
 
+import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -47,6 +48,9 @@ class Tare(NamedTuple):
 
     f_star: Vec6
     """f* that holds the weight [m/s2, rad/s2], world axes; 0 on free axes."""
+    wrench: Vec6
+    """What the arm told of a wrench on the tool meanwhile, the mean [N, Nm]: that of
+    the weight alone, as dry friction acts against each of the ways."""
     state: ArmState
     """The arm afterwards; its log holds every cycle of the way."""
 
@@ -85,6 +89,7 @@ def measure_tare(
     reference = start.copy()
     held = change = np.zeros(6)
     logs: list[Array] = []
+    wrenches: list[Vec6] = []
 
     def follow() -> Vec6:
         """Command one step; return what is lacked on each axis before it."""
@@ -98,6 +103,7 @@ def measure_tare(
         target.f_tare = held + along * (along @ pull)
         state = arm.step(target, STEP_TIME)
         logs.append(state.log)
+        wrenches.append(state.wrench)
         return pull + stiffness * error
 
     for _ in range(_ROUNDS):
@@ -108,6 +114,7 @@ def measure_tare(
                 lacked.append(follow())
         change = np.mean(lacked, axis=0)
         held = held + change
+    wrench = np.mean(wrenches, axis=0)
     for _ in range(_SETTLE_STEPS):
         follow()
     state = state._replace(log=np.vstack(logs))
@@ -122,7 +129,7 @@ def measure_tare(
             "tare",
             state,
         )
-    return Tare(held, state)
+    return Tare(held, wrench, state)
 
 
 def tared_axes(task: TaskSpec, force_damping: float | Sequence[float]) -> list[int]:
@@ -148,6 +155,24 @@ def tared_axes(task: TaskSpec, force_damping: float | Sequence[float]) -> list[i
             "nothing else damps the tool on its way; leave tare out (--no-tare)"
         )
     return axes
+
+
+def can_tare(task: TaskSpec, force_damping: float | Sequence[float]) -> bool:
+    """Say whether the tool can be led; warn of weight on force axes where it cannot.
+
+    Without a force axis among X Y Z the controller follows by itself what pulls.
+    """
+    if FORCE not in task.modes[:3]:
+        return False
+    try:
+        tared_axes(task, force_damping)
+    except ConfigError as error:
+        warnings.warn(
+            f"weight that the arm's gravity compensation misses is not held: {error}",
+            stacklevel=2,
+        )
+        return False
+    return True
 
 
 class ToolTare:
@@ -176,7 +201,7 @@ class ToolTare:
 
     def take(
         self, state: ArmState, fixture: Pose, near_plane: Array, walls: Walls
-    ) -> ArmState:
+    ) -> Tare:
         """Measure, leading the tool up and away from the fixture first.
 
         Args:
@@ -187,7 +212,7 @@ class ToolTare:
                 way is taken.
 
         Returns:
-            The arm afterwards, back where it was.
+            What was measured, and the arm afterwards, back where it was.
 
         Raises:
             ArmError: Something is in the way.
@@ -201,4 +226,4 @@ class ToolTare:
             self._arm, state, self._axes, self._stiffness, direction, near_plane
         )
         self._commands.take_off(tare.f_star)
-        return tare.state
+        return tare

@@ -40,9 +40,10 @@ class TriedTaskConfig(Section):
     fall_back: float | None = None
     """The corner search takes over after this time of a try [s]; 0 is never. Default
     what the policy's file says."""
-    tare: bool = True
+    tare: bool | None = None
     """Measure before each try the weight that gravity compensation misses. It is taken
-    off what the policy commands; not where the policy was trained with --no-tare."""
+    off what the policy commands. Default as the policy was trained, or else on every
+    arm but the nominal simulation, which misses none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,16 +173,28 @@ def environment_options(
             options["twin"] = str(Path(where.twin).expanduser().absolute())
         load_twin(options["twin"])
     arm = None if where.arm is None else parse_address(where.arm)
+    _require_used(config)
     trained = options.get("period", DEFAULT_PERIOD)
     if arm is None:
         options["period"] = require_period(where.period or trained, "period")
     else:
         options["period"] = arm.control_period(where.period, trained)
         options["arm"] = _usable(config, arm)
-    options["tare"] = task.tare and options.get("tare", True)
     if config.harder.search != "none":
         options |= SCRIPT_SETTINGS
     return options | _episode(config)
+
+
+def _require_used(config: EvaluationConfig) -> None:
+    """Refuse what is given beside another option that would override it."""
+    where, shift = config.place, config.harder.perturbation().fixture_shift
+    if where.approach and where.arm is None:
+        raise ConfigError("approach is given, which needs --arm fri://HOST:PORT")
+    if where.tracker is not None and shift:
+        raise ConfigError(
+            f"the tracker {where.tracker} and a covered camera (fixture_shift "
+            f"{shift:g} m) exclude each other: leave one of them out"
+        )
 
 
 def _episode(config: EvaluationConfig) -> dict[str, Any]:
@@ -192,8 +205,8 @@ def _episode(config: EvaluationConfig) -> dict[str, Any]:
             f"fall_back is {task.fall_back:g} s, but with --search {search} "
             "the search acts from the start; give one of the two"
         )
-    asked = {"fall_back": task.fall_back, "max_steps": task.max_steps}
-    return {name: value for name, value in asked.items() if value is not None}
+    names = ("fall_back", "max_steps", "tare")
+    return {n: vars(task)[n] for n in names if vars(task)[n] is not None}
 
 
 def _trained_robot(

@@ -120,7 +120,7 @@ def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
             config.having(out=folder), options, poses, policy.metadata, started
         ),
     )
-    _print(report, said, options["tare"], console)
+    _print(report, said, console)
     films = [folder / film_name(pose) for pose in poses] if config.trials.video else []
     searched = None
     if perturbation.fixture_shift:
@@ -158,13 +158,13 @@ def _notes(
     return "; ".join(filter(None, (*notes, lack, *file, *films)))
 
 
-def _print(report: Report, said: str, is_tared: bool, console: Console) -> None:
+def _print(report: Report, said: str, console: Console) -> None:
     if note := report.note.removeprefix(said).removeprefix("; "):
         console.print(f"note: {note}", soft_wrap=True)
     console.print(report.title, soft_wrap=True)  # a table's title would be broken
     console.print(render_table(report.rows))
     told = [o.conditions.tare for o in report.outcomes]
-    if tares := [t[:3] for t in told if is_tared and any(t)]:
+    if tares := [t[:3] for t in told if any(t)]:
         x, y, z = np.mean(tares, axis=0)
         console.print(f"mean tare: f* {x:.2f} {y:.2f} {z:.2f} m/s2 along x y z")
     stops = [o.stop for o in report.outcomes if o.stop.reason]

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated, Any, Literal, NamedTuple
 
 import gymnasium as gym
@@ -13,7 +12,7 @@ from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.ranges import Range
 from dovetail.control.sections import Section
-from dovetail.envs.registered import task_class
+from dovetail.envs.registered import make, task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
@@ -222,9 +221,8 @@ def make_perturbed(
         ConfigError: This cannot be done in this environment.
     """
     task = task_class(env_id)
-    make = partial(gym.make, env_id, disable_env_checker=True)
     if not perturbation:
-        return make(**options)
+        return make(env_id, **options)
     is_upright = task.trial_poses[0].facing == UPRIGHT
     if not is_upright and (perturbation.fixture_shift or perturbation.start == "below"):
         raise ConfigError(
@@ -240,4 +238,4 @@ def make_perturbed(
             raise ConfigError(
                 f"{env_id} has no starts below a surface: no --start below"
             )
-    return Perturbed(make(**{**options, **more}), perturbation)
+    return Perturbed(make(env_id, **{**options, **more}), perturbation)

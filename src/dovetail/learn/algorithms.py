@@ -65,13 +65,13 @@ def make_vec_env(config: TrainConfig) -> Any:
     Episode returns in `info["episode"]` stay unscaled.
     """
     import_sbx()  # takes seconds, for which an arm on the network would have to wait
-    import gymnasium as gym
     from gymnasium.wrappers import TransformReward
     from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import DummyVecEnv
 
     from dovetail.envs.dynamics_randomisation import RandomDynamics
     from dovetail.envs.fixed_fixture import FixedFixture
+    from dovetail.envs.registered import make as make_one
 
     options: dict[str, Any] = {}
     arm, dynamics, returns = config.place.arm, config.dynamics, config.learner.returns
@@ -79,15 +79,13 @@ def make_vec_env(config: TrainConfig) -> Any:
     if arm is not None:
         approaches = config.place.approach
         options["arm"] = parse_address(arm).with_approach() if approaches else arm
-    if not (dynamics.model or dynamics.randomise_dynamics or arm):
-        options["tare"] = False  # the nominal model compensates all of its weight
     if dynamics.model_file is not None:
         plant = config.environment.config.place.plant
         options |= {"twin": dynamics.model_file.twin, "engine": plant}
 
     def make(index: int) -> Any:
         given = config.variation.options(config.environment, index) | options
-        env = gym.make(config.environment.env, disable_env_checker=True, **given)
+        env = make_one(config.environment.env, **given)
         if dynamics.randomise_dynamics:
             env = RandomDynamics(env, dynamics.ranges)
         if (place := config.fixed_place) is not None:

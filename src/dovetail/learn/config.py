@@ -150,6 +150,7 @@ class TrainConfig(Sectioned):
                 "has, and which ppo does not begin small: leave --demos out, give "
                 "--teacher corner or none, and one of sac, tqc, crossq, td3 and ddpg"
             )
+        self._require_used("approach", self.place.arm is not None, "--arm")
         self._require_used("correction", script is not None, "--script corner")
         axes = SCRIPT_SETTINGS["task"]
         can_tilt = self.environment.env_options()["task"] == axes

@@ -21,8 +21,8 @@ _PER_AXIS = ("f_scale", "force_damping")
 class EnvSettings(Sectioned):
     """The task.
 
-    And its environment, as a policy has to know them: what `EnvConfig` has, with `tare`
-    on, and each scale of X Y Z as a tuple.
+    And its environment, as a policy has to know them: what `EnvConfig` has, each scale
+    of X Y Z as a tuple.
     """
 
     whose: ClassVar[str] = "a policy's environment"
@@ -34,7 +34,7 @@ class EnvSettings(Sectioned):
     task: str | None = None
     """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default
     the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
-    config: EnvConfig = field(default_factory=lambda: EnvConfig.of(tare=True))
+    config: EnvConfig = field(default_factory=lambda: EnvConfig())
     """Its environment."""
 
     def __post_init__(self) -> None:

@@ -11,6 +11,8 @@ import numpy as np
 from gymnasium.spaces import Box
 
 from dovetail.control.sections import settings_in
+from dovetail.envs import registered
+from dovetail.envs.config import ENDLESS
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.env_settings import EnvSettings
@@ -39,9 +41,6 @@ _BEYOND = 3.0
 def settings_of_env(env: Any) -> EnvSettings:
     """Return the settings of an environment that `gymnasium.make` built.
 
-    `tare` is on where nothing else was asked for: it is 0 in the nominal simulation,
-    and wanted wherever the policy is evaluated.
-
     Args:
         env: One environment, or a vector environment of Stable-Baselines3.
 
@@ -60,6 +59,11 @@ def settings_of_env(env: Any) -> EnvSettings:
     task = task_class(spec.id)
     known = {*settings_in(EnvSettings), *option_types(task)}
     given = {n: v for n, v in spec.kwargs.items() if n in known and v is not None}
+    own = (
+        env.get_attr("max_steps")[0] if is_vector else env.get_wrapper_attr("max_steps")
+    )
+    if (length := spec.max_episode_steps or own) != ENDLESS:
+        given["max_steps"] = length
     return EnvSettings.of(env=spec.id, **gather_options(given, task))
 
 
@@ -188,9 +192,7 @@ def import_model(model: Any, env: Any) -> Policy:
         _require_unchanged(own, is_vector=True)
     if isinstance(env, gymnasium.Env):
         return _policy_of(model, env, {}, settings)
-    one = gymnasium.make(
-        settings.env, disable_env_checker=True, **settings.env_options()
-    )
+    one = registered.make(settings.env, **settings.env_options())
     try:
         return _policy_of(model, one, {}, settings)
     finally:

@@ -12,7 +12,7 @@ import gymnasium
 
 from dovetail.arms.address import parse_address
 from dovetail.envs.config import USUAL
-from dovetail.envs.registered import task_class
+from dovetail.envs.registered import make, task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import require_spaces
@@ -222,7 +222,7 @@ def make_env(
     settings = policy_settings(policy.metadata, env_id) | where
     env_id = known_env_id(policy.metadata, env_id)
     require_yes(settings, where.get("arm"), is_given=accept_contact)
-    env = gymnasium.make(env_id, disable_env_checker=True, **settings)
+    env = make(env_id, **settings)
     try:
         require_spaces(policy.metadata, env)
     except PolicyError:

@@ -150,6 +150,11 @@ class DynamicsConfig(Sectioned):
             armature=tuple(robot.motors.armature.tolist()),
         )
 
+    def is_compensated(self, robot: "Robot") -> bool:
+        """Whether the gravity compensation of a robot's model misses no weight."""
+        same = self.inertia == robot.links.inertia_set and set(self.mass_scale) == {1.0}
+        return same and self.gravity_compensation and not any(self.gravity_residual)
+
 
 class Plant(Protocol):
     """A simulated arm in its workcell: torques in, joint state out."""

@@ -33,3 +33,5 @@ TASKS: Mapping[str, str] = _find()
 DEFAULT_ENV, DEFAULT_POLICY, TRUSTING_POLICY = _find_usual()
 """Environment and shipped policy where none is asked for; and the shipped one that
 takes the fixture's pose for true."""
+EPISODE_STEPS = 200
+"""Actions of an episode of any task, where nothing else is asked for."""

@@ -1,17 +1,29 @@
-"""An OpenGL context without a screen: EGL, or OSMesa where there is no EGL."""
+"""An OpenGL context without a screen: EGL, or OSMesa where there is no EGL.
+
+It lives in a thread of its own. A thread can draw in one context at a time, and a
+program may have a window: pygame's would be refused by the X server where a context of
+EGL is current, and the other way round.
+"""
 
 import importlib
 import os
 import subprocess
 import sys
-from functools import cache
-from typing import Protocol
+from collections.abc import Callable
+from concurrent.futures import Future
+from contextlib import suppress
+from functools import cache, partial
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any, ParamSpec, Protocol, TypeVar
 
 from dovetail.errors import MissingDependencyError
 from dovetail.mujoco_gl import LIBRARIES, PACKAGES, asked_backend, is_here
 
 _TRY = "import mujoco.{0} as gl; c = gl.GLContext(8, 8); c.make_current(); c.free()"
 _TRY_TIMEOUT = 30.0  # s
+_Given = ParamSpec("_Given")
+_Made = TypeVar("_Made")
 
 
 class GlContext(Protocol):
@@ -24,6 +36,64 @@ class GlContext(Protocol):
     def free(self) -> None:
         """Give it back."""
         ...
+
+
+class GlThread:
+    """A thread with a context that stays current in it."""
+
+    def __init__(self, width: int, height: int) -> None:
+        """Start the thread and open its context, for pictures of this size [pixels].
+
+        Raises:
+            MissingDependencyError: There is no OpenGL that draws without a screen.
+        """
+        self._asked: SimpleQueue[tuple[Future[Any], Callable[[], Any]] | None]
+        self._asked = SimpleQueue()
+        # A daemon, as others are ended before what is registered with atexit.
+        Thread(target=self._serve, name="renderer", daemon=True).start()
+        try:
+            self._context = self.do(open_context, width, height)
+        except BaseException:
+            self._asked.put(None)
+            raise
+
+    def _serve(self) -> None:
+        while (asked := self._asked.get()) is not None:
+            given, act = asked
+            try:
+                given.set_result(act())
+            except BaseException as error:
+                given.set_exception(error)
+            del asked, given, act  # an error holds this frame
+
+    def do(
+        self,
+        act: Callable[_Given, _Made],
+        *args: _Given.args,
+        **options: _Given.kwargs,
+    ) -> _Made:
+        """Return what a function gives that is called in the thread."""
+        given: Future[_Made] = Future()
+        self._asked.put((given, partial(act, *args, **options)))
+        try:
+            return given.result()
+        finally:
+            del given
+
+    def close(self, last: Callable[[], object]) -> None:
+        """Give the context back and end the thread.
+
+        Args:
+            last: What is done in the context before.
+        """
+        try:
+            self.do(self._free, last)
+        finally:
+            self._asked.put(None)
+
+    def _free(self, last: Callable[[], object]) -> None:
+        last()
+        self._context.free()
 
 
 def find_backend() -> str:
@@ -84,9 +154,10 @@ def open_context(width: int, height: int) -> GlContext:
     """
     backend = find_backend()
     try:
-        context: GlContext = importlib.import_module(f"mujoco.{backend}").GLContext(
-            width, height
-        )
+        library = importlib.import_module(f"mujoco.{backend}")
+        if backend == "egl":
+            _initialise(library)
+        context: GlContext = _freed_quietly(library.GLContext)(width, height)
         context.make_current()
     except Exception as error:  # PyOpenGL's own are known only where it loads
         raise MissingDependencyError(
@@ -95,3 +166,23 @@ def open_context(width: int, height: int) -> GlContext:
             "another one with MUJOCO_GL=egl or MUJOCO_GL=osmesa"
         ) from error
     return context
+
+
+def _initialise(egl: Any) -> None:
+    """Initialise EGL again, if another library has ended it for the whole process.
+
+    Without an X display pygame's windows are EGL's, too, and end it when they close.
+    """
+    if egl.EGL_DISPLAY is not None:
+        egl.EGL.eglInitialize(egl.EGL_DISPLAY, None, None)
+
+
+def _freed_quietly(kind: type[Any]) -> type[Any]:
+    """Return MuJoCo's class of contexts, for one that may be gone when it is freed."""
+
+    class Context(kind):
+        def free(self) -> None:
+            with suppress(Exception):
+                super().free()
+
+    return Context

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.types import Array, Mat33, Vec3, Vec7
 from dovetail.view.cell_model import cell_spec
-from dovetail.view.gl_context import open_context
+from dovetail.view.gl_context import GlThread
 from dovetail.view.marks import (
     BELIEVED_COLOUR,
     BESIDE,
@@ -111,9 +111,9 @@ class Renderer:
         self._fixture = np.flatnonzero(self._model.geom_bodyid == body)
         self._corners = cell.fixture.corners
         self._size = height, width
-        self._gl = open_context(width, height)
+        self._gl = GlThread(width, height)
         scale = self._mujoco.mjtFontScale.mjFONTSCALE_100.value
-        self._context = self._mujoco.MjrContext(self._model, scale)
+        self._context = self._gl.do(self._mujoco.MjrContext, self._model, scale)
         self._scene = self._mujoco.MjvScene(self._model, _MAX_GEOMS)
         self._scene.flags[self._mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._options = self._mujoco.MjvOption()
@@ -154,7 +154,6 @@ class Renderer:
         mujoco.mj_kinematics(self._model, data)
         mujoco.mj_comPos(self._model, data)
         mujoco.mj_camlight(self._model, data)
-        self._gl.make_current()
         mujoco.mjv_updateScene(
             self._model, data, self._options, None, self._camera,
             mujoco.mjtCatBit.mjCAT_ALL.value, scene,
@@ -168,12 +167,17 @@ class Renderer:
             end = tip + 2.0 * FORCE_SCALE * force  # MuJoCo draws half of an arrow
             self._connect("mjGEOM_ARROW", _ARROW, tip, end, _RED)
         self._add_path(np.array(list(path), dtype=float).reshape(-1, 3))
+        return self._gl.do(self._rendered)[::-1]
+
+    def _rendered(self) -> NDArray[np.uint8]:
+        """Return the scene as a picture, its lowest row first; for the GlThread."""
+        mujoco, context = self._mujoco, self._context
         picture = np.empty((*self._size, 3), dtype=np.uint8)
         whole = mujoco.MjrRect(0, 0, self._size[1], self._size[0])
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._context)
-        mujoco.mjr_render(whole, scene, self._context)
-        mujoco.mjr_readPixels(picture, None, whole, self._context)
-        return picture[::-1]
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
+        mujoco.mjr_render(whole, self._scene, context)
+        mujoco.mjr_readPixels(picture, None, whole, context)
+        return picture
 
     def _look(self, view: View) -> None:
         """Let the scene be seen by a camera: a pinhole, not in its middle."""
@@ -252,9 +256,7 @@ class Renderer:
         if self._is_open:
             self._is_open = False
             atexit.unregister(self._close_at_exit)
-            self._gl.make_current()
-            self._context.free()
-            self._gl.free()
+            self._gl.close(self._context.free)
 
     def _close_at_exit(self) -> None:
         with suppress(Exception):  # the thread that opened it took it along

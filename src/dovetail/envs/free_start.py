@@ -1,0 +1,88 @@
+"""Whether a start is in free air: how deep the tool would be in what stands there."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dovetail.errors import ConfigError
+from dovetail.plants.mjcf import build_mjcf
+from dovetail.plants.plant import require_configuration
+from dovetail.poses import Pose
+from dovetail.types import Vec7
+from dovetail.workcell.workcell import Workcell
+
+OVERLAP_MAX = 0.0002
+"""Depth up to which a start counts as free air [m]: what touches is not in the way."""
+
+
+class Overlap(NamedTuple):
+    """The deepest overlap of the tool with fixture or table."""
+
+    depth: float
+    """[m]; 0 in free air."""
+    part: str = ""
+    """Part of the tool, or what it holds."""
+    other: str = ""
+    """What it is in."""
+
+
+class OverlapError(ConfigError):
+    """A start lies inside the fixture or the table."""
+
+    def __init__(self, found: Overlap, advice: str) -> None:
+        """Word the error; `overlap` keeps its numbers."""
+        self.overlap = found
+        super().__init__(
+            f"the start is inside the cell: {found.part} lies {1e3 * found.depth:.1f} "
+            f"mm deep in {found.other}, allowed: {1e3 * OVERLAP_MAX:g} mm; {advice}"
+        )
+
+
+class StartCheck:
+    """The cell's shapes alone, of any arm: no start may lie in what stands there."""
+
+    def __init__(self, cell: Workcell) -> None:
+        """Build the shapes."""
+        import mujoco
+
+        self._mujoco: Any = mujoco
+        text = build_mjcf(cell.loaded_robot(), cell)
+        self._model = self._mujoco.MjModel.from_xml_string(text)
+        self._data = self._mujoco.MjData(self._model)
+        self._fixture = self._model.body("fixture").id
+        self._name = cell.fixture.name
+
+    def overlap(self, q: Vec7, fixture: Pose) -> Overlap:
+        """Return how deep the tool is in something.
+
+        Args:
+            q: Configuration [rad].
+            fixture: Where the fixture is.
+
+        Raises:
+            ConfigError: q is not seven finite numbers.
+        """
+        model, data = self._model, self._data
+        data.qpos[:] = require_configuration(q)
+        data.mocap_pos[0], data.mocap_quat[0] = fixture
+        self._mujoco.mj_kinematics(model, data)
+        self._mujoco.mj_comPos(model, data)
+        self._mujoco.mj_collision(model, data)
+        if not data.ncon:
+            return Overlap(0.0)
+        deepest = int(np.argmin(data.contact.dist[: data.ncon]))
+        both = [model.geom(int(i)) for i in data.contact.geom[deepest]]
+        tool, other = sorted(both, key=lambda geom: -int(geom.contype[0]))
+        where = other.name
+        if int(other.bodyid[0]) == self._fixture:
+            where = f"{where} of the {self._name}"
+        return Overlap(max(0.0, -float(data.contact.dist[deepest])), tool.name, where)
+
+    def require_free(self, q: Vec7, fixture: Pose) -> None:
+        """Refuse a start that lies in something.
+
+        Raises:
+            OverlapError: Says what is in what, and how deep.
+        """
+        if (found := self.overlap(q, fixture)).depth > OVERLAP_MAX:
+            raise OverlapError(found, "give another start, higher above the fixture")
