@@ -23,4 +23,4 @@ def test_a_program_in_the_page_runs(block, tmp_path, monkeypatch):
 
 
 def test_there_are_programs():
-    assert len(BLOCKS) >= 3
+    assert len(BLOCKS) >= 2
