@@ -1,6 +1,5 @@
 """The command `dovetail`: finds the subcommand, runs it, and words its errors."""
 
-import difflib
 import errno
 import importlib
 import os
@@ -13,7 +12,7 @@ from rich.console import Console
 
 import dovetail
 from dovetail.commands.help_page import Groups, help_page
-from dovetail.errors import ConfigError, DovetailError, UnprovenWarning
+from dovetail.errors import ConfigError, DovetailError, UnprovenWarning, did_you_mean
 from dovetail.strangers import trust_typed
 
 COMMANDS = {
@@ -104,10 +103,9 @@ def run(words: list[str]) -> int:
 
 def _run_command(name: str, words: list[str]) -> int:
     if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, n=1)
-        meant = f"did you mean {near[0]}? " if near else ""
         raise DovetailError(
-            f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
+            f"unknown command {name!r}{did_you_mean(name, COMMANDS)}; known commands: "
+            f"{', '.join(COMMANDS)}"
         )
     if name in _OFFERS_ARM and any(w.partition("=")[0] == "--tracker" for w in words):
         raise ConfigError(
