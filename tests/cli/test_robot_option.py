@@ -122,7 +122,10 @@ def test_what_a_training_names_next_has_what_the_policys_file_may_not_choose():
     usual = next_words(policy, TrainConfig.of())
     assert usual == [*evaluate, "--twin", "medium"]
     address, place = "grpc://127.0.0.1:5050", (0.6, 0.0, 0.1, 0.2)
-    there = here.having(arm=address, fixed_goal=True, fixture=place, payload_error=0.5)
+    there = TrainConfig.of(
+        robot="cli_own_arm:own", arm=address,
+        fixed_goal=True, fixture=place, payload_error=0.5,
+    )  # fmt: skip
     assert next_words(policy, there) == [
         *(*evaluate, *named, "--arm", address),
         *("--fixture", *map(str, place), "--payload-error", "0.5"),
