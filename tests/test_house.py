@@ -17,6 +17,7 @@ LAYERS = (
         "poses",
         "errors",
         "files",
+        "interrupt",
         "mujoco_gl",
         "paths_option",
         "reading",

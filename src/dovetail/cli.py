@@ -1,6 +1,7 @@
 """The command `dovetail`: finds the subcommand, runs it, and words its errors."""
 
 import errno
+import gc
 import importlib
 import os
 import sys
@@ -66,6 +67,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(f"dovetail: cannot write the output: {reason}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 2
+    gc.freeze()  # or Python's last collections walk all of JAX, which takes seconds
     sys.exit(code)
 
 
