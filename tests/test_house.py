@@ -18,6 +18,7 @@ LAYERS = (
         "archives",
         "errors",
         "files",
+        "interrupt",
         "mujoco_gl",
         "paths_option",
         "reading",

@@ -1,7 +1,7 @@
 """The command `dovetail`: finds the subcommand, runs it, and words its errors."""
 
-import difflib
 import errno
+import gc
 import importlib
 import os
 import sys
@@ -15,7 +15,7 @@ from rich.text import Text
 
 import dovetail
 from dovetail.commands.help_page import Groups, help_page
-from dovetail.errors import ConfigError, DovetailError, UnprovenWarning
+from dovetail.errors import ConfigError, DovetailError, UnprovenWarning, did_you_mean
 from dovetail.printable import printable
 from dovetail.strangers import trust_typed
 
@@ -70,6 +70,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(f"dovetail: cannot write the output: {reason}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 2
+    gc.freeze()  # or Python's last collections walk all of JAX, which takes seconds
     sys.exit(code)
 
 
@@ -107,10 +108,9 @@ def run(words: list[str]) -> int:
 
 def _run_command(name: str, words: list[str]) -> int:
     if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, n=1)
-        meant = f"did you mean {near[0]}? " if near else ""
         raise DovetailError(
-            f"unknown command {name!r}; {meant}known commands: {', '.join(COMMANDS)}"
+            f"unknown command {name!r}{did_you_mean(name, COMMANDS)}; known commands: "
+            f"{', '.join(COMMANDS)}"
         )
     if name in _OFFERS_ARM and any(w.partition("=")[0] == "--tracker" for w in words):
         raise ConfigError(

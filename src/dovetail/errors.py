@@ -1,5 +1,8 @@
 """Exceptions of dovetail: each says what is wrong, where, and what to do next."""
 
+import difflib
+from collections.abc import Iterable
+
 from dovetail.printable import printable
 
 
@@ -7,6 +10,12 @@ def install_command(*extras: str) -> str:
     """Return how to install extras: from dovetail's folder, as it is on no index."""
     names = ",".join(extras)
     return f"pip install '.[{names}]' -c constraints.txt in dovetail's folder"
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return " (did you mean X?)" with the known name that is nearest, or nothing."""
+    near = difflib.get_close_matches(name, known, n=1)
+    return f" (did you mean {near[0]}?)" if near else ""
 
 
 class DovetailError(Exception):

@@ -59,7 +59,7 @@ def test_an_unknown_command_lists_the_known_ones(capsys):
 )
 def test_a_mistyped_command_is_guessed(typed, meant, capsys):
     assert run([typed]) == 2
-    assert f"did you mean {meant}? known commands" in capsys.readouterr().err
+    assert f"(did you mean {meant}?)" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["evaluate", "export"])
@@ -124,6 +124,25 @@ def test_an_unknown_environment_is_a_message_with_the_known_ones(capsys):
     error = capsys.readouterr().err
     assert "dovetail/PegInHole-v0, dovetail/RailClip-v0" in error
     assert "Traceback" not in error
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["demo", "--twin", "mediun"], "medium"),
+        (["evaluate", "peg_sqare", "--twin", "medium"], "peg_square"),
+        (["evaluate", "peg_square", "--plant", "mujco"], "mujoco"),
+        (["evaluate", "peg_square", "--twin", "easy", "--tracker", "nosy"], "noisy"),
+        (["evaluate", "peg_square", "--twin", "easy", "--robot", "iiwa4"], "iiwa14"),
+        (["evaluate", "peg_square", "--arm", "bulet"], "bullet"),
+        (["identify", "fit", ".", "--parameters", "damping_pr_joint"],
+         "damping_per_joint"),
+    ],
+)  # fmt: skip
+def test_a_mistyped_name_is_guessed(words, meant, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(words) == 2
+    assert f"(did you mean {meant}?)" in " ".join(capsys.readouterr().err.split())
 
 
 def test_debug_shows_the_traceback():

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,12 @@ from dovetail.errors import UnprovenWarning
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
+from dovetail.learn.config import TrainConfig
 from dovetail.plants.twin import TwinPlant, load_twin
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.strangers import trust
 from dovetail.tasks.shipped import DEFAULT_ENV
+from extras import need
 
 OWN = """
 from dataclasses import replace
@@ -104,3 +107,26 @@ def test_in_python_it_is_a_warning():
         plant = TwinPlant(load_twin("medium"), cell)
     assert plant.dynamics.inertia == "nominal"
     plant.close()
+
+
+def test_what_a_training_names_next_has_what_the_policys_file_may_not_choose():
+    need("sbx")
+    from dovetail.commands.train import next_words
+
+    trust("cli_own_arm")
+    policy = Path("run/policy.safetensors")
+    evaluate = ["dovetail", "evaluate", str(policy)]
+    here = TrainConfig.of(robot="cli_own_arm:own")
+    named = ["--robot", "cli_own_arm:own"]
+    assert next_words(policy, here) == [*evaluate, *named, "--twin", "medium"]
+    usual = next_words(policy, TrainConfig.of())
+    assert usual == [*evaluate, "--twin", "medium"]
+    address, place = "grpc://127.0.0.1:5050", (0.6, 0.0, 0.1, 0.2)
+    there = TrainConfig.of(
+        robot="cli_own_arm:own", arm=address,
+        fixed_goal=True, fixture=place, payload_error=0.5,
+    )  # fmt: skip
+    assert next_words(policy, there) == [
+        *(*evaluate, *named, "--arm", address),
+        *("--fixture", *map(str, place), "--payload-error", "0.5"),
+    ]

@@ -22,6 +22,7 @@ from extras import need
         (["cockpit", "--arm", "mujoco", "--fixture", *"9010"], "can be reached"),
         (["cockpit", "--arm", "mujoco", "--port", "70000"], "allowed: 0 to 65535"),
         (["replay", "missing.npz"], "missing.npz cannot be read"),
+        (["replay", "."], ". is a folder without a log"),
     ],
 )
 def test_what_cannot_be_shown_is_one_message(
@@ -34,6 +35,17 @@ def test_what_cannot_be_shown_is_one_message(
     assert told.startswith("dovetail: ")
     assert said in told
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_of_logs_is_told_by_its_logs(tmp_path, capsys):
+    (tmp_path / "logs").mkdir()
+    for i in range(7):
+        (tmp_path / "logs" / f"A-{i}.npz").touch()
+    assert run(["replay", str(tmp_path)]) == 2
+    told = " ".join(capsys.readouterr().err.split())
+    assert "is a folder of 7 logs" in told
+    assert str(tmp_path / "logs" / "A-4.npz") in told
+    assert "and 2 more" in told
 
 
 def test_the_shipped_policy_on_a_twin_is_what_is_shown_first():

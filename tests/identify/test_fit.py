@@ -1,16 +1,21 @@
 """Fits of short recordings: what they find, how they go on, what they refuse."""
 
+import io
 import json
 import re
+import shlex
 import shutil
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from dovetail.cli import run
 from dovetail.errors import ConfigError, LogError
+from dovetail.identify import fit as module
 from dovetail.identify.fit import FitConfig, fit
 from dovetail.identify.parameters import ParameterSet
+from dovetail.identify.population import evaluate_population
 from dovetail.plants.twin import load_twin
 from extras import need
 
@@ -52,6 +57,27 @@ def test_planted_parameters_are_recovered(result):
     assert scale == pytest.approx(1.04, rel=0.01)
     assert damping == pytest.approx(0.8, rel=0.05)
     assert result.rms_after < 1e-3 * result.rms_before
+
+
+def test_ctrl_c_names_the_command_that_goes_on(
+    cold, cold_result, tmp_path, monkeypatch
+):
+    out, asked = tmp_path / "cut short", []
+
+    def interrupted(models, population):
+        asked.append(models)
+        if len(asked) > 2:
+            raise KeyboardInterrupt
+        return evaluate_population(models, population)
+
+    monkeypatch.setattr(module, "evaluate_population", interrupted)
+    console = Console(file=io.StringIO(), record=True, width=1000)
+    with pytest.raises(KeyboardInterrupt):
+        fit(again(cold, out), console)
+    monkeypatch.undo()
+    command = console.export_text().partition("go on with: dovetail ")[2]
+    assert run(shlex.split(command)) == 0
+    assert load_twin(out / "model.toml") == cold_result.model
 
 
 def test_the_model_file_is_the_result_and_says_where_it_is_from(result, config):

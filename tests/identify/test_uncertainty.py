@@ -1,5 +1,6 @@
 """Intervals, sensitivity and confounding, on fits whose truth is known."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,7 +14,7 @@ from dovetail.identify.parameters import KNOWN, Parameter, ParameterSet
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.replay import Replay
 from dovetail.identify.student import student_t
-from dovetail.identify.uncertainty import analyse, judge
+from dovetail.identify.uncertainty import KNOWN_SHARE, analyse, judge
 
 SEQUENCES, CYCLES = 10, 60
 
@@ -141,7 +142,8 @@ def test_a_perfectly_confounded_pair_is_named_and_the_third_stays_known():
     assert np.isfinite(second.uncertainty.standard_error)
     assert first.judgement.sentence == (
         "p0 and p2 move the tool alike, in opposite directions (correlation "
-        "-1.000000): only their combination is known"
+        "-1.000000): only their combination is known; its 95 % interval is +-inf m, "
+        "known is up to +-0.2 m"
     )
 
 
@@ -162,12 +164,38 @@ def test_what_only_a_perfect_log_tells_apart_is_known_with_a_warning():
     assert "a log that fits less closely will not tell them apart" in sentence
 
 
-def test_an_interval_wider_than_the_range_is_called_undetermined():
+def half_of(estimate):
+    low, high = estimate.uncertainty.interval
+    return (high - low) / 2.0
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_a_value_is_known_by_its_interval_over_its_usual_range_and_nothing_else(name):
+    """The same rule for every parameter, on both sides of the border."""
+    usual = KNOWN[name]
+    limit = KNOWN_SHARE * (usual.high - usual.low)
+    motion, errors = (
+        basis(np.random.default_rng(10), 1),
+        wander(np.random.default_rng(1)),
+    )
+    once = half_of(judge(at_optimum(motion, errors), [usual]).estimates[0])
+    for share, verdict in (
+        (0.5, "known"), (0.999, "known"), (1.001, "undetermined"),
+        (4.0, "undetermined"), (4.999, "undetermined"), (5.001, "undetermined"),
+    ):  # fmt: skip
+        lines = at_optimum(motion, errors * share * limit / once)
+        # where the search was allowed to look makes nothing known
+        for bounds in (usual, replace(usual, low=-1e3, high=1e3)):
+            estimate = judge(lines, [bounds]).estimates[0]
+            assert half_of(estimate) == pytest.approx(share * limit)
+            assert estimate.judgement.verdict == verdict
+
+
+def test_an_interval_that_is_too_wide_is_said_with_what_would_be_known():
     motion = 1e-3 * basis(np.random.default_rng(10), 1)
     estimate = judged(motion, 100.0 * wander(np.random.default_rng(1))).estimates[0]
     assert estimate.judgement.verdict == "undetermined"
-    assert "p0 is not determined by this log" in estimate.judgement.sentence
-    assert "is wider than the allowed range" in estimate.judgement.sentence
+    assert "known is up to +-0.2 m" in estimate.judgement.sentence
 
 
 def test_a_parameter_without_effect_is_named_with_its_sensitivity():

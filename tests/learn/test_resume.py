@@ -1,10 +1,11 @@
 """`dovetail train --resume --out FOLDER`: everything else is the run's own."""
 
-import io
 import json
 import os
 import shlex
 import shutil
+import signal
+import time
 from pathlib import Path
 
 import pytest
@@ -13,9 +14,16 @@ from rich.console import Console
 from dovetail.cli import run
 from dovetail.commands.train import defaults
 from dovetail.errors import ConfigError, PlantError
+from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.one_run import announce
-from dovetail.learn.run_folder import RunLock, open_run, require_run, settings_of
+from dovetail.learn.one_run import resume_command
+from dovetail.learn.run_folder import (
+    CHECKPOINTS,
+    RunLock,
+    open_run,
+    require_run,
+    settings_of,
+)
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
 from dovetail.strangers import TRUSTED, trust_typed
@@ -52,6 +60,34 @@ def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
     policy = json.loads((small.runs.out / "policy.json").read_text())
     assert policy["provenance"]["steps"] == SMALL["steps"]
     assert policy["env"]["clearance"] == 0.001
+
+
+def test_ctrl_c_saves_a_checkpoint_and_names_the_way_on(small, monkeypatch, capsys):
+    from dovetail.envs.contact_env import ContactEnv
+
+    step, taken = ContactEnv.step, []
+
+    def interrupted_once(self, action):
+        taken.append(1)
+        if len(taken) == 150:
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.5)
+        return step(self, action)
+
+    monkeypatch.setattr(ContactEnv, "step", interrupted_once)
+    before = signal.getsignal(signal.SIGINT)
+    console = Console(width=400)
+    with pytest.raises(KeyboardInterrupt):
+        train(small, console)
+    assert signal.getsignal(signal.SIGINT) is before
+    said = capsys.readouterr().out
+    newest = list_checkpoints(small.runs.out / CHECKPOINTS)[-1]
+    assert newest.name == "step-0000000150"
+    assert len(taken) < 150 + 2 * small.runs.num_envs
+    _, _, command = said.partition("go on with: dovetail ")
+    assert run(shlex.split(command.splitlines()[0])) == 0
+    policy = json.loads((small.runs.out / "policy.json").read_text())
+    assert policy["provenance"]["steps"] == SMALL["steps"]
 
 
 @pytest.mark.parametrize(
@@ -142,9 +178,7 @@ def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, sma
     again = begin(config)
     with pytest.raises(ConfigError, match=f"if you trust it, give --env {ring}, or"):
         defaults(again)
-    console = Console(file=io.StringIO(), record=True, width=400)
-    announce(console, config, config.runs.folder)
-    words = shlex.split(console.export_text().partition("short: ")[2])
+    words = shlex.split(resume_command(config, config.runs.folder))
     assert words[:2] == ["dovetail", "train"]
     assert words[-2:] == ["--env", ring]
     trust_typed(words)
@@ -201,10 +235,9 @@ def test_a_run_goes_on_with_a_simulated_arm_of_its_folder(sent):
 
 def test_the_printed_command_names_the_arm_again_without_its_token(tmp_path):
     config = TrainConfig.of(arm=f"{OUTSIDE[1]}?token=secret", fixed_goal=True)
-    console = Console(file=io.StringIO(), width=500)
-    announce(console, config, tmp_path)
-    assert f"--arm {OUTSIDE[1]}\n" in console.file.getvalue()
-    assert "secret" not in console.file.getvalue() + json.dumps(config.to_json())
+    command = resume_command(config, tmp_path)
+    assert command.endswith(f"--arm {OUTSIDE[1]}")
+    assert "secret" not in command + json.dumps(config.to_json())
     assert "secret" not in config.command()
 
 

@@ -106,7 +106,10 @@ def test_hand_eye_of_a_device_wants_an_arm_or_a_folder(file, tmp_path, capsys):
         ("picture,q1\n0.png,1\n", "needs the columns picture, q1, q2"),
         ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,x,0,0,0\n", "line 2: could not"),
         ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,nan,0,0,0\n", "line 2: an angle"),
-        ("picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,0,0,0,0\n", "0.png is no picture"),
+        (
+            "picture,q1,q2,q3,q4,q5,q6,q7\n0.png,0,0,0,0,0,0,0\n",
+            "0.png cannot be read: No such file",
+        ),
         (
             "picture,q1,q2,q3,q4,q5,q6,q7\n0.png,5,40,-3,-90,9,45,0\n",
             "line 2: q4 is -90 rad; the joint goes from -2.09 to 2.09 rad: these are "

@@ -11,7 +11,13 @@ import pytest
 from rich.console import Console
 
 from dovetail.envs.config import EnvConfig
-from dovetail.envs.registered import find_cell, make_env, make_task, task_class
+from dovetail.envs.registered import (
+    UnknownSettingError,
+    find_cell,
+    make_env,
+    make_task,
+    task_class,
+)
 from dovetail.errors import ConfigError
 from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
@@ -86,10 +92,21 @@ def test_the_rail_clip_draws_from_its_ranges():
 
 
 def test_a_setting_that_nobody_takes_is_refused_with_those_that_are():
-    with pytest.raises(ConfigError, match=r"RailClip has no settings peg; known: axes"):
+    with pytest.raises(ConfigError, match=r"RailClip got .* argument 'peg'"):
         gym.make("dovetail/RailClip-v0", peg="square")
-    with pytest.raises(ConfigError, match=r"unknown settings .* speed; known: f_scale"):
+    with pytest.raises(
+        ConfigError, match=r"unknown settings .* speed .*; known: f_scale"
+    ):
         EnvConfig.of(speed=1.0)
+
+
+def test_an_unknown_keyword_is_refused_in_the_words_of_python():
+    """TorchRL's GymEnv tries frameskip, and goes on where a TypeError says that."""
+    with pytest.raises(TypeError) as caught:
+        gym.make("dovetail/PegInHole-v0", frameskip=1, twim="easy")
+    assert isinstance(caught.value, UnknownSettingError)
+    assert "unexpected keyword argument 'frameskip'" in str(caught.value)
+    assert "'twim' (did you mean twin?)" in str(caught.value)
 
 
 def test_settings_go_to_their_section_and_come_back_flat():
@@ -114,7 +131,7 @@ def test_a_strangers_task_is_found_by_its_module(ring):
     options = TrainConfig.of(env=RING).environment.env_options()
     assert options["task"] == "XYZ:force ABC:hold"
     assert options["clearance"] == 0.003
-    with pytest.raises(ConfigError, match=r"RingOverPost has no settings peg"):
+    with pytest.raises(ConfigError, match=r"RingOverPost got .* argument 'peg'"):
         TrainConfig.of(env=RING, task_options=TaskOptions(peg="round"))
     with pytest.raises(ConfigError, match=r"Python finds no module 'no_such'"):
         task_class("no_such:Task-v0")

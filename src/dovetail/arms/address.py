@@ -5,7 +5,7 @@ from pathlib import Path
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
 from dovetail.arms.transport import list_schemes, part_of_transport
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.plant import PLANTS
 
 SCHEMES = (*PLANTS, "twin:NAME", *(f"{name}://HOST:PORT" for name in list_schemes()))
@@ -31,7 +31,10 @@ def parse_address(text: str) -> ArmAddress:
     scheme, separator, _ = text.partition("://")
     if separator and scheme in list_schemes():
         return part_of_transport(scheme, "parse")(text)
-    raise ConfigError(f"arm {text!r} is unknown; known addresses: {', '.join(SCHEMES)}")
+    raise ConfigError(
+        f"arm {text!r} is unknown{did_you_mean(text, PLANTS)}; known addresses: "
+        f"{', '.join(SCHEMES)}"
+    )
 
 
 def _require_no_keys(text: str) -> None:

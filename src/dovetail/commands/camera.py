@@ -76,7 +76,8 @@ class CameraIntrinsics:
         from dovetail.perceive.camera import Camera, Lens
         from dovetail.perceive.detect import Blind, Detector, explain
         from dovetail.perceive.intrinsics import fit_lens
-        from dovetail.perceive.sources import Folder, read_picture
+        from dovetail.perceive.picture import read_picture
+        from dovetail.perceive.sources import Folder
 
         file = require_new(self.out)
         board = Board(first_id=self.first_id, side=self.side)
@@ -104,7 +105,8 @@ class CameraIntrinsics:
         console.print(
             f"focal lengths {fx:.1f} +- {1.96 * dx:.1f}, {fy:.1f} +- {1.96 * dy:.1f}; "
             f"centre {cx:.1f} +- {1.96 * mx:.1f}, {cy:.1f} +- {1.96 * my:.1f} pixels "
-            f"(95 %)\n{len(corners)} pictures, corners {fit.error:.3f} pixels off",
+            f"(95 %)\n{len(corners)} pictures, corners {fit.error:.3f} pixels off"
+            + (f"; {' and '.join(fit.fixed)} not told, 0" if fit.fixed else ""),
             highlight=False,
         )
         camera = Camera.of(

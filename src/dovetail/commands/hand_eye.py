@@ -150,7 +150,12 @@ class CameraHandEye(Sectioned):
                     "folder has pictures that were taken: --keep and --arm are for "
                     "taking them; leave them out"
                 )
-            return read_shots(self.pictures.folder, find_robot(self.moved.robot))
+            robot = find_robot(self.moved.robot)
+            return read_shots(
+                self.pictures.folder,
+                robot,
+                lambda text: console.print(text, highlight=False, soft_wrap=True),
+            )
         if address is None and not camera.is_simulated:
             raise ConfigError(
                 f"the camera's source is {camera.pictures.source}: give the --arm that "

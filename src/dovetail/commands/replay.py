@@ -10,6 +10,7 @@ from rich.console import Console
 from dovetail.cockpit.recorded import Recorded
 from dovetail.cockpit.server import PORT, open_server
 from dovetail.commands.cockpit import serve_page
+from dovetail.errors import ConfigError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,8 @@ class Replay:
         from dovetail.cockpit.replay_page import ReplayPage
 
         files = [path for path in (self.episode, self.other) if path is not None]
+        for folder in filter(Path.is_dir, files):
+            raise ConfigError(f"{folder} is a folder{_logs_in(folder)}; name a log")
         logs = tuple(
             Recorded.load(path, env=self.env, robot=self.robot) for path in files
         )
@@ -43,3 +46,12 @@ class Replay:
         finally:
             server.stop()
         return 0
+
+
+def _logs_in(folder: Path) -> str:
+    """Return which logs a folder holds, for a message."""
+    inside = [*folder.glob("*"), *folder.glob("*/*")]
+    logs = sorted(path for path in inside if path.suffix in (".npz", ".parquet"))
+    more = f" and {len(logs) - 5} more" if len(logs) > 5 else ""
+    shown = ", ".join(map(str, logs[:5]))
+    return f" of {len(logs)} logs: {shown}{more}" if logs else " without a log"

@@ -9,10 +9,13 @@ from rich.console import Console
 
 from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
+from dovetail.control.limits import DeclaredErrors
+from dovetail.control.sections import option_words, settings_in
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
 from dovetail.learn.searching import SEARCHING
 from dovetail.learn.train import TrainResult, train
+from dovetail.strangers import named_modules
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,6 +32,8 @@ class Train(TrainConfig):
 
 
 GROUPS = sections_of(Train)
+_OF_ARM = ("arm", "approach", "fixture", *settings_in(DeclaredErrors))
+"""Options of a training on an arm that its evaluation needs, too."""
 
 
 def defaults(words: list[str]) -> Train | None:
@@ -64,8 +69,18 @@ def _describe(result: TrainResult, config: TrainConfig) -> str:
             f"  {successes}/{episodes} {done} {place} "
             f"(Wilson 95 %: {100 * low:.1f}-{100 * high:.1f} %)"
         )
-    env = config.environment.env
-    own = ["--env", env] if ":" in env else []
-    words = ["dovetail", "evaluate", str(result.policy), *own, "--twin", "medium"]
-    lines.append(f"  next: {shlex.join(words)}")
+    lines.append(f"  next: {shlex.join(next_words(result.policy, config))}")
     return "\n".join(lines)
+
+
+def next_words(policy: Path, config: TrainConfig) -> list[str]:
+    """Return the command that tries a policy: what its file alone may not choose."""
+    given = config.flat()
+    words = ["dovetail", "evaluate", str(policy), *named_modules(given)]
+    if given["arm"] is None:
+        return [*words, "--twin", "medium"]
+    usual = settings_in(TrainConfig)
+    for name in _OF_ARM:
+        if given[name] != usual[name].default:
+            words += option_words(name, given[name])
+    return words

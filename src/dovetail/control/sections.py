@@ -5,7 +5,6 @@ its own short name: files, command lines and callers say it, and nothing but the
 themselves lists it.
 """
 
-import difflib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from functools import cache, reduce
@@ -15,7 +14,7 @@ from tyro.conf import Fixed
 
 from dovetail.control.period import format_period
 from dovetail.control.ranges import check_ranges
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 
 TIMES = ("period", "delay")
 """Settings that a command line writes with their unit, as 5ms."""
@@ -100,11 +99,9 @@ class Sectioned:
     def _trails(cls, given: Mapping[str, Any]) -> dict[Trail, Any]:
         known = settings_in(cls)
         if unknown := sorted(set(given) - set(known)):
-            near = [difflib.get_close_matches(name, known, n=1) for name in unknown]
-            meant = ", ".join(name for names in near for name in names)
+            names = ", ".join(name + did_you_mean(name, known) for name in unknown)
             raise ConfigError(
-                f"unknown settings of {cls.whose}: {', '.join(unknown)}; known: "
-                f"{', '.join(known)}{f'; did you mean {meant}?' if meant else ''}"
+                f"unknown settings of {cls.whose}: {names}; known: {', '.join(known)}"
             )
         return {
             known[name].trail: tuple(value) if isinstance(value, list) else value

@@ -7,7 +7,7 @@ the package is registered by its own module with `register_task` and named
 
 import copy
 import importlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from functools import partial
 from typing import Any
@@ -20,7 +20,7 @@ from dovetail.envs.batch_vector_env import BatchVectorEnv
 from dovetail.envs.config import ENDLESS, FALL_BACK, SCRIPTS, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.contract import build_task, require_class
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.strangers import import_names
 from dovetail.tasks.shipped import DEFAULT_ENV, EPISODE_STEPS
@@ -201,14 +201,21 @@ def split_settings(
     given = {("axes" if k == "task" else k): v for k, v in settings.items()}
     known = {f.name for f in fields(task) if f.init}
     if unknown := sorted(set(given) - known - set(settings_in(EnvConfig))):
-        raise UnknownSettingError(
-            f"{task.__name__} has no settings {', '.join(unknown)}; known: "
-            f"{', '.join(sorted(known))}; of its environment: "
-            f"{', '.join(settings_in(EnvConfig))}"
-        )
+        raise UnknownSettingError(_unknown(task, unknown, sorted(known)))
     # None is what a caller says who has nothing to say.
     own = {k: v for k, v in given.items() if k in known and v is not None}
     return own, {k: v for k, v in given.items() if k not in known}
+
+
+def _unknown(task: type[Task], unknown: Sequence[str], known: Sequence[str]) -> str:
+    """Word a refusal as Python does: TorchRL knows one of `frameskip` by that alone."""
+    usual = list(settings_in(EnvConfig))
+    first, *others = (f"{n!r}{did_you_mean(n, [*known, *usual])}" for n in unknown)
+    return (
+        f"{task.__name__} got an unexpected keyword argument {first}"
+        f"{''.join(f', and {other}' for other in others)}; known: {', '.join(known)}; "
+        f"of its environment: {', '.join(usual)}"
+    )
 
 
 def task_class(env_id: str) -> type[Task]:
@@ -227,8 +234,9 @@ def task_class(env_id: str) -> type[Task]:
     if found is None:
         known = [n for n, s in gymnasium.registry.items() if "task_class" in s.kwargs]
         raise ConfigError(
-            f"environment {env_id!r} is unknown; known: {', '.join(known)}; or give "
-            "MODULE:ID of your own, see docs/your-own-task.md"
+            f"environment {env_id!r} is unknown{did_you_mean(env_id, known)}; known: "
+            f"{', '.join(known)}; or give MODULE:ID of your own, see "
+            "docs/your-own-task.md"
         )
     return _class(found)
 

@@ -1,6 +1,7 @@
 """Fit a model to a recording: the parameters that move the simulation as the arm."""
 
 import os
+import shlex
 import time
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -18,10 +19,10 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from dovetail.control.sections import Section, Sectioned
+from dovetail.control.sections import Section, Sectioned, option_words, settings_in
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
-from dovetail.identify.fit_folder import MODEL, FitFolder
+from dovetail.identify.fit_folder import MODEL, SUMMARY, FitFolder
 from dovetail.identify.outset import (
     NO_EFFECT,
     Outset,
@@ -125,7 +126,35 @@ def fit(config: FitConfig, console: Console) -> FitResult:
     Raises:
         DovetailError: A setting, the recording, the folder, or workers that die; see
             its message.
+        KeyboardInterrupt: It was cut short, and it was said how to go on.
     """
+    try:
+        return _fit(config, console)
+    except KeyboardInterrupt:
+        if (config.out / SUMMARY).is_file():
+            command = shlex.join(["dovetail", *resume_words(config)])
+            console.print(
+                "cut short; every generation that ended is kept; go on with: "
+                f"{command}",
+                soft_wrap=True,
+                highlight=False,
+            )
+        raise
+
+
+def resume_words(config: FitConfig) -> list[str]:
+    """Return the command that goes on with a fit: what differs from the defaults."""
+    words = ["identify", "fit", str(config.log)]
+    usual = settings_in(FitConfig)
+    given = config.having(resume=True).flat()
+    for name in usual:
+        is_named = given[name] != usual[name].default or name == "out"
+        if name != "log" and is_named:
+            words += option_words(name, given[name])
+    return words
+
+
+def _fit(config: FitConfig, console: Console) -> FitResult:
     engine, asked = config.simulation, config.search
     find_engine(engine.plant)  # what it does not know is refused before any work
     parameters = ParameterSet.parse(config.parameters)

@@ -7,7 +7,7 @@ import numpy as np
 
 from dovetail.control.ranges import ranges_of
 from dovetail.control.sections import settings_in
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.find import find_engine
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import TwinConfig
@@ -278,7 +278,8 @@ def _expand(name: str) -> list[str]:
         return list(GROUPS[name])
     if name in KNOWN:
         return [name]
-    raise ConfigError(f"parameter {name!r} is unknown; known: {_known()}")
+    meant = did_you_mean(name, [*SETS, *GROUPS, *KNOWN])
+    raise ConfigError(f"parameter {name!r} is unknown{meant}; known: {_known()}")
 
 
 def _bounded(parameter: Parameter, text: str) -> Parameter:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, Protocol
 from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay, rms_of
+from dovetail.interrupt import left_to_the_parent
 from dovetail.plants.twin import TwinConfig
 from dovetail.types import Array
 
@@ -83,7 +84,8 @@ class Processes:
         process = self._context.Process(
             target=_work, args=(theirs, *self._arguments), daemon=True
         )
-        process.start()
+        with left_to_the_parent():
+            process.start()
         theirs.close()  # so that the end of the process ends the pipe
         return _Worker(process, ours)
 
@@ -160,7 +162,7 @@ def _work(pipe: Any, recording: Recording, engine: str) -> None:
     except DovetailError as error:
         pipe.send(error)
         return
-    with contextlib.suppress(EOFError, OSError, KeyboardInterrupt):
+    with contextlib.suppress(EOFError, OSError):
         while True:
             pipe.send(replay.error(pipe.recv()))
 

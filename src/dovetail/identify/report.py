@@ -32,7 +32,12 @@ from dovetail.identify.recorder import MotionsConfig
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
 from dovetail.identify.transfer_limit import Verdict, judge_transfer
-from dovetail.identify.uncertainty import Estimate, Identifiability, analyse
+from dovetail.identify.uncertainty import (
+    KNOWN_SHARE,
+    Estimate,
+    Identifiability,
+    analyse,
+)
 from dovetail.page import facts, figure, finite, page, table, text
 from dovetail.types import Array
 from dovetail.zoomable import NOTE
@@ -293,7 +298,7 @@ def _to_html(
         "sequences, Student's t. They cover the value that makes this model fit best "
         "on motions of this kind; where the model lacks an effect of the arm, that is "
         "not the arm's own value. Inflation: how much wider the variance is because "
-        "the other parameters are not known either.</p>",
+        f"the other parameters are not known either. {_RULE}.</p>",
         f"<ul>\n{sentences}\n</ul>",
         *(figure(caption, png) for caption, png in figures.values()),
         *drawn,
@@ -311,6 +316,10 @@ _ERRORS = {
     "after, RMS [mm]": "rms_after",
     "after, largest [mm]": "max_after",
 }
+_RULE = (
+    f"Known: the 95 % interval is at most +-{100 * KNOWN_SHARE:g} % of the parameter's "
+    "usual range"
+)
 _HEADS = (
     *("parameter", "value", "95 % interval", "unit", "tool moves [mm RMS]"),
     *("inflation", "most like", "correlation", "verdict"),
@@ -362,7 +371,7 @@ def _print(
         name, value, interval, unit, *_, verdict_word = _cells(estimate)
         parameters.add_row(name, value, interval, unit, verdict_word)
     console.print(parameters)
-    console.print(f"condition number {_short(result.condition_number)}")
+    console.print(f"condition number {_short(result.condition_number)}; {_RULE}")
     for estimate in result.estimates:
         if estimate.judgement.verdict != "known":
             console.print(f"- {estimate.judgement.sentence}", soft_wrap=True)

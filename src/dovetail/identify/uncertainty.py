@@ -25,7 +25,7 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.identify.linearise import Linearisation, Progress, linearise
-from dovetail.identify.parameters import Parameter, ParameterSet
+from dovetail.identify.parameters import KNOWN, Parameter, ParameterSet
 from dovetail.identify.replay import Replay
 from dovetail.identify.student import student_t
 from dovetail.types import Array
@@ -34,6 +34,9 @@ INFLATION = 225.0
 """Variance inflation from which parameters count as moving the tool alike: a pair with
 condition index 30 has a correlation of 899/901 and this inflation. The condition index
 of 30 is the usual limit (Belsley 1980)."""
+KNOWN_SHARE = 0.1
+"""Widest half of a 95 % interval of a value that is known, as a share of the range that
+the parameter usually has. Before any log, with all of the range alike, it is 0.475."""
 DEAD = 1e-6
 """RMS motion of the tool [m] over a parameter's whole range below which it has no
 effect: what an encoder's 1e-5 rad moves at a reach of 0.1 m."""
@@ -309,29 +312,42 @@ def _at_bound(parameter: Parameter, value: float) -> str:
     return ""
 
 
+def usual_span(parameter: Parameter) -> float:
+    """Return the width of a parameter's usual range, in its unit.
+
+    Not of the search's bounds: a value is not better known because they are wider.
+    """
+    usual = KNOWN.get(parameter.name, parameter)
+    return usual.high - usual.low
+
+
 def _verdict(
     parameter: Parameter, half: float, motion: _Motion, at: int, names: Sequence[str]
 ) -> tuple[Verdict, str]:
-    """Judge by the interval first, and name the reason where it is confounding."""
+    """Judge by the interval alone, and name the reason where it is confounding."""
     is_alike = motion.inflation[at] >= INFLATION
-    span = parameter.high - parameter.low
-    if is_alike and half > 0.05 * span:
+    limit = KNOWN_SHARE * usual_span(parameter)
+    if half <= limit:
+        known = f"{parameter.name} is known to +-{_value(half, parameter)}"
+        if is_alike:
+            known += (
+                f", although {_alike(motion, at, names)}: a log that fits less closely "
+                "will not tell them apart"
+            )
+        return "known", known
+    width = (
+        f"its 95 % interval is +-{_value(half, parameter)}, known is up to "
+        f"+-{_value(limit, parameter)}"
+    )
+    if is_alike:
         return (
             "confounded",
-            f"{_alike(motion, at, names)}: only their combination is known",
+            f"{_alike(motion, at, names)}: only their combination is known; {width}",
         )
-    if half > 0.5 * span:
-        return "undetermined", (
-            f"{parameter.name} is not determined by this log: its 95 % interval, "
-            f"+-{_value(half, parameter)}, is wider than the allowed range"
-        )
-    known = f"{parameter.name} is known to +-{_value(half, parameter)}"
-    if is_alike:
-        known += (
-            f", although {_alike(motion, at, names)}: a log that fits less closely "
-            "will not tell them apart"
-        )
-    return "known", known
+    return (
+        "undetermined",
+        f"{parameter.name} is not determined by this log: {width}",
+    )
 
 
 def _alike(motion: _Motion, at: int, names: Sequence[str]) -> str:

@@ -38,6 +38,8 @@ class Stage(NamedTuple):
     """Begins a step of one of them, so that several are simulated at once."""
     drop: Callable[[], object] = lambda: None
     """Forgets the steps that were begun."""
+    check: Callable[[], None] = lambda: None
+    """Called after every step; raises KeyboardInterrupt to end it."""
 
 
 def assess(policy: Actor, episodes: int, stage: Stage) -> dict[str, Any]:
@@ -109,6 +111,7 @@ def play(policy: Actor, seeds: Sequence[int], stage: Stage) -> list[Episode]:
                 stage.begin(index, player.choose())
             for _, player in going:
                 player.step(results)
+            stage.check()
     except BaseException:
         stage.drop()
         raise

@@ -3,17 +3,16 @@
 import json
 import shlex
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
-
-from rich.console import Console
 
 from dovetail.arms.address import parse_address
 from dovetail.errors import ArmError, PlantError
 from dovetail.files import write_atomic
+from dovetail.interrupt import Interrupt, ends_whole
 from dovetail.learn.algorithms import make_model, make_vec_env
-from dovetail.learn.assess import assess
+from dovetail.learn.assess import Stage, assess
 from dovetail.learn.best_actor import BestActor
 from dovetail.learn.checkpoint import (
     list_checkpoints,
@@ -60,25 +59,24 @@ class TrainResult(NamedTuple):
     """Training time over all sittings [s]."""
 
 
-def announce(console: Console, config: TrainConfig, folder: Path) -> None:
-    """Say where a run is and how it goes on, before anything can end it."""
+CUT_SHORT = "finishing this step, then a checkpoint is saved"
+"""What a run does when Ctrl-C is pressed."""
+
+
+def resume_command(config: TrainConfig, folder: Path) -> str:
+    """Return the command line that goes on with a run."""
     own = named_modules(config.flat())  # a run's folder alone lets none be imported
     arm = None if config.place.arm is None else parse_address(config.place.arm)
     if arm is not None and not arm.is_here:  # nor does it let one be reached
         own += ["--arm", arm.text]
-    words = ["dovetail", "train", "--resume", "--out", str(folder), *own]
-    command = shlex.join(words)
-    console.print(
-        f"training in {folder}\n  if it is cut short: {command}",
-        soft_wrap=True,
-        highlight=False,
-    )
+    return shlex.join(["dovetail", "train", "--resume", "--out", str(folder), *own])
 
 
 def train_one(
     config: TrainConfig,
     report: Report,
     begin: Callable[[Path], None] = lambda folder: None,
+    interrupt: Interrupt | None = None,
 ) -> TrainResult:
     """Train one seed in this process; see `train`.
 
@@ -86,20 +84,27 @@ def train_one(
         config: Settings; `seeds` is not looked at.
         report: Told now and then where the run stands.
         begin: Told the run folder as soon as it is there.
+        interrupt: Ends the run at its next whole step; None is Ctrl-C's.
+
+    Raises:
+        KeyboardInterrupt: It was cut short; a checkpoint was saved.
     """
     with prepared(config) as run:
         model = run.model
         folder = open_run(config)
-        with RunLock(folder):
+        given = ends_whole(CUT_SHORT) if interrupt is None else nullcontext(interrupt)
+        with RunLock(folder), given as told:
             begin(folder)
-            with closing(Tester(model, run.best, config, run.stop)) as tester:
-                wall_time = _learn(run, tester, config, folder, report)
+            test = Tester(model, run.best, config, run.stop, told.check)
+            with closing(test) as tester:
+                wall_time = _learn(run, tester, config, folder, report, told.check)
             policy = _export(model, config, folder, wall_time)
             steps = int(model.num_timesteps)
             rows = read_progress(folder / PROGRESS)
             phase = "evaluating" if config.runs.eval_episodes else "done"
             report(summarise(rows, steps, 0.0)._replace(phase=phase))
-            evaluation = _evaluate(policy, config, folder, model.get_env())
+            stage = stage_of(model.get_env())._replace(check=told.check)
+            evaluation = _evaluate(policy, config, folder, stage)
     return TrainResult(folder / RUN_POLICY, evaluation, steps, wall_time)
 
 
@@ -143,9 +148,15 @@ def prepared(config: TrainConfig) -> Iterator[Prepared]:
 
 
 def _learn(
-    run: Prepared, tester: Tester, config: TrainConfig, folder: Path, report: Report
+    run: Prepared,
+    tester: Tester,
+    config: TrainConfig,
+    folder: Path,
+    report: Report,
+    check: Callable[[], None],
 ) -> float:
     """Train from the start or the newest checkpoint; return the training time [s]."""
+    from stable_baselines3.common.callbacks import ConvertCallback
     from stable_baselines3.common.logger import configure
 
     from dovetail.learn.recorder import Recorder
@@ -169,7 +180,7 @@ def _learn(
         seed_run(model, config.runs.seed, 0)
         if config.teaching.pretrain:
             report(summarise([], 0, 0.0)._replace(phase="pretraining"))
-            pretrain(model, config)
+            pretrain(model, config, check)
     recorder = Recorder(
         log,
         watch,
@@ -180,9 +191,10 @@ def _learn(
         tester.is_passed,
         run.best,
     )
+    ended = ConvertCallback(lambda *_: check() is None)  # or it raises
     try:
         left = config.length.steps - step
-        model.learn(left, callback=recorder, reset_num_timesteps=False)
+        model.learn(left, callback=[recorder, ended], reset_num_timesteps=False)
         wall_time = watch.elapsed()
         save_checkpoint(checkpoints, model, wall_time)
     except (PlantError, ArmError, KeyboardInterrupt):
@@ -205,11 +217,11 @@ def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> 
 
 
 def _evaluate(
-    policy: Policy, config: TrainConfig, folder: Path, env: Any
+    policy: Policy, config: TrainConfig, folder: Path, stage: Stage
 ) -> dict[str, Any] | None:
     if config.runs.eval_episodes == 0:
         return None
     # The run's own environments: what a policy's file says leaves arm and model out.
-    evaluation = assess(policy, config.runs.eval_episodes, stage_of(env))
+    evaluation = assess(policy, config.runs.eval_episodes, stage)
     write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
     return evaluation

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dovetail.control.task_spec import TaskSpec
-from dovetail.errors import ConfigError, PolicyError
+from dovetail.errors import ConfigError, PolicyError, did_you_mean
 from dovetail.files import write_atomic
 from dovetail.reading import parse_json, read_bytes
 
@@ -269,8 +269,9 @@ def find_policy(name_or_path: str) -> Path:
             "end: give the folder of one that has ended, or a policy's file"
         )
     raise ConfigError(
-        f"no policy {name_or_path!r}: there are no such files (NAME.safetensors "
-        "and NAME.json), and the shipped policies are: "
+        f"no policy {name_or_path!r}{did_you_mean(name_or_path, list_policies())}: "
+        "there are no such files (NAME.safetensors and NAME.json), and the shipped "
+        "policies are: "
         f"{', '.join(list_policies()) or 'none'}"
     )
 

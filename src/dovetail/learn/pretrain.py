@@ -12,22 +12,27 @@ Reference:
 """
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.sbx_model import ENTROPY, put_states, trained_states
 
 
-def pretrain(model: Any, config: TrainConfig) -> None:
+def pretrain(
+    model: Any, config: TrainConfig, check: Callable[[], None] = lambda: None
+) -> None:
     """Do the run's gradient steps that come before its first action.
 
     Args:
         model: SBX algorithm with the demonstrations in its buffer, and a logger.
         config: Settings of the run; `pretrain` says how many, rounded up to whole
             rounds of `gradient_steps`.
+        check: Called before every round; raises KeyboardInterrupt to end it.
     """
     states = trained_states(model)
     waiting = {name: states[name] for name in states if name == ENTROPY}
     for _ in range(math.ceil(config.teaching.first_updates / config.gradient_steps)):
+        check()
         model.train(config.gradient_steps, config.learner.gradient.batch_size)
         put_states(model, trained_states(model) | waiting)

@@ -6,6 +6,7 @@ import os
 import queue
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
@@ -15,26 +16,31 @@ from rich.console import Console
 
 from dovetail.errors import DovetailError
 from dovetail.files import write_atomic
+from dovetail.interrupt import Event, Interrupt, ends_whole, left_to_the_parent
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.one_run import TrainResult, announce, prepared, train_one
+from dovetail.learn.one_run import CUT_SHORT, TrainResult, prepared, train_one
 from dovetail.learn.progress import ProgressBar
 from dovetail.learn.run_folder import CONFIG, EVALUATION, open_run, require_run
 
 _Result = TypeVar("_Result")
 
 
-def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
+def train_seeds(
+    config: TrainConfig, console: Console, begin: Callable[[Path], None]
+) -> list[TrainResult]:
     """Train each of the seeds, as many at once as this process may use cores.
 
     Args:
         config: Settings; seed and sub-folder of each run follow from it.
         console: Where the bars go.
+        begin: Told the folder of all runs as soon as it is there.
 
     Returns:
         One result per seed, in order.
 
     Raises:
         DovetailError: A seed failed (says which); the others were finished first.
+        KeyboardInterrupt: Ctrl-C; each seed that ran has saved a checkpoint.
     """
     require_run(config)
     runs = [config.for_seed(config.runs.seed + i) for i in range(config.runs.seeds)]
@@ -47,26 +53,42 @@ def train_seeds(config: TrainConfig, console: Console) -> list[TrainResult]:
     if not config.runs.threads and config.is_batch:
         runs = [run.having(threads=cores // workers) for run in runs]
     context = multiprocessing.get_context("spawn")
-    channel = context.Queue()
+    channel, told = context.Queue(), context.Event()
     names = [f"seed {run.runs.seed}" for run in runs]
     with (
         ProgressBar(config.length.steps, names, console) as bar,
-        ProcessPoolExecutor(workers, context, _start, (channel, os.getpid())) as pool,
+        ProcessPoolExecutor(
+            workers, context, _start, (channel, told, os.getpid())
+        ) as pool,
     ):
-        _result(pool.submit(_try, runs[0]), runs[0])
+        with left_to_the_parent():  # starts all the processes
+            first = pool.submit(_try, runs[0])
+        _result(first, runs[0])
         folder = open_run(config)
-        announce(console, config, folder)
-        futures = [pool.submit(_train, i, run) for i, run in enumerate(runs)]
-        _show(channel, futures, bar)
+        begin(folder)
+        with ends_whole(CUT_SHORT) as interrupt:
+            futures = [pool.submit(_train, i, run) for i, run in enumerate(runs)]
+            _show(channel, futures, bar, interrupt, told)
+    interrupt.check()
     results = [_result(future, run) for future, run in zip(futures, runs, strict=True)]
     _summarise(folder, runs, results)
     return results
 
 
-def _show(channel: Any, futures: list[Future[TrainResult]], bar: ProgressBar) -> None:
-    """Pass on what the processes say until all are done."""
+def _show(
+    channel: Any,
+    futures: list[Future[TrainResult]],
+    bar: ProgressBar,
+    interrupt: Interrupt,
+    told: Event,
+) -> None:
+    """Pass on what the processes say, and Ctrl-C to them, until all are done."""
     is_done = False
     while not is_done:
+        if interrupt.is_pressed() and not told.is_set():
+            told.set()
+            for future in futures:
+                future.cancel()  # one that has not begun
         is_done = all(future.done() for future in futures)
         try:
             while True:
@@ -102,11 +124,13 @@ def _summarise(
 
 
 _channel: list[Any] = []
+_told: list[Event] = []
 
 
-def _start(channel: Any, parent: int) -> None:
+def _start(channel: Any, told: Event, parent: int) -> None:
     """Prepare a worker: where to report to, and to end when the parent is gone."""
     _channel.append(channel)
+    _told.append(told)
     threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
 
 
@@ -123,4 +147,9 @@ def _try(config: TrainConfig) -> None:
 
 
 def _train(index: int, config: TrainConfig) -> TrainResult:
-    return train_one(config, lambda status: _channel[0].put((index, status)))
+    interrupt = Interrupt(_told[0])
+    return train_one(
+        config,
+        lambda status: _channel[0].put((index, status)),
+        interrupt=interrupt,
+    )

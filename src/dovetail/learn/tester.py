@@ -1,5 +1,6 @@
 """Tests a model while it is trained, in environments beside those that it trains in."""
 
+from collections.abc import Callable
 from typing import Any
 
 from dovetail.learn.algorithms import make_vec_env
@@ -14,7 +15,12 @@ class Tester:
     """Makes the tests that a run's stop asks for."""
 
     def __init__(
-        self, model: Any, best: BestActor | None, config: TrainConfig, stop: Stop
+        self,
+        model: Any,
+        best: BestActor | None,
+        config: TrainConfig,
+        stop: Stop,
+        check: Callable[[], None] = lambda: None,
     ) -> None:
         """Take what is tested; nothing is built before the first test.
 
@@ -23,9 +29,10 @@ class Tester:
             best: Keeps the actor that a run from a policy ends with.
             config: Settings of the run.
             stop: Judges.
+            check: Called at every step of a test; raises KeyboardInterrupt to end it.
         """
         self._model, self._best = model, best
-        self._config, self._stop = config, stop
+        self._config, self._stop, self._check = config, stop, check
         self._env: Any = None
 
     def is_passed(self) -> bool:
@@ -34,7 +41,8 @@ class Tester:
             self._env = make_vec_env(self._config)
         actor = None if self._best is None else self._best.chosen
         policy = current_policy(self._model, self._config, actor)
-        stage, step = stage_of(self._env), int(self._model.num_timesteps)
+        stage = stage_of(self._env)._replace(check=self._check)
+        step = int(self._model.num_timesteps)
         return self._stop.is_passed(
             step,
             (

@@ -1,11 +1,11 @@
 """Train a policy: one call from settings to weights, evaluation and provenance."""
 
-from functools import partial
+from pathlib import Path
 
 from rich.console import Console
 
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.one_run import TrainResult, announce, train_one
+from dovetail.learn.one_run import TrainResult, resume_command, train_one
 from dovetail.learn.progress import ProgressBar
 from dovetail.learn.run_folder import place_run
 from dovetail.learn.seeds import train_seeds
@@ -35,9 +35,23 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
     """
     console = console or Console(stderr=True)
     config = place_run(config)
-    if config.runs.seeds > 1:
-        return train_seeds(config, console)
-    names = [f"seed {config.runs.seed}"]
-    with ProgressBar(config.length.steps, names, console) as bar:
-        begin = partial(announce, console, config)
-        return [train_one(config, lambda status: bar.show(0, status), begin)]
+    way_on: list[str] = []
+
+    def begin(folder: Path) -> None:
+        """Say where a run is and how it goes on, before anything can end it."""
+        way_on.append(resume_command(config, folder))
+        say(f"training in {folder}\n  if it is cut short: {way_on[0]}")
+
+    def say(text: str) -> None:
+        console.print(text, soft_wrap=True, highlight=False)
+
+    try:
+        if config.runs.seeds > 1:
+            return train_seeds(config, console, begin)
+        names = [f"seed {config.runs.seed}"]
+        with ProgressBar(config.length.steps, names, console) as bar:
+            return [train_one(config, lambda status: bar.show(0, status), begin)]
+    except KeyboardInterrupt:
+        if way_on:
+            say(f"cut short; go on with: {way_on[0]}")
+        raise

@@ -5,7 +5,6 @@ middle has whole coordinates. ``T_mount_camera`` maps camera coordinates into th
 what it is mounted on, the world or the arm's flange.
 """
 
-import tomllib
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Self
@@ -18,9 +17,11 @@ from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
 from dovetail.perceive.camera_parts import CameraOrigin, CameraPictures, CameraPlace
 from dovetail.poses import Pose
+from dovetail.reading import read_toml
 from dovetail.types import Array, Mat33
 
 PIXELS = Range(16, 20_000, "pixels")
+DISTORTION = Range(-5.0, 5.0, "1", ("k1", "k2", "p1", "p2", "k3"))
 TABLE = "a table of a file"
 """Note on what is given as a whole: its numbers have no flat names."""
 _TWIN = "?twin="
@@ -39,9 +40,7 @@ class Lens:
     """Focal lengths [pixels]."""
     centre: Annotated[tuple[float, float], Range(-1e4, 3e4, "pixels", ("x", "y"))]
     """Where the axis meets the picture [pixels]."""
-    distortion: Annotated[
-        tuple[float, ...], Range(-5.0, 5.0, "1", ("k1", "k2", "p1", "p2", "k3"))
-    ] = (0.0,) * 5
+    distortion: Annotated[tuple[float, ...], DISTORTION] = (0.0,) * 5
     """Radial and tangential distortion [1]."""
     deviation: Annotated[
         tuple[float, ...], Range(0.0, 1e4, "pixels", ("fx", "fy", "cx", "cy"))
@@ -216,14 +215,14 @@ def load_camera(path: str | Path) -> Camera:
     """
     path = Path(path).expanduser()
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path)
     except OSError as error:
         raise ConfigError(
             f"no camera file {str(path)!r} ({error.strerror}); `dovetail camera "
             "hand-eye` writes one"
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ConfigError(f"camera file {path} is not TOML: {error}") from error
+    except ConfigError as error:
+        raise ConfigError(f"camera file {error}") from error
     try:
         lens = Lens(**_known(Lens, table.pop("lens", None), "lens"))
         board = Board(**_known(Board, table.pop("board", {}), "board"))

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from dovetail.arms.arm import ArmState
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.opencv import opencv
+from dovetail.perceive.picture import SUFFIXES, read_picture
 from dovetail.poses import Pose
 from dovetail.types import Vec7
-
-SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
 
 
 class Frame(NamedTuple):
@@ -116,6 +115,7 @@ class Device:
         self._device.set(cv.CAP_PROP_FRAME_WIDTH, width)
         self._device.set(cv.CAP_PROP_FRAME_HEIGHT, height)
         self._device.set(cv.CAP_PROP_BUFFERSIZE, 1)  # an old picture is worth nothing
+        self._device.set(cv.CAP_PROP_ORIENTATION_AUTO, 0)  # the sensor's pixels
 
     def reset(self, fixture: Pose, seed: int) -> Frame | None:
         """Return a picture; the arm has not moved yet."""
@@ -138,16 +138,3 @@ class Device:
     def close(self) -> None:
         """Close the device."""
         self._device.release()
-
-
-def read_picture(file: Path) -> NDArray[np.uint8]:
-    """Return a picture's grey values.
-
-    Raises:
-        ConfigError: It cannot be read.
-    """
-    cv: Any = opencv()
-    picture = cv.imread(str(file), cv.IMREAD_GRAYSCALE)
-    if picture is None:
-        raise ConfigError(f"{file} is no picture, or is damaged")
-    return picture

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.plant import PLANTS, DrivenPlant, DynamicsConfig, Engine
 
 if TYPE_CHECKING:
@@ -18,7 +18,10 @@ def find_engine(name: str) -> Engine:
     for known in PLANTS:
         if name == known:
             return known
-    raise ConfigError(f"plant {name!r} is unknown; known plants: {', '.join(PLANTS)}")
+    raise ConfigError(
+        f"plant {name!r} is unknown{did_you_mean(name, PLANTS)}; known plants: "
+        f"{', '.join(PLANTS)}"
+    )
 
 
 def make_plant(

@@ -5,7 +5,6 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 "robot".
 """
 
-import difflib
 import warnings
 from dataclasses import MISSING, dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from dovetail.control.proven import unproven
 from dovetail.control.ranges import Range, check_ranges, ranges_of
 from dovetail.control.sections import Sectioned, settings_in
-from dovetail.errors import ConfigError, UnprovenWarning
+from dovetail.errors import ConfigError, UnprovenWarning, did_you_mean
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig, Engine
 from dovetail.plants.twin_camera import TwinCamera
@@ -146,12 +145,6 @@ def _escaped(c: str, is_ascii: bool) -> str:
     return f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}"
 
 
-def _meant(key: str, known: list[str]) -> str:
-    """Return an unknown key with the known one that it may stand for."""
-    near = difflib.get_close_matches(key, known, n=1)
-    return f"{key} (did you mean {near[0]}?)" if near else key
-
-
 def list_twins() -> tuple[str, ...]:
     """Return the names of the shipped twins."""
     return tuple(sorted(path.stem for path in TWIN_FOLDER.glob("*.toml")))
@@ -173,8 +166,9 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         path = TWIN_FOLDER / f"{name_or_path}.toml"
     if not path.is_file():
         raise ConfigError(
-            f"no twin {str(name_or_path)!r}; shipped twins: {', '.join(list_twins())}; "
-            "or give the path of a .toml file"
+            f"no twin {str(name_or_path)!r}"
+            f"{did_you_mean(str(name_or_path), list_twins())}; shipped twins: "
+            f"{', '.join(list_twins())}; or give the path of a .toml file"
         )
     try:
         table = read_toml(path)
@@ -187,10 +181,10 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
     needed = [name for name, setting in known.items() if setting.default is MISSING]
     missing = [key for key in needed if key not in table]
     if unknown or missing:
+        names = ", ".join(key + did_you_mean(key, known) for key in unknown)
         raise ConfigError(
-            f"twin file {path}: unknown keys: "
-            f"{', '.join(_meant(key, [*known]) for key in unknown) or 'none'}; missing "
-            f"keys: {', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
+            f"twin file {path}: unknown keys: {names or 'none'}; missing keys: "
+            f"{', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
         )
     try:
         return TwinConfig.of(**table)
@@ -206,7 +200,7 @@ def _camera(table: object) -> TwinCamera:
     if unknown := [str(key) for key in table if key not in known]:
         raise ConfigError(
             f"[camera] has unknown keys: "
-            f"{', '.join(_meant(key, known) for key in unknown)}; known: "
+            f"{', '.join(key + did_you_mean(key, known) for key in unknown)}; known: "
             f"{', '.join(known)}"
         )
     return TwinCamera.of(**{str(key): value for key, value in table.items()})

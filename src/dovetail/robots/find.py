@@ -7,7 +7,7 @@ import importlib
 import pkgutil
 from pathlib import Path
 
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 from dovetail.robots.robot import Robot
 from dovetail.strangers import import_names
 
@@ -38,8 +38,9 @@ def find_robot(name: str = DEFAULT_ROBOT) -> Robot:
     if not function:
         if name not in list_robots():
             raise ConfigError(
-                f"robot {name!r} is unknown; known: {', '.join(list_robots())}; or "
-                "give MODULE:FUNCTION of your own, see docs/your-own-robot.md"
+                f"robot {name!r} is unknown{did_you_mean(name, list_robots())}; known: "
+                f"{', '.join(list_robots())}; or give MODULE:FUNCTION of your own, see "
+                "docs/your-own-robot.md"
             )
         module, function = f"{_PACKAGE}.{name}", name
     try:

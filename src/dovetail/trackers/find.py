@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
 
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.twin import TwinConfig, load_twin
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.strangers import import_names
@@ -175,8 +175,9 @@ def _by_name(text: str) -> Tracker:
     if not kind:
         if name not in list_trackers():
             raise ConfigError(
-                f"tracker {name!r} is unknown; known: {', '.join(list_trackers())}, "
-                "twin, a camera's file (.toml), or MODULE:CLASS of your own"
+                f"tracker {name!r} is unknown{did_you_mean(name, list_trackers())}; "
+                f"known: {', '.join(list_trackers())}, twin, a camera's "
+                "file (.toml), or MODULE:CLASS of your own"
             )
         module, kind = f"{_PACKAGE}.{name}", name.title()
     try:
