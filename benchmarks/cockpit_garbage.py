@@ -15,13 +15,16 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
 
-async def flood(address: str, count: int, controls: Sequence[str] = ()) -> int:
+async def flood(
+    address: str, count: int, controls: Sequence[str] = (), stops: Sequence[str] = ()
+) -> int:
     """Send so many, connecting again where that is needed; return how often.
 
     Args:
         address: Of the page.
         count: Messages.
         controls: Identifiers of controls that are attacked.
+        stops: Those of STOP: attributes of it are attacked, and it is not pressed.
     """
     rng = random.Random(2)
     sent = closed = 0
@@ -33,7 +36,7 @@ async def flood(address: str, count: int, controls: Sequence[str] = ()) -> int:
                 await socket.send(msgspec.msgpack.encode(CAMERA))
                 try:
                     while sent < count:
-                        await socket.send(_garbage(rng, controls))
+                        await socket.send(_garbage(rng, controls, stops))
                         sent += 1
                 finally:
                     reader.cancel()
@@ -48,23 +51,28 @@ async def swallow(socket: Any) -> None:
             pass
 
 
-def _garbage(rng: random.Random, controls: Sequence[str]) -> bytes:
+def _garbage(
+    rng: random.Random, controls: Sequence[str], stops: Sequence[str]
+) -> bytes:
     if rng.random() < 0.01:
         return rng.randbytes(rng.randrange(200))
-    return msgspec.msgpack.encode(_nonsense(rng, controls))
+    return msgspec.msgpack.encode(_nonsense(rng, controls, stops))
 
 
-def _nonsense(rng: random.Random, controls: Sequence[str]) -> dict[str, Any]:
+def _nonsense(
+    rng: random.Random, controls: Sequence[str], stops: Sequence[str]
+) -> dict[str, Any]:
     """Return a message of a known kind with values that no page sends."""
     numbers = (float("nan"), float("inf"), -1e308, 0.0, 1.0, 1e9)
     place = [rng.choice(numbers) for _ in range(3)]
     turn = [rng.choice(numbers) for _ in range(4)]
     name = rng.choice(("/pull", "/drag", "/cell", "", "../x"))
-    uuid = rng.choice((*controls, "x"))
+    uuid = rng.choice((*controls, *stops, "x"))
+    value = {"removed": True} if uuid in stops else {"value": "Start"}
     change: tuple[dict[str, Any], ...] = (
+        value,
         {"removed": True},
         {"value": place},
-        {"value": "Start"},
         {"disabled": True},
         {"visible": False},
         {"update_cb": []},

@@ -15,7 +15,9 @@ import os
 import statistics
 import subprocess
 import sys
+import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -27,14 +29,15 @@ from cockpit_garbage import flood, swallow
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
+import dovetail.cockpit.session
 from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.page import Page
 from dovetail.cockpit.server import PageServer, open_server
-from dovetail.cockpit.session import Session
+from dovetail.cockpit.session import RESUME_AFTER, Session
 from dovetail.cockpit.snapshot import Moment
 
 Words = Sequence[str]
-STOP = "STOP  (Esc)"
+STOP, ESCAPE = "STOP  (Esc)", "Stop: hold the arm"
 HELD = 0.3
 """How long each stop is watched [s]: a hostile driver may resume after a second."""
 MOVED_MAX = 0.02
@@ -43,20 +46,22 @@ PATIENCE = 20.0
 """A stop that has not held the arm after this time [s] has failed."""
 
 
-def attack(address: str, controls: Words, keys: Words) -> None:
-    """Send garbage for ever; press the keys in between."""
+def attack(address: str, controls: Words, stops: Words, keys: Words) -> None:
+    """Send garbage until the process that started this one has ended."""
+    parent = os.getppid()
+    while os.getppid() == parent:
+        with suppress(OSError, TimeoutError):
+            asyncio.run(_attack(address, controls, stops, keys))
+
+
+async def _attack(address: str, controls: Words, stops: Words, keys: Words) -> None:
+    async with asyncio.timeout(60.0):
+        await asyncio.gather(_flood(address, controls, stops), _press(address, keys))
+
+
+async def _flood(address: str, controls: Words, stops: Words) -> None:
     while True:
-        with suppress(OSError, AssertionError):
-            asyncio.run(_attack(address, controls, keys))
-
-
-async def _attack(address: str, controls: Words, keys: Words) -> None:
-    await asyncio.gather(_flood(address, controls), _press(address, keys))
-
-
-async def _flood(address: str, controls: Words) -> None:
-    while True:
-        await flood(address, 500, controls)
+        await flood(address, 500, controls, stops)
         await asyncio.sleep(0.01)
 
 
@@ -92,6 +97,7 @@ def attacked(server: PageServer) -> Iterator[None]:
     reader = Client(server.watch_address)
     words = reader.controls
     reader.close()
+    stops = [words.pop(STOP), words.pop(ESCAPE)]
     attacks = {
         server.address: [words["Resume"], words["Start"]],
         server.watch_address: [],
@@ -100,7 +106,7 @@ def attacked(server: PageServer) -> Iterator[None]:
     started = []
     try:
         for address, keys in attacks.items():
-            told = json.dumps([address, list(words.values()), keys])
+            told = json.dumps([address, list(words.values()), stops, keys])
             words_of_line = [sys.executable, __file__, "--attack", told]
             started.append(subprocess.Popen(words_of_line))
         before = server.gate.refused
@@ -112,13 +118,31 @@ def attacked(server: PageServer) -> Iterator[None]:
             process.wait()
 
 
+class Watch:
+    """Notes when STOP gets to the session, and whether the arm was held by it."""
+
+    def __init__(self, session: Session) -> None:
+        """Begin to watch."""
+        self._stop = session.stop
+        self._session = session
+        self.stops: list[tuple[float, bool]] = []
+        """When each of the page came [s], and whether the arm was held then."""
+        session.stop = self._note  # pyright: ignore[reportAttributeAccessIssue]
+
+    def _note(self) -> None:
+        called = time.monotonic()
+        self._stop()
+        if threading.current_thread().name == "stop":  # and not that of who has left
+            self.stops.append((called, is_held(self._session)))
+
+
 def stop_under_attack(
     session: Session,
     server: PageServer,
     count: int,
     press: Callable[[], None] | None = None,
-) -> list[float]:
-    """Press STOP so often; return how long each took [s], infinite where it did not.
+) -> list[float | str]:
+    """Press STOP so often; return how long each took [s], or what went wrong.
 
     Args:
         session: Runs the arm.
@@ -127,38 +151,61 @@ def stop_under_attack(
         press: Presses STOP; None is a viewer without a browser.
     """
     viewer = Client(server.watch_address)
+    watch, tries = Watch(session), []
     try:
         with attacked(server):
             do = press or (lambda: viewer.press(STOP))
-            return [_stop_once(session, do) for _ in range(count)]
+            while len(tries) < count:
+                result = _stop_once(session, watch, do)
+                if result is not None:
+                    tries.append(result)
+        return tries
     finally:
         viewer.close()
 
 
-def _stop_once(session: Session, press: Callable[[], None]) -> float:
+def _stop_once(
+    session: Session, watch: Watch, press: Callable[[], None]
+) -> float | str | None:
+    """Stop once; None where this thread was asleep for too long to judge."""
+    _start(session)
+    noted = len(watch.stops)
+    begin = time.monotonic()
+    press()
+    while len(watch.stops) == noted:
+        if time.monotonic() - begin > PATIENCE:
+            return "STOP did not come to the session"
+        time.sleep(0.0005)
+    called, was_held = watch.stops[-1]
+    if not was_held:
+        return "the arm was not held"
+    before = moment(session)
+    while time.monotonic() < called + HELD:
+        if not is_held(session):
+            is_late = time.monotonic() > called + RESUME_AFTER
+            return None if is_late else "the arm was held no more"
+        time.sleep(0.002)
+    now = moment(session)
+    moved = np.linalg.norm(now.tool.position - before.tool.position)
+    is_reset = now.stamp < before.stamp  # in a simulation that ends at once
+    return "it moved" if moved > MOVED_MAX and not is_reset else called - begin
+
+
+def _start(session: Session) -> None:
+    """Let the policy run, without the second after the last stop."""
+
     def is_running() -> bool:
+        dovetail.cockpit.session.RESUME_AFTER = 0.0
         session.resume()
+        dovetail.cockpit.session.RESUME_AFTER = RESUME_AFTER
         session.start()
         return session.status.mode == "running"
 
     wait_for(is_running, 60.0)
-    begin = time.monotonic()
-    press()
-    while not _is_held(session):
-        if time.monotonic() - begin > PATIENCE:
-            return float("inf")
-        time.sleep(0.0005)
-    took = time.monotonic() - begin
-    place = moment(session).tool.position
-    while time.monotonic() - begin < took + HELD:
-        if not _is_held(session):
-            return float("inf")
-        time.sleep(0.002)
-    moved = np.linalg.norm(moment(session).tool.position - place)
-    return took if moved < MOVED_MAX else float("inf")
 
 
-def _is_held(session: Session) -> bool:
+def is_held(session: Session) -> bool:
+    """Say whether a stop holds the arm."""
     arm: Any = session.core.arm
     return session.is_stopped and arm.is_held
 
@@ -208,8 +255,10 @@ def main() -> None:
         page.close()
         session.close()
         server.stop()
-    held = sorted(1e3 * t for t in took if np.isfinite(t))
+    held = sorted(1e3 * t for t in took if isinstance(t, float))
     print(f"STOP held the arm in {len(held)} of {len(took)} tries")
+    for problem, count in Counter(t for t in took if isinstance(t, str)).items():
+        print(f"  {count} times {problem}")
     if held:
         print(
             f"until it is held: median {statistics.median(held):.1f} ms, p95 "

@@ -494,4 +494,4 @@ def test_each_of_many_stops_under_attack_stops(served):
     session, _, server = served
     tries = stop_under_attack(session, server, 100)
     assert len(tries) == 100
-    assert np.isfinite(tries).all()
+    assert [what for what in tries if isinstance(what, str)] == []
