@@ -83,9 +83,9 @@ def test_success_and_depth_are_those_of_the_true_hole(make):
     _, info = env.reset(seed=1, options={"fixture": HOLE, "start": inside})
     assert info["success"]
     assert info["depth"] == pytest.approx(0.029, abs=1e-4)
-    believed = Pose(
-        bottom.position - info["perturbation"]["fixture_shift [m]"], bottom.quat_wxyz
-    )
+    shift = info["perturbation"]["fixture_shift [m]"]
+    above = bottom.position - shift + [0.0, 0.0, 0.04]  # further down is the block
+    believed = Pose(above, bottom.quat_wxyz)
     beside = robot.inverse_kinematics(
         believed, env.core.arm.facts.robot.posture("down")
     )

@@ -2,13 +2,12 @@
 
 import copy
 
-import gymnasium
 import numpy as np
 import pytest
 
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.led import Led
-from dovetail.envs.registered import make_batch, make_env
+from dovetail.envs.registered import make, make_batch, make_env
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
@@ -157,7 +156,7 @@ def test_a_copy_corrects_as_well():
 
 
 def test_it_is_made_by_its_name():
-    env = gymnasium.make("dovetail/PegInHole-v0", script="corner", **SETTINGS)
+    env = make("dovetail/PegInHole-v0", script="corner", **SETTINGS)
     assert isinstance(require_contact_env(env), CorrectedEnv)
-    plain = gymnasium.make("dovetail/PegInHole-v0", **SETTINGS)
+    plain = make("dovetail/PegInHole-v0", **SETTINGS)
     assert type(require_contact_env(plain)) is ContactEnv

@@ -158,7 +158,7 @@ def make_batch(
     task_class: type[Task] | str,
     num_envs: int,
     threads: int | None = None,
-    max_episode_steps: int = EPISODE_STEPS,
+    max_episode_steps: int | None = None,
     **settings: Any,
 ) -> BatchVectorEnv:
     """Build many environments of a task that are stepped at once.
@@ -167,7 +167,7 @@ def make_batch(
         task_class: The task's class, or ``module:Class``.
         num_envs: How many, at least 1.
         threads: That simulate; None is one for each core that this process may use.
-        max_episode_steps: Actions per episode.
+        max_episode_steps: What `gym.make_vec` calls `max_steps`.
         **settings: See `make_env`; an arm is given by its address, a tracker by its
             name.
 
@@ -177,8 +177,9 @@ def make_batch(
     """
     if num_envs < 1:
         raise ConfigError(f"num_envs is {num_envs}; allowed: 1 and more")
-    _require_untimed(settings.get("max_steps"), settings.get("config"))
-    settings["max_steps"] = max_episode_steps
+    if max_episode_steps is not None:
+        _require_untimed(settings.get("max_steps"), settings.get("config"))
+        settings["max_steps"] = max_episode_steps
     for name in ("arm", "tracker"):
         if not isinstance(settings.get(name), str | None):
             raise ConfigError(
