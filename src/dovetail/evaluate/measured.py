@@ -90,12 +90,13 @@ def _disturbed(
     if "clearance" in options:
         found["clearance"] = float(options["clearance"])
     twin = None if options.get("twin") is None else load_twin(options["twin"])
+    camera = {} if twin is None or twin.camera is None else twin.camera.flat()
     if twin is not None:
         found["contact_friction"] = twin.contact.contact_friction
         found["command_delay"] = twin.channel.command_delay
     kind, _, settings = str(options.get("tracker") or "").partition("?")
-    if kind == "twin" and twin is not None and twin.camera is not None:
-        found |= {"bias": twin.camera.bias, "turn": twin.camera.turn}
+    if kind == "twin":
+        found |= {name: camera[name] for name in ("bias", "turn") if name in camera}
     if kind == "late":
         given = parse_qs(settings)
         found |= {k: float(given[k][0]) for k in ("bias", "turn") if k in given}
