@@ -143,6 +143,8 @@ class Case:
             if self.observer is not None:
                 dq = self.observer.update(seen, a) if k else self.observer.dq
             result = arm.controller.step(seen, dq, target)
+            if self.observer is not None and result.flags.implausible:
+                self.observer.take_back()
             step = float(np.abs(result.tau - tau).max())
             tau, a = result.tau, result.a
             is_bad = bool(error.any())

@@ -105,6 +105,27 @@ auto number(Enum ServoState::* field) {
   return [field](const ServoState& state) { return static_cast<int>(state.*field); };
 }
 
+void bind_end(nb::module_& m) {
+  nb::class_<MotionEnd>(m, "MotionEnd", "The message that ended a motion.")
+      .def_prop_ro(
+          "cause", [](const MotionEnd& end) { return name(end.cause); },
+          "none, session, period, problem or silence.")
+      .def_prop_ro(
+          "what", [](const MotionEnd& end) { return change_of(end).what; },
+          "What changed; empty where only the session's state did.")
+      .def_prop_ro("before", [](const MotionEnd& end) { return change_of(end).before; })
+      .def_prop_ro("after", [](const MotionEnd& end) { return change_of(end).after; })
+      .def_prop_ro("session_name",
+                   [](const MotionEnd& end) { return fri::name(end.session); })
+      .def_ro("safety", &MotionEnd::safety, "0 normal, else the stop level + 1.")
+      .def_ro("operation_mode", &MotionEnd::operation_mode, "0 T1, 1 T2, 2 AUT.")
+      .def_ro("implausible", &MotionEnd::implausible,
+              "Messages of that motion whose position was not believed.")
+      .def_ro("joint", &MotionEnd::joint, "Of the last of them, 0 to 6; -1 for none.")
+      .def_ro("since_implausible", &MotionEnd::since_implausible,
+              "From that one to the end [s].");
+}
+
 void bind_state(nb::module_& m) {
   nb::class_<ServoState>(m, "ServoState", "What a servo loop last knew.")
       .def_ro("tick", &ServoState::tick, "Control periods while active.")
@@ -112,8 +133,13 @@ void bind_state(nb::module_& m) {
       .def_ro("first", &ServoState::first, "Sequence of that motion's first message.")
       .def_ro("rows", &ServoState::rows, "Rows of the log so far.")
       .def_ro("time", &ServoState::time, "Since the motion began [s].")
-      .def_ro("q", &ServoState::q, "Measured configuration [rad].")
-      .def_ro("dq", &ServoState::dq, "Observed velocity [rad/s].")
+      .def_ro("q", &ServoState::q,
+              "Configuration [rad]: measured, or predicted where that is not believed.")
+      .def_ro("dq", &ServoState::dq, "Velocity [rad/s], the same.")
+      .def_ro("is_plausible", &ServoState::is_plausible,
+              "The last one is as measured, and can be.")
+      .def_ro("implausible", &ServoState::implausible,
+              "Messages of this motion whose position was not believed.")
       .def_ro("tau_measured", &ServoState::tau_measured, "On the joint [Nm].")
       .def_ro("tau_external", &ServoState::tau_external, "On the joint [Nm].")
       .def_ro("tau_commanded", &ServoState::tau_commanded, "On the joint [Nm].")
@@ -134,7 +160,8 @@ void bind_state(nb::module_& m) {
       .def_ro("multiplier", &ServoState::multiplier)
       .def_ro("tracking", &ServoState::tracking)
       .def_prop_ro("refusal", number(&ServoState::refusal),
-                   "0 none, 1 period, 2 problem of the session.")
+                   "0 none, 1 period, 2 problem of the session, 3 start.")
+      .def_ro("end", &ServoState::end, "How the last motion ended.")
       .def_ro("is_waiting", &ServoState::is_waiting)
       .def_ro("is_held", &ServoState::is_held, "No Target is followed.")
       .def_ro("is_stopped", &ServoState::is_stopped, "A controlled stop.")
@@ -211,6 +238,8 @@ void bind_loop(nb::module_& m) {
       .def("since_message", &ServoLoop::since_message,
            "Since its last one that could be read [s]; inf where none came.")
       .def("last_undecodable", &ServoLoop::last_undecodable)
+      .def("last_not_finite", &ServoLoop::last_not_finite,
+           "Its field, and joint, that is not a finite number; empty where none is.")
       .def("notes", &ServoLoop::notes)
       .def_prop_ro("peer", [](const ServoLoop& loop) { return describe(loop.peer()); })
       .def_prop_ro("last_stranger",
@@ -238,6 +267,8 @@ void bind_observer(nb::module_& m) {
           "q"_a, "a"_a, "elapsed"_a = 0.0,
           "Measured q [rad] after elapsed [s] (0: one period) under a [rad/s2]: dq. "
           "What is not finite is not taken.")
+      .def("take_back", &VelocityObserver::take_back,
+           "Undo the last update: its position was not believed.")
       .def_prop_ro("dq", &VelocityObserver::dq, nb::rv_policy::copy, "[rad/s]");
 }
 
@@ -246,6 +277,7 @@ void bind_observer(nb::module_& m) {
 void bind_servo(nb::module_& m) {
   bind_observer(m);
   bind_parameters(m);
+  bind_end(m);
   bind_state(m);
   bind_loop(m);
 }

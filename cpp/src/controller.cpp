@@ -85,8 +85,9 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   staying_ = 0;
   resume();
   has_last_ = is_soft_ = false;
-  lagged_ = 0.0;
-  was_believed_ = true;
+  lagged_ = since_ = 0.0;
+  was_plausible_ = is_time_ = is_number_ = true;
+  is_return_ = false;
   has_start_ = is_configuration(q) && is_speed(dq);
   if (!has_start_) return;
   check_.reset(q, dq);
@@ -289,7 +290,8 @@ bool Controller::is_explained(const Target& target, const Vec7& dq,
   // A wall that takes the tool back inside works against what is asked.
   const bool is_led = x_min_ != limits_.x_min || x_max_ != limits_.x_max;
   const double power = target.joint_mode || is_led ? 0.0 : std::min(added, driven);
-  return !last_line_.check({dq, explained, power, limiter_push_, elapsed});
+  return !last_line_.check(
+      {dq, explained, power, limiter_push_, elapsed, check_.is_jump()});
 }
 
 StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
@@ -309,25 +311,34 @@ StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
   return result;
 }
 
-StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
-                            const Target& target, double elapsed) noexcept {
+void Controller::take(const Vec7& q, const Vec7& dq, double elapsed) noexcept {
   const bool is_time = elapsed >= 0.0 && elapsed < kLongestTime;  // no NaN
   const double told = is_time && elapsed > kShortestTime ? elapsed : period_;
   const Vec7 inertia = terms_.M.diagonal();
-  check_.take(q_measured, dq_measured, a_last_, Minv_ * of_jump_, inertia, told);
-  const double since = told + check_.missed();
-  const Vec7& q = check_.q();
-  const Vec7& dq = check_.dq();
-  const bool is_number = is_configuration(q_measured) && is_speed(dq_measured);
-  const bool is_believed = check_.implausible() == 0;
-  const bool is_ended = last_line_.cause() != EndCause::kNone;
+  check_.take(q, dq, a_last_, Minv_ * of_jump_, inertia, told);
+  since_ += told + check_.missed();
+  is_time_ = is_time_ && is_time;
+  is_number_ = is_configuration(q) && is_speed(dq);
+  is_return_ = is_return_ || check_.is_return();
   if (check_.is_return()) disturbance_ -= of_jump_;
   if (check_.is_return()) of_jump_ = -of_jump_;  // of the one that is kept now
   if (check_.is_jump()) of_jump_.setZero();      // until it is learned
+}
+
+StepResult Controller::act(const Target& target) noexcept {
+  const Vec7& q = check_.q();
+  const Vec7& dq = check_.dq();
+  const double since = since_;
+  const bool is_time = is_time_;
+  const bool is_plausible = check_.implausible() == 0;
+  const bool is_ended = last_line_.cause() != EndCause::kNone;
   // Where belief comes back, its step is no push.
-  const bool may_learn = is_believed && was_believed_ && !check_.is_return();
+  const bool may_learn = is_plausible && was_plausible_ && !is_return_;
   if (may_learn) update_disturbance(dq, since);
-  was_believed_ = is_believed;
+  was_plausible_ = is_plausible;
+  since_ = 0.0;
+  is_time_ = true;
+  is_return_ = false;
   StepResult result;
   if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time ||
       check_.implausible() > 1) {
@@ -366,8 +377,8 @@ StepResult Controller::step(const Vec7& q_measured, const Vec7& dq_measured,
       result = finish(dq, result);
     }
   }
-  result.flags.implausible = !is_believed;
-  result.flags.bad_input = result.flags.bad_input || !is_number;
+  result.flags.implausible = !is_plausible;
+  result.flags.bad_input = result.flags.bad_input || !is_number_;
   result.flags.ended = last_line_.cause() != EndCause::kNone;
   return result;
 }

@@ -57,7 +57,8 @@ std::string reason(const DecodeResult& result) {
     case DecodeStatus::kEnum:
       return field + " has the unknown value " + value;
     case DecodeStatus::kNotFinite:
-      return field + " has a value that is not finite";
+      if (result.value == 0) return field + " has a value that is not finite";
+      return field + " of A" + value + " is not a finite number";
     case DecodeStatus::kMissing:
       return field + " is missing";
     case DecodeStatus::kIdentifier:

@@ -4,22 +4,6 @@ namespace dovetail::fri {
 
 namespace {
 
-const char* name(CommandMode mode) noexcept {
-  switch (mode) {
-    case CommandMode::kNone:
-      return "none";
-    case CommandMode::kPosition:
-      return "POSITION";
-    case CommandMode::kWrench:
-      return "WRENCH";
-    case CommandMode::kTorque:
-      return "TORQUE";
-    case CommandMode::kCartesianPose:
-      return "CARTESIAN_POSE";
-  }
-  return "unknown";
-}
-
 bool are_active(const List<DriveState, 7>& drives) noexcept {
   for (const DriveState drive : drives)
     if (drive != DriveState::kActive) return false;
@@ -46,6 +30,22 @@ std::string version_reason(const MonitoringMessage& message, Version version) {
 }
 
 }  // namespace
+
+const char* name(CommandMode mode) noexcept {
+  switch (mode) {
+    case CommandMode::kNone:
+      return "none";
+    case CommandMode::kPosition:
+      return "POSITION";
+    case CommandMode::kWrench:
+      return "WRENCH";
+    case CommandMode::kTorque:
+      return "TORQUE";
+    case CommandMode::kCartesianPose:
+      return "CARTESIAN_POSE";
+  }
+  return "unknown";
+}
 
 const char* name(SessionState state) noexcept {
   switch (state) {

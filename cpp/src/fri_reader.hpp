@@ -1,6 +1,7 @@
 /// The visitor of the schema that reads its fields from bytes.
 #pragma once
 
+#include <cmath>
 #include <type_traits>
 
 #include "fri_schema.hpp"
@@ -208,7 +209,9 @@ class FieldReader {
   void read(const char* name, Joints& member) noexcept {
     const std::size_t count = read_doubles(name, member);
     if (count != member.size()) fail(DecodeStatus::kCount, name, count, member.size());
-    if (!is_finite(member)) fail(DecodeStatus::kNotFinite, name);
+    for (std::size_t i = 0; i < member.size(); ++i) {
+      if (!std::isfinite(member[i])) fail(DecodeStatus::kNotFinite, name, i + 1);
+    }
   }
   template <class M>
     requires std::is_class_v<M>

@@ -95,7 +95,7 @@ bool LastLine::check(const LastLineInput& input) noexcept {
       const Swing& s = swing_[static_cast<std::size_t>(i)];
       end(EndCause::kOscillation, i, s.width, s.least);
     }
-    if (std::abs(input.dq[i]) > dq_end_[i]) {
+    if (!input.is_jump && std::abs(input.dq[i]) > dq_end_[i]) {
       end(EndCause::kSpeed, i, input.dq[i], dq_end_[i]);
     }
   }

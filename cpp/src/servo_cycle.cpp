@@ -20,6 +20,11 @@ using fri::SessionState;
 
 constexpr double kLeanRate = 10.0;  // how quickly a lean is reached [1/s]
 
+// Between two messages before a motion an arm goes no farther than at this share of its
+// speed limits, and this for noise [rad].
+constexpr double kBeforeSpeed = 1.3;
+constexpr double kBeforeNoise = 5e-4;
+
 Vec7 vector_of(const Joints& joints) noexcept {
   return Eigen::Map<const Vec7>(joints.data());
 }
@@ -64,7 +69,8 @@ ServoCycle::ServoCycle(const ServoParams& params, const ChainParams& chain,
       controller_(chain, osc, limits, task, params.period),
       observer_(params.period, params.observer_gain),
       watchdog_(params.watchdog, limits),
-      log_(rows_of(params), column_at(sizeof(ServoRow))) {
+      log_(rows_of(params), column_at(sizeof(ServoRow))),
+      fastest_(kBeforeSpeed * limits.dq_max) {
   require_filter(params.position_filter, params.period);
   require_sign("measured_sign", params.measured_sign);
   require_sign("commanded_sign", params.commanded_sign);
@@ -112,7 +118,31 @@ void ServoCycle::note(const MonitoringMessage& message) noexcept {
       message.tau_commanded
           ? Vec7(params_.commanded_sign * vector_of(*message.tau_commanded))
           : unknown;
-  if (message.q_measured && !is_active_) state_.q = vector_of(*message.q_measured);
+  if (!is_active_ || step_.is_first_active) note_position(message);
+}
+
+/// Outside a motion: one may begin where two messages in a row agree.
+void ServoCycle::note_position(const MonitoringMessage& message) noexcept {
+  if (!message.q_measured || !is_configuration(vector_of(*message.q_measured))) return;
+  state_.q = vector_of(*message.q_measured);
+  const double told = 1e-3 * state_.send_period;
+  const double elapsed = (1.0 + step_.missed) * (told > 0.0 ? told : params_.period);
+  const Vec7 farthest = (elapsed * fastest_).array() + kBeforeNoise;
+  const bool is_near = ((state_.q - q_measured_).cwiseAbs() - farthest).maxCoeff() <= 0;
+  may_begin_ = has_measured_ && is_near;
+  q_measured_ = state_.q;
+  has_measured_ = true;
+}
+
+/// A stop of the cabinet is one here, in the message that says so.
+void ServoCycle::note_safety(const MonitoringMessage& message) noexcept {
+  if (message.safety && *message.safety != fri::SafetyState::kNormal) {
+    watchdog_.stop_for({StopReason::kSafety, -1, 1.0 * state_.safety, 0.0});
+  }
+  for (std::size_t i = 0; i < message.drive_states.size(); ++i) {
+    if (message.drive_states[i] != fri::DriveState::kOff) continue;
+    watchdog_.stop_for({StopReason::kDrivesOff, static_cast<std::int8_t>(i), 0.0, 0.0});
+  }
 }
 
 /// Why this cabinet must not be commanded, though it would take commands.
@@ -128,6 +158,10 @@ Refusal ServoCycle::find_refusal(const MonitoringMessage& message) const noexcep
   if (state_.send_period != 0 && std::abs(period - params_.period) > 1e-9) {
     return Refusal::kPeriod;
   }
+  const bool is_active = step_.state == SessionState::kCommandingActive;
+  if (is_first && is_active && !may_begin_) {
+    return Refusal::kStart;
+  }
   return Refusal::kNone;
 }
 
@@ -135,6 +169,8 @@ void ServoCycle::begin_motion(const Vec7& q) noexcept {
   is_active_ = true;
   has_target_ = false;
   ++state_.motion;
+  state_.implausible = 0;
+  implausible_joint_ = -1;
   state_.first = session_.message().header.sequence;
   state_.time = 0.0;
   state_.is_at_rest = false;
@@ -154,16 +190,32 @@ void ServoCycle::begin_motion(const Vec7& q) noexcept {
   elapsed_ = params_.period;
 }
 
-void ServoCycle::end_motion() noexcept {
-  is_active_ = false;
+void ServoCycle::end_motion(MotionEnd::Cause cause) noexcept {
+  if (!is_active_) return;
+  const MonitoringMessage& message = session_.message();
+  state_.end = {cause,
+                step_.problem,
+                state_.session,
+                message.command_mode.value_or(fri::CommandMode::kNone),
+                state_.safety,
+                state_.operation_mode,
+                message.num_joints.value_or(7),
+                params_.period,
+                1e-3 * state_.send_period * state_.multiplier,
+                state_.implausible,
+                static_cast<std::int8_t>(implausible_joint_),
+                state_.time - implausible_at_};
+  is_active_ = may_begin_ = false;
+  state_.is_plausible = true;
   has_target_ = false;
   state_.is_waiting = false;
   state_.dq.setZero();
 }
 
 void ServoCycle::lose_session() noexcept {
+  end_motion(MotionEnd::Cause::kSilence);
   session_.reset();
-  end_motion();
+  has_measured_ = may_begin_ = false;
   state_.session = SessionState::kIdle;
   state_.refusal = Refusal::kNone;
 }
@@ -180,7 +232,16 @@ ServoCycle::Action ServoCycle::receive(const std::uint8_t* bytes,
       state_.refusal == Refusal::kNone) {
     return receive_active(step_);
   }
-  if (is_active_) end_motion();
+  switch (state_.refusal) {
+    case Refusal::kPeriod:
+      end_motion(MotionEnd::Cause::kPeriod);
+      break;
+    case Refusal::kProblem:
+      end_motion(MotionEnd::Cause::kProblem);
+      break;
+    default:
+      end_motion(MotionEnd::Cause::kSession);
+  }
   return step_.reply == fri::Reply::kNothing ? Action::kNothing : Action::kSend;
 }
 
@@ -188,24 +249,45 @@ ServoCycle::Action ServoCycle::receive_active(const fri::SessionStep& step) noex
   const Vec7 q = vector_of(*session_.message().q_measured);
   const bool is_first = !is_active_ || step.is_first_active;
   if (is_first) {
+    end_motion(MotionEnd::Cause::kSession);  // of which no message came
     begin_motion(q);
   } else {
     measured_ += (1.0 + step.missed) * params_.period / state_.multiplier;
   }
+  note_safety(session_.message());
   if (step.reply != fri::Reply::kActive) return Action::kNothing;
   if (is_first) {
     ++state_.tick;
+    controller_.take(q, observer_.dq(), params_.period);
   } else {
     observer_.update(q, a_last_, measured_);
+    controller_.take(q, observer_.dq(), measured_);
     elapsed_ += measured_;
     state_.time += measured_;
     state_.tick += std::max(1L, std::lround(measured_ / params_.period));
     measured_ = 0.0;
   }
-  state_.q = q;
-  state_.dq = observer_.dq();
+  note_belief(q);
   state_.is_waiting = true;
   return Action::kAnswer;
+}
+
+/// What the controller believes of what was measured; what it does not is taken back.
+void ServoCycle::note_belief(const Vec7& q) noexcept {
+  const StateCheck& check = controller_.state();
+  q_measured_ = q;
+  dq_observed_ = observer_.dq();
+  state_.q = check.q();
+  state_.dq = check.dq();
+  state_.is_plausible = check.implausible() == 0;
+  if (state_.is_plausible) return;
+  observer_.take_back();
+  ++state_.implausible;
+  implausible_at_ = state_.time;
+  implausible_joint_ = check.joint();
+  if (check.implausible() < kImplausibleMax) return;
+  watchdog_.stop_for({StopReason::kImplausible, static_cast<std::int8_t>(check.joint()),
+                      static_cast<double>(check.implausible()), kImplausibleMax});
 }
 
 std::size_t ServoCycle::reply(std::uint8_t* out) noexcept {
@@ -245,7 +327,7 @@ Target ServoCycle::choose_target(const Order& order, Flags& flags) noexcept {
     followed.age += target_age_;
     return followed;
   }
-  if (!state_.is_at_rest && is_configuration(state_.q)) {
+  if (!state_.is_at_rest) {
     q_hold_ = state_.q;
     state_.is_at_rest = state_.dq.cwiseAbs().maxCoeff() < watchdog_.params().rest_speed;
   }
@@ -261,18 +343,12 @@ Vec7 ServoCycle::wanted_lean(const Order& order) const noexcept {
   return order.lean.cwiseMax(-kLeanMax).cwiseMin(kLeanMax);
 }
 
-/// What the controller saw and ended outlives this motion: a stop, until it is cleared.
+/// What the controller ended outlives this motion: a stop, until it is cleared.
 void ServoCycle::note_end(const Flags& flags) noexcept {
-  const StateCheck& check = controller_.state();
+  if (!flags.ended) return;
   const LastLine& end = controller_.end();
-  if (check.implausible() >= kImplausibleMax) {
-    watchdog_.stop_for({StopReason::kImplausible,
-                        static_cast<std::int8_t>(check.joint()),
-                        static_cast<double>(check.implausible()), kImplausibleMax});
-  } else if (flags.ended) {
-    watchdog_.stop_for({StopReason::kLastLine, static_cast<std::int8_t>(end.joint()),
-                        end.value(), end.limit()});
-  }
+  watchdog_.stop_for({StopReason::kLastLine, static_cast<std::int8_t>(end.joint()),
+                      end.value(), end.limit()});
 }
 
 std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
@@ -283,15 +359,13 @@ std::size_t ServoCycle::answer(const Order& order, std::uint8_t* out) noexcept {
   target_age_ += elapsed_;
   Flags flags;
   const Target target = choose_target(order, flags);
-  StepResult result = controller_.step(state_.q, state_.dq, target, elapsed_);
+  StepResult result = controller_.act(target);
   note_end(result.flags);
   result.flags.target_late = flags.target_late;
   result.flags.stopped = flags.stopped;
   log_row(result, target);
-  if (is_configuration(state_.q)) {
-    filtered_ = filter_b_ * (state_.q + q_last_) + filter_a_ * filtered_;
-    q_last_ = state_.q;
-  }
+  filtered_ = filter_b_ * (state_.q + q_last_) + filter_a_ * filtered_;
+  q_last_ = state_.q;
   a_last_ = result.a;
   lean_ += std::min(1.0, kLeanRate * params_.period) * (wanted_lean(order) - lean_);
   elapsed_ = 0.0;
@@ -303,8 +377,8 @@ void ServoCycle::log_row(const StepResult& result, const Target& target) noexcep
   const ToolMotion& motion = controller_.tool();
   ServoRow row;
   row.cycle.time = state_.time;
-  row.cycle.q = state_.q;
-  row.cycle.dq = state_.dq;
+  row.cycle.q = q_measured_;
+  row.cycle.dq = dq_observed_;
   row.cycle.tau = result.tau;
   row.cycle.position = motion.p;
   row.cycle.quat_wxyz = quat_wxyz(motion.R);

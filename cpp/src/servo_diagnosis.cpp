@@ -38,6 +38,15 @@ std::string ServoLoop::last_undecodable() {
          fri::describe(failure.result);
 }
 
+std::string ServoLoop::last_not_finite() {
+  const std::lock_guard lock(state_mutex_);
+  failures_.update();
+  const fri::DecodeResult& result = failures_.value().result;
+  if (result.status != fri::DecodeStatus::kNotFinite) return "";
+  const std::string field = result.field;
+  return result.value == 0 ? field : field + " of A" + std::to_string(result.value);
+}
+
 std::string ServoLoop::diagnose() {
   const std::uint64_t before = diagnoses_;
   diagnosis_requested_ = true;

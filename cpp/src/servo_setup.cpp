@@ -145,6 +145,10 @@ void ServoLoop::save(const SaveJob& job) {
     if (job.cause == "stop") cause = name(job.facts.reason);
   } else {
     text = std::string("the session is in ") + name_of(job.state.session);
+    const Change change = change_of(job.state.end);
+    if (!change.what.empty()) {
+      text = change.what + " was " + change.before + " and became " + change.after;
+    }
     if (job.state.safety != 0) {
       text += ", safety stop level " + std::to_string(job.state.safety - 1);
     }

@@ -57,6 +57,10 @@ const char* name(StopReason reason) noexcept {
       return "implausible";
     case StopReason::kLastLine:
       return "last_line";
+    case StopReason::kSafety:
+      return "safety_stop";
+    case StopReason::kDrivesOff:
+      return "drives_off";
     case StopReason::kTargetTimeout:
       return "target_timeout";
   }
@@ -73,6 +77,16 @@ std::string describe(const StopFacts& facts) {
     case StopReason::kImplausible:
       text << "the measured position or speed of A" << facts.joint + 1 << " cannot be, "
            << facts.value << " messages in a row; allowed are " << facts.limit - 1;
+      return text.str();
+    case StopReason::kSafety:
+      text << "the cabinet says safetyState " << facts.value << ", safety stop level "
+           << facts.value - 1 << ", in the middle of a motion; 0 is normal operation. "
+           << "Look at the safety messages on the smartPAD";
+      return text.str();
+    case StopReason::kDrivesOff:
+      text << "the cabinet says that the drive of A" << facts.joint + 1
+           << " is OFF in the middle of a motion: look at the smartPAD, and in T1 or "
+           << "T2 at the enabling switch";
       return text.str();
     case StopReason::kLastLine:
       if (facts.joint >= 0) break;

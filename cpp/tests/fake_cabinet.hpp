@@ -20,21 +20,28 @@ class FakeCabinet {
   std::uint32_t send_period = 5;
   std::uint32_t multiplier = 1;
   std::uint32_t sequence = 0;
+  std::int32_t num_joints = 7;
+  bool sends_measured = true, sends_ipo = true;
+  std::optional<fri::SafetyState> safety;
+  std::optional<fri::DriveState> drives;
+  fri::CommandMode mode = fri::CommandMode::kTorque;
 
   /// The next message as bytes; size() says how many.
   const std::uint8_t* message() {
     fri::MonitoringMessage m;
     m.header = {sequence++, 0};
-    m.num_joints = 7;
-    m.q_measured = joints(q);
+    m.num_joints = num_joints;
+    m.safety = safety;
+    for (int i = 0; drives && i < kNumJoints; ++i) m.drive_states.push_back(*drives);
+    if (sends_measured) m.q_measured = joints(q);
     m.q_commanded = joints(q);
     m.tau_measured = fri::Joints{};
     if (sends_external) m.tau_external = joints(tau_external);
     m.connection =
         fri::ConnectionInfo{state, fri::Quality::kGood, send_period, multiplier};
     if (state >= fri::SessionState::kCommandingWait) {
-      m.q_ipo = joints(q);
-      m.command_mode = fri::CommandMode::kTorque;
+      if (sends_ipo) m.q_ipo = joints(q);
+      m.command_mode = mode;
       m.overlay = fri::Overlay::kJoint;
     }
     size_ = fri::encode_monitoring(m, version_, bytes_.data());

@@ -140,7 +140,7 @@ BOOST_AUTO_TEST_CASE(values_that_are_not_finite_are_refused_both_ways) {
   CommandMessage m;
   const DecodeResult result =
       decode(hex(kHeaderOnly + "1241 1a3f" + nan), Version::k1_15, m);
-  BOOST_TEST(describe(result) == "jointTorque has a value that is not finite");
+  BOOST_TEST(describe(result) == "jointTorque of A7 is not a finite number");
   BOOST_TEST((status_of<CommandMessage>(kHeaderOnly + "1238 1236" +
                                         repeat("09 000000000000f07f", 6)) ==
               DecodeStatus::kNotFinite));

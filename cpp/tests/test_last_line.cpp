@@ -216,6 +216,17 @@ BOOST_AUTO_TEST_CASE(a_joint_that_used_three_fifths_of_its_speed_margin_ends_it)
   }
 }
 
+BOOST_AUTO_TEST_CASE(a_speed_that_jumps_is_too_fast_if_it_is_there_in_the_next_cycle) {
+  const Vec7 fast = Vec7::Unit(3) * limits.dq_max[3], none = Vec7::Zero();
+  LastLine wrong(limits), right(limits);
+  for (LastLine* line : {&wrong, &right}) {
+    BOOST_TEST(!line->check({fast, none, 0.0, 0.0, 0.005, true}));
+  }
+  BOOST_TEST(!wrong.check({none, none, 0.0, 0.0, 0.005}));
+  BOOST_TEST(right.check({fast, none, 0.0, 0.0, 0.005}));
+  BOOST_TEST((right.cause() == EndCause::kSpeed));
+}
+
 BOOST_AUTO_TEST_CASE(the_first_cause_stays_until_a_reset) {
   LastLine line(limits);
   Vec7 dq = Vec7::Zero();

@@ -115,3 +115,33 @@ BOOST_AUTO_TEST_CASE(a_position_that_is_none_leaves_nothing_behind) {
     BOOST_REQUIRE(error < 5e-2);
   }
 }
+
+BOOST_AUTO_TEST_CASE(a_position_that_was_not_believed_leaves_nothing_behind) {
+  for (const double period : {0.001, kPeriod}) {
+    VelocityObserver observer(period, std::min(1.0, period / kPeriod));
+    observer.reset(position(0.0));
+    for (int k = 1; k < 1000; ++k) {
+      const Vec7 a = acceleration((k - 0.5) * period);
+      const bool is_wrong = k % 29 > 26;  // two in a row
+      const Vec7 q = position(k * period) + (is_wrong ? 0.08 : 0.0) * Vec7::Ones();
+      observer.update(q, a, period);
+      if (is_wrong) observer.take_back();
+      if (is_wrong || k < 300) continue;
+      const double error = (observer.dq() - velocity(k * period)).cwiseAbs().maxCoeff();
+      BOOST_REQUIRE(error < 5e-2);
+    }
+  }
+}
+
+BOOST_AUTO_TEST_CASE(an_arm_that_went_on_elsewhere_is_followed_from_the_third_on) {
+  VelocityObserver observer(kPeriod);
+  observer.reset(Vec7::Zero());
+  const Vec7 there = Vec7::Constant(0.3);
+  for (int k = 0; k < 3; ++k) {
+    observer.update(there, Vec7::Zero());
+    observer.take_back();
+  }
+  BOOST_TEST(observer.dq().norm() == 0.0);
+  observer.update(there + Vec7::Constant(0.001), Vec7::Zero());
+  BOOST_TEST((observer.dq() - Vec7::Constant(0.2)).norm() < 1e-9);
+}

@@ -62,7 +62,17 @@ class Controller {
   /// that long. A time below 1 us counts as one period. One below 0, from 10 s on, or
   /// that is no number is bad input.
   [[nodiscard]] StepResult step(const Vec7& q, const Vec7& dq, const Target& target,
-                                double elapsed) noexcept;
+                                double elapsed) noexcept {
+    take(q, dq, elapsed);
+    return act(target);
+  }
+
+  /// The first half of a cycle: what is measured `elapsed` [s] after the last time.
+  /// `state` then says what is believed. More than one may precede `act`.
+  void take(const Vec7& q, const Vec7& dq, double elapsed) noexcept;
+
+  /// The second half: the torque, from what was taken.
+  [[nodiscard]] StepResult act(const Target& target) noexcept;
 
   /// Latches another pose for hold axes: TCP position [m] and rotation (wxyz). What is
   /// no pose acts as in `reset`.
@@ -166,9 +176,13 @@ class Controller {
   Vec3 x_min_, x_max_;      // the walls as they are now: outside of a tool that was
 
   StateCheck check_;
-  bool was_believed_ = true;  // in the last cycle
-  bool is_soft_ = false;      // the last torque was on its way to the wanted one
-  double lagged_ = 0.0;       // torques that were of late, fading [cycles]
+  double since_ = 0.0;         // of what was taken since the last torque [s]
+  bool is_time_ = true;        // ... the times were some
+  bool is_number_ = true;      // ... the last one was one
+  bool is_return_ = false;     // ... a surprise was taken back
+  bool was_plausible_ = true;  // in the last cycle
+  bool is_soft_ = false;       // the last torque was on its way to the wanted one
+  double lagged_ = 0.0;        // torques that were of late, fading [cycles]
   LastLine last_line_;
   double limiter_power_ = 0.0;  // of what is cut from f* [W]
   double limiter_push_ = 0.0;   // the same where it brakes nothing [N]

@@ -39,7 +39,8 @@ enum class DecodeStatus : std::uint8_t {
 struct DecodeResult {
   DecodeStatus status = DecodeStatus::kOk;
   const char* field = "";     ///< where it went wrong, the schema's name; static
-  std::uint64_t value = 0;    ///< the count, length or identifier found
+  std::uint64_t value = 0;    ///< the count, length or identifier found; kNotFinite:
+                              ///< the joint, 1 to 7, 0 where it is none's
   std::uint64_t allowed = 0;  ///< kCount: how many there may or must be
   /// Another version's framing was recognised (k1_15 stands for 1.x and 2.5, which
   /// look the same).

@@ -119,6 +119,7 @@ class FriSession {
 };
 
 const char* name(SessionState state) noexcept;  ///< "MONITORING_WAIT", ...
+const char* name(CommandMode mode) noexcept;    ///< "TORQUE", ...
 
 /// A problem and its likely causes in words. Allocates.
 std::string describe(Problem problem);

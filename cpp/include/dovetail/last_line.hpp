@@ -7,7 +7,9 @@
 ///   energy       limiters do positive work: passive ones never do;
 ///   force        limiters push the tool, and no motion is there to be braked: what
 ///                cancels a contact presses ever harder;
-///   speed        a joint has used three fifths of its speed margin.
+///   speed        a joint has used three fifths of its speed margin. A speed that jumps
+///                may be a wrong sample's: it is seen in the next cycle, if it is
+///                there.
 /// Once seen, it stays seen until `reset`.
 #pragma once
 
@@ -31,6 +33,7 @@ struct LastLineInput {
   double limiter_power;   ///< power that limiters put into the arm [W]
   double limiter_push;    ///< force of limiters on the tool that brakes nothing [N]
   double elapsed;         ///< since the last cycle [s]
+  bool is_jump = false;   ///< dq is of the first surprise of a while (state_check.hpp)
 };
 
 /// One thread. Nothing allocates or throws.

@@ -1,8 +1,9 @@
 /// One cycle of the servo loop: message in, command out. No socket, no clock, no
 /// thread.
 ///
-/// Datagram -> FriSession -> velocity observer -> watchdog -> controller ->
-/// command. Gravity is never added: the cabinet compensates it.
+/// Datagram -> FriSession -> velocity observer -> state check -> watchdog -> controller
+/// -> command. Gravity is never added: the cabinet compensates it. Everything behind
+/// the state check, the position that is sent included, acts on what it believes.
 #pragma once
 
 #include <array>
@@ -12,6 +13,7 @@
 #include "dovetail/cycle_row.hpp"
 #include "dovetail/fri_message.hpp"
 #include "dovetail/fri_session.hpp"
+#include "dovetail/motion_end.hpp"
 #include "dovetail/ring_log.hpp"
 #include "dovetail/velocity_observer.hpp"
 #include "dovetail/watchdog.hpp"
@@ -37,6 +39,7 @@ enum class Refusal : std::uint8_t {
   kNone,
   kPeriod,   ///< its period is not the controller's
   kProblem,  ///< the session has one: FriSession::diagnose
+  kStart,    ///< a motion would begin far from where the message before was measured
 };
 
 /// What the learner's side asks for; the newest counts.
@@ -63,8 +66,10 @@ struct ServoState {
   std::uint32_t first = 0;   ///< sequence of the message that began that motion
   std::uint64_t rows = 0;    ///< rows of the log so far
   double time = 0.0;         ///< since the motion began [s]
-  Vec7 q = Vec7::Zero();     ///< measured [rad]
-  Vec7 dq = Vec7::Zero();    ///< observed [rad/s]
+  /// Measured [rad] and observed [rad/s]; where that was not believed, predicted.
+  Vec7 q = Vec7::Zero(), dq = Vec7::Zero();
+  bool is_plausible = true;
+  std::uint64_t implausible = 0;  ///< messages of this motion that were not believed
   Vec7 tau_measured = Vec7::Constant(kUnset);   ///< on the joint, with gravity [Nm]
   Vec7 tau_external = Vec7::Constant(kUnset);   ///< on the joint [Nm]
   Vec7 tau_commanded = Vec7::Constant(kUnset);  ///< on the joint, as the wire has it
@@ -84,6 +89,7 @@ struct ServoState {
   bool is_stopped = false;
   bool is_at_rest = false;  ///< the hold or stop has come to rest
   StopFacts facts;
+  MotionEnd end;  ///< of the last motion that ended
 };
 
 /// One thread. `receive` and `answer` do not allocate or throw.
@@ -127,10 +133,13 @@ class ServoCycle {
 
  private:
   void note(const fri::MonitoringMessage& message) noexcept;
+  void note_position(const fri::MonitoringMessage& message) noexcept;
+  void note_safety(const fri::MonitoringMessage& message) noexcept;
   Refusal find_refusal(const fri::MonitoringMessage& message) const noexcept;
   Action receive_active(const fri::SessionStep& step) noexcept;
   void begin_motion(const Vec7& q) noexcept;
-  void end_motion() noexcept;
+  void end_motion(MotionEnd::Cause cause) noexcept;
+  void note_belief(const Vec7& q) noexcept;
   void note_end(const Flags& flags) noexcept;
   Target choose_target(const Order& order, Flags& flags) noexcept;
   Vec7 wanted_lean(const Order& order) const noexcept;
@@ -148,6 +157,13 @@ class ServoCycle {
   double filter_a_, filter_b_;  // y = b (x_k + x_k-1) + a y_k-1
   Vec7 filtered_ = Vec7::Zero();
   Vec7 q_last_ = Vec7::Zero();
+  Vec7 q_measured_ = Vec7::Zero();   // believed or not
+  Vec7 dq_observed_ = Vec7::Zero();  // the same
+  Vec7 fastest_;                     // before a motion begins [rad/s]
+  bool has_measured_ = false;        // in this session
+  bool may_begin_ = false;           // the last two positions agree
+  double implausible_at_ = 0.0;      // the last one, in the motion's time [s]
+  int implausible_joint_ = -1;
   Vec7 lean_ = Vec7::Zero();  // on its way to the order's
   Vec7 a_last_ = Vec7::Zero();
   Vec7 q_hold_ = Vec7::Zero();

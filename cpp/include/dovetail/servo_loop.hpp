@@ -110,6 +110,10 @@ class ServoLoop {
   /// The last datagram that could not be read: why, and from where; "" where none.
   std::string last_undecodable();
 
+  /// The field that made it so by a value that is no finite number, with its joint;
+  /// "" where something else did.
+  std::string last_not_finite();
+
   /// Why no command acts on the robot, likely causes first; "" where all is well.
   std::string diagnose();
 

@@ -26,6 +26,7 @@ struct WatchdogParams {
   double rest_speed = 0.02;       ///< below it in every joint the arm is held [rad/s]
 };
 
+/// Logs hold these numbers: one never changes its meaning.
 enum class StopReason : std::uint8_t {
   kNone,
   kRequested,
@@ -36,6 +37,8 @@ enum class StopReason : std::uint8_t {
   kImplausible,    ///< measurements that cannot be, one after another
   kLastLine,       ///< the controller's last line ended the motion
   kTargetTimeout,  ///< a hold, not a stop
+  kSafety,         ///< the cabinet says that a safety stop is active
+  kDrivesOff,      ///< the cabinet says that a drive is off, in a motion
 };
 
 enum class Verdict : std::uint8_t {

@@ -9,8 +9,12 @@ from dovetail.errors import ArmError, ConfigError
 if TYPE_CHECKING:
     from dovetail import _core
 
+_AUT = 2
+"""Operation mode without an enabling switch."""
 _MONITORING_WAIT = 1
 """Session state below quality GOOD, in which no motion is commanded."""
+_FAR_START = 3
+"""Refusal of a motion that would begin where the arm cannot be."""
 _KUKA_PORTS = "KUKA's cabinets send to 30200 to 30209"
 
 
@@ -88,6 +92,18 @@ def connection_error(
             "period on both sides",
             "period",
         )
+    return _waiting_error(servo, state)
+
+
+def _waiting_error(servo: "_core.ServoLoop", state: "_core.ServoState") -> ArmError:
+    if state.refusal == _FAR_START:
+        return ArmError(
+            "the cabinet has begun a motion, and the measured position jumps from one "
+            "message to the next, faster than a joint can go: look at the smartPAD, do "
+            "not move the arm before",
+            "start_position",
+            state,
+        )
     why = servo.diagnose() or _wait_reasons(state)
     return ArmError(
         f"the session has stayed in {state.session_name} (cabinet {servo.peer}, "
@@ -118,38 +134,68 @@ def _wait_reasons(state: "_core.ServoState") -> str:
 
 def motion_error(servo: "_core.ServoLoop", state: "_core.ServoState") -> ArmError:
     """Say how a motion ended without being asked to."""
+    why = _end_text(servo, state)
+    return ArmError(
+        f"the motion has ended: {why} {_last_note(servo)}", "motion_ended", state
+    )
+
+
+def _end_text(servo: "_core.ServoLoop", state: "_core.ServoState") -> str:
+    end = state.end
+    if end.what:
+        return (
+            f"{end.what} was {end.before} and became {end.after} in the middle of it, "
+            "and this arm does not command that. Usually the Java application has "
+            "begun another overlay or session, or two cabinets send to this port: "
+            "make it as before, then reset()."
+        )
     loss = find_loss(servo, state)
     if loss is not None:
-        return ArmError(
-            f"the motion has ended: {loss.text}. {_last_note(servo)}",
-            "motion_ended",
-            state,
-        )
+        return f"{loss.text}."
     if state.session == _MONITORING_WAIT:
         counts = servo.counts()
-        return ArmError(
-            f"the motion has ended: the session is in {state.session_name}, quality "
+        return (
+            f"the session is in {state.session_name}, quality "
             f"{QUALITIES[state.quality]}: too few answers came to the cabinet in time, "
             f"or its session was opened anew. {counts['missed']} of its messages were "
             f"missed here, {counts['received']} came. Look for lost datagrams (cable, "
             "switch, wireless) and for other load on this machine; realtime=yes in the "
             "address and a longer send period help. A reset goes on once the quality "
-            f"is GOOD. {_last_note(servo)}",
-            "motion_ended",
-            state,
+            "is GOOD."
         )
-    where = f"the session is in {state.session_name}"
-    if state.safety:
-        where += f", safety stop {state.safety - 1}"
-    if state.drives != 2:
-        where += ", drives not active"
-    return ArmError(
-        f"the motion has ended: {where}. Likely causes, in order: an emergency or "
-        "safety stop, a released enabling switch, the Java application ended its "
-        "motion, or too few answers in time (see statistics()). reset() goes on when "
-        f"the cabinet is ready. {_last_note(servo)}",
-        "motion_ended",
-        state,
+    where = f"the session went from COMMANDING_ACTIVE to {end.session_name}"
+    if end.session_name == "COMMANDING_ACTIVE":
+        where = "the cabinet has begun another motion"
+    if end.safety:
+        return (
+            f"{where}, and the cabinet says safetyState {end.safety}, safety stop "
+            f"level {end.safety - 1}: an emergency or safety stop, or a released "
+            "enabling switch. Look at the safety messages on the smartPAD; reset() "
+            "goes on when the cabinet is ready."
+        )
+    causes = [
+        "the Java application ended its motion, or an error did: its message is on "
+        "the smartPAD",
+        "too few answers in time (see statistics())",
+    ]
+    if end.operation_mode != _AUT:
+        causes.insert(0, "a released enabling switch")
+    return (
+        f"{where}; the cabinet says no safety stop (safetyState 0).{_doubts(end)} "
+        f"Likely causes, in order: {', or '.join(causes)}. reset() goes on when the "
+        "cabinet is ready."
+    )
+
+
+def _doubts(end: "_core.MotionEnd") -> str:
+    """Say whether wrong positions came before a motion ended."""
+    if not end.implausible:
+        return ""
+    joint = f", the last of A{end.joint + 1}" if end.joint >= 0 else ""
+    return (
+        f" {end.implausible} of its messages told a position that cannot be{joint}, "
+        f"{1e3 * end.since_implausible:.0f} ms before the end: the cabinet may have "
+        "ended it for that, or for what was sent back."
     )
 
 

@@ -32,6 +32,8 @@ def find_loss(servo: "_core.ServoLoop", state: "_core.ServoState") -> Loss | Non
     datagram, message = servo.since_datagram(), servo.since_message()
     if received == 0 or math.isinf(datagram):
         return None
+    if math.isinf(message) and servo.last_not_finite():
+        return _unreadable(servo, message)
     is_closed = state.last_session == 0 and not math.isinf(message)
     if datagram < GONE and not is_closed:
         return _unreadable(servo, message - datagram)
@@ -67,13 +69,14 @@ def _unreadable(servo: "_core.ServoLoop", age: float) -> Loss | None:
         before = "none could ever be read"
     else:
         before = f"the last that could be read came {age:.1f} s before the newest"
-    if "not finite" in why:
+    if field := servo.last_not_finite():
         return Loss(
             "unreadable",
-            f"the cabinet sends values that are no numbers: {count} datagrams could "
-            f"not be used, {before}: {why}. The FRI version is right. Usually a joint "
-            "sensor or its referencing is lost, or a simulation has diverged: look at "
-            "the smartPAD, restart the cabinet, do not move the arm before",
+            f"the cabinet sends values that are no numbers: {field} is not a finite "
+            f"number. {count} datagrams could not be used, {before}. The FRI version "
+            "is right. Usually a joint sensor or its referencing is lost, or a "
+            "simulation has diverged: look at the smartPAD, restart the cabinet, do "
+            "not move the arm before",
         )
     if math.isinf(age):
         return None  # a wrong version, most likely

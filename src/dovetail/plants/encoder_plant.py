@@ -16,14 +16,22 @@ if TYPE_CHECKING:
 
 
 class _Watched:
-    """A controller whose last commanded acceleration can be read."""
+    """A controller whose last commanded acceleration can be read.
 
-    def __init__(self, controller: "_core.Controller") -> None:
+    What it does not believe is taken back from the observer, as behind FRI.
+    """
+
+    def __init__(
+        self, controller: "_core.Controller", observer: "_core.VelocityObserver"
+    ) -> None:
         self._controller = controller
+        self._observer = observer
         self.a: Vec7 = np.zeros(7)
 
     def step(self, q: Vec7, dq: Vec7, target: "_core.Target") -> "_core.StepResult":
         result = self._controller.step(q, dq, target)
+        if result.flags.implausible:
+            self._observer.take_back()
         self.a = result.a
         return result
 
@@ -87,7 +95,7 @@ class EncoderPlant(WrappedPlant[Plant]):
         period: float,
     ) -> tuple[Array, Vec7, Vec7]:
         """Run the controller against the plant; see `Plant.run_cycles`."""
-        watched = _Watched(controller)
+        watched = _Watched(controller, self._observer)
         seen = _Seen(self, watched)
         return run_cycles(seen, watched, target, cycles, period, self._time)
 
