@@ -96,9 +96,8 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     given = parser.parse_args()
     ranges = tomllib.loads(RANGES.read_text()) if RANGES.exists() else {}
-    print(
-        f"| disturbance | policy | within | successes of {3 * given.tries} (peak, p95) |"
-    )
+    count = 3 * given.tries
+    print(f"| disturbance | policy | within | successes of {count} (p95 of peaks) |")
     print("|---|---|---|---|")
     for name in given.disturbance or VALUES:
         kind = DISTURBANCES[name]
