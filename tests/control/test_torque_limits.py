@@ -10,11 +10,12 @@ import pytest
 import dovetail
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
-from dovetail.control.available import check_torque, largest_gravity
+from dovetail.control.available import largest_gravity
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
+from dovetail.control.torque_limits import check_torque
 from dovetail.errors import ConfigError, TorqueError, UnprovenWarning
 
 TASK = "XYZ:force ABC:hold"

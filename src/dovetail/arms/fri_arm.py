@@ -25,9 +25,9 @@ from dovetail.arms.reset_motion import TICK
 from dovetail.arms.servo_params import servo_params
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
-from dovetail.control.available import check_torque
 from dovetail.control.config import check_period
 from dovetail.control.settings import ControllerSettings
+from dovetail.control.torque_limits import check_torque
 from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
 from dovetail.poses import Pose

@@ -1,18 +1,16 @@
 """What the motors can give, beside what gravity and speed take: with this payload."""
 
-import warnings
 from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from dovetail.errors import TorqueError, UnprovenWarning
+from dovetail.errors import TorqueError
 from dovetail.types import JOINTS, Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.control.config import LimitConfig
     from dovetail.robots.robot import Robot
 
 REFERENCE = np.array([15.0, 15.0, 15.0, 15.0, 20.0, 20.0, 20.0])
@@ -21,7 +19,6 @@ REFERENCE = np.array([15.0, 15.0, 15.0, 15.0, 20.0, 20.0, 20.0])
 _SAMPLES = 1000
 _RESERVE = 0.9  # the sampled worst case is not the worst case
 _SHARE_MIN = 0.2  # below this, braking distances grow past use
-_GRAVITY_ROOM = 1.2  # times gravity: less is warned of
 _SWEEPS = 3  # over the joints, in search of the configuration where gravity is largest
 
 Numbers = tuple[float, ...]
@@ -62,7 +59,7 @@ def available_acceleration(
             and what to change.
     """
     limits = robot.limits
-    at = _samples(robot, *map(_key, (limits.q_min, limits.q_max, limits.dq_max)))
+    at = samples(robot, *map(as_key, (limits.q_min, limits.q_max, limits.dq_max)))
     bias = np.abs(at.coriolis) + np.asarray(damping) * np.abs(at.dq)
     moved = (at.inertia + np.diag(armature)) @ REFERENCE
     shares = (np.asarray(tau_max) - bias - np.abs(at.gravity)) / moved
@@ -73,60 +70,6 @@ def available_acceleration(
         needed = _SHARE_MIN / _RESERVE * float(moved[row, joint])
         raise _too_little(robot, at, row, joint, torque, viscous, needed)
     return share * REFERENCE
-
-
-def check_torque(robot: "Robot", limits: "LimitConfig") -> None:
-    """Refuse torque limits that cannot hold the arm; warn of those that barely can.
-
-    It is called wherever a controller is built.
-
-    Args:
-        robot: The controller's model, tool and payload included.
-        limits: Limits for it.
-
-    Raises:
-        TorqueError: Gravity takes the whole torque of a joint somewhere inside its
-            limits; names the joint, its torque and what gravity takes.
-    """
-    joints, model = limits.joints, limits.prediction
-    span = tuple(map(_key, (joints.q_min, joints.q_max, joints.dq_max)))
-    gravity, tau_max = largest_gravity(robot, *span), np.asarray(joints.tau_max)
-    enough = _GRAVITY_ROOM * gravity
-    if (gravity >= tau_max).any():
-        i = int(np.argmax(gravity / tau_max))
-        raise TorqueError(
-            f"tau_max[{JOINTS[i]}] is {tau_max[i]:g} Nm; gravity alone takes up to "
-            f"{gravity[i]:.3g} Nm there inside the joint limits of {robot.name}"
-            f"{_carrying(robot)}: the arm would fall. Give at least {enough[i]:.3g} "
-            "Nm, a lighter tool, or a narrower q_min and q_max",
-            JOINTS[i],
-            "gravity",
-            {"gravity": float(gravity[i])},
-        )
-    if (enough > tau_max).any():
-        i = int(np.argmax(gravity / tau_max))
-        warnings.warn(
-            f"tau_max[{JOINTS[i]}] is {tau_max[i]:g} Nm, of which gravity takes up to "
-            f"{gravity[i]:.3g} Nm; less than {_GRAVITY_ROOM:g} times that is unproven: "
-            f"give at least {enough[i]:.3g} Nm",
-            UnprovenWarning,
-            stacklevel=3,
-        )
-        return
-    at = _samples(robot, *span)
-    braking = (at.inertia + np.diag(model.armature)) @ (joints.eta * joints.ddq_max)
-    bias = np.abs(at.coriolis) + model.damping * np.abs(at.dq)
-    most = (braking + bias + np.abs(at.gravity)).max(axis=0)
-    if (most > tau_max).any():
-        i = int(np.argmax(most / tau_max))
-        warnings.warn(
-            f"tau_max[{JOINTS[i]}] is {tau_max[i]:g} Nm; to brake from full speed "
-            f"takes up to {most[i]:.3g} Nm, gravity included: less is unproven; lower "
-            f"dq_max ({joints.dq_max[i]:.3g} rad/s) or ddq_max "
-            f"({joints.ddq_max[i]:.3g} rad/s2)",
-            UnprovenWarning,
-            stacklevel=3,
-        )
 
 
 @lru_cache(maxsize=64)
@@ -144,7 +87,7 @@ def largest_gravity(
         q_max: Upper joint limits [rad].
         dq_max: Joint speed limits [rad/s], of the samples.
     """
-    chain, at = robot.chain(), _samples(robot, q_min, q_max, dq_max)
+    chain, at = robot.chain(), samples(robot, q_min, q_max, dq_max)
     worst = np.empty(7)
     for i in range(7):
         q = at.q[int(np.argmax(np.abs(at.gravity[:, i])))].copy()
@@ -172,9 +115,10 @@ def _worst_angle(
 
 
 @lru_cache(maxsize=16)
-def _samples(
+def samples(
     robot: "Robot", q_min: Numbers, q_max: Numbers, dq_max: Numbers
 ) -> _Samples:
+    """Return configurations and speeds inside of limits, and the torques there."""
     chain, rng = robot.chain(), np.random.default_rng(0)
     rows = []
     for _ in range(_SAMPLES):
@@ -185,7 +129,8 @@ def _samples(
     return _Samples(*(np.array(column) for column in zip(*rows, strict=True)))
 
 
-def _key(values: Vec7) -> Numbers:
+def as_key(values: Vec7) -> Numbers:
+    """Return values as a tuple, which a cache takes as a key."""
     return tuple(map(float, values))
 
 
@@ -255,7 +200,8 @@ def _payload_alone(robot: "Robot") -> "_core.Chain":
     return replace(robot, links=links).chain()
 
 
-def _carrying(robot: "Robot") -> str:
+def carrying(robot: "Robot") -> str:
+    """Name a robot's payload for a message; empty where it has none."""
     return (
         "" if robot.payload is None else f" with its {robot.payload.mass:g} kg payload"
     )

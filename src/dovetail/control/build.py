@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from dovetail.control.available import check_torque
 from dovetail.control.config import LimitConfig, OscConfig, check_period
 from dovetail.control.task_spec import TaskSpec
+from dovetail.control.torque_limits import check_torque
 
 if TYPE_CHECKING:
     from dovetail import _core
