@@ -4,8 +4,8 @@ One hostile client has the address that drives: it holds the driver's seat, pres
 Resume and Start as fast as a page may, and sends garbage in between, such as attributes
 of the STOP button. Another has the address that watches, and only garbage. A third has
 no token and knocks. Each runs in a process of its own. A viewer presses STOP again and
-again; with ``--browser`` in a real Chromium. Printed is how many stops held the arm,
-for at least `HELD` seconds whatever was pressed, and how long they took.
+again. Printed is how many stops held the arm, for at least `HELD` seconds whatever was
+pressed, and how long they took.
 """
 
 import argparse
@@ -137,10 +137,7 @@ class Watch:
 
 
 def stop_under_attack(
-    session: Session,
-    server: PageServer,
-    count: int,
-    press: Callable[[], None] | None = None,
+    session: Session, server: PageServer, count: int
 ) -> list[float | str]:
     """Press STOP so often; return how long each took [s], or what went wrong.
 
@@ -148,15 +145,13 @@ def stop_under_attack(
         session: Runs the arm.
         server: Of its page.
         count: Tries.
-        press: Presses STOP; None is a viewer without a browser.
     """
     viewer = Client(server.watch_address)
     watch, tries = Watch(session), []
     try:
         with attacked(server):
-            do = press or (lambda: viewer.press(STOP))
             while len(tries) < count:
-                result = _stop_once(session, watch, do)
+                result = _stop_once(session, watch, lambda: viewer.press(STOP))
                 if result is not None:
                     tries.append(result)
         return tries
@@ -216,27 +211,11 @@ def moment(session: Session) -> Moment:
     return session.moment
 
 
-@contextmanager
-def browser_press(server: PageServer) -> Iterator[Callable[[], None]]:
-    """Give what clicks STOP in a real browser that watches."""
-    from cockpit_browser import button, open_browser
-
-    browser: Any = open_browser()
-    browser.get(server.watch_address)
-    try:
-        wait_for(lambda: button(browser, "STOP"), 60.0)
-        time.sleep(2.0)
-        yield lambda: button(browser, "STOP").click()
-    finally:
-        browser.quit()
-
-
 def main() -> None:
     """Measure, and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tries", type=int, default=1000)
     parser.add_argument("--twin", default="medium")
-    parser.add_argument("--browser", action="store_true")
     parser.add_argument("--attack", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.attack:
@@ -246,11 +225,7 @@ def main() -> None:
     page = Page(server, session)
     print(f"load before {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
     try:
-        if asked.browser:
-            with browser_press(server) as press:
-                took = stop_under_attack(session, server, asked.tries, press)
-        else:
-            took = stop_under_attack(session, server, asked.tries)
+        took = stop_under_attack(session, server, asked.tries)
     finally:
         page.close()
         session.close()
@@ -261,7 +236,7 @@ def main() -> None:
         print(f"  {count} times {problem}")
     if held:
         print(
-            f"until it is held: median {statistics.median(held):.1f} ms, p95 "
+            f"until the session holds it: median {statistics.median(held):.1f} ms, p95 "
             f"{held[int(0.95 * (len(held) - 1))]:.1f} ms, longest {held[-1]:.1f} ms"
         )
     print(f"{server.gate.refused} hostile messages were dropped")
