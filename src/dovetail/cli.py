@@ -1,7 +1,6 @@
 """The command `dovetail`: finds the subcommand, runs it, and words its errors."""
 
 import errno
-import gc
 import importlib
 import os
 import sys
@@ -55,6 +54,10 @@ _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
 """What the standard output fails with: a full device, a reader that has gone."""
 
 
+_INTERRUPTED = 130
+"""Exit code after Ctrl-C, as a shell gives it."""
+
+
 def main(argv: Sequence[str] | None = None) -> None:
     """Run `dovetail` with command-line words and leave with its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
@@ -70,7 +73,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(f"dovetail: cannot write the output: {reason}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 2
-    gc.freeze()  # or Python's last collections walk all of JAX, which takes seconds
+    if code == _INTERRUPTED and "jax" in sys.modules:
+        # A run is closed by now, and Python's own end walks all of JAX for seconds.
+        sys.stderr.flush()
+        os._exit(code)
     sys.exit(code)
 
 
@@ -103,7 +109,7 @@ def run(words: list[str]) -> int:
         return 2
     except KeyboardInterrupt:
         print("dovetail: interrupted", file=sys.stderr)
-        return 130
+        return _INTERRUPTED
 
 
 def _run_command(name: str, words: list[str]) -> int:
