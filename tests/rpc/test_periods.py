@@ -30,7 +30,7 @@ def play(**options):
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_arm_moves_as_one_in_this_process_at_every_period(simulation, period):
     address = f"{simulation.url}&period={1e3 * period:g}ms"
-    remote, here = play(arm=address), play(period=period)
+    remote, here = play(arm=address, tare=False), play(period=period, tare=False)
     assert len(remote) == len(here) == round(3 * 0.05 / period)
     columns = slice(COLUMN["time"], COLUMN["q7"] + 1)
     np.testing.assert_allclose(remote[:, columns], here[:, columns], atol=1e-12)

@@ -52,14 +52,14 @@ def read_motors(
     for fact in ("damping", "armature"):
         said = file.said.get(fact, frozenset())
         silent = [i for i, n in enumerate(names) if not said & {n, "*"}]
-        read[fact][silent] = getattr(usual, fact)[silent]
+        read[fact][silent] = vars(usual)[fact][silent]
         if silent:
             unit = {"damping": "Nms/rad", "armature": "kg m2"}[fact]
             which = (
                 "any joint" if len(silent) == 7 else listed([names[i] for i in silent])
             )
             lacks.append(
-                f"{fact} of {which} ({getattr(usual, fact)[0]:g} {unit} is assumed)"
+                f"{fact} of {which} ({vars(usual)[fact][0]:g} {unit} is assumed)"
             )
     notes = []
     if lacks:
