@@ -205,6 +205,7 @@ def _describe(
         "period": facts.period,
         "fixture": [place.x, place.y, place.z, place.theta],
         "arm": parse_address(config.place.arm).text,
+        "tare": False,  # a motion without it is what a replay repeats
         "commands": {
             "f_scale": action.f_scale,
             "f_scale_angular": action.f_scale_angular,
