@@ -144,7 +144,7 @@ class Case:
                 dq = self.observer.update(seen, a) if k else self.observer.dq
             result = arm.controller.step(seen, dq, target)
             if self.observer is not None and result.flags.implausible:
-                self.observer.take_back()
+                self.observer.doubt()
             step = float(np.abs(result.tau - tau).max())
             tau, a = result.tau, result.a
             is_bad = bool(error.any())

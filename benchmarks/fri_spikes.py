@@ -80,6 +80,7 @@ class SpikedWire(Wire):
             return payload
         version = self._version
         message = _core.FriMonitoring.decode(version, payload)
+        assert message.q_measured is not None
         message.q_measured = message.q_measured + error
         return message.encode(version)
 
@@ -194,8 +195,12 @@ class Case:
         reason = error.reason if error.reason != "motion_ended" else why.split(":")[0]
         self.ends[reason] += 1
         now = self.wire.active - 1
+        self.spikes -= sum(k > now and k - 1 not in errors for k in errors)
         last = max((j for j in errors if j <= now), default=0)
-        text = error.state.stop_text if error.reason != "motion_ended" else why
+        text = why
+        if error.reason != "motion_ended":
+            assert isinstance(error.state, _core.ServoState)
+            text = error.state.stop_text
         self.ended.append(f"{describe(errors[last])}, {now - last} later: {text}")
 
 
@@ -214,7 +219,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--ended", type=int, default=3, help="ends to name in a row")
     args = parser.parse_args()
-    rows = list(itertools.product(args.period, SCENES, args.kinds))
+    rows: list[tuple[float, str, str]] = [
+        row for row in itertools.product(args.period, SCENES, args.kinds)
+    ]
     print(
         "period, situation, spikes         number  ended  step [Nm]  without  "
         "sent speed, of what ends"

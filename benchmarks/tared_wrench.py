@@ -55,7 +55,7 @@ def play(env: Any, seed: int) -> tuple[Array, Array]:
 
 def row(twin: str, *, tare: bool, starts: int) -> str:
     """Return a line of the table."""
-    place = {} if twin == "none" else {"twin": twin}
+    place: dict[str, Any] = {} if twin == "none" else {"twin": twin}
     env = gym.make(
         "dovetail/PegInHole-v0", tare=tare, disable_env_checker=True, **place
     )

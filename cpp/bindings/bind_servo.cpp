@@ -267,8 +267,9 @@ void bind_observer(nb::module_& m) {
           "q"_a, "a"_a, "elapsed"_a = 0.0,
           "Measured q [rad] after elapsed [s] (0: one period) under a [rad/s2]: dq. "
           "What is not finite is not taken.")
-      .def("take_back", &VelocityObserver::take_back,
-           "Undo the last update: its position was not believed.")
+      .def("doubt", &VelocityObserver::doubt,
+           "The last position was not believed: forgotten if the next is where it was "
+           "expected before.")
       .def_prop_ro("dq", &VelocityObserver::dq, nb::rv_policy::copy, "[rad/s]");
 }
 

@@ -35,7 +35,7 @@ struct Side {
     elapsed += controller.period();
     if (observer) dq = observer->update(q, a, elapsed);
     const StepResult result = controller.step(q, dq, target, elapsed);
-    if (observer && result.flags.implausible) observer->take_back();
+    if (observer && result.flags.implausible) observer->doubt();
     tau = result.tau;
     a = result.a;
     flags = result.flags;

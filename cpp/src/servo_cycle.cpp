@@ -272,7 +272,7 @@ ServoCycle::Action ServoCycle::receive_active(const fri::SessionStep& step) noex
   return Action::kAnswer;
 }
 
-/// What the controller believes of what was measured; what it does not is taken back.
+/// What the controller believes of what was measured.
 void ServoCycle::note_belief(const Vec7& q) noexcept {
   const StateCheck& check = controller_.state();
   q_measured_ = q;
@@ -281,7 +281,7 @@ void ServoCycle::note_belief(const Vec7& q) noexcept {
   state_.dq = check.dq();
   state_.is_plausible = check.implausible() == 0;
   if (state_.is_plausible) return;
-  observer_.take_back();
+  observer_.doubt();
   ++state_.implausible;
   implausible_at_ = state_.time;
   implausible_joint_ = check.joint();

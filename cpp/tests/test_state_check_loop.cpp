@@ -103,7 +103,7 @@ BOOST_AUTO_TEST_CASE(a_burst_of_wrong_positions_is_worth_a_bounded_step_and_is_o
         const Vec7 seen = loop.plant.q() + (is_bad ? Vec7(sign * error) : Vec7::Zero());
         const Vec7 dq = k == 0 ? observer.dq() : observer.update(seen, before.a);
         const StepResult result = loop.controller.step(seen, dq, loop.target);
-        if (result.flags.implausible) observer.take_back();
+        if (result.flags.implausible) observer.doubt();
         if (k >= first && k <= last + 10) {
           worst = std::max(worst, (result.tau - before.tau).cwiseAbs().maxCoeff());
         }

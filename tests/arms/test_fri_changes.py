@@ -43,9 +43,9 @@ def end_of(arm):
     return pytest.fail("the arm's steps do not end")
 
 
-@pytest.fixture(params=["lockstep", "wall"])
-def arm(request):
-    arm = make_arm(clock=request.param, cabinet={"clock": request.param})
+@pytest.fixture
+def arm():
+    arm = make_arm()
     arm.reset(START, HOLE)
     arm.step(HOLD)
     yield arm
@@ -88,8 +88,7 @@ def test_a_stop_of_the_cabinet_stops_the_arm_in_that_message(arm, said, reason):
     assert error.state.is_stopped
     rows = arm.monitoring().rows - before
     flags = arm.recent(rows * PERIOD)[:, COLUMN["flags"]].astype(np.int64)
-    late = 1 if arm._is_lockstep else 3  # on their way already
-    assert (flags[late:] & FLAG_MASK["stopped"]).all()
+    assert (flags[1:] & FLAG_MASK["stopped"]).all()  # one was on its way
     with pytest.raises(ArmError) as again:
         arm.step(HOLD)
     assert again.value.reason == reason

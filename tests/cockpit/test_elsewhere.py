@@ -167,7 +167,7 @@ def test_a_start_right_after_a_demonstration_was_kept_goes_on(session):
 def test_an_arm_elsewhere_that_was_stopped_before_its_first_reset_goes_on_later(
     make_session, service
 ):
-    session = make_session(place=f"grpc://{service.address}")
+    session = make_session(place=service.url)
     session.stop()
     session.reset()
     resume(session)

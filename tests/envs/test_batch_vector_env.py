@@ -271,7 +271,7 @@ def test_close_ends_the_threads():
         ({"threads": 0}, "threads is 0"),
         ({"arm": object()}, "arm is an object, which 2 environments would share"),
         ({"clearance": -1.0}, "clearance"),
-        ({"wings": 2}, "no settings wings"),
+        ({"wings": 2}, "unexpected keyword argument 'wings'"),
     ],
 )
 def test_wrong_settings_are_refused(settings, words):

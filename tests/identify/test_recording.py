@@ -123,7 +123,7 @@ def test_without_a_force_the_pegs_place_tells_of_contact():
 
 def touching_start():
     """Configuration with the peg's end on the block beside the hole [rad]."""
-    pose = Pose(np.array([0.63, 0.0, 0.0895]), tool_down(0.0))
+    pose = Pose(np.array([0.63, 0.0, 0.08985]), tool_down(0.0))
     return find_cell().loaded_robot().inverse_kinematics(pose, iiwa14().posture("down"))
 
 

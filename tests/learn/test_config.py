@@ -53,7 +53,7 @@ def test_a_task_with_a_field_called_as_a_setting_is_refused(name):
 
 
 def test_a_name_that_is_no_setting_is_refused_with_the_one_that_is_meant():
-    with pytest.raises(ConfigError, match=r"of a training: step; .* you mean steps\?"):
+    with pytest.raises(ConfigError, match=r"step \(did you mean steps\?\)"):
         TrainConfig.of(step=5)
     with pytest.raises(ConfigError, match=r"of a training: engine, twin; known: steps"):
         TrainConfig.of(twin="easy", engine="bullet")  # a program's, not an option
@@ -110,7 +110,7 @@ def test_task_and_clearance_are_the_environments_own():
 @pytest.mark.parametrize("name", ["dovetail/Nut-v0", "CartPole-v1", "peg"])
 def test_an_unknown_environment_lists_the_known_ones(name):
     known = "dovetail/PegInHole-v0, dovetail/RailClip-v0"
-    with pytest.raises(ConfigError, match=f"'{name}' is unknown; known: {known}"):
+    with pytest.raises(ConfigError, match=f"'{name}' is unknown.*; known: {known}"):
         TrainConfig.of(env=name)
 
 

@@ -16,10 +16,9 @@
 /// What one measurement may correct is bounded by what noise and an acceleration that
 /// the model does not know explain: a wrong one is worth no more.
 ///
-/// A position that is none (input.hpp) is not taken, and one that was not believed is
-/// taken back: the next one counts for both intervals, and nothing of it stays. From
-/// the third in a row on positions are followed again, for the arm may be there, but
-/// the speed is the predicted one.
+/// A position that is none (input.hpp) is not taken: the next one counts for both
+/// intervals, and nothing of it stays. So it is with one that was not believed, if the
+/// next is where it was expected before. If not, the arm may be there: it is followed.
 #pragma once
 
 #include <algorithm>
@@ -52,47 +51,35 @@ class VelocityObserver {
   void reset(const Vec7& q) noexcept {
     if (is_configuration(q)) q_ = q;
     dq_.setZero();
-    waited_ = waited_before_ = 0.0;
-    q_before_ = q_;
-    dq_before_ = dq_predicted_ = dq_;
-    doubted_ = 0;
+    waited_ = 0.0;
+    believed_ = {q_, dq_, 0.0};
     is_doubted_ = false;
   }
 
   /// Takes the measured q [rad] after `elapsed` [s] under the acceleration a [rad/s2],
   /// and returns the velocity [rad/s] at its end.
   const Vec7& update(const Vec7& q, const Vec7& a, double elapsed) noexcept {
-    if (!is_doubted_) doubted_ = 0;
+    const double step =
+        elapsed > kShortestTime && std::isfinite(elapsed) ? elapsed : period_;
+    const bool was_doubted = is_doubted_;
     is_doubted_ = false;
-    waited_ += elapsed > kShortestTime && std::isfinite(elapsed) ? elapsed : period_;
-    q_before_ = q_;
-    dq_before_ = dq_;
-    waited_before_ = waited_;
+    if (!was_doubted) believed_ = {q_, dq_, waited_};
+    waited_ += step;
+    believed_.waited += step;
     if (!is_configuration(q) || !a.allFinite()) return dq_;
+    if (was_doubted) go_back(q, a);
     const double T = waited_;
     waited_ = 0.0;
-    dq_predicted_ = dq_ + T * a;
     const Vec7 predicted = q_ + T * dq_ + (0.5 * T * T) * a;
-    const double most = kLargestNoise + 0.5 * kLargestUnknown * T * T;
-    const Vec7 surprise = (q - predicted).cwiseMax(-most).cwiseMin(most);
+    const Vec7 surprise = (q - predicted).cwiseMax(-most(T)).cwiseMin(most(T));
     const double gain = std::min(1.0, gain_ * T / period_);
     dq_ += T * a + (gain / T) * surprise;
     q_ = q;
     return dq_;
   }
 
-  /// The position that was taken last was not believed. Once for each at most.
-  void take_back() noexcept {
-    if (is_doubted_) return;
-    is_doubted_ = true;
-    if (++doubted_ <= kBridged) {
-      q_ = q_before_;
-      dq_ = dq_before_;
-      waited_ = waited_before_;
-    } else if (waited_ == 0.0) {
-      dq_ = dq_predicted_;
-    }
-  }
+  /// The position that was taken last was not believed.
+  void doubt() noexcept { is_doubted_ = true; }
 
   /// The same after one period.
   const Vec7& update(const Vec7& q, const Vec7& a) noexcept {
@@ -106,19 +93,34 @@ class VelocityObserver {
  private:
   static constexpr double kLargestNoise = 2e-4;     // [rad]
   static constexpr double kLargestUnknown = 300.0;  // [rad/s2]
-  static constexpr int kBridged = 2;                // positions in a row
+
+  struct State {
+    Vec7 q, dq;
+    double waited;  // since q [s]
+  };
+
+  /// What one position may correct [rad].
+  static double most(double time) noexcept {
+    return kLargestNoise + 0.5 * kLargestUnknown * time * time;
+  }
+
+  /// Forgets what was not believed, if this position is where it was expected before.
+  void go_back(const Vec7& q, const Vec7& a) noexcept {
+    const double T = believed_.waited;
+    const Vec7 expected = believed_.q + T * believed_.dq + (0.5 * T * T) * a;
+    if ((q - expected).cwiseAbs().maxCoeff() > most(period_)) return;
+    q_ = believed_.q;
+    dq_ = believed_.dq;
+    waited_ = believed_.waited;
+  }
 
   double period_;
   double gain_;
   Vec7 q_ = Vec7::Zero();
   Vec7 dq_ = Vec7::Zero();
-  double waited_ = 0.0;  // since q_ [s]
-  Vec7 q_before_ = Vec7::Zero();
-  Vec7 dq_before_ = Vec7::Zero();
-  Vec7 dq_predicted_ = Vec7::Zero();
-  double waited_before_ = 0.0;
-  int doubted_ = 0;          // positions in a row that were not believed
-  bool is_doubted_ = false;  // the last one was not
+  double waited_ = 0.0;                              // since q_ [s]
+  State believed_{Vec7::Zero(), Vec7::Zero(), 0.0};  // before what is in doubt
+  bool is_doubted_ = false;                          // the last position
 };
 
 }  // namespace dovetail

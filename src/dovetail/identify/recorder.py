@@ -148,6 +148,7 @@ def record(
         f_scale=motions.f_scale,
         force_damping=motions.force_damping,
         near_press=ApproachLimits.near_press,  # none: motions are as they were drawn
+        tare=False,  # a motion without it is what a replay repeats
         **vars(config.declared),
     )
     cell = task.workcell(find_robot(where.robot))
@@ -205,7 +206,7 @@ def _describe(
         "period": facts.period,
         "fixture": [place.x, place.y, place.z, place.theta],
         "arm": parse_address(config.place.arm).text,
-        "tare": False,  # a motion without it is what a replay repeats
+        "tare": env.is_tared,
         "commands": {
             "f_scale": action.f_scale,
             "f_scale_angular": action.f_scale_angular,

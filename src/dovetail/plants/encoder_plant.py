@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class _Watched:
     """A controller whose last commanded acceleration can be read.
 
-    What it does not believe is taken back from the observer, as behind FRI.
+    What it does not believe the observer doubts, as behind FRI.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class _Watched:
     def step(self, q: Vec7, dq: Vec7, target: "_core.Target") -> "_core.StepResult":
         result = self._controller.step(q, dq, target)
         if result.flags.implausible:
-            self._observer.take_back()
+            self._observer.doubt()
         self.a = result.a
         return result
 
