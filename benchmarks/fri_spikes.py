@@ -219,9 +219,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--ended", type=int, default=3, help="ends to name in a row")
     args = parser.parse_args()
-    rows: list[tuple[float, str, str]] = [
-        row for row in itertools.product(args.period, SCENES, args.kinds)
-    ]
+    rows: list[tuple[float, str, str]]
+    rows = list(itertools.product(args.period, SCENES, args.kinds))
     print(
         "period, situation, spikes         number  ended  step [Nm]  without  "
         "sent speed, of what ends"

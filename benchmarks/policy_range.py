@@ -106,8 +106,10 @@ def main() -> None:
             within = "none" if last is None else f"{kind.scale * last:g} {kind.unit}"
             words = f"{kind.words} [{kind.unit}]"
             print(f"| {words} | `{policy}` | {within} | {', '.join(cells)} |")
+            known = ranges.setdefault(policy, {})
+            known.pop(name, None)
             if last is not None:
-                ranges.setdefault(policy, {})[name] = last
+                known[name] = last
     if given.write:
         lines = [
             "# How hard a try may be for each shipped policy, as measured; smaller is",

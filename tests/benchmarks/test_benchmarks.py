@@ -62,6 +62,11 @@ TINY = {
         "worst",
     ),
     "felt_delay": ("--twins easy --periods 0.005 --delays 0.005", "worst error"),
+    "felt_spring": (
+        "--clock lockstep --periods 5 --stiffness 200 --damping 0.7 --repeats 1",
+        "5 ms 200 Nm/rad 0.7: cabinet's spring",
+    ),
+    "fri_spikes": ("--spikes 4 --period 0.005 --kinds single", "spikes"),
     "fri_loop": ("--seconds 0.2", "x real time"),
     "fuzz_arm": ("--count 100", "100"),
     "fuzz_cabinet": ("--count 100", "100"),
@@ -75,6 +80,10 @@ TINY = {
         "lockstep",
     ),
     "period_table": ("--tries 1 --twin none --period 5ms --push 0", "| none"),
+    "policy_range": (
+        "--tries 1 --policy peg_square --disturbance push",
+        "| `peg_square` |",
+    ),
     "rendering": ("--frames 5", "ratio"),
     "resting_noise": ("--period 0.005 --plants mujoco", "mujoco"),
     "standing_still": ("--minutes 0.001 --twin none", "tool"),

@@ -7,7 +7,6 @@ Run as a program in a folder it writes the files there, and gives each of them t
 import itertools
 import json
 import os
-import resource
 import sys
 import time
 from pathlib import Path
@@ -20,6 +19,14 @@ NAMES = itertools.pairwise("abcdefghi")
 LAUGHS = '<!DOCTYPE r [<!ENTITY a "ha">{}]>'.format(
     "".join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in NAMES)
 )
+
+
+def peak_bytes():
+    """Most memory since this program began; getrusage counts what started it, too."""
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM"):
+            return 1024 * int(line.split()[1])
+    raise OSError("no VmHWM in /proc/self/status")
 
 
 def chain(count):
@@ -231,14 +238,13 @@ def main():
         words = ["identify", "record", "--robot", f"hostile_arms:arm{i}", "--out", "x"]
         is_loaded = Path(name).stem in loaded
         code = run(words) if not is_loaded else _load(f"hostile_arms:arm{i}")
-        used = resource.getrusage(resource.RUSAGE_SELF)
         _say(
             {
                 "name": name,
                 "code": code,
                 "is_loaded": is_loaded,
                 "seconds": time.process_time() - begin,
-                "bytes": 1024 * used.ru_maxrss,
+                "bytes": peak_bytes(),
             }
         )
 
