@@ -191,3 +191,18 @@ def test_without_a_policy_an_arm_elsewhere_is_led(make_session, service):
     wait_until(lambda: session.moment.tool.position[2] > begin[2] + 0.02)
     session.guide.let_go()
     wait_until(lambda: session.status.mode == "held")
+
+
+@pytest.mark.parametrize("is_pressed", [True, False])
+def test_only_a_pressed_stop_outlives_the_cockpit(make_session, service, is_pressed):
+    session = make_session(place=service.url)
+    session.reset()
+    wait_until(lambda: session.status.mode == "held")
+    session.stop(is_pressed=is_pressed)
+    session.close()
+    again = make_session(place=service.url)
+    again.reset()
+    if is_pressed:
+        wait_until(lambda: "is stopped" in again.status.note)
+    else:
+        wait_until(lambda: again.status.mode == "held")

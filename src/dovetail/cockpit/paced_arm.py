@@ -161,8 +161,11 @@ class PacedArm:
 
     def clear(self) -> None:
         """End a stop; nothing happens while a STOP of a person holds."""
-        if self._is_stopped():
-            return
+        if not self._is_stopped():
+            self.end_hold()
+
+    def end_hold(self) -> None:
+        """End a stop, a person's STOP, too."""
         self._arm.clear()
         self._hold, self._is_held = None, False
 

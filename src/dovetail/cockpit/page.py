@@ -158,7 +158,7 @@ class Page:
             self._session.use_mouse(False)
             self._session.guide.let_go()
             if not self._keeps_running:
-                self._session.stop()
+                self._session.stop(is_pressed=False)
 
     # -- drawing -------------------------------------------------------------------
 

@@ -6,6 +6,7 @@ acts within a slice of 10 ms, everything else between two policy steps. After a 
 nothing moves the arm until `resume`, and what was wished for before it is forgotten.
 """
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -74,6 +75,7 @@ class Session:
         self._note = ""
         self._stop_lock = threading.Lock()
         self._is_stopped, self._stops, self._stopped_at = False, 0, 0.0
+        self._is_pressed = False
         self.moment: Moment | None = None
         """The newest slice; None before the first reset."""
         self.violations = 0
@@ -84,7 +86,7 @@ class Session:
             begin=lambda: self._install(choice),
             turn=self._take_turn,
             fail=self._fail,
-            end=lambda: self._env.close(),
+            end=self._release,
         )
 
     # -- what a person wishes; from any thread -----------------------------------
@@ -93,10 +95,16 @@ class Session:
         """Let the policy move the arm; after a success, from a new start."""
         self._wish(self._start)
 
-    def stop(self) -> None:
-        """Hold the arm now, not at the end of the step, and until `resume`."""
+    def stop(self, *, is_pressed: bool = True) -> None:
+        """Hold the arm now, not at the end of the step, and until `resume`.
+
+        Args:
+            is_pressed: Whether a person pressed STOP: an arm behind a service then
+                stays stopped after this program has ended.
+        """
         with self._stop_lock:
             self._is_stopped = True
+            self._is_pressed = self._is_pressed or is_pressed
             self._stops += 1
             self._stopped_at = time.monotonic()
         self.hand.let_go()
@@ -112,6 +120,7 @@ class Session:
         with self._stop_lock:
             is_soon = time.monotonic() - self._stopped_at < RESUME_AFTER
             self._is_stopped = self._is_stopped and is_soon
+            self._is_pressed = self._is_pressed and is_soon
 
     @property
     def is_stopped(self) -> bool:
@@ -272,6 +281,13 @@ class Session:
         self._thread.end()
         self.guide.take_mouse(None)
         self.diary.close()
+
+    def _release(self) -> None:
+        """Give the arm back, held; a service holds what its learner has left."""
+        if not self._is_pressed:
+            with contextlib.suppress(DovetailError):
+                self._arm.end_hold()
+        self._env.close()
 
     # -- the loop -----------------------------------------------------------------
 

@@ -237,7 +237,7 @@ def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
             f"workers is {workers}, but there is one arm at {where.arm}; needs 1"
         )
     require_place(config, can_place=arm.places_fixture)
-    return arm.with_approach() if where.approach else arm.text
+    return arm.with_approach() if where.approach else str(where.arm)
 
 
 def require_place(config: EvaluationConfig, *, can_place: bool) -> None:

@@ -106,6 +106,9 @@ def describe_origin(
         policy: The policy's description.
         started: When the tries began.
     """
+    if config.place.arm is not None:
+        arm = {"arm": _address(config).text}  # without its token
+        config, options = config.having(**arm), {**options, **arm}
     return Origin(
         config=describe_settings(config, options, poses),
         policy=policy,

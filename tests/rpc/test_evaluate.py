@@ -1,0 +1,22 @@
+"""`dovetail evaluate` on a service: the token opens it, and is in no file."""
+
+from rich.console import Console
+
+from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.evaluate.config import EvaluationConfig
+from dovetail.evaluate.evaluation import evaluate
+
+
+def test_the_address_with_the_token_is_enough_and_the_token_is_written_nowhere(
+    simulation, tmp_path
+):
+    out = tmp_path / "out"
+    config = EvaluationConfig.of(
+        policy="peg_square", arm=simulation.url, tries=1, out=out, accept_contact=True
+    )
+    evaluate(config, Console(quiet=True))
+    token = GrpcAddress.parse(simulation.url).token
+    assert token
+    files = [path for path in out.rglob("*") if path.is_file()]
+    assert any(simulation.address.encode() in path.read_bytes() for path in files)
+    assert not [path for path in files if token.encode() in path.read_bytes()]
