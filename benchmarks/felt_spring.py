@@ -33,14 +33,11 @@ def free_port(kind: socket.SocketKind) -> int:
 def cabinet(
     options: argparse.Namespace, stiffness: float, damping: float, period: int
 ) -> Iterator[FriAddress]:
-    """Run a cabinet; yields the address of its arm.
-
-    Its motions bear many late answers: a busy machine gives no others.
-    """
+    """Run a cabinet; yields the address of its arm."""
     client, control = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
     words = (
         f"cabinet --twin {options.twin} --period {period}ms --clock {options.clock} "
-        f"--stiffness {stiffness} --damping {damping} --good-from 0.2 --stop-slots 200 "
+        f"--stiffness {stiffness} --damping {damping} {options.cabinet} "
         f"--client 127.0.0.1:{client} --port {free_port(socket.SOCK_DGRAM)} "
         f"--control 127.0.0.1:{control}"
     )
@@ -78,6 +75,11 @@ def main() -> None:
     parser.add_argument("--busy", type=int, default=0, help="processes beside it")
     parser.add_argument("--realtime", action="store_true", help="as on a robot")
     parser.add_argument("--twin", default="medium")
+    parser.add_argument(
+        "--cabinet",
+        default="",
+        help="options of it: '--good-from 0.2 --stop-slots 200' bears late answers",
+    )
     parser.add_argument("--periods", nargs="*", type=int, default=[1, 5], help="[ms]")
     parser.add_argument(
         "--stiffness", nargs="*", type=float, default=[0, 20, 50, 200, 1000]

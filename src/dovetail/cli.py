@@ -5,7 +5,8 @@ import importlib
 import os
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import tyro
@@ -94,6 +95,37 @@ def run(words: list[str]) -> int:
     """
     is_debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
+    with _tokens_aside(words) as words:
+        return _run(words, is_debug=is_debug)
+
+
+@contextmanager
+def _tokens_aside(words: list[str]) -> Iterator[list[str]]:
+    """Move the token of a service's address into this process's environment.
+
+    Addresses are shown on pages, in messages and in logs; children inherit it.
+    """
+    if not any("token=" in word for word in words):
+        yield words
+        return
+    from dovetail.arms.grpc_address import split_token
+    from dovetail.rpc.token import TOKEN
+
+    before, kept = os.environ.get(TOKEN), []
+    for word in words:
+        text, token = split_token(word) if "grpc://" in word else (word, "")
+        kept.append(text)
+        if token:
+            os.environ[TOKEN] = token
+    try:
+        yield kept
+    finally:
+        os.environ.pop(TOKEN, None)
+        if before is not None:
+            os.environ[TOKEN] = before
+
+
+def _run(words: list[str], *, is_debug: bool) -> int:
     if words in (["--version"], ["-V"]):
         print(f"dovetail {dovetail.__version__}")
         return 0

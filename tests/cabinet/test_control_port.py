@@ -144,8 +144,7 @@ def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):
         ({**PLACE, "fixture": {**WHERE, "position": [5, 0, 0.1]}}, "too far"),
         ({**PLACE, "seed": -1}, "seed is -1"),
         ({**PLACE, "seed": "x"}, "seed is 'x'"),
-        ({**PLACE, "seed": 2**70}, "seed is 1180591620717411303424"),
-        ({**PLACE, "q": [10**400, *[0.0] * 6]}, "q[0] is 1000000000000"),
+        ({**PLACE, "seed": 2**63}, "seed is 9223372036854775808"),
         (
             {"do": "push", "force": [1, 2], "duration": 1},
             "force is [1, 2]; give a list",
@@ -172,15 +171,22 @@ def test_a_wrong_request_is_answered_and_changes_nothing(line, request_, message
         b"{",
         b"\xff\xfe\x00",
         b"[" * 30000,
+        b'{"do":' + b"[" * 900 + b"]" * 900 + b"}",
+        b'{"do": "place", "seed": ' + b"9" * 400 + b"}",
+        b"[1, 2]",
+        b"7",
+        b"null",
+        b"{}\n" * 200,
         b"GET / HTTP/1.1",
         b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
     ],
 )
-def test_what_is_not_json_is_answered_with_an_error_and_ends_the_connection(
+def test_what_is_no_json_object_is_answered_with_an_error_and_ends_the_connection(
     cabinet, line, garbage
 ):
     assert not line.send(garbage)["ok"]
-    assert line.file.readline() == b""
+    with suppress(ConnectionResetError):  # what it had still sent was not read
+        assert line.file.readline() == b""
     again = Line(cabinet.control_address)
     assert again.ask(do="status")["ok"]
     again.close()
@@ -189,9 +195,6 @@ def test_what_is_not_json_is_answered_with_an_error_and_ends_the_connection(
 @pytest.mark.parametrize(
     "request_",
     [
-        b"[1, 2]",
-        b"7",
-        b"null",
         b'{"do": NaN}',
         b'{"do": "place", "q": [NaN, 0, 0, 0, 0, 0, 0]}',
     ],

@@ -41,13 +41,21 @@ def server():
     opened.stop()
 
 
-def ask(server, path, headers, way):
+def own_protocol(server):
+    return f"chat, {server.gate.subprotocol}"
+
+
+def ask(server, path, headers, way, protocol=None):
     """Return the status of the answer to a request with exactly these headers."""
     connection = http.client.HTTPConnection(HOST, server.port, timeout=10.0)
     with contextlib.closing(connection):
         connection.putrequest("GET", path, skip_host=True)
         for name, value in [*headers, *WAYS[way].items()]:
             connection.putheader(name, value)
+        if way == "socket":
+            connection.putheader(
+                "Sec-WebSocket-Protocol", protocol or own_protocol(server)
+            )
         connection.endheaders()
         response = connection.getresponse()
         return response.status, response.headers
@@ -124,6 +132,12 @@ def test_a_request_without_a_host_or_with_two_is_refused(server, names, way):
     assert ask(server, path, headers, way)[0] == 403
 
 
+def test_a_page_of_another_viser_is_refused_before_viser_writes_of_it(server):
+    path, headers = f"/{server.gate.drive_token}/", headers_of(server)
+    for protocol in ("viser-v0.1.0", "chat", f"{server.gate.subprotocol}0"):
+        assert ask(server, path, headers, "socket", protocol)[0] == 400
+
+
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize(
     "path",
@@ -149,7 +163,7 @@ def test_without_the_whole_token_nothing_is_shown(server, path, way):
 
 
 def test_the_two_tokens_are_long_random_and_new_each_time(server):
-    other = gate.Gate()
+    other = gate.Gate(server.gate.subprotocol)
     tokens = {server.gate.drive_token, server.gate.watch_token}
     tokens |= {other.drive_token, other.watch_token}
     other.close()
@@ -474,14 +488,30 @@ def test_connections_that_ask_for_nothing_keep_nobody_out(served):
 def test_many_watchers_do_not_keep_the_driver_out(served):
     _, _, server = served
     watchers = [Client(server.watch_address) for _ in range(gate.VIEWERS_MAX)]
-    with pytest.raises(InvalidStatus) as refusal:
-        Client(server.watch_address)
-    assert refusal.value.response.status_code == 503
     driver = Client(server.address)
-    watchers.pop().close()
-    wait_until(lambda: len(server.viser.get_clients()) == gate.VIEWERS_MAX)
-    watchers.append(Client(server.watch_address))
+    wait_until(lambda: len(server.viser.get_clients()) == gate.VIEWERS_MAX + 1)
     for viewer in (driver, *watchers):
+        viewer.close()
+
+
+def test_silent_watchers_do_not_keep_one_more_from_stopping(served):
+    session, _, server = served
+    silent = [Client(server.watch_address) for _ in range(3 * gate.VIEWERS_MAX)]
+    wait_until(lambda: len(server.viser.get_clients()) == gate.VIEWERS_MAX)
+    late = Client(server.watch_address)
+    press_stop(session, late)
+    for viewer in (late, *silent):
+        with contextlib.suppress(Exception):
+            viewer.close()
+
+
+def test_no_more_may_drive_than_there_is_room_for(served):
+    _, _, server = served
+    drivers = [Client(server.address) for _ in range(gate.VIEWERS_MAX)]
+    with pytest.raises(InvalidStatus) as refusal:
+        Client(server.address)
+    assert refusal.value.response.status_code == 503
+    for viewer in drivers:
         viewer.close()
 
 

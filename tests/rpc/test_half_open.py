@@ -227,3 +227,11 @@ def test_a_log_that_nobody_goes_on_reading_gives_its_room_back(
         list(call)
     assert error.value.code() == grpc.StatusCode.DEADLINE_EXCEEDED
     assert problem_in(error.value) is not None  # the service's word, not the client's
+
+
+def test_no_number_of_pending_calls_makes_a_stop_refused(server, stub, attack):
+    """gRPC itself refuses calls, stops among them, from 1000 pending ones on."""
+    for _ in range(3):
+        attack(90 * 60, 60)
+        stub.stop(pb.StopRequest(reason="hand in the cell"), timeout=10.0)
+    assert len(stop_times(stub)) == STOPS

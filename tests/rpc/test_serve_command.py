@@ -1,17 +1,21 @@
 """`dovetail serve` as a user starts it."""
 
+import io
 import re
 import resource
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
+from rich.console import Console
 
 from arms.loopback import free_port
 from dovetail.cli import run
+from dovetail.commands.serve import _show_status
 from dovetail.errors import ArmError, ConfigError
-from dovetail.rpc.security import make_token
+from dovetail.rpc.token import make_token
 
 from .conftest import HOLE, push
 
@@ -31,7 +35,7 @@ def serve():
         while line.startswith("warning: "):
             process.before, line = process.before + line, process.stdout.readline()
         process.address = re.search(r"grpc://\S+", line)[0]  # as told to learners
-        return process, re.search(r"grpc://127\.0\.0\.1:\d+\?token=[\w-]+", line)[0]
+        return process, re.search(r"grpc://127\.0\.0\.1:\d+(\?token=[\w-]+)?", line)[0]
 
     yield start_one
     for process in processes:
@@ -95,12 +99,12 @@ def test_wrong_settings(words, message, capsys):
 def test_the_token_comes_from_the_environment(serve, connect, monkeypatch):
     monkeypatch.setenv("DOVETAIL_TOKEN", "a-token-of-both-ends")
     _, address = serve("--arm", "mujoco")
-    assert address.endswith("?token=a-token-of-both-ends")
-    connect(address.partition("?")[0]).close()  # as a learner with that environment
+    assert "token" not in address
+    connect(address).close()  # as a learner with that environment
     monkeypatch.delenv("DOVETAIL_TOKEN")
     for wrong in ("", "?token=another-token-than-the-one"):
         with pytest.raises(ArmError, match="wants its token"):
-            connect(address.partition("?")[0] + wrong)
+            connect(address + wrong)
 
 
 def test_a_token_that_can_be_guessed_is_refused(monkeypatch):
@@ -114,3 +118,22 @@ def test_a_new_learner_is_not_kept_waiting_by_silent_connections(serve):
     process, _ = serve("--arm", "mujoco")
     soft, most = resource.prlimit(process.pid, resource.RLIMIT_NOFILE)
     assert soft == most
+
+
+@pytest.mark.parametrize("reason", ["[/x]", "[bold]", "\x1b]0;other title\x07"])
+def test_a_stranger_writes_no_markup_into_the_status_line(reason):
+    class Once:
+        """Ends at the second look."""
+
+        looks = 0
+
+        def wait(self, seconds=None):
+            self.looks += 1
+            return self.looks > 1
+
+    server = SimpleNamespace(service=SimpleNamespace(status=f"stopped: {reason}"))
+    shown = io.StringIO()
+    console = Console(file=shown, force_terminal=True, width=80)
+    _show_status(console, server, Once())
+    assert "stopped: " in shown.getvalue()
+    assert "\x1b]0" not in shown.getvalue()

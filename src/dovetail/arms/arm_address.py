@@ -8,7 +8,7 @@ from urllib.parse import parse_qsl, urlsplit
 
 from dovetail.control.period import PERIODS, format_period, require_period
 from dovetail.durations import parse_time
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
     from dovetail.plants.plant import DrivenPlant, DynamicsConfig
@@ -185,9 +185,9 @@ class Keys:
                 raise ConfigError(f"arm {text!r}: the key {old} is called {new} now")
         unknown = [key for key in self._keys if key not in known]
         if unknown:
+            names = ", ".join(key + did_you_mean(key, known) for key in unknown)
             raise ConfigError(
-                f"arm {text!r}: unknown keys: {', '.join(unknown)}; known keys: "
-                f"{', '.join(known)}"
+                f"arm {text!r}: unknown keys: {names}; known keys: {', '.join(known)}"
             )
 
     def get(self, name: str) -> str | None:

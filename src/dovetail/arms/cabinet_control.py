@@ -5,9 +5,10 @@ import socket
 from typing import Any
 
 from dovetail.arms.arm_address import parse_endpoint
-from dovetail.errors import ArmError
+from dovetail.errors import ArmError, ConfigError
 from dovetail.poses import Pose
 from dovetail.printable import printable
+from dovetail.reading import parse_json
 from dovetail.types import Vec3, Vec7
 
 _LONGEST = 1 << 20
@@ -39,8 +40,8 @@ class CabinetControl:
         """
         line = json.dumps({"do": do, **what}).encode() + b"\n"
         try:
-            answer = json.loads(self._exchange(line))
-        except (OSError, ValueError) as error:
+            answer = parse_json(self._exchange(line), "its answer")
+        except (OSError, ConfigError) as error:
             self.close()
             raise ArmError(
                 f"control port {self.address} of the simulated cabinet does not "

@@ -32,7 +32,8 @@ class GrpcAddress(ArmAddress):
     key: Path | None = None
     """Own private key."""
     token: str | None = field(default=None, repr=False, compare=False)
-    """Token of the service, which `text` leaves out: texts are kept and sent around."""
+    """Token of the service, which `text` leaves out: texts are kept and sent around.
+    None is that of the environment variable DOVETAIL_TOKEN."""
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -62,7 +63,7 @@ class GrpcAddress(ArmAddress):
             if not path.is_file():
                 raise ConfigError(f"arm {name} {str(path)!r} is no file")
         return cls(
-            text=_without_token(text),
+            text=split_token(text)[0],
             token=keys.get("token"),
             host=keys.host,
             port=keys.port,
@@ -93,10 +94,14 @@ class GrpcAddress(ArmAddress):
         )
 
 
-def _without_token(text: str) -> str:
-    """Return an address without the secret in it."""
+def split_token(text: str) -> tuple[str, str]:
+    """Return an address without the secret in it, and the secret, "" if it has none."""
     where, mark, keys = text.partition("?")
-    kept = [
-        pair for pair in keys.split("&") if unquote(pair.partition("=")[0]) != "token"
-    ]
-    return f"{where}{mark}{'&'.join(kept)}".removesuffix("?")
+    kept, token = [], ""
+    for pair in keys.split("&"):
+        name, _, value = pair.partition("=")
+        if unquote(name) == "token":
+            token = unquote(value)
+        else:
+            kept.append(pair)
+    return f"{where}{mark}{'&'.join(kept)}".removesuffix("?"), token

@@ -217,12 +217,13 @@ def _require_grpc() -> None:
 
 def _connect(address: GrpcAddress, timeout: float) -> "Connection":
     from dovetail.rpc.client import Connection
-    from dovetail.rpc.security import TOKEN, certificates
+    from dovetail.rpc.security import certificates
+    from dovetail.rpc.token import TOKEN
 
     files = certificates(
         cert=address.cert, key=address.key, ca=address.ca, names=("cert", "key", "ca")
     )
-    token = address.token or os.environ.get(TOKEN)
+    token = None if files else address.token or os.environ.get(TOKEN)
     return Connection(address.host, address.port, files, timeout, token)
 
 

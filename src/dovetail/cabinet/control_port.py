@@ -1,7 +1,7 @@
 """The control port: a line of JSON in, a line of JSON out, over TCP.
 
-The first line that is not JSON ends its connection: a web page can have a browser send
-an HTTP request here, and nothing behind that request's first line is read.
+The first line that is no JSON object ends its connection: a web page can have a browser
+send an HTTP request here, and nothing behind that request's first line is read.
 """
 
 import json
@@ -14,9 +14,13 @@ from typing import Any
 
 from dovetail.cabinet.config import Endpoint
 from dovetail.cabinet.udp_port import bind_error, resolve
+from dovetail.errors import ConfigError
+from dovetail.reading import parse_json
 
 MAX_LINE = 65536
 """Longest request [bytes]."""
+MAX_LINES = 100
+"""Requests of a connection that may wait: while it is answered no other one is."""
 MAX_CONNECTIONS = 16
 """Connections at one time. One more takes the place of the one silent for longest, and
 of one that never asked anything before those that did."""
@@ -127,13 +131,17 @@ class ControlPort:
         *lines, client.buffer = client.buffer.split(b"\n")
         if max(map(len, (*lines, client.buffer))) > MAX_LINE:
             return self._refuse(client, f"a request has more than {MAX_LINE} bytes")
+        if len(lines) > MAX_LINES:
+            return self._refuse(client, f"more than {MAX_LINES} requests wait")
         for line in lines:
             if not line.strip():
                 continue
             try:
-                request = json.loads(line)
-            except (ValueError, RecursionError) as error:
-                return self._refuse(client, f"the line is no JSON object: {error}")
+                request = parse_json(line, "the line")
+            except ConfigError as error:
+                return self._refuse(client, str(error))
+            if not isinstance(request, dict):
+                return self._refuse(client, "the line is no JSON object")
             self._reply(client, self._answer(request))
             client.has_asked, client.heard = True, time.monotonic()
         return True

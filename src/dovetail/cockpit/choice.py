@@ -113,7 +113,7 @@ def describe(env: gymnasium.Env, choice: Choice) -> dict[str, Any]:
     core = require_contact_env(env)
     return describe_cell(env) | {
         "policy": choice.policy,
-        "place": choice.place,
+        "place": parse_address(choice.place).text,  # without a token
         "period [s]": core.arm.facts.period,
         "tare [m/s2, rad/s2]": np.round(core.commands.tare, 3).tolist(),
     }
@@ -121,8 +121,9 @@ def describe(env: gymnasium.Env, choice: Choice) -> dict[str, Any]:
 
 def known_places(choice: Choice) -> tuple[str, ...]:
     """Return where it could run too: the simulations, if it runs in one."""
-    if not parse_address(choice.place).is_here:
-        return (choice.place,)
+    address = parse_address(choice.place)
+    if not address.is_here:
+        return (address.text,)
     usual = (*(f"twin:{name}" for name in list_twins()), *PLANTS)
     return tuple(dict.fromkeys((choice.place, *usual)))
 

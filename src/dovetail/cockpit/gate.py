@@ -15,7 +15,6 @@ shut, so that another version of viser fails here and not in front of an arm.
 import contextvars
 import hmac
 import http
-import logging
 import re
 import secrets
 import threading
@@ -44,9 +43,9 @@ from dovetail.cockpit.messages import (
     read_message,
     write_message,
 )
+from dovetail.cockpit.page_log import LOG
 from dovetail.errors import DovetailError
 
-_LOG = logging.getLogger("dovetail.cockpit")
 _OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 """Host of a request that a browser sends here: a loopback name. The port is another
 one behind a tunnel of ssh. A page that rebinds its name to 127.0.0.1 sends its name."""
@@ -57,7 +56,8 @@ BYTES = (24e3, 32e3)
 MESSAGES = (100.0, 300.0)
 """Messages that a client may send, per second and at once; a page sends 50 at most."""
 VIEWERS_MAX = 8
-"""Connections that may be open at once with each of the two addresses."""
+"""Connections that may be open at once with each of the two addresses. One more that
+wants to drive is refused; one that watches takes the place of the longest silent."""
 TRIED_FOR = 5.0
 """How long `require_closed` waits for the gate to see a message [s]."""
 _ENTERING_MAX = 100  # connections whose request has not come yet
@@ -107,6 +107,8 @@ class Visitor(ServerConnection):
         self._bytes, self._messages = Allowance(*BYTES), Allowance(*MESSAGES)
         self.may_drive = False
         """Whether it came by the address that may drive."""
+        self.heard = time.monotonic()
+        """When its newest message came, or it."""
         self.number: int | None = None
         """viser's number of it; None until viser knows it."""
 
@@ -131,6 +133,7 @@ class Visitor(ServerConnection):
         """Return the next message that may reach viser, as bytes."""
         while True:
             raw = await super().recv(decode)
+            self.heard = time.monotonic()
             if not self._messages.take(1.0):
                 self.cut()
                 continue  # the next call raises that it is closed
@@ -150,8 +153,13 @@ class Gate:
     Until `guard` and `take` were called, nothing passes but where a viewer looks from.
     """
 
-    def __init__(self) -> None:
-        """Draw two tokens."""
+    def __init__(self, subprotocol: str) -> None:
+        """Draw two tokens.
+
+        Args:
+            subprotocol: What a page of this viser asks for when it opens its socket.
+        """
+        self.subprotocol = subprotocol
         self.drive_token = secrets.token_urlsafe(24)
         """In the path of the address that may drive."""
         self.watch_token = secrets.token_urlsafe(24)
@@ -240,7 +248,7 @@ class Gate:
             try:
                 self._stop()
             except Exception:
-                _LOG.exception("page: a stop failed")
+                LOG.exception("page: a stop failed")
 
     def close(self) -> None:
         """End the thread of the stops."""
@@ -270,10 +278,18 @@ class Gate:
         if problem:
             return visitor.respond(http.HTTPStatus.FORBIDDEN, f"{problem}\n")
         if "Upgrade" in request.headers:
+            asked = ",".join(request.headers.get_all("Sec-WebSocket-Protocol"))
+            if self.subprotocol not in (name.strip() for name in asked.split(",")):
+                other = "this page is of another version of viser: load it anew\n"
+                return visitor.respond(http.HTTPStatus.BAD_REQUEST, other)
             same = [v for v in self._inside if v.may_drive == visitor.may_drive]
-            if len(same) >= VIEWERS_MAX:
+            if len(same) >= VIEWERS_MAX and visitor.may_drive:
                 busy = f"{VIEWERS_MAX} viewers have opened this address already\n"
                 return visitor.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, busy)
+            if len(same) >= VIEWERS_MAX:  # who wants to stop must get in
+                silent = min(same, key=lambda one: one.heard)
+                self.leave(silent)
+                silent.transport.abort()
             self._inside.add(visitor)
         response = of_viser(visitor, Request("/", request.headers))
         if response is not None:
@@ -333,7 +349,7 @@ class Gate:
         now = time.monotonic()
         if now - self._noted >= _SELDOM:
             self._noted = now
-            _LOG.warning("page: %s (%d messages dropped so far)", what, self.refused)
+            LOG.warning("page: %s (%d messages dropped so far)", what, self.refused)
 
 
 def _wrong_place(request: Request) -> str:
@@ -380,7 +396,7 @@ def serving(gate: Gate) -> Iterator[None]:
             module.serve = original
 
 
-def require_closed(gate: Gate, port: int, subprotocol: str) -> None:
+def require_closed(gate: Gate, port: int) -> None:
     """Try the gate from outside.
 
     Raises:
@@ -394,8 +410,8 @@ def require_closed(gate: Gate, port: int, subprotocol: str) -> None:
         (right, "http://127.0.0.1:1"),
         (right, "null"),
     ):
-        _require_refusal(url, origin, subprotocol)
-    version = [Subprotocol(subprotocol)]
+        _require_refusal(url, origin, gate.subprotocol)
+    version = [Subprotocol(gate.subprotocol)]
     refused = gate.refused
     with connect(right, subprotocols=version, compression=None) as socket:
         socket.send(b"\x81\xa4type\xb2ShareUrlDisconnect")

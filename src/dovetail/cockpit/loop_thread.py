@@ -4,10 +4,10 @@ OpenGL, which draws a simulated camera's pictures, belongs to the thread that op
 """
 
 import threading
-import traceback
 from collections.abc import Callable
 from concurrent.futures import Future
 
+from dovetail.cockpit.page_log import LOG
 from dovetail.errors import DovetailError
 
 
@@ -50,9 +50,9 @@ class LoopThread:
             try:
                 self._turn()
             except Exception as error:  # a task of one's own may raise anything
-                if not isinstance(error, DovetailError):
-                    traceback.print_exc()
                 self._fail(error)
+                if not isinstance(error, DovetailError):
+                    LOG.exception("page: a turn of the control loop failed")
         self._end()
 
     @property

@@ -120,7 +120,9 @@ class Page:
         is_near = bool((np.abs(place) < _FAR).all())  # false for nan
         if not (is_near and np.isfinite(quat).all() and np.abs(quat).max() > 0.5):
             return
-        place[2] = self._session.core.fixture.position[2]
+        if (moment := self._session.moment) is None:  # none of this cell yet
+            return
+        place[2] = moment.fixture.true.position[2]
         upright = np.array([1.0, 0.0, 0.0, 0.0])
         try:
             self._session.drag(place, theta_about_vertical(quat, upright))

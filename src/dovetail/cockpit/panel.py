@@ -74,10 +74,11 @@ class ControlPanel:
                 "Policy", tuple(policies), initial_value=choice.policy
             )
             policy.on_update(self._chosen(lambda v: replace(session.choice, policy=v)))
-            place = gui.add_dropdown(
-                "Arm", known_places(choice), initial_value=choice.place
-            )
-            place.on_update(self._chosen(lambda v: replace(session.choice, place=v)))
+            places = known_places(choice)
+            place = gui.add_dropdown("Arm", places, initial_value=places[0])
+            if len(places) > 1:
+                act = self._chosen(lambda v: replace(session.choice, place=v))
+                place.on_update(act)
             for name, known in words.items():
                 now = str(settings[name])
                 box = gui.add_dropdown(name, known, initial_value=now)

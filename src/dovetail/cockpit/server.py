@@ -1,12 +1,12 @@
 """The web server of the page: on this machine alone, at exactly the port asked for."""
 
 import io
-import logging
 import socket
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dovetail.cockpit.page_log import PageLog
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 
 if TYPE_CHECKING:
@@ -17,37 +17,6 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 """Where it listens; who may drive is decided by the page's address, see `gate`."""
 PORT = 8080
-_SOCKETS = "websockets.server"
-"""Name under which the page's sockets say what went wrong in them."""
-
-
-class _InALine(logging.Filter):
-    """Says of what no browser sends, such as a port scan, a line and no traceback.
-
-    At most one a second: a flood of them must not fill the terminal.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._said = 0.0
-
-    def filter(self, record: logging.LogRecord) -> bool:
-        """Shorten a record, or leave it out."""
-        if not record.exc_info:
-            return True
-        if record.created < self._said + 1.0:
-            return False
-        self._said = record.created
-        error = record.exc_info[1]
-        text = f"{type(error).__name__}: {error}".strip().splitlines()[0]
-        # A stranger's bytes are in it: no escape sequence of theirs gets to a terminal.
-        why = "".join(c if c.isprintable() else "?" for c in text)
-        record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
-        record.exc_info = None
-        return True
-
-
-_IN_A_LINE = _InALine()
 
 
 @dataclass(frozen=True)
@@ -58,6 +27,8 @@ class PageServer:
     """Draws the page."""
     gate: "Gate"
     """Decides who gets in, and what of theirs reaches viser."""
+    log: PageLog
+    """Writes what the server says."""
 
     @property
     def port(self) -> int:
@@ -78,6 +49,7 @@ class PageServer:
         """Close every connection, and listen no more."""
         self.gate.close()
         self.viser.stop()
+        self.log.close()
 
 
 def open_server(port: int = PORT) -> PageServer:
@@ -103,17 +75,16 @@ def open_server(port: int = PORT) -> PageServer:
     if not 0 <= port <= 65535:
         raise ConfigError(f"port is {port}; allowed: 0 to 65535, 0 is any free one")
     _require_free(port)
-    logging.getLogger(_SOCKETS).addFilter(_IN_A_LINE)
-    gate = Gate()
+    gate = Gate(f"viser-v{viser.__version__}")
     # viser prints an address without the token, which opens nothing.
     with serving(gate), redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=HOST, port=port, verbose=False)
-    opened = PageServer(server, gate)
+    opened = PageServer(server, gate, PageLog())
     try:
         if port not in (0, opened.port):  # somebody was faster: viser took another
             raise _taken(port)
         gate.guard(server)
-        require_closed(gate, opened.port, f"viser-v{viser.__version__}")
+        require_closed(gate, opened.port)
     except BaseException:
         opened.stop()
         raise

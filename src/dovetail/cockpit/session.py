@@ -107,12 +107,15 @@ class Session:
             self._is_pressed = self._is_pressed or is_pressed
             self._stops += 1
             self._stopped_at = time.monotonic()
+        if self._thread.is_ended:
+            return
         self.hand.let_go()
         self._hold()
         self._wishes.put(self._rest)
         # The loop may have been about to free the arm, and have done so after the hold.
         time.sleep(_AGAIN)
         if self._is_stopped:
+            self.hand.let_go()
             self._hold()
 
     def resume(self) -> None:

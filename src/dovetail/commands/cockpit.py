@@ -174,7 +174,10 @@ def serve_page(server: PageServer, console: Console, *, is_driven: bool) -> None
     with ended_by_signal() as end:
         lines = [f"the page is {server.address}", "Ctrl-C ends it"]
         if is_driven:
-            lines[1:1] = [f"to watch, and stop: {server.watch_address}"]
+            lines[1:1] = [
+                "  who knows that address may drive: keep it to yourself",
+                f"to watch, and stop: {server.watch_address}",
+            ]
         console.print("\n".join(lines), highlight=False, soft_wrap=True, markup=False)
         while not end.wait(0.5):
             pass

@@ -1,5 +1,6 @@
 """`dovetail replay`: recorded episodes in the browser, with a time line."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +19,7 @@ class Replay:
     """Show an Episode log in the browser; two of them side by side."""
 
     episode: Annotated[Path, tyro.conf.Positional]
-    """Episode log, .npz or .parquet."""
+    """Episode log, .npz or .parquet. A folder's logs are listed."""
     other: Annotated[Path | None, tyro.conf.Positional] = None
     """Another one, shown beside it at the same time since its begin."""
     env: str | None = None
@@ -34,7 +35,7 @@ class Replay:
 
         files = [path for path in (self.episode, self.other) if path is not None]
         for folder in filter(Path.is_dir, files):
-            raise ConfigError(f"{folder} is a folder{_logs_in(folder)}; name a log")
+            raise ConfigError(f"{folder} is a folder{_logs_in(folder)}")
         logs = tuple(
             Recorded.load(path, env=self.env, robot=self.robot) for path in files
         )
@@ -53,5 +54,8 @@ def _logs_in(folder: Path) -> str:
     inside = [*folder.glob("*"), *folder.glob("*/*")]
     logs = sorted(path for path in inside if path.suffix in (".npz", ".parquet"))
     more = f" and {len(logs) - 5} more" if len(logs) > 5 else ""
+    if not logs:
+        return " without a log"
+    words = shlex.join(["dovetail", "replay", str(logs[-1])])
     shown = ", ".join(map(str, logs[:5]))
-    return f" of {len(logs)} logs: {shown}{more}" if logs else " without a log"
+    return f" of {len(logs)} logs: {shown}{more}; name one: {words}"

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from rich.console import Console
+from rich.text import Text
 
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
@@ -21,6 +22,7 @@ from dovetail.control.sections import Section, Sectioned
 from dovetail.control.settings import ControllerSettings
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
+from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_ENV
@@ -148,9 +150,11 @@ def _show_status(console: Console, server: Any, end: End) -> None:
     if not console.is_terminal:
         end.wait()
         return
-    with console.status(server.service.status) as line:
-        while not end.wait(_STATUS_PERIOD):
-            line.update(server.service.status)
+    with console.status("") as line:
+        while True:
+            line.update(Text(printable(server.service.status)))
+            if end.wait(_STATUS_PERIOD):
+                return
 
 
 def _builder(

@@ -215,7 +215,8 @@ def _unknown(task: type[Task], unknown: Sequence[str], known: Sequence[str]) -> 
     return (
         f"{task.__name__} got an unexpected keyword argument {first}"
         f"{''.join(f', and {other}' for other in others)}; known: {', '.join(known)}; "
-        f"of its environment: {', '.join(usual)}"
+        f"of its environment: {', '.join(usual)} (max_steps is gym.make's "
+        "max_episode_steps)"
     )
 
 

@@ -33,8 +33,8 @@ from dovetail.rpc.messages import (
 )
 from dovetail.rpc.problems import NoRoomError, SilentCallError, TokenError, problem_of
 from dovetail.rpc.robot_message import write_robot
-from dovetail.rpc.security import AUTHORIZATION, TOKEN, bearer
 from dovetail.rpc.settings import read_settings, write_settings
+from dovetail.rpc.token import AUTHORIZATION, TOKEN, bearer
 from dovetail.rpc.version import own_version, require_version
 from dovetail.types import JOINTS
 
@@ -393,5 +393,5 @@ def _printable(text: str) -> str:
 def _caller(context: _Context) -> str:
     """Return where a call comes from, with the name in its certificate if any."""
     names: Any = context.auth_context().get("x509_common_name", [])
-    name = ", ".join(part.decode(errors="replace") for part in names)
+    name = _printable(", ".join(part.decode(errors="replace") for part in names))
     return f"{context.peer()} ({name})" if name else context.peer()

@@ -16,13 +16,8 @@ from dovetail.printable import printable
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.calls import KEEPALIVE, MESSAGE_MAX, Stub
 from dovetail.rpc.problems import error_of, problem_in
-from dovetail.rpc.security import (
-    AUTHORIZATION,
-    Certificates,
-    bearer,
-    channel_credentials,
-    tls_context,
-)
+from dovetail.rpc.security import Certificates, channel_credentials, tls_context
+from dovetail.rpc.token import AUTHORIZATION, bearer
 from dovetail.rpc.version import own_version, require_version
 
 _PROBE = 2.0  # s for finding out why a connection failed

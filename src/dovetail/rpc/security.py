@@ -1,9 +1,6 @@
 """Who may connect: this machine with a token, others with mutual TLS only."""
 
 import ipaddress
-import os
-import re
-import secrets
 import ssl
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +10,6 @@ import grpc
 from dovetail.errors import ConfigError
 
 PORT_MAX = 65535
-TOKEN = "DOVETAIL_TOKEN"
-"""Environment variable: the token of a service, for it and for its learners."""
-TOKEN_LENGTH = 16
-"""Fewest characters of a token."""
-AUTHORIZATION = "authorization"
-"""Key of a call's metadata under which the token is sent."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,26 +67,6 @@ def certificates(
             f"{'is' if len(missing) == 1 else 'are'} missing"
         )
     return Certificates(cert=cert, key=key, ca=ca).check()
-
-
-def make_token() -> str:
-    """Return the token of a new service: the environment's, or a random one.
-
-    Raises:
-        ConfigError: The environment's can be guessed, or does not fit into an address.
-    """
-    token = os.environ.get(TOKEN) or secrets.token_urlsafe(TOKEN_LENGTH)
-    if len(token) < TOKEN_LENGTH or not re.fullmatch(r"[\w-]+", token, re.ASCII):
-        raise ConfigError(
-            f"{TOKEN} has {len(token)} characters; give {TOKEN_LENGTH} or more, only "
-            "letters, digits, - and _, or leave it out: then a random one is printed"
-        )
-    return token
-
-
-def bearer(token: str) -> str:
-    """Return what is sent for a token."""
-    return f"Bearer {token}"
 
 
 def tls_context(files: Certificates | None, *, verify: bool) -> ssl.SSLContext:

@@ -16,12 +16,8 @@ from dovetail.errors import ConfigError
 from dovetail.rpc.arm_host import ArmBuilder, ArmHost
 from dovetail.rpc.arm_service import ArmService
 from dovetail.rpc.calls import KEEPALIVE, MESSAGE_MAX, REQUEST_MAX, make_handler
-from dovetail.rpc.security import (
-    Certificates,
-    make_token,
-    server_credentials,
-    split_address,
-)
+from dovetail.rpc.security import Certificates, server_credentials, split_address
+from dovetail.rpc.token import TOKEN, make_token
 
 LISTEN = "127.0.0.1:50051"
 """Where the service listens if nothing else is asked for: this machine only."""
@@ -33,6 +29,9 @@ _OPTIONS = (
     ("grpc.max_send_message_length", MESSAGE_MAX),
     ("grpc.max_receive_message_length", REQUEST_MAX),
     ("grpc.max_concurrent_streams", 100),  # of one connection
+    # Beyond these gRPC refuses calls, a stop, too: 1000 and 3000 if nothing is said.
+    ("grpc.server.max_pending_requests", 2**30),
+    ("grpc.server.max_pending_requests_hard_limit", 2**30),
     ("grpc.server_handshake_timeout_ms", 3000),  # of one that says nothing
 )
 _Result = TypeVar("_Result")
@@ -85,8 +84,9 @@ class ArmServer:
             raise ConfigError(_why_not(host, port)) from error
         self.address = f"{spelled.rpartition(':')[0]}:{bound}"
         """HOST:PORT on which it listens."""
-        self.url = f"grpc://{self.address}" + (f"?token={token}" if token else "")
-        """Address for learners, with the token."""
+        is_known = not token or token == os.environ.get(TOKEN)
+        self.url = f"grpc://{self.address}" + ("" if is_known else f"?token={token}")
+        """Address for learners, with the token if that is a random one."""
 
     def start(self) -> None:
         """Begin to serve, in threads of its own."""
