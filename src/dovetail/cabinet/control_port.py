@@ -137,7 +137,7 @@ class ControlPort:
             if not line.strip():
                 continue
             try:
-                request = parse_json(line, "the line")
+                request = parse_json(bytes(line), "the line")
             except ConfigError as error:
                 return self._refuse(client, str(error))
             if not isinstance(request, dict):

@@ -9,6 +9,7 @@ import contextlib
 import logging
 import logging.handlers
 import queue
+from typing import Any
 
 LOG = logging.getLogger("dovetail.cockpit")
 """What the page and its control loop have to say."""
@@ -23,7 +24,7 @@ class PageLog:
 
     def __init__(self) -> None:
         """Take it from now on."""
-        waiting: queue.Queue[logging.LogRecord] = queue.Queue(_WAITING_MAX)
+        waiting: queue.Queue[Any] = queue.Queue(_WAITING_MAX)
         self._handler = _Dropping(waiting)
         self._writer = _Writer(waiting, _ToRoot())
         SOCKETS.addFilter(_IN_A_LINE)
@@ -50,8 +51,12 @@ class _Dropping(logging.handlers.QueueHandler):
 
 
 class _Writer(logging.handlers.QueueListener):
+    def __init__(self, waiting: queue.Queue[Any], handler: logging.Handler) -> None:
+        super().__init__(waiting, handler)
+        self._waiting = waiting
+
     def enqueue_sentinel(self) -> None:
-        self.queue.put(None)  # a full queue is no error
+        self._waiting.put(None)  # a full queue is no error
 
 
 class _ToRoot(logging.Handler):
