@@ -34,7 +34,7 @@ VALUES: dict[str, tuple[float, ...]] = {
     "bias": (0.001, 0.002, 0.003, 0.005, 0.01),
     "turn": (0.01, 0.02, 0.05, 0.1),
     "contact_friction": (0.3, 0.5, 0.7, 1.0, 1.5),
-    "command_delay": (0.005, 0.01, 0.015, 0.02),
+    "command_delay": (0.005, 0.01, 0.015),
     "clearance": (0.0005, 0.0003, 0.0002, 0.0001),
 }
 """Tried, mild to hard [SI]."""
@@ -50,7 +50,7 @@ def options_for(name: str, value: float, folder: Path) -> list[str]:
         return ["--twin", TWIN, "--clearance", str(value)]
     file = folder / f"{name}.toml"
     file.write_text(load_twin(TWIN).having(**{name: value}).to_toml())
-    more = ["--delay", f"{value}"] if name == "command_delay" and value > 0.01 else []
+    more = ["--delay", f"{1e3 * value:g}ms"] if name == "command_delay" and value > 0.01 else []
     return ["--twin", str(file), *more]
 
 
@@ -85,6 +85,18 @@ def sweep(policy: str, name: str, tries: int) -> tuple[list[str], float | None]:
     return cells, last
 
 
+def text_of(ranges: dict[str, dict[str, float]]) -> str:
+    """Return the file of the ranges."""
+    lines = [
+        "# How hard a try may be for each shipped policy, as measured; smaller is",
+        "# harder for clearance. By: python benchmarks/policy_range.py --write",
+    ]
+    for policy, known in sorted(ranges.items()):
+        lines += ["", f"[{policy}]"]
+        lines += [f"{name} = {value}" for name, value in sorted(known.items())]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     """Sweep, print the table, write the ranges."""
     parser = argparse.ArgumentParser(
@@ -103,22 +115,17 @@ def main() -> None:
         kind = DISTURBANCES[name]
         for policy in given.policy or list_policies():
             cells, last = sweep(policy, name, given.tries)
-            within = "none" if last is None else f"{kind.scale * last:g} {kind.unit}"
+            within = "none"
+            if last is not None:
+                within = f"{kind.scale * last:g} {kind.unit}".removesuffix(" 1")
             words = f"{kind.words} [{kind.unit}]"
             print(f"| {words} | `{policy}` | {within} | {', '.join(cells)} |")
             known = ranges.setdefault(policy, {})
             known.pop(name, None)
             if last is not None:
                 known[name] = last
-    if given.write:
-        lines = [
-            "# How hard a try may be for each shipped policy, as measured; smaller is",
-            "# harder for clearance. By: python benchmarks/policy_range.py --write",
-        ]
-        for policy, known in sorted(ranges.items()):
-            lines += ["", f"[{policy}]"]
-            lines += [f"{name} = {value}" for name, value in known.items()]
-        RANGES.write_text("\n".join(lines) + "\n")
+            if given.write:
+                RANGES.write_text(text_of(ranges))
 
 
 if __name__ == "__main__":
