@@ -50,7 +50,8 @@ def options_for(name: str, value: float, folder: Path) -> list[str]:
         return ["--twin", TWIN, "--clearance", str(value)]
     file = folder / f"{name}.toml"
     file.write_text(load_twin(TWIN).having(**{name: value}).to_toml())
-    more = ["--delay", f"{1e3 * value:g}ms"] if name == "command_delay" and value > 0.01 else []
+    is_late = name == "command_delay" and value > 0.01
+    more = ["--delay", f"{1e3 * value:g}ms"] if is_late else []
     return ["--twin", str(file), *more]
 
 
