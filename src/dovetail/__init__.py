@@ -4,16 +4,15 @@ Importing the package registers the Gymnasium environments by name only; nothing
 is loaded before one of them is made, but where `mujoco_gl` has to load MuJoCo itself.
 """
 
-from importlib.metadata import version
-
 import gymnasium
 
+from dovetail.distribution import installed_version
 from dovetail.mujoco_gl import import_without_drawing
 from dovetail.tasks.shipped import EPISODE_STEPS, TASKS
 
 import_without_drawing()
 
-__version__ = version("dovetail")
+__version__ = installed_version("dovetail")
 """Version of the installed package; its one home is pyproject.toml."""
 
 for _env_id, _task in TASKS.items():
