@@ -18,7 +18,8 @@ def install_command(*extras: str) -> str:
     """
     packages = requirements_of(*extras)
     if not packages:
-        return f"the extra {', '.join(extras)} has no packages for this Python"
+        python = ".".join(map(str, sys.version_info[:2]))
+        return f"the extra {', '.join(extras)} has no packages for Python {python}"
     return shlex.join([*_installer(), *packages])
 
 
