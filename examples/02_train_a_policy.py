@@ -1,6 +1,6 @@
 """Train a policy as `dovetail train` does, and run it without the learning stack.
 
-Needs the extra: pip install '.[learn]' -c constraints.txt. The full run takes some
+Needs the extra: pip install 'dovetail-robotics[learn]'. The full run takes some
 minutes on two cores; --quick shows the way in seconds and learns nothing.
 """
 

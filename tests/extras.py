@@ -2,6 +2,8 @@
 
 import pytest
 
+from dovetail.errors import install_command
+
 EXTRA_OF = {
     "cmaes": "identify",
     "plotly": "identify",
@@ -27,6 +29,5 @@ EXTRA_OF = {
 
 def need(module):
     """Return the module; skip the test where it is not installed."""
-    install = f"pip install '.[{EXTRA_OF[module]}]' -c constraints.txt"
-    python = " on CPython 3.11" if module.startswith("pybullet") else ""
-    return pytest.importorskip(module, reason=f"needs {module}: {install}{python}")
+    install = install_command(EXTRA_OF[module])
+    return pytest.importorskip(module, reason=f"needs {module}: {install}")

@@ -206,7 +206,7 @@ def test_contact_forces_that_cannot_be_measured_are_not_a_number(tmp_path):
 @pytest.mark.parametrize("suffix", ["npz", "parquet"])
 def test_a_log_from_before_the_wrench_is_one_without_it(tmp_path, suffix):
     if suffix == "parquet":
-        pytest.importorskip("pyarrow", reason="needs pyarrow: pip install '.[log]'")
+        need("pyarrow")
     episode = make_episode()
     path = episode.save(tmp_path / f"log.{suffix}")
     is_old = [not name.startswith("wrench_") for name in episode.columns]

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from dovetail.errors import install_command
+
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
 NEEDS = {"02_train_a_policy": "sbx"}
 
@@ -21,7 +23,7 @@ def test_examples_are_numbered_without_gaps():
 def test_example_runs_with_quick(path, tmp_path):
     needed = NEEDS.get(path.stem)
     if needed and importlib.util.find_spec(needed) is None:
-        pytest.skip(f"needs {needed}: pip install '.[learn]' -c constraints.txt")
+        pytest.skip(f"needs {needed}: {install_command('learn')}")
     done = subprocess.run(
         [sys.executable, str(path), "--quick"],
         cwd=tmp_path,

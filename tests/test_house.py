@@ -16,6 +16,7 @@ LAYERS = (
         "types",
         "poses",
         "archives",
+        "distribution",
         "errors",
         "files",
         "interrupt",

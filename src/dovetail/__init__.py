@@ -6,11 +6,10 @@ package registers the Gymnasium environments by name only; nothing heavy is load
 before one of them is made, but where `mujoco_gl` has to load MuJoCo itself.
 """
 
-from importlib.metadata import version
-
 import gymnasium
 import lazy_loader
 
+from dovetail.distribution import installed_version
 from dovetail.mujoco_gl import import_without_drawing
 from dovetail.tasks.shipped import EPISODE_STEPS, TASKS
 
@@ -18,7 +17,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 import_without_drawing()
 
-__version__ = version("dovetail")
+__version__ = installed_version("dovetail")
 """Version of the installed package; its one home is pyproject.toml."""
 
 for _env_id, _task in TASKS.items():

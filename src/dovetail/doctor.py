@@ -104,10 +104,8 @@ def _check_extra(extra: str) -> Check:
     module, purpose = EXTRAS[extra]
     if importlib.util.find_spec(module):
         return Check(module, "ok", purpose, is_essential=False)
-    remedy = install_command(extra)
-    if extra == "bullet" and sys.version_info >= (3, 12):
-        remedy = "no wheel beyond Python 3.11: use 3.11, or the mujoco plant"
-    return Check(module, "missing", f"{purpose}; {remedy}", is_essential=False)
+    detail = f"{purpose}; {install_command(extra)}"
+    return Check(module, "missing", detail, is_essential=False)
 
 
 def _check_pictures() -> str:

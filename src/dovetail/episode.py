@@ -13,7 +13,6 @@ import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import IO, Any, Self, TypeAlias
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from dovetail.archives import open_zip, read_array
+from dovetail.distribution import installed_version
 from dovetail.errors import LogError, MissingDependencyError, install_command
 from dovetail.plants.plant import CYCLE_COLUMNS, CYCLE_UNITS
 from dovetail.reading import TEXT_BYTES, open_regular, parse_json
@@ -102,7 +102,7 @@ class Episode:
         facts = {
             "format": FORMAT,
             "created": datetime.now(UTC).isoformat(timespec="seconds"),
-            "versions": {name: _version(name) for name in ("dovetail", "numpy")},
+            "versions": {n: installed_version(n) for n in ("dovetail", "numpy")},
         }
         self.metadata: dict[str, Any] = facts | dict(metadata)
         self.columns: tuple[str, ...] = ()
@@ -476,10 +476,3 @@ def _rows_of(file: Any, num_columns: int) -> Array:
     if begin < count:
         raise ValueError(f"it has {begin} of the {count} rows that it declares")
     return data
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "not installed"

@@ -1,15 +1,35 @@
 """Exceptions of dovetail: each says what is wrong, where, and what to do next."""
 
 import difflib
+import importlib.util
+import shlex
+import sys
 from collections.abc import Iterable
+from pathlib import Path
 
+from dovetail.distribution import requirements_of
 from dovetail.printable import printable
 
 
 def install_command(*extras: str) -> str:
-    """Return how to install extras: from dovetail's folder, as it is on no index."""
-    names = ",".join(extras)
-    return f"pip install '.[{names}]' -c constraints.txt in dovetail's folder"
+    """Return the command that adds the packages of extras to this Python.
+
+    It names the packages themselves, so it builds nothing of dovetail again.
+    """
+    packages = requirements_of(*extras)
+    if not packages:
+        python = ".".join(map(str, sys.version_info[:2]))
+        return f"the extra {', '.join(extras)} has no packages for Python {python}"
+    return shlex.join([*_installer(), *packages])
+
+
+def _installer() -> list[str]:
+    """Return the words that install into this Python, from the current folder."""
+    python, here = Path(sys.executable), Path.cwd()
+    name = str(python.relative_to(here) if python.is_relative_to(here) else python)
+    if importlib.util.find_spec("pip"):
+        return [name, "-m", "pip", "install"]
+    return ["uv", "pip", "install", "--python", name]  # uv's environments have no pip
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -2,7 +2,9 @@
 
 import pytest
 
-pytest.importorskip("grpc", reason="needs grpc: pip install '.[rpc]'")
+from dovetail.errors import install_command
+
+pytest.importorskip("grpc", reason=install_command("rpc"))
 
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.remote_arm import RemoteArm

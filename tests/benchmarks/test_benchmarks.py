@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from dovetail.errors import install_command
+
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
     *("attack_episode", "contact_attack", "contact_choices", "contact_growth"),
@@ -17,17 +19,17 @@ MODULES = {
 """Files that others import, and that no one starts."""
 NEEDS = {
     "cockpit": {
-        "viser": "pip install '.[view]' -c constraints.txt",
-        "selenium": "pip install '.[test]' -c constraints.txt",
+        "viser": install_command("view"),
+        "selenium": install_command("test"),
     },
-    "cockpit_stop": {"viser": "pip install '.[view]' -c constraints.txt"},
+    "cockpit_stop": {"viser": install_command("view")},
     "control_cycle": {
-        "pinocchio": "pip install 'pin>=4.1' -c constraints.txt",
+        "pinocchio": "pip install 'pin>=4.1'",
         "daqp": "pip install daqp",
     },
-    "grpc_round_trip": {"grpc": "pip install '.[rpc]' -c constraints.txt"},
-    "camera": {"cv2": "pip install '.[camera]' -c constraints.txt"},
-    "identify_planted": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
+    "grpc_round_trip": {"grpc": install_command("rpc")},
+    "camera": {"cv2": install_command("camera")},
+    "identify_planted": {"cmaes": install_command("identify")},
     "identify_sysid": {
         "mujoco.sysid:optimize": "pip install 'mujoco[sysid]==3.17.0'",
     },
@@ -35,11 +37,11 @@ NEEDS = {
         "robosuite": "pip install robosuite==1.5.2 mujoco==3.3.0 in an environment of "
         "its own, and give its interpreter: benchmarks/tracking.py --robosuite PYTHON",
     },
-    "demonstrations": {"sbx": "pip install '.[learn,view]' -c constraints.txt"},
-    "training_time": {"sbx": "pip install '.[learn]' -c constraints.txt"},
-    "learner_kills": {"grpc": "pip install '.[rpc]' -c constraints.txt"},
-    "contact_adversary": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
-    "evolved_attack": {"cmaes": "pip install '.[identify]' -c constraints.txt"},
+    "demonstrations": {"sbx": install_command("learn", "view")},
+    "training_time": {"sbx": install_command("learn")},
+    "learner_kills": {"grpc": install_command("rpc")},
+    "contact_adversary": {"cmaes": install_command("identify")},
+    "evolved_attack": {"cmaes": install_command("identify")},
 }
 """What a benchmark needs beyond the package, and how to get it."""
 TINY = {

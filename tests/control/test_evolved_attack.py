@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dovetail import _core
+from extras import need
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 CASES = sorted((Path(__file__).parent / "attack_cases").glob("wall-*.json"))
@@ -135,7 +136,7 @@ def test_a_wrong_number_that_is_nowhere_is_named(attack, search, wrong, named):
 def test_a_search_that_was_run_is_taken_and_another_is_not(
     attack, search, capsys, change
 ):
-    pytest.importorskip("cmaes", reason="pip install '.[identify]' -c constraints.txt")
+    need("cmaes")
     evolved, _ = attack
     first = dataclasses.replace(search, cycles=800)
     value, _, cycles = evolved.run_search(first)

@@ -12,7 +12,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-pytest.importorskip("sbx", reason="needs sbx: pip install '.[learn]'")
+from dovetail.errors import ConfigError, PolicyError, install_command
+
+pytest.importorskip("sbx", reason=install_command("learn"))
 
 import jax
 import sbx
@@ -21,7 +23,6 @@ import torch
 
 from dovetail.cli import run
 from dovetail.envs import registered
-from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.foreign import (
     import_file,

@@ -1,5 +1,6 @@
 """What every physics engine must do alike; one file for all of them."""
 
+import re
 import sys
 
 import numpy as np
@@ -7,7 +8,12 @@ import pytest
 
 from dovetail.control.period import PERIODS
 from dovetail.envs.registered import find_cell
-from dovetail.errors import ConfigError, MissingDependencyError, PlantError
+from dovetail.errors import (
+    ConfigError,
+    MissingDependencyError,
+    PlantError,
+    install_command,
+)
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig, physics_steps
 from dovetail.poses import Pose, quat_about_z, rotation_error
@@ -208,7 +214,9 @@ def test_hole_out_of_reach_is_refused_with_the_distance(make):
 
 def test_without_pybullet_its_plant_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
-    with pytest.raises(MissingDependencyError, match=r"pip install '.\[bullet\]'"):
+    with pytest.raises(
+        MissingDependencyError, match=re.escape(install_command("bullet"))
+    ):
         make_plant("bullet", find_cell(), DynamicsConfig())
 
 

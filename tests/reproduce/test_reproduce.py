@@ -8,7 +8,7 @@ from rich.console import Console
 
 from dovetail.cli import run
 from dovetail.commands.reproduce import describe_failures
-from dovetail.errors import ConfigError, MissingDependencyError
+from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.learn.policy import Policy
 from dovetail.reproduce import run as runner
 from dovetail.reproduce.budget import Budget
@@ -143,7 +143,7 @@ def test_a_missing_extra_is_named_before_anything_is_written(tmp_path, monkeypat
     monkeypatch.setattr(runner.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(MissingDependencyError) as error:
         reproduce(config(tmp_path / "out"), Console(file=StringIO()))
-    assert "pip install '.[learn,identify]'" in str(error.value)
+    assert install_command("learn", "identify") in str(error.value)
     assert not (tmp_path / "out").exists()
 
 

@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from dovetail.errors import install_command
+
 ADDRESS = "grpc://127.0.0.1:9"
 
 
@@ -31,5 +33,5 @@ def test_the_arm_is_known_without_loading_grpc():
 def test_without_grpc_the_extra_is_named(use):
     result = run(f"import sys\nsys.modules['grpc'] = None\n{use}")
     assert result.returncode == 1
-    assert "pip install '.[rpc]'" in result.stderr
+    assert install_command("rpc") in result.stderr
     assert "MissingDependencyError" in result.stderr

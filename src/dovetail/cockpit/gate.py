@@ -44,7 +44,7 @@ from dovetail.cockpit.messages import (
     write_message,
 )
 from dovetail.cockpit.page_log import LOG
-from dovetail.errors import DovetailError
+from dovetail.errors import DovetailError, install_command
 
 _OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
 """Host of a request that a browser sends here: a loopback name. The port is another
@@ -441,5 +441,5 @@ def _require_refusal(url: str, origin: str | None, subprotocol: str) -> None:
 def _fail(why: str) -> NoReturn:
     raise GateError(
         f"the page's gate does not work: {why}. Another version of viser or websockets "
-        "may be the cause: install those of constraints.txt"
+        f"may be the cause: {install_command('view')}"
     )

@@ -6,7 +6,6 @@ import time
 from contextlib import closing
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -20,6 +19,7 @@ from rich.progress import (
 )
 
 from dovetail.control.sections import Section, Sectioned, option_words, settings_in
+from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
 from dovetail.identify.fit_folder import MODEL, SUMMARY, FitFolder
@@ -361,8 +361,9 @@ def _write(
     """Write the model, then the summary that says it is there."""
     made = datetime.now(UTC).isoformat(timespec="seconds")
     known = folder.summary or {}
+    version = installed_version("dovetail")
     comments = (
-        f"# Made by dovetail {version('dovetail')}, {made}: dovetail identify fit",
+        f"# Made by dovetail {version}, {made}: dovetail identify fit",
         f"# Log: {config.log} (hash {known['settings']['log']})",
         f"# Parameters: {', '.join(parameters.names)}",
         f"# RMS error of the TCP on the log: {1e3 * result.rms_before:.3f} mm before, "
@@ -391,7 +392,9 @@ def _write(
         | {
             "state": "done",
             "made": made,
-            "versions": {n: version(n) for n in ("dovetail", "cmaes", "mujoco")},
+            "versions": {
+                n: installed_version(n) for n in ("dovetail", "cmaes", "mujoco")
+            },
             "log": str(config.log.absolute()),
             "parameters": values,
             "history_mm": [1e3 * e for e in history],

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -20,6 +19,7 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
 from dovetail.control.target_columns import TARGET_UNITS, target_row
+from dovetail.distribution import installed_version
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.registered import make_task
@@ -276,7 +276,7 @@ def _begin(
     folder.mkdir(parents=True, exist_ok=True)
     facts = {
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "version": version("dovetail"),
+        "version": installed_version("dovetail"),
         "delay": delay.facts,
     }
     write_atomic(folder / DESCRIPTION, json.dumps(metadata | facts, indent=1) + "\n")

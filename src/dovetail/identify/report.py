@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from rich.progress import track
 from rich.table import Table
 
 from dovetail.control.period import DEFAULT_PERIOD
+from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, write_atomic
 from dovetail.identify.curves import curves
@@ -257,8 +257,8 @@ def _content(
         "held_out_log": None if held_out is None else _about(held_out),
         "provenance": {
             "written": datetime.now(UTC).isoformat(timespec="seconds"),
-            "dovetail": version("dovetail"),
-            "mujoco": version("mujoco"),
+            "dovetail": installed_version("dovetail"),
+            "mujoco": installed_version("mujoco"),
             "python": platform.python_version(),
         },
     }

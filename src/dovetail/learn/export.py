@@ -4,12 +4,12 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dovetail.distribution import installed_version
 from dovetail.errors import PolicyError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Layer, Policy
@@ -137,13 +137,8 @@ def _affine(
 
 def versions() -> dict[str, str]:
     """Return the versions of Python and of the packages that shape the result."""
-    found = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    python = {"python": platform.python_version()}
+    return python | {package: installed_version(package) for package in _PACKAGES}
 
 
 def commit() -> str | None:

@@ -51,8 +51,7 @@ def _import_pybullet() -> Any:
     except ImportError as error:
         raise MissingDependencyError(
             "plant 'bullet' needs PyBullet, which is not installed: "
-            f"{install_command('bullet')}, on Python 3.11; there is no wheel for later "
-            "versions of Python, where plant 'mujoco' does the same"
+            f"{install_command('bullet')}; or choose the plant 'mujoco'"
         ) from error
     return pybullet
 

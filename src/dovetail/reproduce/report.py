@@ -165,7 +165,7 @@ def _lead(config: PlanConfig, tally: Tally, total: int) -> list[str]:
                 "Trained in MuJoCo: a twin that runs in MuJoCo shares the engine with "
                 "the training, so that its contacts are no test of transfer. The "
                 "paper's direction, from PyBullet to another engine, needs the extra "
-                "'bullet' (CPython 3.11 and older)."
+                "'bullet', on Python 3.11."
             )
         )
     lost = dict(tally.failed)

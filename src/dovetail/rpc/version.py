@@ -1,7 +1,6 @@
 """What both ends must agree on before anything else."""
 
-from importlib.metadata import PackageNotFoundError, version
-
+from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError
 from dovetail.rpc import dovetail_pb2 as pb
 
@@ -11,11 +10,7 @@ PROTOCOL = 5
 
 def own_version() -> pb.Version:
     """Return what this end speaks."""
-    try:
-        package = version("dovetail")
-    except PackageNotFoundError:  # run from its sources
-        package = "not installed"
-    return pb.Version(protocol=PROTOCOL, package=package)
+    return pb.Version(protocol=PROTOCOL, package=installed_version("dovetail"))
 
 
 def require_version(other: pb.Version, who: str) -> None:
