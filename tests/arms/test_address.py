@@ -129,7 +129,7 @@ def test_certificates_are_files(tmp_path):
         ("fri://0.0.0.0:65536", "1 to 65535"),
         ("fri://0.0.0.0:abc", "1 to 65535"),
         ("fri://0.0.0.0/x", "no address"),
-        ("fri://0.0.0.0?watchdog=1s", "watchdog is called target_timeout now"),
+        ("fri://0.0.0.0?watchdog=1s", "unknown keys: watchdog"),
         ("fri://0.0.0.0?peer=robot", "arm peer is 'robot'; give the cabinet's IPv4"),
         ("fri://0.0.0.0?speed=1", "unknown keys: speed"),
         ("fri://0.0.0.0?version=3.0", "known: 1.14, 1.15, 1.16, 2.5, 2.7"),

@@ -228,7 +228,7 @@ def test_a_policy_for_the_rail_clip_is_trained_and_then_evaluated(tmp_path, caps
     report = json.loads((out / "report.json").read_text())
     assert [row["label"] for row in report["rows"]] == ["A", "B", "C", "all"]
     assert "1 mm clearance" in report["title"]
-    words += ["--tries", "1", "--hole", "0.84", "0", "0.41", "0"]
+    words += ["--tries", "1", "--fixture", "0.84", "0", "0.41", "0"]
     assert run([*words, "--out", str(tmp_path / "given")]) == 0
     assert run([*words, "--start", "below", "--out", str(tmp_path / "below")]) == 2
     assert "for a fixture that opens upwards" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from dovetail.cli import run
 from extras import need
 
 CABINET = ("cabinet", "--plant", "mujoco")
-EVALUATE = ("evaluate", "peg_square", "--hole", "0.6", "0", "0.1", "0")
+EVALUATE = ("evaluate", "peg_square", "--fixture", "0.6", "0", "0.1", "0")
 
 
 @pytest.mark.parametrize(

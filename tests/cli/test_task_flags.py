@@ -1,6 +1,5 @@
 """A command takes the options of the task that is chosen, by that task's own words."""
 
-import json
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
@@ -13,7 +12,6 @@ from dovetail.control.ranges import Range
 from dovetail.envs.registered import split_settings
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.run_folder import settings_of
 from dovetail.tasks.options import TaskOptions, gather_options, own_options
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
@@ -25,7 +23,6 @@ CLIP = ["--env", "dovetail/RailClip-v0"]
 class Screw(RailClip):
     """A task with an option of each kind."""
 
-    fixture_word = "thread"
     size: Literal["M3", "M4"] = "M4"
     """Size of the screw. The usual ones."""
     turns: int = 2
@@ -67,10 +64,7 @@ def changed(name, kind, **rest):
         (changed("policy", str, policy="x"), "policy of Odd are also options"),
         (changed("mode", Literal["a", 1], mode="a"), "mode is one of 'a', 1; allowed"),
         (changed("thing", "OnlyForTypes", thing=None), "Odd's.*'OnlyForTypes'.*TYPE_"),
-        (changed("", None, fixture_word="seed"), "'seed', which is also the option"),
-        (changed("", None, fixture_word="f"), None),
-        (changed("slot_width", float, slot_width=1.0, fixture_word="slot"), "slot_wid"),
-        (changed("hole_depth", float, hole_depth=1.0), None),  # an old word elsewhere
+        (changed("hole_depth", float, hole_depth=1.0), None),
     ],
 )
 def test_a_name_that_means_two_things_is_one_message(task, message):
@@ -94,33 +88,11 @@ def test_what_is_resumed_keeps_its_options():
     assert again.environment.task_options["peg"] == "round"
 
 
-@pytest.mark.parametrize(
-    ("word", "task"),
-    [("fixture", PegInHole), ("hole", PegInHole), ("hole", Screw), ("thread", Screw)],
-)
-def test_the_fixture_has_the_tasks_own_word(word, task):
-    words = ["p", f"--{word}", "0.6", "0", "0.1", "0", f"--{word}-shift=0.01"]
-    read = parse(Evaluate, [*words, f"--{word}_speed", "0.02"], task)
-    assert read.task.fixture == (0.6, 0.0, 0.1, 0.0)
-    assert (read.harder.fixture_shift, read.harder.fixture_speed) == (0.01, 0.02)
-
-
 def test_the_task_is_that_of_env():
     assert find_task(["x", *CLIP]) is RailClip
     assert find_task(["--env=dovetail/RailClip-v0"]) is RailClip
     assert find_task([]) is PegInHole
     assert find_task([], CLIP[1]) is RailClip
-
-
-def test_a_run_of_an_older_version_is_read(tmp_path):
-    """It has `hole`, and `peg` even where the task has none."""
-    config = TrainConfig.of(env=CLIP[1], fixed_goal=True, fixture=(0.85, 0.0, 0.4, 0.0))
-    content = config.to_json() | {"peg": None, "clearance": 0.002}
-    content["hole"] = content.pop("fixture")
-    (tmp_path / "config.json").write_text(json.dumps(content))
-    again = TrainConfig.of(**settings_of(tmp_path))
-    assert again.place.fixture == config.place.fixture
-    assert again.environment.task_options == {"clearance": 0.002}
 
 
 def test_flat_settings_are_gathered_and_nothing_else():

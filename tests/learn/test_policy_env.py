@@ -200,17 +200,3 @@ def test_a_file_that_does_not_say_its_scaling_is_refused(policy):
     del metadata["observation"]
     with pytest.raises(PolicyError, match="export the policy again"):
         make_policy_env(Policy(policy.layers, metadata))
-
-
-def test_a_scaling_by_groups_as_older_files_have_it_still_loads(policy):
-    now = policy.metadata["observation"]["scaling"]
-    older = {
-        "joint_middle": now["zero"][:7],
-        "joint_half_range": now["unit"][:7],
-        "symmetric_log": now["unit"][7:],
-        "mouth_offset": now["zero"][7:10],
-    }
-    make_policy_env(changed(policy, "observation", scaling=older)).close()
-    older["mouth_offset"] = [0.0, 0.0, 0.04]
-    with pytest.raises(PolicyError, match=r"obs_z .*zero is 0.03 m here and was"):
-        make_policy_env(changed(policy, "observation", scaling=older))

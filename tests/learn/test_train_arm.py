@@ -141,6 +141,6 @@ def test_force_that_is_not_measured_is_null_not_zero(on_arm, monkeypatch):
 def test_the_command_says_on_what_it_trained(tmp_path, capsys):
     words = ["train", "--arm", "twin:easy", "--fixed-goal", "--steps", "30"]
     words += ["--max-steps", "10", "--eval-episodes", "1", "--learning-starts", "20"]
-    words += ["--hole", "0.6", "-0.01", "0.1", "0.0", "--from", "peg_square"]
+    words += ["--fixture", "0.6", "-0.01", "0.1", "0.0", "--from", "peg_square"]
     assert run([*words, "--out", str(tmp_path / "run")]) == 0
     assert "inserted on twin:easy" in capsys.readouterr().out

@@ -165,7 +165,6 @@ class Keys:
         text: str,
         port: int,
         known: Sequence[str],
-        renamed: dict[str, str] | None = None,
     ) -> None:
         """Split an address.
 
@@ -173,16 +172,12 @@ class Keys:
             text: SCHEME://HOST:PORT?KEY=VALUE&...
             port: Where it gives none.
             known: Keys that it may have.
-            renamed: Keys that it had once, and what they are called now.
 
         Raises:
             ConfigError: It is not of that form, or a key is unknown or given twice.
         """
         self.text = text
         self.host, self.port, self._keys = _split(text, port)
-        for old, new in (renamed or {}).items():
-            if old in self._keys:
-                raise ConfigError(f"arm {text!r}: the key {old} is called {new} now")
         unknown = [key for key in self._keys if key not in known]
         if unknown:
             names = ", ".join(key + did_you_mean(key, known) for key in unknown)

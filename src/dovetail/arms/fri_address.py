@@ -118,7 +118,7 @@ class FriAddress(Sectioned, ArmAddress):
         Raises:
             ConfigError: Unknown key (lists the known ones), or a value out of range.
         """
-        keys = Keys(text, PORT, _KEYS, {"watchdog": "target_timeout"})
+        keys = Keys(text, PORT, _KEYS)
         given = keys.get("version")
         version = VERSIONS.get("1.15" if given is None else given)
         if version is None:

@@ -1,8 +1,6 @@
 """The options of a command line that are the chosen task's own."""
 
 import argparse
-import re
-from collections.abc import Iterable
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from typing import Any, get_args
@@ -15,8 +13,7 @@ from dovetail.commands.box_titles import titled_by
 from dovetail.commands.field_words import field_words
 from dovetail.commands.help_page import is_switch
 from dovetail.control.sections import settings_in
-from dovetail.envs.registered import old_fixture_word, task_class
-from dovetail.errors import ConfigError
+from dovetail.envs.registered import task_class
 from dovetail.tasks.options import (
     TaskOptions,
     option_types,
@@ -57,18 +54,17 @@ def parse(
 
     Args:
         settings: The command's dataclass, or a union of them.
-        words: The command line. It may call the fixture by the task's own word.
+        words: The command line.
         task: Whose options it may give; None is that of its `--env`.
         prog: The command's name.
         default: Settings that the command line changes.
 
     Raises:
-        ConfigError: The task has an option, or a word for the fixture, that means
-            something else to the command.
+        ConfigError: The task has an option that means something else to the command.
     """
     task = task or find_task(words)
     names = _names(settings)
-    fixture = _fixture_option(task, names)
+    require_apart(task, names, "options of the command")
     switches = _switches(names)
 
     def options(info: StructTypeInfo) -> StructConstructorSpec | None:
@@ -78,7 +74,7 @@ def parse(
 
     return tyro.cli(
         settings,
-        args=[switches.get(w, fixture.sub("--fixture", w)) for w in words],
+        args=[switches.get(word, word) for word in words],
         prog=prog,
         config=(tyro.conf.OmitArgPrefixes,),
         registry=titled_by(options),
@@ -151,25 +147,3 @@ def _switches(kinds: dict[str, Any]) -> dict[str, str]:
             found |= {f"--{option}": f"--{option}=True"}
             found |= {f"--no-{option}": f"--{option}=False"}
     return found
-
-
-def _fixture_option(task: type[Task], names: Iterable[str]) -> re.Pattern[str]:
-    """Return what finds the task's word for the fixture in an option.
-
-    Args:
-        task: Whose options and word are held against the command's options.
-        names: The command's.
-    """
-    require_apart(task, names, "options of the command")
-    own, kind = option_types(task).keys(), task.__name__
-    called = {task.fixture_word, old_fixture_word()} - {"fixture"}
-    for word in sorted(called):
-        means = [n for n in sorted({*own, *names}) if re.match(rf"{word}(?:$|_)", n)]
-        if means and word == task.fixture_word:
-            raise ConfigError(
-                f"{kind} calls its fixture {word!r}, which is also the option "
-                f"{means[0]}: give one of them another name"
-            )
-        called -= {word} if means else set()
-    words = "|".join(map(re.escape, sorted(called | {"fixture"})))
-    return re.compile(rf"^--(?:{words})(?=$|[-_=])")

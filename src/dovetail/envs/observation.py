@@ -225,15 +225,3 @@ class Layout:
             "unit": self._unit.tolist(),
             "is_logarithmic": self._is_log.tolist(),
         }
-
-
-def by_columns(scaling: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a scaling by columns; files of version 0.3 and before had it by groups."""
-    if "joint_middle" not in scaling:
-        return dict(scaling)
-    offset = scaling.get("mouth_offset", [0.0] * 3)
-    return {
-        "zero": [*scaling["joint_middle"], *offset, *[0.0] * 4],
-        "unit": [*scaling["joint_half_range"], *scaling["symmetric_log"]],
-        "is_logarithmic": [False] * 7 + [True] * 7,
-    }

@@ -243,11 +243,6 @@ def task_class(env_id: str) -> type[Task]:
     return _class(found)
 
 
-def old_fixture_word() -> str:
-    """Return what files of older versions call the fixture, of whatever task."""
-    return task_class(DEFAULT_ENV).fixture_word
-
-
 def find_cell(
     env_id: str = DEFAULT_ENV, robot: str = DEFAULT_ROBOT, **settings: Any
 ) -> Workcell:

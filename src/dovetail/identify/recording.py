@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.limits import ApproachLimits
@@ -21,7 +20,7 @@ from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
-from dovetail.envs.registered import make_task, old_fixture_word, task_class
+from dovetail.envs.registered import make_task, task_class
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError, LogError
 from dovetail.identify.log_checks import (
@@ -32,38 +31,32 @@ from dovetail.identify.log_checks import (
     require_robot,
     require_same_facts,
 )
-from dovetail.identify.old_targets import targets_of_actions
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.reading import read_json
-from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.robots.find import find_robot
 from dovetail.robots.robot import Robot
 from dovetail.strangers import require_trusted
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import option_types
-from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
 from dovetail.workcell.workcell import Workcell
 
 FORMAT = 2
-_BEFORE = 1
-"""The format whose logs have actions and no Targets."""
 DESCRIPTION = "recording.json"
 TARGETS = "targets"
 """Key of a sequence's metadata: columns and rows of the Target of each step."""
 _KEYS = (
-    *("format", "robot", "task", "period", "fixture", "arm"),
+    *("format", "env_id", "arm_model", "robot", "task", "period", "fixture", "arm"),
     *("commands", "controller", "excitation", "q_start"),
 )
 _KINDS: Mapping[str, Any] = {
-    **dict.fromkeys(("robot", "task", "arm"), str),
+    **dict.fromkeys(("env_id", "arm_model", "robot", "task", "arm"), str),
     **dict.fromkeys(("commands", "controller", "excitation"), dict),
     **{"period": (int, float), "q_start": list},
 }
 """What some of them are; the others are checked where they are read."""
-_OLD_KEYS = ("near_height",)
-"""Of `_BEFORE` only."""
 _UNFITTED = ("env_id", "arm_model", "created", "version", "delay")
 """Keys of which a fit is independent; the task's options stand beside them."""
 
@@ -160,12 +153,10 @@ class Recording:
     def fingerprint(self) -> str:
         """Return a hash of everything that a fit depends on."""
         known = {k: v for k, v in self.metadata.items() if k not in _UNFITTED}
-        known[old_fixture_word()] = known.pop("fixture")  # fits of older versions last
         digest = hashlib.sha256(json.dumps(known, sort_keys=True).encode())
         for sequence in self.sequences:
             digest.update(np.ascontiguousarray(sequence.log[:, :-1]).tobytes())
-            if self.metadata["format"] > _BEFORE:
-                digest.update(sequence.targets.tobytes())
+            digest.update(sequence.targets.tobytes())
         return digest.hexdigest()[:16]
 
     def require_like(self, other: Self) -> None:
@@ -240,14 +231,11 @@ def read_description(folder: Path) -> dict[str, Any]:
         raise LogError(
             f"{path} holds no table; make it with `dovetail identify record`"
         )
-    if (once := old_fixture_word()) in metadata:
-        metadata["fixture"] = metadata.pop(once)
-    old = _OLD_KEYS if metadata.get("format") == _BEFORE else ()
-    missing = [key for key in (*_KEYS, *old) if key not in metadata]
-    if missing or metadata["format"] not in (_BEFORE, FORMAT):
+    missing = [key for key in _KEYS if key not in metadata]
+    if missing or metadata["format"] != FORMAT:
         raise LogError(
             f"{path} lacks {', '.join(missing) or 'no key'} and has format "
-            f"{metadata.get('format')}; this version reads {_BEFORE} and {FORMAT}"
+            f"{metadata.get('format')}; this version reads {FORMAT}: record it again"
         )
     for key, kind in _KINDS.items():
         if not isinstance(metadata[key], kind):
@@ -261,16 +249,14 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 
 def _task(metadata: dict[str, Any]) -> Task:
-    """Return the task; recordings of version 0.3 and before do not name it."""
-    given = metadata.get("env_id", DEFAULT_ENV)
-    env_id = require_trusted("recording", "env_id", given)
+    env_id = require_trusted("recording", "env_id", metadata["env_id"])
     names = option_types(task_class(env_id))
     return make_task(env_id, {k: metadata[k] for k in names if k in metadata})
 
 
 def _cell(metadata: dict[str, Any]) -> Workcell:
-    given = metadata.get("arm_model", DEFAULT_ROBOT)
-    robot = find_robot(require_trusted("recording", "arm_model", given))
+    given = require_trusted("recording", "arm_model", metadata["arm_model"])
+    robot = find_robot(given)
     return _task(metadata).workcell(robot)
 
 
@@ -303,10 +289,7 @@ def _read_sequence(
             f"{path}: it has {len(firsts)} policy steps, the recording's sequences "
             f"have {wanted}: delete the file and record it again"
         )
-    if metadata["format"] == _BEFORE:
-        targets = _old_targets(episode, firsts, metadata)
-    else:
-        targets = read_targets(path, episode.metadata.get(TARGETS), len(firsts))
+    targets = read_targets(path, episode.metadata.get(TARGETS), len(firsts))
     first, cycles = assign_steps(path, log, steps, targets[:, :3])
     q_start = require_numbers(path, "q_start", episode.metadata.get("q_start"), 7)
     if first > 0:  # a network's latency: the arm was still held at its start
@@ -314,12 +297,3 @@ def _read_sequence(
     told = metadata["q_start"][number]
     commanded = require_numbers(path.with_name(DESCRIPTION), "q_start", told, 7)
     return Sequence(q_start, targets, log[first:], cycles, commanded)
-
-
-def _old_targets(
-    episode: Episode, firsts: NDArray[np.intp], metadata: dict[str, Any]
-) -> Array:
-    names = [name for name in episode.columns if name.startswith("action")]
-    actions = np.column_stack([episode[name] for name in names])[firsts]
-    goal = _task(metadata).goal(_fixture(metadata))
-    return targets_of_actions(actions, goal, metadata)

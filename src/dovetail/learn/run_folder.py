@@ -8,7 +8,7 @@ from typing import IO, Annotated, Any, Literal, get_args, get_origin
 
 from dovetail.arms.address import parse_address
 from dovetail.control.sections import settings_in
-from dovetail.envs.registered import old_fixture_word, task_class
+from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
 from dovetail.files import (
     claim_output_folder,
@@ -161,12 +161,12 @@ def open_run(config: TrainConfig) -> Path:
 
 
 def _read_config(folder: Path) -> dict[str, Any]:
-    path, once = folder / CONFIG, old_fixture_word()
+    path = folder / CONFIG
     try:
         settings = read_json(path)
         if not isinstance(settings, dict):
             raise ValueError("it holds no table")
-        return {"fixture" if k == once else k: v for k, v in settings.items()}
+        return settings
     except FileNotFoundError as error:
         raise ConfigError(
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "

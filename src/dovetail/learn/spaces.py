@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from dovetail.envs.observation import by_columns
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import PolicyError
 
@@ -65,8 +64,7 @@ def _read(described: Mapping[str, Any]) -> _Spaces:
     """Return a description of `describe_spaces`, each entry of its own type."""
     seen, action = described["observation"], described["action"]
     columns = [(str(column[0]), str(column[1])) for column in seen["columns"]]
-    whole = by_columns(seen["scaling"])
-    parts = {part: whole[part] for part in _PARTS}
+    parts = {part: seen["scaling"][part] for part in _PARTS}
     scaling = {part: [float(x) for x in parts[part]] for part in parts}
     axes = [str(axis) for axis in action["axes"]]
     scale = [float(value) for value in action["scale"]]

@@ -70,9 +70,6 @@ class Task(ABC):
     reward: RewardConfig = field(default_factory=RewardConfig)
     """Weights of the reward."""
 
-    fixture_word: ClassVar[str] = "fixture"
-    """What command lines and older files may call the fixture: where it is "slot",
-    `--slot` and `--slot-shift` are `--fixture` and `--fixture-shift`."""
     done_word: ClassVar[str] = "succeeded"
     """What tables and figures say of a try that was a success: "inserted", say."""
     posture: ClassVar[str] = "down"

@@ -47,8 +47,6 @@ class PegInHole(IntoOpening):
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     """Ranges of starts and holes."""
 
-    fixture_word: ClassVar[str] = "hole"
-    """The hole is the fixture."""
     trial_poses: ClassVar[tuple[FixturePose, ...]] = (
         FixturePose("A", 0.56, -0.045, 0.085, -0.15),
         FixturePose("B", 0.60, 0.045, 0.10, 0.10),
