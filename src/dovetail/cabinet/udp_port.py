@@ -67,7 +67,7 @@ class UdpPort:
         own = resolve(bind, "UDP address")
         self.client = resolve(client, "client")
         self.is_refused = False
-        """The last `receive` learned that nobody listens at the client's address."""
+        """True if the last `receive` found no listener at the client's address."""
         self._counts = counts
         try:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
