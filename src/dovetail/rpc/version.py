@@ -1,4 +1,4 @@
-"""What both ends must agree on before anything else."""
+"""Versions that both ends must agree on before anything else."""
 
 from importlib.metadata import PackageNotFoundError, version
 
@@ -10,7 +10,7 @@ PROTOCOL = 5
 
 
 def own_version() -> pb.Version:
-    """Return what this end speaks."""
+    """Return the versions of this end."""
     try:
         package = version("dovetail")
     except PackageNotFoundError:  # run from its sources
