@@ -1,4 +1,4 @@
-"""Where an arm is, in one word: `mujoco`, `twin:medium`, `fri://0.0.0.0:30200`, ..."""
+"""Arm addresses, in one word: `mujoco`, `twin:medium`, `fri://0.0.0.0:30200`, ..."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.plant import PLANTS
 
 SCHEMES = (*PLANTS, "twin:NAME", *(f"{name}://HOST:PORT" for name in list_schemes()))
-"""How an address may look."""
+"""Accepted forms of an address."""
 
 
 def parse_address(text: str) -> ArmAddress:

@@ -1,4 +1,4 @@
-"""What an arm is: it follows a Target for a while and says where it is."""
+"""Interface of an arm: it follows a Target for a while and returns its state."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeGuard
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class ToolState(NamedTuple):
-    """Where the tool is and how it moves."""
+    """Pose and twist of the tool."""
 
     position: Vec3
     """TCP in the world by the controller's model [m], shape (3,)."""
@@ -26,7 +26,7 @@ class ToolState(NamedTuple):
 
 
 class ArmState(NamedTuple):
-    """What an arm knows of itself after a step."""
+    """State of an arm after a step."""
 
     stamp: float
     """Time since reset [s], by the arm's clock."""
@@ -35,7 +35,7 @@ class ArmState(NamedTuple):
     dq: Vec7
     """Measured joint velocity [rad/s], shape (7,)."""
     tool: ToolState
-    """Where the tool is and how it moves."""
+    """Pose and twist of the tool."""
     contact_force: Vec3
     """True contact force on the tool, the largest of the step [N], world axes, shape
     (3,): a simulation's. Not-a-number where the arm cannot measure it, as on a robot:
@@ -47,32 +47,32 @@ class ArmState(NamedTuple):
     In `ContactEnv.state` the weight that a tare measured is taken off, so that it is
     contact within some newtons of friction (docs/your-own-task.md)."""
     flags: int
-    """What limited any cycle of the step: the cycles' packed flags, or-ed."""
+    """Limits that acted in any cycle of the step: the cycles' packed flags, or-ed."""
     log: Array
     """One row per control cycle of the step, columns CYCLE_COLUMNS."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ArmTraits:
-    """What an arm can do and what it is like, beside where it is."""
+    """Capabilities of an arm, apart from its address."""
 
     is_simulated: bool
-    """Whether it is a `SimulatedArm`: it can be pushed and its fixture moved."""
+    """True for a `SimulatedArm`: it can be pushed and its fixture moved."""
     is_real_time: bool
-    """Whether the arm moves on while the learner thinks."""
+    """True if the arm moves on while the learner thinks."""
     places_fixture: bool
-    """Whether the fixture goes where a reset says; if not, it is where it is."""
+    """True if a reset can place the fixture; otherwise it stays where it is."""
     measures_contact: bool
-    """Whether it may tell contact forces; if not, they are not-a-number. Behind a
-    service only that knows: this says yes."""
+    """True if it may measure contact forces; otherwise they are not-a-number. Behind a
+    service, which alone knows, it is always True."""
     holds_its_weight: bool = False
-    """Whether gravity compensation misses nothing: on a plant with the masses and the
-    gravity of the controller's model. Elsewhere it may, and a tare measures it."""
+    """True if gravity compensation is exact: on a plant with the masses and the gravity
+    of the controller's model. Elsewhere it may not be, and a tare measures the rest."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ArmFacts:
-    """What an arm is, from its building to its end."""
+    """Constants of an arm, from its building to its end."""
 
     robot: "Robot"
     """The controller's model, tool included."""
@@ -85,9 +85,9 @@ class ArmFacts:
     period: float
     """Control period [s]."""
     address: str = ""
-    """Where it is, as an address is written; empty where it was built without one."""
+    """Address of the arm; empty if it was built without one."""
     traits: ArmTraits
-    """What it can do and what it is like."""
+    """Capabilities of the arm."""
 
 
 class Arm(Protocol):
@@ -95,7 +95,7 @@ class Arm(Protocol):
 
     @property
     def facts(self) -> ArmFacts:
-        """What the arm is."""
+        """Constants of the arm."""
         ...
 
     def reset(self, q: Vec7, fixture: Pose) -> ArmState:

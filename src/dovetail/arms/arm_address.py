@@ -1,4 +1,7 @@
-"""What every arm's address says before the arm is built; each transport has its own."""
+"""Base class of arm addresses: facts known before the arm is built.
+
+Each transport has a subclass.
+"""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -19,7 +22,7 @@ _Word = TypeVar("_Word", bound=str)
 
 @dataclass(frozen=True, kw_only=True)
 class ArmAddress(ABC):
-    """Where an arm is, and what is known of it unbuilt; `build_arm` builds it."""
+    """Address of an arm, with the facts known before `build_arm` builds it."""
 
     text: str = field(default="", compare=False)
     """The address as it was given."""
@@ -31,26 +34,26 @@ class ArmAddress(ABC):
     transport: ClassVar[str]
     """Name of what builds its arm; see `arms.transport`."""
     is_here: ClassVar[bool] = False
-    """Whether it is a simulation of this process: any number can be built."""
+    """True for a simulation in this process: any number can be built."""
     is_service: ClassVar[bool] = False
-    """Whether another process owns the arm and its controller."""
+    """True if another process owns the arm and its controller."""
     measures_contact: ClassVar[bool] = True
-    """Whether contact forces may be known; behind a service only that knows."""
+    """True if contact forces may be known; behind a service, it alone knows."""
     periods: ClassVar[tuple[float, ...]] = PERIODS
     """Control periods that it can have [s]."""
     period_name: ClassVar[str] = "period"
-    """What its period is called in messages."""
+    """Name of the period in messages."""
 
     @property
     def is_real_time(self) -> bool:
-        """Whether the arm moves on while the learner thinks."""
+        """True if the arm moves on while the learner thinks."""
         return True
 
     @property
     def places_fixture(self) -> bool:
-        """Whether it can put the fixture where an episode wants it.
+        """True if the arm can put the fixture where an episode wants it.
 
-        Of an arm behind a service only the service knows; this says yes.
+        Always True for an arm behind a service, which alone knows.
         """
         return True
 
@@ -91,22 +94,22 @@ class ArmAddress(ABC):
 
     @property
     def may_be_robot(self) -> bool:
-        """Whether a real arm may move there; no only where it is surely simulated."""
+        """True if a real arm may move there; False only if it is surely simulated."""
         return True
 
     @property
     def undisturbed(self) -> str:
-        """Why nothing at this end can push the arm or move its fixture, and what could.
+        """Reason why this end cannot push the arm or move its fixture, and the remedy.
 
-        Empty where something can.
+        Empty if it can.
         """
         return ""
 
     @property
     def unproven_margins(self) -> str:
-        """Why limits with these margins are unproven; empty where they are not.
+        """Reason why limits with these margins are unproven; empty if they are proven.
 
-        A simulated arm can be exactly its model, and hurts nobody where it is not.
+        A simulated arm can be exactly its model, and does no harm where it is not.
         """
         if self.margins == "hardware" or not self.may_be_robot:
             return ""
@@ -158,7 +161,7 @@ class ArmAddress(ABC):
 
 
 class Keys:
-    """What stands behind an address's question mark, and its host and port."""
+    """Host and port of an address, and its KEY=VALUE pairs after the question mark."""
 
     def __init__(
         self,

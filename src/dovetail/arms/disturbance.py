@@ -1,4 +1,4 @@
-"""What disturbs a simulated arm in a step: pushes at the TCP, a fixture that moves."""
+"""Disturbances of a simulated arm in a step: push at the TCP, motion of the fixture."""
 
 import math
 from typing import TYPE_CHECKING

@@ -1,4 +1,7 @@
-"""Where a cabinet, real or simulated, sends to: `fri://0.0.0.0:30200?KEY=VALUE&...`."""
+"""Address of an arm behind FRI: `fri://0.0.0.0:30200?KEY=VALUE&...`.
+
+The cabinet, real or simulated, sends its messages to this host and port.
+"""
 
 from dataclasses import dataclass, field
 from ipaddress import IPv4Address
@@ -31,7 +34,7 @@ _KEYS = (
 
 @dataclass(frozen=True, kw_only=True)
 class FriCabinet:
-    """What is known of the cabinet."""
+    """Known properties of the cabinet."""
 
     version: Version = "1.15"
     """Wire format; the messages themselves do not name it."""
@@ -51,14 +54,14 @@ class FriCabinet:
 
 @dataclass(frozen=True, kw_only=True)
 class FriPace(Section):
-    """Whose clock it is, and how long is waited."""
+    """Clock, timeouts and thread priority."""
 
     owner: ClassVar[str] = "arm"
 
     clock: Clock = "wall"
     """Lockstep: a simulated cabinet waits for the learner."""
     timeout: float = 10.0
-    """How long to wait for the cabinet [s]."""
+    """Longest wait for the cabinet [s]."""
     target_timeout: float = 0.15
     """Time without a new target after which the arm is held [s]; wall clock only."""
     realtime: bool = False
@@ -67,11 +70,11 @@ class FriPace(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class FriStart:
-    """How an episode starts."""
+    """Reset to the start of an episode."""
 
     reset: Reset | None = None
-    """Move there below the limits, or be placed, which only a simulated cabinet can
-    do, and does where nothing else is asked (None)."""
+    """Way to the start: "move" below the limits, or "place", which needs a simulated
+    cabinet. None is place with a control port, else move."""
     approach: bool = False
     """Move to a start that is far away, too."""
 
@@ -94,14 +97,14 @@ class FriAddress(Sectioned, ArmAddress):
     port: int
     """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
     cabinet: FriCabinet = field(default_factory=FriCabinet)
-    """What is known of the cabinet."""
+    """Known properties of the cabinet."""
     pace: FriPace = field(default_factory=FriPace)
-    """Whose clock it is, and how long is waited."""
+    """Clock, timeouts and thread priority."""
     start: FriStart = field(default_factory=FriStart)
-    """How an episode starts."""
+    """Reset to the start of an episode."""
 
     def __post_init__(self) -> None:
-        """Say how an episode starts, and refuse what no cabinet can do."""
+        """Choose the reset if none is given; refuse one that the cabinet cannot do."""
         control = self.cabinet.control
         if self.start.reset is None:
             self._settle(reset="move" if control is None else "place")
@@ -150,12 +153,12 @@ class FriAddress(Sectioned, ArmAddress):
 
     @property
     def is_real_time(self) -> bool:
-        """Whether the arm moves on while the learner thinks."""
+        """True if the arm moves on while the learner thinks."""
         return self.pace.clock == "wall"
 
     @property
     def places_fixture(self) -> bool:
-        """Whether it can put the fixture: not without a control port."""
+        """True if it can place the fixture: with a control port."""
         return self.cabinet.control is not None
 
     def describe_ground(self) -> str:
@@ -166,12 +169,12 @@ class FriAddress(Sectioned, ArmAddress):
 
     @property
     def may_be_robot(self) -> bool:
-        """Whether a real arm may move there: not with a control port."""
+        """True if a real arm may move there: without a control port."""
         return self.cabinet.control is None
 
     @property
     def undisturbed(self) -> str:
-        """Why nothing can push the arm; empty with a control port."""
+        """Reason why nothing can push the arm; empty with a control port."""
         if self.cabinet.control is not None:
             return ""
         return (

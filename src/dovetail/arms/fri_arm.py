@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from dovetail import _core
 
 _SLICE = 0.05
-"""How often a waiting learner says that it is alive [s]: less than the watchdog."""
+"""Period of a waiting learner's signs of life [s]: less than the watchdog's time."""
 _PRIORITY = 90
 """SCHED_FIFO priority in real time: above drivers and a cabinet on the same machine,
 below the kernel's own threads."""
@@ -260,7 +260,7 @@ class FriArm:
         return self._servo.state()
 
     def recent(self, seconds: float) -> Array:
-        """Return the cycle log of the last seconds, whatever has ended since."""
+        """Return the cycle log of the last seconds, across the ends of motions."""
         end = self._servo.state().rows
         cycles = round(seconds / self.facts.period)
         begin = max(self._servo.oldest_row(), end - cycles, 0)

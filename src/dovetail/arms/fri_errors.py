@@ -1,4 +1,4 @@
-"""What may be wrong between a client and its cabinet, in words."""
+"""Messages for faults between a client and its cabinet."""
 
 import errno
 from typing import TYPE_CHECKING, Any

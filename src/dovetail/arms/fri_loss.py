@@ -1,4 +1,4 @@
-"""How a cabinet that was there has gone: what was seen last, what usually does that."""
+"""Diagnosis of a lost connection to a cabinet: its last messages and usual causes."""
 
 import math
 from typing import TYPE_CHECKING, NamedTuple
@@ -13,16 +13,16 @@ GONE = 0.3
 
 
 class Loss(NamedTuple):
-    """How it has gone."""
+    """Loss of the connection to a cabinet."""
 
     reason: str
     """One word: session_closed, silence, or unreadable."""
     text: str
-    """What was seen last and when, what has changed, and what that usually means."""
+    """Last message and its age, the change since, and its usual cause."""
 
 
 def find_loss(servo: "_core.ServoLoop", state: "_core.ServoState") -> Loss | None:
-    """Return how the cabinet has gone; None where it is there, or never was.
+    """Return the loss of the cabinet; None if it still sends, or never did.
 
     Args:
         servo: The loop that listened.
@@ -60,7 +60,7 @@ def find_loss(servo: "_core.ServoLoop", state: "_core.ServoState") -> Loss | Non
 
 
 def _unreadable(servo: "_core.ServoLoop", age: float) -> Loss | None:
-    """Return what spoils datagrams that go on coming."""
+    """Return the loss where datagrams still come but cannot be read."""
     why = servo.last_undecodable()
     if not why or age < GONE:
         return None

@@ -1,4 +1,4 @@
-"""How an arm behind FRI is built from its address."""
+"""Builder of an arm behind FRI, from its address."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ def build_arm(
 
     Raises:
         ConfigError: A period that the cabinet cannot have.
-        ArmError: Nobody can listen there.
+        ArmError: The port cannot be listened on.
     """
     require_period(settings.period, address.period_name, address.periods)
     if address.cabinet.control is None:

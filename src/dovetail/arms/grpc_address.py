@@ -80,7 +80,7 @@ class GrpcAddress(ArmAddress):
 
     @property
     def undisturbed(self) -> str:
-        """Why nothing can push the arm: the service does not offer that."""
+        """Reason why nothing can push the arm: the service does not offer that."""
         return (
             "cannot be done to an arm over gRPC; try it where the arm is: --plant, "
             "--twin, or fri:// with control=HOST:PORT"

@@ -1,4 +1,4 @@
-"""How an arm behind a service is reached from its address."""
+"""Builder of an arm behind a service, from its address."""
 
 from dovetail.arms.grpc_address import GrpcAddress
 from dovetail.arms.remote_arm import RemoteArm

@@ -25,12 +25,12 @@ class LocalAddress(ArmAddress):
 
     @property
     def is_real_time(self) -> bool:
-        """Whether the arm moves on while the learner thinks: no."""
+        """False: the arm stands still while the learner thinks."""
         return False
 
     @property
     def may_be_robot(self) -> bool:
-        """Whether a real arm may move there: no."""
+        """False: no real arm moves there."""
         return False
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""How an arm of this process is built from its address."""
+"""Builder of an arm in this process, from its address."""
 
 from dovetail.arms.local_address import LocalAddress
 from dovetail.arms.local_arm import LocalArm

@@ -55,7 +55,7 @@ class RemoteArm:
                 service has another one. None takes the service's.
             cell: What stands there; refused if the service has another part or
                 clearance. None does not ask.
-            name: What others are told about who holds the arm; default the program.
+            name: The holder's name, as other clients see it; default the program.
             timeout: Longest wait for an answer, beyond a step's own duration [s].
             reset_timeout: Longest wait for a reset, which may be a motion [s].
 
@@ -100,7 +100,7 @@ class RemoteArm:
 
     @property
     def info(self) -> "pb.Info":
-        """What the service said of its arm when the connection was made."""
+        """The service's description of its arm, from when the connection was made."""
         return self._connection.info
 
     def seed(self, seed: int) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 ARRIVED = 0.02
 """Distance of every joint from the start that ends a reset [rad]."""
 ARRIVAL_TIME = 5.0
-"""How long the end of a reset may take [s]."""
+"""Time to come to rest at the start, after the way there, before a reset fails [s]."""
 
 
 def drive_to(

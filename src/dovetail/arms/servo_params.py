@@ -1,4 +1,4 @@
-"""What a servo loop is given where nothing else is asked for."""
+"""Default parameters of a servo loop."""
 
 from typing import TYPE_CHECKING
 
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def servo_params(period: float) -> "_core.ServoParams":
-    """Return what a servo loop is given where nothing else is asked for.
+    """Return the default parameters of a servo loop.
 
     Args:
         period: Control period [s].

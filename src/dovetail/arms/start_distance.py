@@ -1,4 +1,4 @@
-"""How far an arm is from its start, and how far it may go there unasked."""
+"""Limit on the distance that an arm moves to its start without the user's consent."""
 
 from typing import TYPE_CHECKING
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
 
 FARTHEST = 0.15
-"""Distance of the tool from its start that is gone unasked [m]."""
+"""Largest distance of the tool that the arm moves without consent [m]."""
 FARTHEST_TURN = 0.5
 """The same for each joint [rad]."""
 SAME_PLACE = 0.1
@@ -20,7 +20,7 @@ SAME_PLACE = 0.1
 
 
 def require_near(robot: "Robot", q: Vec7, q_start: Vec7, left: Vec7 | None) -> None:
-    """Refuse a way to the start that nobody has asked for.
+    """Refuse a long way to the start without the user's consent.
 
     Args:
         robot: The arm, tool included.

@@ -1,4 +1,4 @@
-"""When an arm on the network must stop following: settings of the C++ watchdog."""
+"""Settings of the C++ watchdog: conditions that stop an arm on the network."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
@@ -27,9 +27,9 @@ class WatchdogConfig:
     external_torque: Annotated[float, Range(1e-3, _INF, "1")] = 0.6
     """External torque that stops, as a share of the motor's [1]."""
     confirm: Annotated[float, Range(1e-6, 10.0, "s")] = 0.01
-    """How long speed or external torque must be too large [s]."""
+    """Time for which speed or external torque must be too large [s]."""
     confirm_tracking: Annotated[float, Range(1e-6, 10.0, "s")] = 0.1
-    """How long torque must not be as commanded [s]."""
+    """Time for which torque must differ from the commanded one [s]."""
     rest_speed: Annotated[float, Range(1e-4, 1.0, "rad/s")] = 0.02
     """Speed of every joint below which a braking arm is held where it is [rad/s]."""
 

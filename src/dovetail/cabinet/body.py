@@ -28,7 +28,7 @@ class Body:
     """A plant that a motion drives, drives or brakes stop, and the brakes hold.
 
     At rest behind closed brakes the plant is not stepped: the arm stays exactly where
-    it is, whatever its gravity error, and time in contact does not pass.
+    it is, even with a gravity error, and no time passes in contact.
     """
 
     def __init__(self, plant: "DrivenPlant", config: CabinetConfig) -> None:
@@ -55,7 +55,7 @@ class Body:
         self._is_torque = self._mode == "torque"
         self._path = LatePath(self.period, plant.command_delay)
         self.failure = ""
-        """Why the plant cannot go on; empty while it can. `place` mends it."""
+        """Reason why the plant cannot go on; empty while it can. `place` clears it."""
         self._push_force = np.zeros(3)
         self._push_left = 0.0
         self._fixture: Pose | None = None
@@ -71,7 +71,7 @@ class Body:
         self.is_braked = True
         """The arm rests behind closed brakes."""
         self.category: StopCategory | None = None
-        """How the arm is being stopped; None while nothing stops it."""
+        """Category of the running stop; None while nothing stops the arm."""
         self._ramp: Ramp | None = None
         self._braking: float | None = None  # since the brakes closed [s]
         self._path.clear()

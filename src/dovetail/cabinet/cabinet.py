@@ -31,9 +31,9 @@ if TYPE_CHECKING:
 _GOODBYES = 5
 """IDLE messages at the end of a session; KUKA's clients leave at the first."""
 _REQUEST_TIME = 10.0
-"""How long a request waits for the cabinet's thread [s]."""
+"""Longest wait of a request for the cabinet's thread [s]."""
 _ANSWER_TIME = 0.1
-"""How often a waiting request looks whether the cabinet still runs [s]."""
+"""Period at which a waiting request checks that the cabinet still runs [s]."""
 _RATE_TIME = 0.5
 """Time over which the rate is counted [s]."""
 
@@ -116,7 +116,7 @@ class Cabinet:
 
     @property
     def is_running(self) -> bool:
-        """Whether the cabinet's thread runs."""
+        """True while the cabinet's thread runs."""
         return self._thread is not None and self._thread.is_alive()
 
     # -- life --------------------------------------------------------------------
@@ -138,7 +138,7 @@ class Cabinet:
     def _guard(self) -> None:
         try:
             self.run()
-        except Exception as error:  # told to whoever asks, as nobody waits for it here
+        except Exception as error:  # kept for the status: no caller waits for it
             self.failure = f"{type(error).__name__}: {error}"
             self.log.write("failure", error=self.failure)
 
@@ -334,7 +334,7 @@ class Cabinet:
         return status
 
     failure = ""
-    """What ended the cabinet's thread; empty while nothing has."""
+    """Error that ended the cabinet's thread; empty while there is none."""
     last_error = ""
     """The last datagram that could not be read, and why."""
     _started = 0.0

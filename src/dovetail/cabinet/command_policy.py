@@ -1,4 +1,4 @@
-"""What a client's command, or its absence, does to the running motion."""
+"""Effect of a client's command, or of its absence, on the running motion."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -13,7 +13,7 @@ _TORQUE_SLACK = 1e-6
 
 
 class Command(Protocol):
-    """What the policy reads of a client's command; None where absent."""
+    """Fields of a client's command that the policy reads; None where absent."""
 
     q: Sequence[float] | None
     tau: Sequence[float] | None
@@ -53,7 +53,7 @@ class CommandPolicy:
         self.missed = 0
         """Commands missed in a row while active."""
         self.waits_for = "the client's first command"
-        """What COMMANDING_WAIT is waiting for; empty when synchronised."""
+        """Condition that COMMANDING_WAIT waits for; empty when synchronised."""
 
     def _drop(self) -> None:
         self.tau = [0.0] * 7
@@ -89,7 +89,7 @@ class CommandPolicy:
 
     @property
     def is_synchronised(self) -> bool:
-        """Whether the client has mirrored the interpolator for long enough."""
+        """True once the client has mirrored the interpolator for long enough."""
         return self.mirrored >= self._config.start.sync_slots
 
     def act(
@@ -161,7 +161,7 @@ class CommandPolicy:
 
     @property
     def is_silent(self) -> bool:
-        """Whether the drives stop the arm on its path, for want of commands.
+        """True while the drives stop the arm on its path, for want of commands.
 
         In position mode the last position stops it already.
         """

@@ -57,7 +57,7 @@ class ConnectionConfig(Section):
     version: str = "1.15"
     """Wire version: 1.15 (1.14 to 1.16), 2.5 or 2.7; client and cabinet must agree."""
     client: Endpoint = _CLIENT
-    """Where messages go, and the only address commands are taken from."""
+    """Address of the client; commands from any other are dropped."""
     bind: Endpoint = _BIND
     """The cabinet's own UDP address; port 0 takes a free one."""
     control: Endpoint | None = _CONTROL
@@ -75,7 +75,7 @@ class ConnectionConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class PaceConfig(Section):
-    """When messages and answers are due."""
+    """Timing of messages and answers."""
 
     owner: ClassVar[str] = "cabinet"
 
@@ -86,7 +86,7 @@ class PaceConfig(Section):
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the reply to the last has come."""
     patience: Annotated[float, Range(0.01, 3600.0, "s")] = 10.0
-    """How long lockstep waits for a reply before it counts as missed [s]."""
+    """Longest wait of lockstep for a reply before it counts as missed [s]."""
 
     def __post_init__(self) -> None:
         """Refuse a period that the wire cannot tell."""
@@ -113,12 +113,12 @@ class PaceConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class LawConfig(Section):
-    """What moves the arm besides its own gravity compensation."""
+    """Control law of the arm, besides its own gravity compensation."""
 
     owner: ClassVar[str] = "cabinet"
 
     mode: Literal["torque", "position", "wrench"] = "torque"
-    """What the overlay wants from the client, besides the position in every command."""
+    """Command expected from the client, besides the position that each one has."""
     stiffness: Annotated[tuple[float, ...], Range(0.0, 1e4, "Nm/rad", JOINTS)] = (
         0.0,
     ) * 7
@@ -132,7 +132,7 @@ class LawConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionStartConfig(Section):
-    """What a motion waits for before it starts."""
+    """Conditions for the start of a motion."""
 
     owner: ClassVar[str] = "cabinet"
 
@@ -151,7 +151,7 @@ class MotionStartConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionEndConfig(Section):
-    """What ends a motion with an error."""
+    """Errors that end a motion."""
 
     owner: ClassVar[str] = "cabinet"
 
@@ -170,7 +170,7 @@ class MotionEndConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class WireTorqueConfig(Section):
-    """What the torques on the wire are."""
+    """Torques on the wire: signs, content and filter."""
 
     owner: ClassVar[str] = "cabinet"
 
@@ -181,7 +181,7 @@ class WireTorqueConfig(Section):
     external_sign: Literal[-1, 1] = 1
     """Sign of the external torque on the wire over the push on the joint."""
     commanded_torque: Literal["overlay", "total"] = "overlay"
-    """What the commanded torque on the wire contains; total adds gravity and
+    """Content of the commanded torque on the wire; total adds gravity and
     impedance."""
     external_filter: Annotated[float, Range(0.0, 10.0, "s")] = 0.02
     """Time constant of the external torque's estimate [s]."""
@@ -189,7 +189,7 @@ class WireTorqueConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SignalConfig(Section):
-    """What is passed along."""
+    """IO signals and requested transformations."""
 
     owner: ClassVar[str] = "cabinet"
 
@@ -218,19 +218,19 @@ class CabinetConfig(Sectioned):
     connection: ConnectionConfig = field(default_factory=ConnectionConfig)
     """The ports, and what is spoken there."""
     pace: PaceConfig = field(default_factory=PaceConfig)
-    """When messages and answers are due."""
+    """Timing of messages and answers."""
     law: LawConfig = field(default_factory=LawConfig)
-    """What moves the arm."""
+    """Control law of the arm."""
     quality: QualityRule = field(default_factory=QualityRule)
-    """When the link is poor, fair, good or excellent."""
+    """Thresholds of a poor, fair, good or excellent link."""
     start: MotionStartConfig = field(default_factory=MotionStartConfig)
-    """What a motion waits for."""
+    """Conditions for the start of a motion."""
     end: MotionEndConfig = field(default_factory=MotionEndConfig)
-    """What ends it with an error."""
+    """Errors that end a motion."""
     torques: WireTorqueConfig = field(default_factory=WireTorqueConfig)
-    """What the torques on the wire are."""
+    """Torques on the wire."""
     signals: SignalConfig = field(default_factory=SignalConfig)
-    """What is passed along."""
+    """IO signals and requested transformations."""
 
     def __post_init__(self) -> None:
         """Refuse to stop a motion while a command is held."""

@@ -107,7 +107,7 @@ class ControlPort:
             return
         if len(self._clients) >= MAX_CONNECTIONS:
             self._drop(min(self._clients.values(), key=lambda client: client.worth))
-        connection.setblocking(False)  # an answer that is not fetched waits for nobody
+        connection.setblocking(False)  # an answer that is not fetched blocks nothing
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         client = self._clients[connection] = _Client(connection)
         self._selector.register(connection, selectors.EVENT_READ, client)

@@ -1,4 +1,4 @@
-"""What happened to the cabinet, as JSON lines."""
+"""Log of the cabinet's events, as JSON lines."""
 
 import json
 import time
@@ -19,7 +19,7 @@ class EventLog:
         """
         self.path = path
         self.failure = ""
-        """Why the log ended early; empty while it goes on."""
+        """Reason why the log ended early; empty while it goes on."""
         self._start = time.monotonic()
         self._file: TextIO | None = None
         if path is not None:

@@ -1,4 +1,4 @@
-"""When messages go out and replies are waited for: by the clock, or in lockstep."""
+"""Timing of messages and replies: by the clock, or in lockstep."""
 
 import select
 import time
@@ -10,15 +10,15 @@ from dovetail.cabinet.link import Link
 from dovetail.cabinet.udp_port import UdpPort
 
 _SEARCH_TIME = 0.02
-"""How long lockstep waits where no client may be [s]."""
+"""Wait of lockstep for a reply while it may have no client [s]."""
 _LINGER_TIME = 0.2
-"""How long it waits where one has just answered, or its phase is not known [s]."""
+"""The same after a client has just answered, or with its phase unknown [s]."""
 _RESEND_TIME = 0.5
-"""How often lockstep repeats a message that it waits on [s]."""
+"""Period at which lockstep repeats a message without a reply [s]."""
 
 
 class Receiver(Protocol):
-    """What an exchange hands datagrams and requests to."""
+    """Recipient of an exchange's datagrams and requests."""
 
     def take(self, payload: bytes) -> bool:
         """Take a client's datagram; return whether it is the reply waited for."""
@@ -91,7 +91,7 @@ class Exchange(ABC):
 
 
 class WallExchange(Exchange):
-    """By the clock: a message at each absolute deadline, whatever comes back."""
+    """By the clock: a message at each absolute deadline, with or without a reply."""
 
     _deadline = 0.0
     _is_void = False
@@ -162,8 +162,7 @@ class WallExchange(Exchange):
 class LockstepExchange(Exchange):
     """In lockstep: the next message when the reply has come; time is virtual.
 
-    Delays pass in virtual time, so that a late datagram is late and a lost one is lost
-    without anybody waiting for it.
+    Delays pass in virtual time: no real time is spent on a late or lost datagram.
     """
 
     def __init__(
@@ -183,7 +182,7 @@ class LockstepExchange(Exchange):
             wake: Descriptor that becomes readable when requests wait.
             receiver: Takes datagrams and serves requests.
             period: Send period [s].
-            patience: How long a reply is waited for [s].
+            patience: Longest wait for a reply [s].
             multiplier: The client answers every so many messages.
         """
         super().__init__(port, wake, receiver, period)
@@ -281,7 +280,7 @@ class LockstepExchange(Exchange):
         return False
 
     def _patience(self) -> float:
-        """Return how long the reply is waited for [s], by the machine's clock."""
+        """Return the longest wait for the reply [s], by the machine's clock."""
         if not self.is_patient:
             return _LINGER_TIME if self._is_known else _SEARCH_TIME
         is_regular = self._multiplier == 1 or self.to_client.is_idle

@@ -24,7 +24,7 @@ Share = Annotated[float, Range(0.0, 1.0, "1")]
 
 @dataclass(frozen=True, kw_only=True)
 class LinkFaults(Section):
-    """What the link does to datagrams."""
+    """Faults of the link."""
 
     owner: ClassVar[str] = "fault"
 
@@ -44,31 +44,31 @@ class LinkFaults(Section):
     jitter: Annotated[float, Range(0.0, 1.0, "s")] = 0.0
     """Largest further time, uniformly distributed [s]."""
     direction: Literal["both", "to_client", "from_client"] = "both"
-    """Which way the faults above act."""
+    """Direction in which the faults above act."""
 
     @property
     def is_clear(self) -> bool:
-        """Whether every datagram passes at once and as it is."""
+        """True if every datagram passes at once and unchanged."""
         names = (*_PROBABILITIES, "delay", "jitter")
         return not any(vars(self)[name] for name in names)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotFaults(Section):
-    """What the robot does, its cabinet and its safety controller."""
+    """Faults of the robot, its cabinet and its safety controller."""
 
     owner: ClassVar[str] = "fault"
 
     freeze: Annotated[float, Range(0.0, 60.0, "s")] = 0.0
     """Time for which the cabinet stands still, once [s]."""
     quality: Quality | None = None
-    """Quality that the cabinet claims, whatever it sees."""
+    """Quality that the cabinet reports, in place of the true one."""
     stop_at: Annotated[float | None, Range(0.0, 1e6, "s")] = None
     """Time after which the safety controller stops the arm, once [s]."""
     stop: Annotated[int, Range(1, 3, "1")] = SafetyState.STOP_1
-    """Which stop that is, 1 to 3 as on the wire."""
+    """Kind of that stop, 1 to 3 as on the wire: STOP 0 to STOP 2."""
     stop_time: Annotated[float, Range(0.0, 3600.0, "s")] = 0.5
-    """How long the safety controller then keeps the arm stopped [s]."""
+    """Time for which the safety controller then keeps the arm stopped [s]."""
     values: Annotated[int, Range(0, 14, "values")] = 7
     """Joint values in each array of the messages; a real cabinet sends 7."""
 
@@ -83,9 +83,9 @@ class FaultConfig(Sectioned):
     whose: ClassVar[str] = "faults"
 
     link: LinkFaults = field(default_factory=LinkFaults)
-    """What the link does to datagrams."""
+    """Faults of the link."""
     robot: RobotFaults = field(default_factory=RobotFaults)
-    """What the robot does."""
+    """Faults of the robot."""
     seed: Annotated[int, Range(0, 2**32 - 1, "1")] = 0
     """Start of the random numbers."""
 

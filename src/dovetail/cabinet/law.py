@@ -104,7 +104,7 @@ class JointLaw:
 
 
 class TorqueSensors:
-    """What the torque sensors, and the estimate behind them, would say.
+    """Simulated torque sensors, and the external torque estimated from them.
 
     They sit behind gear and rotor, so neither friction nor rotor inertia is in their
     reading. The external torque is what the model cannot explain, filtered.

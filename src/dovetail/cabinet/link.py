@@ -11,12 +11,12 @@ class Parcel(NamedTuple):
     """A datagram under way."""
 
     due: float
-    """When it arrives [s]."""
+    """Time of arrival [s]."""
     serial: int
     """Order of sending among those that arrive together."""
     payload: bytes
     tag: int
-    """What the sender calls it; copies carry -1."""
+    """Number that the sender gives it; copies carry -1."""
     is_intact: bool
     """It is the first copy, unchanged."""
 
@@ -53,7 +53,7 @@ class Link:
 
     @property
     def is_idle(self) -> bool:
-        """Whether every datagram passes at once and nothing is under way."""
+        """True if every datagram passes at once and nothing is under way."""
         return self._is_clear and not self._queue
 
     def send(self, payload: bytes, now: float, tag: int = 0) -> None:
@@ -89,7 +89,7 @@ class Link:
 
     @property
     def next_due(self) -> float:
-        """When the next datagram arrives [s]; infinity where none is under way."""
+        """Time of the next arrival [s]; infinity if no datagram is under way."""
         return self._queue[0].due if self._queue else float("inf")
 
     def take(self, until: float) -> Parcel | None:

@@ -23,7 +23,7 @@ class SessionState(IntEnum):
 
 
 class Quality(IntEnum):
-    """How reliably the client answers in time."""
+    """Connection quality, by the share of replies in time."""
 
     POOR = 0
     FAIR = 1
@@ -32,7 +32,7 @@ class Quality(IntEnum):
 
 
 class SafetyState(IntEnum):
-    """Which stop the safety controller has commanded, if any."""
+    """Stop commanded by the safety controller, if any."""
 
     NORMAL_OPERATION = 0
     STOP_0 = 1
@@ -49,7 +49,7 @@ class DriveState(IntEnum):
 
 
 class ControlMode(IntEnum):
-    """Which law holds the arm."""
+    """Control law of the arm."""
 
     POSITION = 0
     CARTESIAN_IMPEDANCE = 1
@@ -58,7 +58,7 @@ class ControlMode(IntEnum):
 
 
 class CommandMode(IntEnum):
-    """What the running overlay wants from the client."""
+    """Client command mode: the command that the running overlay expects."""
 
     NONE = 0
     POSITION = 1
@@ -83,7 +83,7 @@ class IoType(IntEnum):
 
 
 class IoDirection(IntEnum):
-    """Who writes an IO signal: the cabinet (input) or the client (output)."""
+    """Direction of an IO signal: the cabinet writes an input, the client an output."""
 
     INPUT = 0
     OUTPUT = 1

@@ -1,4 +1,4 @@
-"""What of a cabinet lies outside that for which dovetail's limits are proven."""
+"""Check of a cabinet against the range for which dovetail's limits are proven."""
 
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.faults import FaultConfig

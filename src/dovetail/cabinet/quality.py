@@ -13,7 +13,7 @@ from dovetail.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class QualityRule:
-    """When a link is poor, fair, good or excellent."""
+    """Thresholds of a poor, fair, good or excellent link."""
 
     window: int = 100
     """Due replies that are looked at; those not yet due count as missed."""

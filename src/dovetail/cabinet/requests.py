@@ -1,4 +1,4 @@
-"""What may be asked of a running cabinet: JSON objects in, JSON objects out."""
+"""Requests to a running cabinet: JSON objects in, JSON objects out."""
 
 from collections.abc import Callable
 from typing import Any

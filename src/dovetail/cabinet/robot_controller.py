@@ -69,7 +69,7 @@ class RobotController:
         self.transformations: dict[str, Any] = {}
         """Last answer to each requested transformation."""
         self.counts: Counter[str] = Counter()
-        """What happened since the cabinet was started, by name."""
+        """Number of events of each kind since the cabinet was started."""
         self._report = report or (lambda event, **facts: None)
         self.state = SessionState.IDLE
         self.sequence = 0
@@ -155,7 +155,7 @@ class RobotController:
 
     @property
     def is_slot_end(self) -> bool:
-        """Whether this message is the last of its receive slot."""
+        """True if this message is the last of its receive slot."""
         return self._phase >= self.config.pace.receive_multiplier
 
     def receive(self, command: Any) -> bool:
@@ -289,7 +289,7 @@ class RobotController:
 
     @property
     def command_mode(self) -> CommandMode:
-        """What the running motion wants from the client."""
+        """Command that the running motion expects from the client."""
         return self.policy.mode if self.state in _COMMANDING else CommandMode.NONE
 
     @property
@@ -299,7 +299,7 @@ class RobotController:
 
     @property
     def q_commanded(self) -> list[float]:
-        """The position that the arm is told to be at [rad]."""
+        """Commanded configuration [rad]."""
         if self.state in _COMMANDING:
             return self.policy.q
         return self.body.q.tolist()

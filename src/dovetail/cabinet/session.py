@@ -12,7 +12,7 @@ from dovetail.errors import ConfigError
 
 
 class Situation(NamedTuple):
-    """What decides the session's next state."""
+    """Inputs that decide the session's next state."""
 
     is_open: bool
     """The application holds a session."""
@@ -67,7 +67,7 @@ class Application:
         self.sessions = 0
         """Sessions opened since the cabinet was."""
         self.stop_reason = ""
-        """Why the last motion ended; empty while one runs."""
+        """Reason why the last motion ended; empty while one runs."""
 
     def open(self) -> None:
         """Create the FRI session.

@@ -24,9 +24,9 @@ class Signal:
     type: IoType
     """Boolean, digital (whole number) or analog."""
     direction: IoDirection
-    """Who writes it: input by the cabinet, output by the client."""
+    """Direction: the cabinet writes an input, the client an output."""
     initial: float = 0.0
-    """Value until somebody writes it."""
+    """Value until it is written."""
 
 
 def parse_signal(text: str) -> Signal:

@@ -1,4 +1,4 @@
-"""How a motion ends: the stop categories of IEC 60204-1, and the ramp of category 1."""
+"""Stops of a motion: the categories of IEC 60204-1, and the ramp of category 1."""
 
 from enum import IntEnum
 
@@ -12,7 +12,7 @@ DECELERATION = 30.0
 
 
 class StopCategory(IntEnum):
-    """How the arm comes to rest; behind every one of them the brakes hold it."""
+    """Way to bring the arm to rest; afterwards the brakes hold it."""
 
     BRAKES = 0
     """Drives off, brakes at once: every joint stops as soon as it can."""
@@ -40,7 +40,7 @@ class Ramp:
 
     @property
     def is_over(self) -> bool:
-        """Whether the end is reached."""
+        """True once every joint is at rest."""
         return self.time >= self.duration
 
     def advance(self, duration: float) -> tuple[Vec7, Vec7, Vec7]:

@@ -1,4 +1,4 @@
-"""The cabinet's UDP port: to the client, and from nobody else."""
+"""UDP port of the cabinet: datagrams to and from its client only."""
 
 import errno
 import socket
@@ -67,7 +67,7 @@ class UdpPort:
         own = resolve(bind, "UDP address")
         self.client = resolve(client, "client")
         self.is_refused = False
-        """The last `receive` learned that nobody listens at the client's address."""
+        """True if the last `receive` found no listener at the client's address."""
         self._counts = counts
         try:
             with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
@@ -86,7 +86,7 @@ class UdpPort:
                 "address of the network that the client is in"
             ) from error
         while self.receive() is not None:
-            pass  # came before the connection: may be anybody's
+            pass  # came before the connection, from any sender
         self.address = Endpoint(*self._socket.getsockname()[:2])
 
     @staticmethod
@@ -106,7 +106,7 @@ class UdpPort:
         return self._socket.fileno()
 
     def send(self, payload: bytes) -> None:
-        """Send a datagram; that nobody listens is no error."""
+        """Send a datagram; a client that does not listen is no error."""
         for _ in range(2):  # an earlier refusal is reported in place of sending
             try:
                 self._socket.send(payload)

@@ -1,4 +1,4 @@
-"""What runs in the cockpit: policy, task, place; and the environment that it makes."""
+"""Choice of policy, task and place, and the environment built from it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
@@ -32,7 +32,7 @@ SCRIPT = "corner"
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """What a person has chosen; another choice builds everything anew."""
+    """Policy, place and task by the user's choice; a new choice rebuilds everything."""
 
     policy: str = NOBODY
     """A policy's file, the name of a shipped one, `SCRIPT` or `NOBODY`."""
@@ -49,15 +49,15 @@ class Choice:
 def build(
     choice: Choice, fixture: Sequence[float] | None = None
 ) -> tuple[gymnasium.Env, Policy | CornerScript | None]:
-    """Return the environment, and who acts in it.
+    """Return the environment, and the policy or script that acts in it, if any.
 
     Args:
-        choice: What runs.
+        choice: Policy, place and task.
         fixture: Where it stands, if that is given.
 
     Raises:
         DovetailError: No such policy, place or setting, or they do not fit one another;
-            or nobody knows where the fixture is.
+            or the fixture's place is not known.
     """
     policy: Policy | CornerScript | None = None
     where: dict[str, Any] = {"arm": choice.place, "max_steps": ENDLESS}

@@ -40,9 +40,9 @@ def _no_paths() -> dict[str, list[list[float]]]:
 class Diary:
     """Keeps the episode that runs, and writes it beside the control loop.
 
-    A file is whole or absent. What cannot be written is said once, in `problem`. A
+    A file is whole or absent. A failed write is reported once, in `problem`. A
     demonstration has a file of its own in `demonstrations`, from its first motion to
-    its end; whoever made it keeps it or throws it away, and until then it is kept.
+    its end; it stays unless its maker throws it away.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -51,9 +51,9 @@ class Diary:
         self.files: list[Path] = []
         """Logs that were written."""
         self.problem = ""
-        """Why a log could not be written; empty where all could."""
+        """Reason why a log could not be written; empty if all could."""
         self.is_demonstration = False
-        """Whether what runs is one."""
+        """True while a demonstration runs."""
         self._writer = ThreadPoolExecutor(1, thread_name_prefix="diary")
         self._episode: Episode | None = None
         self._about: dict[str, Any] = {}

@@ -59,7 +59,7 @@ VIEWERS_MAX = 8
 """Connections that may be open at once with each of the two addresses. One more that
 wants to drive is refused; one that watches takes the place of the longest silent."""
 TRIED_FOR = 5.0
-"""How long `require_closed` waits for the gate to see a message [s]."""
+"""Longest wait of `require_closed` until the gate sees a message [s]."""
 _ENTERING_MAX = 100  # connections whose request has not come yet
 _OPEN_TIMEOUT = 5.0  # [s] for a request to come
 _SELDOM = 10.0  # [s] between two lines about what was refused
@@ -106,9 +106,9 @@ class Visitor(ServerConnection):
         self._gate = gate
         self._bytes, self._messages = Allowance(*BYTES), Allowance(*MESSAGES)
         self.may_drive = False
-        """Whether it came by the address that may drive."""
+        """True if it came by the address that may drive."""
         self.heard = time.monotonic()
-        """When its newest message came, or it."""
+        """Time of its newest message, or of its connection before the first."""
         self.number: int | None = None
         """viser's number of it; None until viser knows it."""
 

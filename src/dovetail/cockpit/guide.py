@@ -1,4 +1,4 @@
-"""Where a person leads the tool: by the gizmo at it, or by a 3D mouse.
+"""Lead of the tool by a person: with the gizmo at it, or with a 3D mouse.
 
 The gizmo goes first. After a stop, both have to be let go before they lead again.
 """
@@ -16,28 +16,28 @@ from dovetail.poses import Pose, quat_from_vector, quat_multiply, quat_normalize
 from dovetail.types import Vec3, Vec4
 
 TURN_RATE = 0.5
-"""How fast a 3D mouse turns the tool [rad/s]."""
+"""Turning speed of the tool with a 3D mouse at full deflection [rad/s]."""
 _FAR = 100.0  # [m] to which no mouse leads anything
 _STEP = 0.05  # [s] of the environment
 
 
 class Guide:
-    """Gives the action of whoever leads; the page says where to, from its threads.
+    """Gives the action that leads the tool; the page sets the goal, from its threads.
 
-    The wish is one reference that is replaced as a whole, so that nobody waits.
+    The goal is one reference that is replaced as a whole, so that no thread waits.
     """
 
     def __init__(self) -> None:
-        """Begin with nobody who leads."""
+        """Begin without a person who leads."""
         self._to: Pose | None = None
         self._mouse: SpaceMouse | None = None
         self._is_armed = False
         self._quat: Vec4 | None = None  # to which the 3D mouse has turned the tool
         self._last: NDArray[np.float32] | None = None
         self.heading = math.pi / 2.0
-        """Which way is away from the person: an angle from the world's x [rad]."""
+        """Direction away from the person: an angle from the world's x [rad]."""
         self.is_teaching = False
-        """Whether rests are a person's, too: a demonstration without a policy."""
+        """True if rests are the person's, too: a demonstration without a policy."""
 
     # -- from any thread -----------------------------------------------------------
 
@@ -64,7 +64,7 @@ class Guide:
 
     @property
     def has_mouse(self) -> bool:
-        """Whether a 3D mouse is switched on."""
+        """True while a 3D mouse is switched on."""
         return self._mouse is not None
 
     def lost(self) -> str:
@@ -76,7 +76,7 @@ class Guide:
 
     @property
     def is_leading(self) -> bool:
-        """Whether somebody leads now."""
+        """True while a person leads."""
         return self._to is not None or self._is_pushed()
 
     def _is_pushed(self) -> bool:
@@ -128,7 +128,7 @@ def _turned(vector: Vec3, heading: float) -> Vec3:
 
 
 def _usable(to: Pose) -> Pose:
-    """Return a pose of which every number is one.
+    """Return a pose with its quaternion normalised; refuse one that is not finite.
 
     Raises:
         ConfigError: It is no pose, or farther away than any tool goes.

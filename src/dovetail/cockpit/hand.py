@@ -1,4 +1,4 @@
-"""What a person does to a simulated arm: pulls it by a spring, drags the fixture."""
+"""Hand of a person on a simulated arm: pulls it by a spring, drags the fixture."""
 
 import math
 
@@ -14,28 +14,28 @@ STIFFNESS = 400.0
 PULL_MAX = 30.0
 """Largest force of the spring [N]: for pushes of that size the limits are made."""
 DRAG_SPEED, DRAG_RATE = 0.1, 0.5
-"""How fast the fixture follows the mouse [m/s, rad/s]."""
+"""Speed at which the fixture follows the mouse [m/s, rad/s]."""
 
 
 class Hand:
-    """Acts on an arm slice by slice; the page says what is wanted, from its threads.
+    """Acts on an arm slice by slice; the page sets the goals, from its threads.
 
-    Each wish is one reference that is replaced as a whole, so that nobody waits.
+    Each goal is one reference that is replaced as a whole, so that no thread waits.
     """
 
     def __init__(self) -> None:
         """Begin with a hand that touches nothing."""
         self.pull_to: Vec3 | None = None
-        """Where the spring's other end is, world axes [m]; None is no spring."""
+        """Position of the spring's other end, world axes [m]; None is no spring."""
         self.fixture_to: Pose | None = None
-        """Where the fixture is dragged to; None leaves it."""
+        """Pose to which the fixture is dragged; None leaves it."""
         self.force: Vec3 = np.zeros(3)
         """Force of the spring in the last slice, world axes [N]."""
         self._reached: Pose | None = None
 
     @property
     def is_busy(self) -> bool:
-        """Whether it does anything."""
+        """True while it pulls the tool or drags the fixture."""
         wanted = self.fixture_to
         is_dragging = wanted is not None and wanted is not self._reached
         return self.pull_to is not None or is_dragging

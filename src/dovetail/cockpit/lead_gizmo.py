@@ -20,7 +20,7 @@ _STILL = np.array([1.0, 0.0, 0.0, 0.0])
 
 
 class LeadGizmo:
-    """Where its driver drags it the tool is to go; let go, it is at the tool again."""
+    """Gizmo by which the driver leads the tool; let go, it returns to the tool."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class LeadGizmo:
             self._session.say(str(error))
 
     def show(self, moment: Moment) -> None:
-        """Put it at the tool, where nobody drags it; note how the driver looks."""
+        """Put it at the tool unless it is dragged; note the driver's view direction."""
         gizmo = self._gizmo
         gizmo.visible = self._panel.leads.is_on
         if not (self._is_grabbed and self._session.guide.is_leading):

@@ -42,7 +42,7 @@ class LoopThread:
     def _run(self, begin: Callable[[], None], begun: Future[None]) -> None:
         try:
             begin()
-        except BaseException as error:  # whoever waits for it gets it
+        except BaseException as error:  # passed to the caller of `__init__`
             begun.set_exception(error)
             return
         begun.set_result(None)
@@ -57,7 +57,7 @@ class LoopThread:
 
     @property
     def is_ended(self) -> bool:
-        """Whether `end` was called."""
+        """True once `end` was called."""
         return self._is_ended.is_set()
 
     def end(self) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 SPEED_MIN, SPEED_MAX = 0.05, 4.0
 """Range of the speed [1]: simulated over wall time."""
 LATE_MAX = 0.25
-"""What is caught up after a delay [s]; the rest is lost."""
-_WINDOW = 2.0  # [s] of wall time over which the rate is told
+"""Largest part of a delay that is caught up [s]; the rest is lost."""
+_WINDOW = 2.0  # [s] of wall time over which the rate is measured
 
 
 class Pace:

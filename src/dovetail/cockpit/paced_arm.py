@@ -19,7 +19,7 @@ from dovetail.poses import Pose
 from dovetail.types import Vec3
 
 SLICE = 0.01
-"""How long a simulation is stepped at once [s]: a multiple of each control period."""
+"""Duration of one step of a simulation [s]: a multiple of each control period."""
 _NAP = 0.02
 """Between two looks at what a person wishes, while nothing moves [s]."""
 _LOOK = 0.5
@@ -27,12 +27,12 @@ _LOOK = 0.5
 
 
 class PacedArm:
-    """Wraps an arm; what a person does to it is in `hand`, how fast in `pace`."""
+    """Wraps an arm: a person acts on it by `hand`, and `pace` sets its speed."""
 
     fixture: Pose
-    """Where the fixture is; `reset` says it first."""
+    """Pose of the fixture; `reset` sets it first."""
     work = 0.0
-    """What the last slice took to compute [s]."""
+    """Computing time of the last slice [s]."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class PacedArm:
 
     @property
     def facts(self) -> ArmFacts:
-        """What the arm is."""
+        """Constants of the arm."""
         return self._arm.facts
 
     def reset(self, q: np.ndarray, fixture: Pose) -> ArmState:
@@ -81,7 +81,7 @@ class PacedArm:
         return state
 
     def resume_from(self, state: ArmState) -> None:
-        """Go on from what the arm has said to somebody else, such as a tare's way."""
+        """Go on from a state that the arm gave to another caller, such as a tare."""
         self._state = state
 
     def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
@@ -171,7 +171,7 @@ class PacedArm:
 
     @property
     def is_held(self) -> bool:
-        """Whether a stop holds it."""
+        """True while a stop holds it."""
         return self._is_held
 
     def push(self, force: Vec3, duration: float) -> None:

@@ -45,8 +45,8 @@ class Page:
         """Build the page and begin to draw.
 
         Args:
-            server: Where it is; stopped by whoever opened it.
-            session: What it shows.
+            server: The page's; the caller that opened it also stops it.
+            session: The session that it shows.
             keep_running: Let the arm go on when the driver leaves; otherwise it is
                 held.
         """
@@ -204,6 +204,6 @@ class Page:
                 scene.lay_near(*moment.fixture.near)
 
     def close(self) -> None:
-        """Draw no more; the server is stopped by whoever opened it."""
+        """Draw no more; the caller that opened the server also stops it."""
         self._is_ended.set()
         self._thread.join()

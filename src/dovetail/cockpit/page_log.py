@@ -12,9 +12,9 @@ import queue
 from typing import Any
 
 LOG = logging.getLogger("dovetail.cockpit")
-"""What the page and its control loop have to say."""
+"""Log of the page and its control loop."""
 SOCKETS = logging.getLogger("websockets.server")
-"""What goes wrong in the page's sockets."""
+"""Log of faults in the page's sockets."""
 _WAITING_MAX = 100
 """Records that wait for the terminal; more are dropped."""
 
@@ -60,7 +60,7 @@ class _Writer(logging.handlers.QueueListener):
 
 
 class _ToRoot(logging.Handler):
-    """Gives a record to whatever the program logs with, or to the standard error."""
+    """Gives a record to the program's own log handlers, or to the standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         logging.getLogger().callHandlers(record)

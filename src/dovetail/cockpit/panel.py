@@ -17,7 +17,7 @@ from dovetail.learn.policy import list_policies
 class ControlPanel:
     """Widgets whose callbacks tell the session what the driver wishes.
 
-    The gate passes on what the driver does, and nobody else.
+    The gate passes on input of the driver only.
     """
 
     def __init__(self, server: PageServer, session: Session, seat: Seat) -> None:
@@ -30,7 +30,7 @@ class ControlPanel:
         """
         self._gui, self._session = server.viser.gui, session
         self.top = TopPanel(server, session, seat)
-        """What is always in view."""
+        """Widgets that are always in view."""
         self._add_lead()
         if session.can_touch:
             self._add_touch()

@@ -37,7 +37,7 @@ class LivePlots:
             gui: The browser's panels.
             plots: Title of each plot, and its columns.
             columns: Names of the rows' columns, the time first.
-            names: Whose curves are drawn; more than one are told apart by their names.
+            names: Sources of the curves; each label begins with its source's name.
             every: Of so many rows one is drawn.
         """
         from viser import uplot

@@ -1,7 +1,7 @@
-"""A recorded episode, ready to be drawn: the cell it was in, and what it was at a time.
+"""A recorded episode, ready to be drawn: its cell, and its state at any time.
 
-A log comes from somebody else: it may name one of dovetail's tasks and robots, and no
-module, which only whoever replays it may name.
+A log may come from a stranger: it may name one of dovetail's tasks and robots, but no
+module; only the user who replays it may name one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """What the arm did, one row for each cycle."""
+    """Motion of the arm, one row for each cycle."""
 
     time: Array
     """Since the first cycle [s], shape (cycles,)."""
@@ -44,17 +44,17 @@ class Motion:
     """Contact force [N], world axes, shape (cycles, 3): the estimated one where it was
     not measured, not-a-number where neither was known."""
     is_estimated: bool
-    """Whether no cycle has a measured force."""
+    """True if no cycle has a measured force."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Changes:
-    """What changed beside the arm, and from which time on [s]."""
+    """Poses of the fixture and pulls of the hand, each with its time of begin [s]."""
 
     fixtures: tuple[tuple[float, Pose], ...]
-    """Where the fixture was."""
+    """True poses of the fixture."""
     believed: tuple[tuple[float, Pose], ...]
-    """Where it was believed, likewise; empty where the log does not say."""
+    """Believed poses of the fixture, likewise; empty where the log has none."""
     pulls: tuple[tuple[float, Vec3], ...]
     """Force of a hand's pull [N], world axes, likewise."""
 
@@ -66,11 +66,11 @@ class Recorded:
     name: str
     """Of its file, with its folder."""
     cell: Workcell
-    """Where it was."""
+    """Workcell of the episode."""
     motion: Motion
-    """What the arm did."""
+    """Motion of the arm."""
     changes: Changes
-    """What changed beside it."""
+    """Poses of the fixture and pulls of the hand."""
     curves: Array
     """`COLUMNS` of some cycles, shape (points, columns)."""
 
@@ -87,7 +87,7 @@ class Recorded:
 
         Raises:
             LogError: Damaged, empty, or of another robot than the one given.
-            ConfigError: No such environment or robot, or a module's that nobody named.
+            ConfigError: No such environment or robot, or a module's that was not given.
         """
         episode = Episode.load(path)
         if len(episode) == 0:

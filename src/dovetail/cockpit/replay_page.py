@@ -33,7 +33,7 @@ class ReplayPage:
         """Build the page, at the begin.
 
         Args:
-            page: Where it is; stopped by whoever opened it.
+            page: The page's server; the caller that opened it also stops it.
             logs: One or two.
         """
         server = page.viser

@@ -30,8 +30,8 @@ EDGE_COLOUR, MOUTH_COLOUR = (48, 66, 84), (255, 214, 10)
 _PIECES = 32
 """An edge is looked at in so many pieces."""
 _BESIDE_EDGE, _AT_SIDE = 2e-5, 1e-3
-"""How far beside an edge material is looked for, and how near to a part's outer side an
-edge belongs to it [m]."""
+"""Distance beside an edge at which material is looked for, and largest distance of an
+edge from the outer side of the part that it belongs to [m]."""
 
 
 class CellScene:
@@ -69,7 +69,7 @@ class CellScene:
         }
         self._fixture = self._model.body("fixture").id
         self.believed: viser.FrameHandle | None = None
-        """Where the fixture is believed."""
+        """Frame of the fixture's believed pose."""
         if has_believed:
             self.believed = scene.add_frame(f"{name}/believed", show_axes=False)
         for geom in np.flatnonzero(self._model.geom_group <= LAST_DRAWN):

@@ -1,16 +1,16 @@
-"""Who drives: one viewer of the page at a time; the others watch, and may stop."""
+"""Seat of the driver: one viewer of the page; the others watch, and may stop."""
 
 import threading
 import time
 from collections.abc import Callable
 
 PATIENCE = 60.0
-"""How long a driver may do nothing while the arm stands [s]; then another one may. A
-browser may keep a page that was left, and a laptop that was closed keeps it, too."""
+"""Time without input, while the arm stands, after which another viewer may drive [s].
+A browser may keep a page that was left, and so may a closed laptop."""
 
 
 class Seat:
-    """Taken by the first who asks, free again when that one leaves the page."""
+    """Seat of the one viewer who drives: the first to ask, until that one leaves."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         """Begin empty.
@@ -24,7 +24,7 @@ class Seat:
 
     @property
     def driver(self) -> int | None:
-        """Number of the viewer who drives; None is nobody."""
+        """Number of the viewer who drives; None if the seat is free."""
         return self._driver
 
     def take(self, viewer: int, *, is_standing: bool = False) -> bool:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from dovetail.cockpit.gate import Gate
 
 HOST = "127.0.0.1"
-"""Where it listens; who may drive is decided by the page's address, see `gate`."""
+"""Own address of the page; its URL decides who may drive, see `gate`."""
 PORT = 8080
 
 
@@ -81,7 +81,7 @@ def open_server(port: int = PORT) -> PageServer:
         server = viser.ViserServer(host=HOST, port=port, verbose=False)
     opened = PageServer(server, gate, PageLog())
     try:
-        if port not in (0, opened.port):  # somebody was faster: viser took another
+        if port not in (0, opened.port):  # taken meanwhile: viser chose another
             raise _taken(port)
         gate.guard(server)
         require_closed(gate, opened.port)

@@ -1,9 +1,9 @@
 """The control loop of the cockpit: a thread of its own that no page slows down.
 
-Whoever shows it reads `moment` and `status`, which are replaced as a whole; whoever
-drives it calls `start`, `stop` and the others, which only leave a wish behind. A stop
-acts within a slice of 10 ms, everything else between two policy steps. After a stop
-nothing moves the arm until `resume`, and what was wished for before it is forgotten.
+A page reads `moment` and `status`, which are replaced as a whole. It calls `start`,
+`stop` and the others, which only leave a command behind. A stop acts within a slice of
+10 ms, everything else between two policy steps. After a stop nothing moves the arm
+until `resume`, and commands from before the stop are dropped.
 """
 
 import contextlib
@@ -127,7 +127,7 @@ class Session:
 
     @property
     def is_stopped(self) -> bool:
-        """Whether a stop holds; nothing moves the arm before `resume`."""
+        """True while a stop holds; nothing moves the arm before `resume`."""
         return self._is_stopped
 
     def _wish(self, act: Callable[[], None]) -> None:
@@ -224,27 +224,27 @@ class Session:
 
     @property
     def choice(self) -> Choice:
-        """What runs."""
+        """Policy, place and task that run now."""
         return self._choice
 
     @property
     def can_touch(self) -> bool:
-        """Whether the arm can be pulled and its fixture dragged."""
+        """True if the arm can be pulled and its fixture dragged."""
         return is_simulated(self._core.arm)
 
     @property
     def can_pause(self) -> bool:
-        """Whether time can stand still, and go on by a step."""
+        """True if time can stand still, and go on by a step."""
         return self.can_touch
 
     @property
     def can_pace(self) -> bool:
-        """Whether it can go slower or faster than the wall's time."""
+        """True if it can run slower or faster than the wall's clock."""
         return not self._core.arm.facts.traits.is_real_time
 
     @property
     def is_paused(self) -> bool:
-        """Whether a simulation's time stands still."""
+        """True while a simulation's time stands still."""
         return self._is_paused
 
     def say(self, note: str) -> None:
@@ -253,12 +253,12 @@ class Session:
 
     @property
     def is_covered(self) -> bool:
-        """Whether the camera is covered."""
+        """True while the camera is covered."""
         return self._shutter.is_covered
 
     @property
     def status(self) -> Status:
-        """What the loop is doing."""
+        """Status of the loop."""
         modes = {
             "stopped": self._is_stopped or not self._is_ready,
             "paused": self._is_paused,
@@ -310,11 +310,11 @@ class Session:
 
     @property
     def _is_acting(self) -> bool:
-        """Whether a policy or a demonstration goes on where nobody leads."""
+        """True if a policy or a demonstration goes on without a person who leads."""
         return self._is_running or self.diary.is_demonstration
 
     def _follow_lead(self) -> None:
-        """Free the arm when somebody begins to lead; hold it when nobody does."""
+        """Free the arm when a person begins to lead; hold it when the lead ends."""
         self._note = self.guide.lost() or self._note
         if self._is_stopped:
             self.guide.let_go()

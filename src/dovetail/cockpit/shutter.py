@@ -15,7 +15,7 @@ class Shutter:
         self._covered: Covered | None = None
         self._is_up = False  # a camera on the arm looks from above, covered later
         self.is_covered = False
-        """What the person wants; it holds from the next look on."""
+        """True to cover the camera; it acts from the next look on."""
 
     def reset(self, fixture: Pose, seed: int) -> None:
         """Start an episode; a covered camera has seen where the fixture stands now."""
@@ -27,7 +27,7 @@ class Shutter:
 
     @property
     def is_on_arm(self) -> bool:
-        """Whether the camera is on the flange."""
+        """True if the camera is on the flange."""
         return is_on_arm(self._tracker)
 
     def rewind(self, fixture: Pose) -> None:

@@ -1,7 +1,7 @@
-"""What lets a browser without a GPU keep up: it draws by the processor.
+"""Less drawing for a browser without a GPU, so that it keeps up.
 
-There a picture takes as long as its triangles and its points, and while one is drawn
-the mouse waits.
+It draws by the processor: the time of a picture grows with its triangles and its
+points, and the mouse waits until it is drawn.
 """
 
 from typing import Any
@@ -13,7 +13,7 @@ from dovetail.types import Array
 _SHARE, _FEW = 0.14, 200
 """Of a mesh's triangles these are drawn; a mesh of so many is drawn whole."""
 _SLACK = 0.028
-"""What a side of the box around it may move, as a share of its longest half [1]."""
+"""Largest shift of a bounding box side, over half its longest side [1]."""
 
 # Asks the page's own store for half the points each way, takes out a quad that fills
 # the window for a background which nothing sets, and leaves out every other picture of

@@ -1,4 +1,4 @@
-"""What the page shows of one moment: made by the control loop, read by everyone."""
+"""State of the cell at one moment: made by the control loop, shown by the page."""
 
 from dataclasses import dataclass
 
@@ -13,24 +13,24 @@ from dovetail.types import Array, Vec3, Vec7
 
 _TAU = [COLUMN[f"tau{i}"] for i in range(1, 8)]
 USED = ("joint range", "joint speed", "torque", "walls")
-"""Limits of which is shown how much is used."""
+"""Limits whose used share is shown."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SeenFixture:
-    """Where the fixture is, and what is believed of it."""
+    """True and believed pose of the fixture."""
 
     true: Pose
-    """Where the fixture truly is."""
+    """True pose of the fixture."""
     seen: Pose
-    """Where it is believed."""
+    """Believed pose of the fixture."""
     near: tuple[Vec3, float]
-    """Normal, and where along it contact is near [m], as is believed."""
+    """Believed plane up to which contact is near: normal, and place along it [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Load:
-    """What acts on the arm, and how near it is to its limits."""
+    """Forces on the arm, and the used share of its limits."""
 
     force: Vec3
     """Contact force on the tool [N], world axes: the estimated one where the arm
@@ -38,7 +38,7 @@ class Load:
     pull: Vec3
     """Force of the hand's spring [N], world axes."""
     used: tuple[float, ...]
-    """How much of each of `USED` is used [%]."""
+    """Used share of each limit in `USED` [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,33 +52,33 @@ class Moment:
     tool: Pose
     """TCP, world axes."""
     fixture: SeenFixture
-    """Where the fixture is, and what is believed of it."""
+    """True and believed pose of the fixture."""
     load: Load
-    """What acts on the arm."""
+    """Forces on the arm, and the used share of its limits."""
     reward: float = 0.0
     """Of the last policy step."""
     depth: float = 0.0
-    """How far in the tool is [m], by the fixture's true pose."""
+    """Insertion depth [m], by the fixture's true pose."""
     work: float = 0.0
-    """What the slice took to compute [s]: of a simulation, 10 ms are there for it."""
+    """Computing time of the slice [s]; a simulation in real time has 10 ms for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Status:
-    """What the loop is doing."""
+    """Status of the loop."""
 
     mode: str
     """held, running, led, paused, stopped, resetting or building."""
     is_stopped: bool = False
-    """Whether a STOP holds, until somebody resumes."""
+    """True while a STOP holds, until `resume`."""
     note: str = ""
-    """What a person should know of it."""
+    """Note to the user; empty if there is none."""
     rate: float = 1.0
     """Simulated over wall time, over the speed asked for [1]."""
     success: bool = False
-    """Whether the task was done in this episode."""
+    """True once the task was done in this episode."""
     showing: str = ""
-    """What of demonstrations there is to say; empty where there are none."""
+    """Number of demonstrations, and whether one runs, in words; empty for none."""
 
 
 def moment_of(

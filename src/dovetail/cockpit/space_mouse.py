@@ -59,7 +59,7 @@ class SpaceMouse:
         """
         self._device = open_device() if device is None else device
         self.problem = ""
-        """Why it leads nowhere any more; empty while it is fine."""
+        """Reason why it no longer leads; empty while it works."""
         self._deflection: Vec6 = np.zeros(6)
         self._is_closed = threading.Event()
         self._thread = threading.Thread(target=self._read, name="3D mouse", daemon=True)
@@ -67,9 +67,9 @@ class SpaceMouse:
 
     @property
     def deflection(self) -> Vec6:
-        """How far the cap is moved and turned [1], each in [-1, 1]; 0 where it rests.
+        """Deflection of the cap, shift then turn [1], each in [-1, 1]; 0 at rest.
 
-        Moved to the right, away from the person, up; turned about the same axes.
+        Axes of both: to the right, away from the person, up.
         """
         return self._deflection
 

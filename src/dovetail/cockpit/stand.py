@@ -1,4 +1,4 @@
-"""Where the fixture stands when an episode begins."""
+"""Pose of the fixture at the beginning of an episode."""
 
 from collections.abc import Sequence
 
@@ -10,7 +10,7 @@ from dovetail.tasks.fixture_pose import FixturePose
 
 
 class Stand:
-    """Of one cell: the place that was given, or that it was left at, or the task's."""
+    """Place of one cell's fixture: where it was left, as given, or the task's own."""
 
     def __init__(
         self, core: ContactEnv, given: Sequence[float] | None, left: Pose | None

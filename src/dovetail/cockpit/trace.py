@@ -8,9 +8,9 @@ from dovetail.types import Array
 
 COLUMNS = ("time", "force", "pull", "reward", "work", *USED)
 """Time since the reset [s], sizes of contact force and pull [N], reward of the last
-policy step [1], what a slice took to compute [ms], limits used [%]."""
+policy step [1], computing time of a slice [ms], limits used [%]."""
 ROWS = 1200
-"""How many moments are kept: 12 s of slices."""
+"""Number of moments that are kept: 12 s of slices."""
 _APART = 0.002  # [m] between two points of the path, about
 
 

@@ -1,4 +1,4 @@
-"""What people wish of a loop that runs in another thread: done there, in order."""
+"""Commands to a loop that runs in another thread: done there, in order."""
 
 import queue
 from collections.abc import Callable
@@ -7,18 +7,18 @@ from dovetail.errors import DovetailError
 
 
 class Wishes:
-    """Left by any thread, fulfilled by the loop's."""
+    """Queue of commands: any thread adds one, the loop's thread carries them out."""
 
     def __init__(self) -> None:
-        """Begin without one."""
+        """Begin empty."""
         self._queue: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
 
     def put(self, wish: Callable[[], None]) -> None:
-        """Leave a wish."""
+        """Add a command."""
         self._queue.put(wish)
 
     def fulfil(self, say: Callable[[str], None]) -> None:
-        """Do what was wished for; a wish that fails is said and forgotten."""
+        """Carry out the commands; one that fails is reported and dropped."""
         while True:
             try:
                 wish = self._queue.get_nowait()

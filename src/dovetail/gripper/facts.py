@@ -1,4 +1,4 @@
-"""What driver and simulated gripper agree on: ranges, states, and what codes mean."""
+"""Facts shared by driver and simulated gripper: ranges, states, meanings of codes."""
 
 from enum import IntEnum
 
@@ -15,7 +15,7 @@ LINE_MAX = 512
 
 
 class GripState(IntEnum):
-    """What the fingers do, as GRIPSTATE? answers."""
+    """State of the fingers, as GRIPSTATE? answers."""
 
     IDLE = 0
     GRASPING = 1
@@ -62,7 +62,7 @@ MEANINGS = (
     *("IO error", "invalid parameter", "index out of bounds", "pending", "overrun"),
     *("range", "axis blocked", "file exists"),
 )
-"""What each code from 0 means."""
+"""Meaning of each code from 0."""
 
 NAMES = {"E_CMD_FAILED": Code.FAILED, "E_AXIS_BLOCKED": Code.AXIS_BLOCKED}
 """Codes that are known to come as words where VERBOSE is on."""
@@ -76,7 +76,7 @@ REMEDIES = {
     Code.RANGE: "the value is outside the gripper's own limits",
     Code.AXIS_BLOCKED: "something is between the fingers",
 }
-"""What to do about a code."""
+"""Remedy for a code."""
 _REMEDY_OF: dict[int, str] = {int(code): text for code, text in REMEDIES.items()}
 
 

@@ -19,7 +19,7 @@ class LineSocket:
             timeout: Longest wait for the connection [s].
 
         Raises:
-            GripperError: Nobody there; says what to check.
+            GripperError: No gripper there; says what to check.
         """
         self._place = f"{host}:{port}"
         self._buffer = bytearray()

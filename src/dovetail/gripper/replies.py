@@ -21,7 +21,7 @@ class _Refused(Exception):  # noqa: N818  (an answer, no error of ours)
 
 
 class Replies:
-    """What the gripper answers, and what it says by itself."""
+    """Answers of the gripper, and its automatic messages."""
 
     def __init__(self, fingers: Fingers) -> None:
         """Speak for these fingers."""

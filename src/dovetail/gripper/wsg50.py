@@ -25,7 +25,7 @@ from dovetail.gripper.lines import LineSocket
 
 
 class GripperState(NamedTuple):
-    """What the gripper measures."""
+    """Measured state of the gripper."""
 
     width: float
     """Opening between the fingers [m]."""
@@ -34,7 +34,7 @@ class GripperState(NamedTuple):
     force: float
     """Grip force [N]."""
     grip: GripState
-    """What the fingers do."""
+    """State of the fingers."""
 
 
 class Wsg50:
@@ -57,7 +57,7 @@ class Wsg50:
             motion_timeout: Longest wait for the end of a motion [s].
 
         Raises:
-            GripperError: Nobody there; says what to check.
+            GripperError: No gripper there; says what to check.
         """
         for name, value in (("timeout", timeout), ("motion_timeout", motion_timeout)):
             if not (math.isfinite(value) and value > 0.0):
@@ -225,7 +225,7 @@ class Wsg50:
             try:
                 self._command("BYE")
             except GripperError:
-                pass  # it is gone: nobody to say goodbye to
+                pass  # it is gone: no goodbye is needed
             finally:
                 self._line.close()
 

@@ -18,9 +18,9 @@ from dovetail.workcell.workcell import Workcell
 TASK = "XYZABC:pose"
 """Axes of the arm."""
 _SETTLE = 0.5
-"""How long the arm stands before a picture is exposed [s]."""
+"""Time for which the arm stands before a picture is exposed [s]."""
 _PATIENCE = 5.0
-"""How long a picture is waited for, beyond its delay [s]."""
+"""Longest wait for a picture, beyond its delay [s]."""
 
 
 def take_shots(

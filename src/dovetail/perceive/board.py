@@ -29,7 +29,7 @@ _INCH = 0.0254  # m
 
 @dataclass(frozen=True, kw_only=True)
 class Board:
-    """What is printed, and where it lies on the fixture."""
+    """Printed board of markers, and its place on the fixture."""
 
     first_id: Annotated[int, Range(0, _IDS - MARKERS, "1")] = 0
     """Number of its first marker; the others follow. Two boards in one cell differ."""
@@ -38,8 +38,8 @@ class Board:
     thickness: Annotated[float, Range(0.0, 0.02, "m")] = 0.0002
     """Height of the printed face above the fixture's frame [m]: paper and glue."""
     part: str = ""
-    """What it is glued to, by the name of the fixture; empty is not said. With
-    another task it is refused."""
+    """Name of the fixture that it is glued to; empty if not given. A task with another
+    fixture refuses it."""
 
     def __post_init__(self) -> None:
         """Refuse a board that cannot be printed."""
@@ -109,7 +109,7 @@ class Board:
         """Return the print as grey values, +y up, shape (pixels, pixels)."""
         shown = np.full((pixels, pixels), 255, dtype=np.uint8)
         scale, half = pixels / self.side, self.side / 2.0
-        # The same edge of two neighbours is the same pixel, whatever the last digit.
+        # The same edge of two neighbours is the same pixel, despite rounding.
         low = np.floor(scale * (self.dark * [1, -1] + half - self.cell / 2) + 0.500001)
         high = np.floor(scale * (self.dark * [1, -1] + half + self.cell / 2) + 0.500001)
         for (left, top), (right, bottom) in zip(
@@ -160,7 +160,7 @@ class Board:
 
     @property
     def title(self) -> str:
-        """What to check with a ruler after printing."""
+        """Title of the print, with the length to check with a ruler."""
         last = self.ids[-1]
         return (
             f"dovetail board {self.first_id} to {last}: print at 100 %; the outer "

@@ -39,7 +39,7 @@ class Lens:
     focal: Annotated[tuple[float, float], Range(1.0, 1e5, "pixels", ("x", "y"))]
     """Focal lengths [pixels]."""
     centre: Annotated[tuple[float, float], Range(-1e4, 3e4, "pixels", ("x", "y"))]
-    """Where the axis meets the picture [pixels]."""
+    """Point where the optical axis meets the picture [pixels]."""
     distortion: Annotated[tuple[float, ...], DISTORTION] = (0.0,) * 5
     """Radial and tangential distortion [1]."""
     deviation: Annotated[
@@ -88,13 +88,13 @@ class Camera(Sectioned):
     lens: Annotated[Lens, TABLE]
     """Its lens."""
     place: CameraPlace
-    """Where it sits."""
+    """Its place on its mount."""
     pictures: CameraPictures = field(default_factory=CameraPictures)
-    """Where its pictures come from."""
+    """Source, rate, delay and noise of its pictures."""
     board: Annotated[Board, TABLE] = field(default_factory=Board)
-    """What is looked for."""
+    """Board that it looks for."""
     origin: CameraOrigin = field(default_factory=CameraOrigin)
-    """Where its file is from."""
+    """Origin of its file."""
 
     @property
     def pose(self) -> Pose:
@@ -103,7 +103,7 @@ class Camera(Sectioned):
 
     @property
     def is_simulated(self) -> bool:
-        """Whether its pictures are drawn."""
+        """True if its pictures are rendered."""
         return self.pictures.source.partition(":")[0] == "simulated"
 
     @property
@@ -113,7 +113,7 @@ class Camera(Sectioned):
 
     @property
     def is_calibrated(self) -> bool:
-        """Whether somebody has measured its place: no calibration is without doubt."""
+        """True if its place was measured: no calibration has deviations of 0."""
         return any(self.place.deviation)
 
     def calibrated_from(self, path: Path, twin: str | None) -> "Camera":
@@ -157,7 +157,7 @@ class Camera(Sectioned):
         return R * np.outer(scale, scale)
 
     def require_calibrated(self, *, is_exact: bool = False) -> None:
-        """Refuse a camera whose place nobody has measured.
+        """Refuse a camera whose place was not measured.
 
         Args:
             is_exact: Whether it is simulated, and just where its file says.

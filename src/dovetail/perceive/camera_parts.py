@@ -16,12 +16,12 @@ _SIX = tuple(f"{what} {axis}" for what in ("shift", "turn") for axis in _AXES)
 
 @dataclass(frozen=True, kw_only=True)
 class CameraPlace(Section):
-    """Where it sits, and how well that is known."""
+    """Place of a camera on its mount, and its uncertainty."""
 
     owner: ClassVar[str] = "camera"
 
     mount: Literal["world", "flange"]
-    """What it is fixed to."""
+    """Body that it is fixed to."""
     position: Annotated[tuple[float, float, float], Range(-10.0, 10.0, "m", _AXES)]
     """T_mount_camera: the camera's origin in its mount's frame [m]."""
     rotation: Annotated[
@@ -51,7 +51,7 @@ class CameraPlace(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraPictures(Section):
-    """Where its pictures come from, how often, how late and how noisy."""
+    """Source, rate, delay and noise of a camera's pictures."""
 
     owner: ClassVar[str] = "camera"
 
@@ -62,19 +62,19 @@ class CameraPictures(Section):
     delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.05
     """Age of a picture when it can be used [s]."""
     source: str = "simulated"
-    """Where pictures come from: simulated, device:NUMBER or folder:PATH. Of a simulated
-    camera that was calibrated, simulated:PATH?twin=NAME: the file of what was believed
-    of it, and the twin whose file says in what it differs from that."""
+    """Source of the pictures: simulated, device:NUMBER or folder:PATH. For a simulated
+    camera that was calibrated, simulated:PATH?twin=NAME: the file that describes it as
+    believed, and the twin whose file holds its errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOrigin(Section):
-    """Where its file is from."""
+    """Origin of a camera's file."""
 
     made_by: str = ""
     """Command that made this."""
     made_on: str = ""
-    """When."""
+    """Time of that."""
 
 
 def _is_correlation(rows: tuple[tuple[float, ...], ...]) -> bool:

@@ -3,7 +3,7 @@
 Markers are found by OpenCV, and the lines along their edges then give the pose: a line
 through some ten points is a few hundredths of a pixel good, a corner is not. A flat
 board has two poses that look alike (Collins and Bartoli 2014, IPPE): both are followed,
-and none is told where the picture cannot tell them apart.
+and neither is returned where the picture cannot tell them apart.
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -25,12 +25,12 @@ _Names: TypeAlias = NDArray[np.intp]
 MARKERS_MIN = 3
 """Fewer markers than these give no pose: their corners are too near each other."""
 _TELL_APART = 16.0
-"""How much worse the other pose must fit: difference of the squared errors over their
+"""Least lead over the other pose's fit: difference of the squared errors over their
 variance, 4 sigma."""
 _SAME = 0.01
 """Rotation up to which the other pose is the same one [rad], as seen from above."""
 _SPREAD = 0.15
-"""How far light spreads over an edge, standard deviation [pixels]."""
+"""Spread of light over an edge, standard deviation [pixels]."""
 _MISFIT, _MISFIT_MIN = 6.0, 0.6
 """Largest error of a marker's edges that is left in, over the expected and [pixels]."""
 _FREEDOM = 20.0
@@ -62,7 +62,7 @@ class Sight(NamedTuple):
     ids: tuple[int, ...]
     """Markers that were used."""
     corners: Array
-    """Where their corners are [pixels], shape (markers, 4, 2)."""
+    """Their corners in the picture [pixels], shape (markers, 4, 2)."""
     points: Array
     """The same corners in the fixture's frame [m], shape (markers, 4, 3)."""
 

@@ -18,7 +18,7 @@ _POINTS = 14
 """Points along an edge; its ends, where the corner rounds off, are left out."""
 _INSET = 0.14
 _TAPS = np.arange(-8, 9) / 8.0
-"""Where the grey value is taken along a normal, in half windows."""
+"""Samples of the grey value along a normal, in half windows."""
 _CELLS = 8
 _WINDOW = 1.0
 """Half of what is looked at along a normal, in cells of the marker."""
@@ -36,7 +36,7 @@ what the far one adds at the near one [of the contrast]."""
 _SHARE = 0.6
 """Share of an edge's points that must lie on one line."""
 _OFF = 0.6
-"""How far such a point may be from it [pixels]."""
+"""Largest distance of such a point from it [pixels]."""
 _ROUNDS = 2
 _WIDEST = 4.0
 """Half of what is looked at to tell an edge's width [pixels]."""
@@ -50,9 +50,9 @@ class Edges(NamedTuple):
     distance: Array
     """[pixels], shape (markers, 4)."""
     corners: Array
-    """Where each edge meets the one before it [pixels], shape (markers, 4, 2)."""
+    """Corner of each edge with the one before it [pixels], shape (markers, 4, 2)."""
     is_clean: NDArray[np.bool_]
-    """Which markers have four straight edges, shape (markers,)."""
+    """True for each marker with four straight edges, shape (markers,)."""
 
     def of(self, keep: NDArray[np.intp]) -> "Edges":
         """Return those of some markers."""

@@ -1,4 +1,4 @@
-"""How late pictures are: what is seen to move, against when the arm moved.
+"""Delay of pictures: motion of the board in them, against motion of the arm.
 
 For a delay d the place of the board in the camera is fitted as a + b s(t - d), where s
 is the arm's way along a line; the d that leaves least is the delay. It needs no
@@ -17,7 +17,7 @@ _STEP = 0.001
 
 
 class FeltDelay(NamedTuple):
-    """What was found."""
+    """Fitted delay of the pictures, and the quality of the fit."""
 
     delay: float
     """From a picture's exposure until it is here [s]."""
@@ -27,7 +27,7 @@ class FeltDelay(NamedTuple):
     """Way of the board in the camera, over the arm's [1]: 1 where the arm carries one
     of the two."""
     unexplained: float
-    """What the fit leaves, RMS [m]."""
+    """Residual of the fit, RMS [m]."""
 
 
 def fit_delay(time: Array, way: Array, arrival: Array, seen: Array) -> FeltDelay:

@@ -1,4 +1,4 @@
-"""Where a camera sits: from pictures of a board, taken in different poses of the arm.
+"""Hand-eye calibration: a camera's place, from pictures of a board in many arm poses.
 
 Either the camera is on the flange and the board stands still, or the camera stands and
 the board is on the flange. With the mount's frame G in the other one, the camera's X in
@@ -40,9 +40,10 @@ _ONE_AXIS = 0.02
 _SCALE_MIN, _SCALE_SIGMAS = 0.004, 4.0
 """From when on a print has another size than said: share, and standard deviations."""
 _OUT_OF_STEP, _TURN_NOISE = 4.0, 0.02
-"""How many times worse the turns agree than one picture later; and least [rad]."""
+"""Least mismatch of the turns that is out of step: over that of a pairing one picture
+later or earlier [1], and itself [rad]."""
 _NOT_PAIRED = 0.1
-"""How much these turns may differ at all [rad]: a wrong lens gives less."""
+"""Largest mismatch of these turns [rad]: a wrong lens gives less."""
 _ITERATIONS = 12
 _GO_LEAVE_ONE_OUT, _GO_INTERVAL, _GO_PIXELS = 1e-3, 1e-3, 1.0
 
@@ -65,7 +66,7 @@ class HandEye:
     """A calibration, and how good it is."""
 
     mount: Literal["world", "flange"]
-    """What the camera is fixed to."""
+    """Body that the camera is fixed to."""
     camera: Pose
     """T_mount_camera."""
     board: Pose
@@ -75,7 +76,7 @@ class HandEye:
     error: float
     """Of the corners, RMS of x and y [pixels]."""
     leave_one_out: Array
-    """How far the board is in each picture from where all others say [m]."""
+    """Distance of the board in each picture from its place by all others [m]."""
     scale: float
     """Size of the print over what is said."""
     scale_deviation: float

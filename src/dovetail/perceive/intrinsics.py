@@ -21,8 +21,8 @@ _COVER_MIN = 0.5
 """Smallest share of the picture's width and height in which corners were."""
 _GO_PIXELS, _GO_FOCAL = 0.5, 0.003
 _TOLD = 4.0
-"""How many variances a term of the distortion must take off the squared error to be
-told: 95 % of what it does by chance."""
+"""Least drop of the squared error by a term of the distortion, in variances, for which
+it is kept: by chance the drop is smaller in 95 % of cases."""
 _Single: TypeAlias = NDArray[np.float32]
 _TERMS = DISTORTION.labels
 
@@ -103,7 +103,7 @@ def fit_lens(
 
 
 class _Found(NamedTuple):
-    """What OpenCV makes of the pictures with some terms of the distortion at 0."""
+    """Fit of the pictures by OpenCV, with some terms of the distortion at 0."""
 
     error: float
     pinhole: tuple[float, ...]
@@ -114,18 +114,18 @@ class _Found(NamedTuple):
 
     @property
     def is_plausible(self) -> bool:
-        """Whether a lens can have this distortion."""
+        """True if a lens can have this distortion."""
         return all(abs(term) <= DISTORTION.high for term in self.distortion)
 
 
 def _simplest(
     flat: Sequence[_Single], seen: Sequence[_Single], size: tuple[int, int]
 ) -> tuple[_Found, tuple[str, ...]]:
-    """Return the fit without the terms of high order that the pictures do not tell.
+    """Return the fit without the terms of high order that the pictures do not show.
 
     k3 and then k2 are left out where the squared error hardly grows. In a long lens's
     narrow view they would follow the noise: 60 instead of 0. OpenCV's own deviation of
-    such a term is no help: it comes out far too small where it is told worst.
+    such a term is no help: it is far too small where the term is least certain.
     """
     cv: Any = opencv()
     count, free = 2 * sum(map(len, seen)), 9 + 6 * len(seen)
@@ -173,7 +173,7 @@ def _deviations(
     """Return the standard deviations of focal lengths and centre [pixels].
 
     Columns are brought to one size first. OpenCV's own inverse does not: with a long
-    lens it leaves out the direction that is told worst, and its answer is too sure.
+    lens it leaves out the least certain direction, and its deviations are too small.
 
     Args:
         slopes: Of each picture's corners by the board's pose (6), focal lengths, centre

@@ -17,7 +17,7 @@ from dovetail.types import Array
 
 
 class Projection:
-    """What a lens makes of points whose frame has a pose in the camera's."""
+    """Projection through a lens of points whose frame has a pose in the camera's."""
 
     def __init__(self, lens: Lens) -> None:
         """Take the lens."""

@@ -24,7 +24,7 @@ COLUMNS = ("picture", *(f"q{i}" for i in range(1, 8)))
 """Its columns: the picture's file, joint angles [rad]."""
 
 _BEYOND = 0.1
-"""How far a measured angle may lie outside of the joint's limits [rad]."""
+"""Largest distance of a measured angle outside of the joint's limits [rad]."""
 _WHOLE_TURN = 2.0 * math.pi
 
 

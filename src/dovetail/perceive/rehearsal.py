@@ -24,7 +24,7 @@ from dovetail.types import Vec3, Vec7
 from dovetail.workcell.workcell import Workcell
 
 FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-"""Where the fixture stands meanwhile."""
+"""Pose of the fixture during a rehearsal."""
 _AHEAD, _SPREAD = (0.30, 0.45), 0.03
 """Distance of a camera on the flange from the board, how far it looks aside [m]."""
 _TILT, _ROLL = 0.6, 0.7

@@ -23,7 +23,7 @@ _SAMPLES = 4  # of a pixel: edges of markers must be where they are
 _STREAM = 0xCA3E7A
 """Keeps these draws apart from those of start and fixture, which have the same seed."""
 _MEMORY = 1.0
-"""How long the past is kept beyond the delay [s]."""
+"""Time for which the past is kept beyond the delay [s]."""
 _SPOT = 0.012
 """Radius of a reflection on the board [m]."""
 _Q = slice(COLUMN["q1"], COLUMN["q7"] + 1)

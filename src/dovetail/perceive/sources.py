@@ -1,4 +1,4 @@
-"""Where pictures come from: a folder or a device; see `simulated` for the third."""
+"""Sources of pictures: a folder or a device; see `simulated` for the third."""
 
 import time
 from pathlib import Path
@@ -23,7 +23,7 @@ class Frame(NamedTuple):
     age: float
     """Time since the middle of its exposure [s]."""
     q: Vec7 | None = None
-    """Where the arm was then [rad], if the source knows."""
+    """Configuration of the arm then [rad], if the source knows it."""
 
 
 class ImageSource(Protocol):

@@ -34,9 +34,9 @@ class ArmBuilder(Protocol):
     cell: "Workcell | None"
     """Geometry of the task; None where it is not known."""
     is_real_time: bool
-    """Whether the arm moves on while the learner thinks."""
+    """True if the arm moves on while the learner thinks."""
     places_fixture: bool
-    """Whether the arm can put the fixture where a reset says."""
+    """True if the arm can put the fixture where a reset says."""
 
     def build(self, settings: ControllerSettings) -> Arm:
         """Return an arm with these settings; the one built before is not used again."""
@@ -48,27 +48,27 @@ class ArmBuilder(Protocol):
 
 
 class Stop(NamedTuple):
-    """Why the arm may not move."""
+    """Reason why the arm may not move."""
 
     reason: str
     """In words."""
     is_ordered: bool
-    """Whether it was asked for: then only `clear` ends it, not a reset."""
+    """True if it was asked for: then only `clear` ends it, not a reset."""
 
 
 class Watched(NamedTuple):
-    """What a read-only watcher is told."""
+    """Report to a read-only watcher."""
 
     serial: int
     """Grows with every report."""
     state: ArmState | None
     """Newest state; None before the first reset."""
     stop: Stop | None
-    """Why the arm may not move; None if it may."""
+    """Reason why the arm may not move; None if it may."""
 
 
 class ArmHost:
-    """One arm, one motion at a time, its log, and who watches it."""
+    """One arm, one motion at a time, its log, and the report to its watchers."""
 
     def __init__(self, builder: ArmBuilder) -> None:
         """Own what the builder makes; nothing is built before `configure`."""
@@ -94,7 +94,7 @@ class ArmHost:
 
     @property
     def stop_reason(self) -> str:
-        """Why the arm may not move; empty if it may."""
+        """Reason why the arm may not move; empty if it may."""
         stop = self._watched.stop
         return "" if stop is None else stop.reason
 

@@ -225,7 +225,7 @@ class ArmService:
                 await asyncio.sleep(interval)
 
     async def stop(self, request: pb.StopRequest, context: _Context) -> pb.Done:
-        """Hold the arm now, whoever asks."""
+        """Hold the arm now, for any client: the lease is not needed."""
         reason = f"{_printable(request.reason) or 'stopped'}, asked by "
         reason += _caller(context)
         before = self._host.watched.stop

@@ -1,4 +1,4 @@
-"""How a service makes its arm: over a plant in this process, or anew each time."""
+"""Builders of a service's arm: over a plant in this process, or anew each time."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from dovetail.workcell.workcell import Workcell
 
 NOTHING = DeclaredErrors()
-"""What a learner has to declare where nothing is known of the arm."""
+"""Errors that a learner has to declare where nothing is known of the arm."""
 
 
 def require_offered(
@@ -116,7 +116,7 @@ class RebuiltArm:
         is_real_time: bool,
         places_fixture: bool,
     ) -> None:
-        """Own whatever `make` returns.
+        """Own the arm that `make` returns.
 
         Args:
             name: Address of the arm.

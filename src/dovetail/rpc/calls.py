@@ -85,7 +85,7 @@ def _answered(servicer: Any, name: str, method: Call) -> Call:
         except DecodeError as error:
             await abort(context, MalformedError(f"not the message of {name}: {error}"))
         except grpc.aio.InternalError:
-            return None  # the client has gone: nobody to answer
+            return None  # the client has gone: no answer is due
         except Exception as error:
             servicer.fail(name, error)
             await abort(context, error)

@@ -44,7 +44,7 @@ class Connection:
             token: The service's, where it has one.
 
         Raises:
-            ArmError: Nobody answers there; says what to check.
+            ArmError: No answer from there; says what to check.
             ConfigError: The service speaks another version.
         """
         self.host, self.port, self.files = host, port, files

@@ -16,7 +16,7 @@ PLANE = ("nx", "ny", "nz", "offset")
 WXYZ = ("w", "x", "y", "z")
 FINITE = (-math.inf, math.inf)
 LENGTH_TOLERANCE = 2e-3
-"""How far the squared length of a unit quaternion or normal may be from 1."""
+"""Largest difference from 1 of the squared length of a unit quaternion or normal."""
 
 
 class FieldReader:

@@ -19,7 +19,7 @@ class Holder:
     lease: str = field(default_factory=lambda: secrets.token_hex(16))
     """Secret that it shows with its calls outside the stream."""
     since: float = field(default_factory=time.monotonic)
-    """When it got the lease [s], monotonic clock."""
+    """Time at which it got the lease [s], monotonic clock."""
 
     def __str__(self) -> str:
         """Name and address, for messages."""

@@ -81,8 +81,8 @@ def read_target(message: pb.Target, fields: FieldReader) -> _core.Target:
 def _read_right_target(message: pb.Target) -> _core.Target | None:
     """Return a message's Target, None where something is wrong or a joint's.
 
-    Every step comes through here, mostly in a thread that has just been woken: what
-    touches little code is quick then, whatever it computes.
+    Every step comes through here, mostly in a thread that has just been woken: then
+    little code is quick, even if it computes more.
     """
     f_star, position = message.f_star[:], message.position_d[:]
     quat, plane = message.quat_wxyz_d[:], message.near_plane[:]

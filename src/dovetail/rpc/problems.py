@@ -37,11 +37,11 @@ class Field(NamedTuple):
     """One wrong field of a request."""
 
     path: str
-    """Where it is: target.f_star[Z]."""
+    """Path of the field, as target.f_star[Z]."""
     value: str
-    """What was given, with its unit."""
+    """Value that was given, with its unit."""
     allowed: str
-    """What may be given."""
+    """Allowed values."""
 
     def __str__(self) -> str:
         """Say all three in words."""

@@ -1,4 +1,4 @@
-"""Who may connect: this machine with a token, others with mutual TLS only."""
+"""Access to a service: this machine with a token, others with mutual TLS only."""
 
 import ipaddress
 import ssl

@@ -20,7 +20,7 @@ from dovetail.rpc.security import Certificates, server_credentials, split_addres
 from dovetail.rpc.token import TOKEN, make_token
 
 LISTEN = "127.0.0.1:50051"
-"""Where the service listens if nothing else is asked for: this machine only."""
+"""Default address that the service listens on: this machine only."""
 
 _GRACE = 0.5  # s for the calls under way when the service closes
 _OPTIONS = (

@@ -1,4 +1,4 @@
-"""What a learner sets up: task, law, limits and period, each field checked."""
+"""Settings of a learner: task, law, limits and period, each field checked."""
 
 from typing import Any, TypeVar, get_args
 

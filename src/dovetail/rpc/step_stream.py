@@ -26,14 +26,14 @@ class StepStream:
     """The holder's stream: a request in, its answer out; the lease ends with it."""
 
     problem = ""
-    """Why the stream has ended; empty while it is open."""
+    """Reason why the stream has ended; empty while it is open."""
 
     def __init__(self, connection: Connection, name: str, timeout: float) -> None:
         """Open the stream and take the lease.
 
         Args:
             connection: To the service.
-            name: What others are told about the holder of the arm.
+            name: The holder's name, as other clients see it.
             timeout: Longest wait for an answer, beyond a step's own duration [s].
 
         Raises:

@@ -1,4 +1,4 @@
-"""What both ends must agree on before anything else."""
+"""Versions that both ends must agree on before anything else."""
 
 from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError
@@ -9,7 +9,7 @@ PROTOCOL = 5
 
 
 def own_version() -> pb.Version:
-    """Return what this end speaks."""
+    """Return the versions of this end."""
     return pb.Version(protocol=PROTOCOL, package=installed_version("dovetail"))
 
 

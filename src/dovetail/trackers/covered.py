@@ -32,7 +32,7 @@ class Covered:
         """
         self.doubt = in_range("tracker doubt", doubt, _DOUBT)
         self.shift: Vec3 = np.zeros(3)
-        """How far the fixture was moved after it was seen last [m], world axes."""
+        """Motion of the fixture since it was seen last [m], world axes."""
         self.turn = in_range("tracker turn", turn, _TURN)
         self._seen: Pose | None = None
         self._age = 0.0

@@ -3,7 +3,7 @@
 ``delayed?delay=0.1``: the class `Delayed` of `delayed.py`, its arguments after the
 question mark. A tracker that is not in the package is ``module:Class``. A camera is its
 file, ``camera.toml``; ``camera.toml?images=0`` is its delay, rate and noise without
-pictures. ``twin`` is what the twin's file says of its camera.
+pictures. ``twin`` is the camera that the twin's file describes.
 """
 
 import importlib
@@ -29,7 +29,7 @@ DEFAULT_TRACKER = "truth"
 TWIN = "twin"
 """Name of the tracker that a twin's file describes."""
 CAMERA = ".toml"
-"""How the name of a camera ends."""
+"""Ending of a camera's name."""
 _PACKAGE = "dovetail.trackers"
 _NUMBER = (int, float, type)  # where there is no default it is the type `empty`
 _FEW = 2.0
@@ -38,14 +38,14 @@ _FEW = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """Where a tracker is to look."""
+    """Workcell, camera and kind of arm that a tracker is built for."""
 
     cell: "Workcell"
-    """What stands there."""
+    """Workcell of the arm."""
     twin: TwinCamera | None = None
-    """What the twin's file says of its camera; None is nothing."""
+    """Camera that the twin's file describes; None if there is none."""
     is_simulated: bool = True
-    """Whether the arm is a simulation, or a simulated cabinet."""
+    """True if the arm is a simulation, or behind a simulated cabinet."""
 
     @classmethod
     def of(cls, cell: "Workcell", twin: Twin | str | Path | None, arm: "Arm") -> Self:

@@ -16,13 +16,13 @@ from dovetail.trackers.tracker import Estimate
 from dovetail.types import Array, Vec7
 
 _MEMORY = 2.0
-"""How long the arm's past is kept for pictures that come late [s]."""
+"""Time for which the arm's past is kept, for pictures that come late [s]."""
 
 
 class MarkerTracker:
     """Tells the pose of the newest picture in which the board was seen.
 
-    Whatever hides the board, or makes it doubtful, gives no pose: the last one stays
+    A picture in which the board is hidden or doubtful gives no pose: the last one stays
     and its age grows; `reason` says why.
     """
 
@@ -43,7 +43,7 @@ class MarkerTracker:
         self._stamp = self._now = 0.0
         self._seed = 0
         self.reason = "no picture was taken"
-        """Why the newest picture gave no pose; empty where it did."""
+        """Reason why the newest picture gave no pose; empty if it gave one."""
 
     def reset(self, fixture: Pose, seed: int) -> None:
         """Forget, and look before the arm goes to its start."""
@@ -56,7 +56,7 @@ class MarkerTracker:
 
     @property
     def is_on_arm(self) -> bool:
-        """Whether the camera is on the flange."""
+        """True if the camera is on the flange."""
         return self.camera.place.mount == "flange"
 
     def rewind(self, fixture: Pose) -> None:

@@ -1,4 +1,4 @@
-"""Where the fixture is, as far as the environment may know."""
+"""Interface of a tracker: the fixture's pose, as far as the environment may know it."""
 
 from typing import NamedTuple, Protocol, TypeGuard, runtime_checkable
 
@@ -63,7 +63,7 @@ class ArmTracker(Tracker, Protocol):
 
     @property
     def is_on_arm(self) -> bool:
-        """Whether it does: the environment then takes it to above the fixture first."""
+        """True if it looks from the arm: that is then taken above the fixture first."""
         ...
 
     def rewind(self, fixture: Pose) -> None:

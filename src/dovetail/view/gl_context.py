@@ -27,7 +27,7 @@ _Made = TypeVar("_Made")
 
 
 class GlContext(Protocol):
-    """Where OpenGL draws to."""
+    """Context that OpenGL draws in."""
 
     def make_current(self) -> None:
         """Draw here from now on, in this thread."""

@@ -1,4 +1,4 @@
-"""What is drawn beside the bodies, in pictures and on the page: colours and sizes."""
+"""Colours and sizes of the marks beside the bodies, in pictures and on the page."""
 
 import numpy as np
 
@@ -11,15 +11,15 @@ Colour = tuple[int, int, int]
 FORCE_COLOUR: Colour = (217, 38, 31)
 """The contact force's arrow."""
 PATH_COLOUR: Colour = (26, 90, 190)
-"""Where the tool's end was."""
+"""Path of the tool's end."""
 BELIEVED_COLOUR: Colour = (190, 50, 200)
 """The fixture where it is believed; no part of a shipped cell has this hue."""
 FORCE_SCALE = 0.004
 """Length of a force's arrow [m/N]."""
 FORCE_MIN = 0.5
-"""Least contact force of which an arrow is drawn [N]."""
+"""Least contact force that gets an arrow [N]."""
 BESIDE: Vec3 = np.array([-0.04, -0.05, 0.0])
-"""Where the arrow of a force stands from the tool's end [m]: else it is inside."""
+"""Offset of a force's arrow from the tool's end [m]: at 0 the tool would hide it."""
 _HAIR = 2e-4
 """Distance up to which believed and true fixture are drawn as one [m]."""
 _TURN = 1e-6

@@ -35,12 +35,12 @@ _IN_FRONT = 0.5
 longer hidden by the part that the tool holds."""
 _MAX_GEOMS = 2000
 _NEARER = 0.0005
-"""How much nearer to the eye the believed fixture is drawn [m]: a face that lies in one
-plane with the true one's would flicker."""
+"""Shift of the believed fixture towards the eye [m]: a face that lies in one plane with
+the true one's would flicker."""
 _INK = 0.00005
-"""How far a print's paper is drawn below its ink [m]: so that the ink is seen."""
+"""Depth of a print's paper below its ink [m]: so that the ink is seen."""
 _NEAR, _FAR = 0.02, 5.0
-"""What a camera sees: from and to [m]."""
+"""Nearest and farthest distance that a camera sees [m]."""
 
 
 def _rgba(colour: Colour, opacity: float = 1.0) -> NDArray[np.float32]:
@@ -66,7 +66,7 @@ class Plate(NamedTuple):
 
 
 class View(NamedTuple):
-    """What a pinhole camera shows."""
+    """Pose of a pinhole camera, and the edges of its picture."""
 
     pose: Pose
     """The camera in the world: x to the right of the picture, y down, z ahead."""
