@@ -1,7 +1,7 @@
-"""What to look at before an arm is trusted: connection, gravity, torques, a push.
+"""Checks of an arm before it is trusted: connection, gravity, torques, a push.
 
-Each check moves the arm little and slowly; between them it is held where it is. What
-the arm feels like is asked in `arm_feel`.
+Each check moves the arm little and slowly; between them it is held where it is. The
+checks of delay, springs and gravity error are in `arm_feel`.
 """
 
 import math
@@ -50,7 +50,7 @@ GRAVITY_MIN = 5.0
 LOSS_MAX = 0.001
 """Largest share of lost messages [1]."""
 TURN = 0.03
-"""How far each joint is turned [rad]."""
+"""Angle by which each joint is turned [rad]."""
 TURN_MIN, WRONG_MAX = 0.3, 0.3
 """Shares of `TURN`: what counts as turned, and what as turned the wrong way [1]."""
 PUSH_FORCE = 15.0
@@ -69,7 +69,7 @@ Ask = Callable[[str], bool]
 
 
 class Rest(NamedTuple):
-    """How the arm was while it was held."""
+    """State of the arm while it was held."""
 
     q: Vec7
     """Mean configuration [rad]."""
@@ -93,8 +93,8 @@ def run_arm_checks(
 
     Args:
         address: Where the cabinet sends to.
-        ask: Asks before the arm is moved; None asks nobody, and then only a simulated
-            cabinet is pushed.
+        ask: Asks before the arm is moved; with None the arm is moved without asking,
+            and only a simulated cabinet is pushed.
         declared: What the arm's owner says of it; None is `proven.DECLARED`.
         robot: Which arm it is, see `robots.find`.
 
@@ -144,7 +144,7 @@ def _build(
     period: float,
 ) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
-    # Whether the measured torque follows the commanded one is what has to be found out.
+    # The checks find out whether the measured torque follows the commanded one.
     timeout = address.pace.target_timeout
     watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)

@@ -28,10 +28,10 @@ from dovetail.types import JOINTS, Array, Vec7
 WILD = 0.3
 """Joint speed at which an arm that is held is let go of [rad/s]."""
 REST_TIME = 2.0
-"""How long the arm is watched while it is held [s]; half a second before settles it."""
+"""Time for which a held arm is watched [s], after half a second to settle."""
 NUDGE, NUDGE_TURN = (0.5, 0.5, 0.5), 0.005
-"""What the arm is nudged by, before it is watched with a task's controller [m/s2, rad]:
-about a millimetre."""
+"""Nudge before the arm is watched with a task's controller: f* [m/s2], and the turn of
+each joint [rad]; about a millimetre."""
 AS_CONFIGURED = "rest, as tasks run"
 _SETTLE, _STEP = 0.5, 0.05
 

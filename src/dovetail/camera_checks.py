@@ -23,7 +23,7 @@ from dovetail.types import Array, Vec7
 TASK = "XYZABC:pose"
 """Axes of an arm that is moved for a camera."""
 RATE_OFF = 0.1
-"""How far the rate may be from what the file says [1]."""
+"""Largest deviation of the rate from the file's, as a share [1]."""
 WHITE = 60.0
 """Darkest that white paper may be [grey values]."""
 SATURATED = 0.2
@@ -33,7 +33,7 @@ WIDTH = 1.6
 SEEN = 0.9
 """Share of the pictures in which the board must be seen [1]."""
 DELAY_OFF = 0.010
-"""How far the delay may be from what the file says [s]."""
+"""Largest deviation of the delay from the file's [s]."""
 UNSURE = 0.003
 """Largest standard deviation of a delay that is believed [s]."""
 MOVED = (0.8, 1.2)
@@ -49,15 +49,15 @@ _PATIENCE = 5.0  # [s]
 
 @dataclass
 class Watched:
-    """What a camera has shown."""
+    """Pictures of a camera, and the arm's motion meanwhile."""
 
     frames: list[Frame] = field(default_factory=list)
     arrival: list[float] = field(default_factory=list)
-    """When each was here [s]."""
+    """Time at which each picture arrived [s]."""
     time: list[float] = field(default_factory=list)
-    """When the arm was measured [s], by the same clock."""
+    """Time of each control cycle of the arm [s], by the same clock."""
     way: list[float] = field(default_factory=list)
-    """How far it had gone along its line [m]."""
+    """Distance that the arm had moved along its line in each cycle [m]."""
 
 
 def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:

@@ -50,8 +50,8 @@ def run_camera_checks(
         address: The arm that is moved for its delay; None is a simulated one for a
             simulated camera, and none for any other.
         cell: What stands there.
-        ask: Asks before a real arm is moved, without which the delay is not measured;
-            None asks nobody.
+        ask: Asks before a real arm is moved; after a no the delay is not measured. With
+            None the arm is moved without asking.
         period: Control period of a simulated arm [s].
 
     Raises:

@@ -49,10 +49,10 @@ _WITH_TASK = (
 """Of them those that have options of the task, for which it has to be found."""
 
 _OFFERS_ARM = ("serve", "cabinet")
-"""Those that offer an arm, and know nothing of who tells where the fixture is."""
+"""Those that offer an arm and have no tracker of the fixture."""
 
 _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
-"""What the standard output fails with: a full device, a reader that has gone."""
+"""Error numbers of the standard output: a full device, a reader that has gone."""
 
 
 _INTERRUPTED = 130
@@ -198,7 +198,7 @@ class Terminal(Console):
         super().__init__(markup=False, emoji=False, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Return text, whatever file or service it quotes, ready to be shown."""
+        """Return text ready to be shown, also where it quotes a file or a service."""
         return super().render_str(printable(text, keep="\n\t"), **options)
 
 

@@ -70,7 +70,7 @@ def _guard(name: str, question: Callable[[], str]) -> Check:
         return Check(name, "ok", question())
     except DovetailError as error:
         return Check(name, "broken", str(error))
-    except Exception as error:  # a doctor reports whatever it meets
+    except Exception as error:  # a doctor reports every error
         return Check(name, "broken", f"{type(error).__name__}: {error}")
 
 

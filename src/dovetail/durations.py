@@ -1,4 +1,4 @@
-"""How long something takes, as it is written: 5ms, 0.2s, 2 min."""
+"""Durations as they are written: 5ms, 0.2s, 2 min."""
 
 import math
 import re

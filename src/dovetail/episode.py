@@ -38,7 +38,7 @@ OBSERVED = (
     *(f"obs_q{i}" for i in range(1, 8)),
     *("obs_x", "obs_y", "obs_z", "obs_theta", "obs_vx", "obs_vy", "obs_vz"),
 )
-"""What a policy usually observes, unscaled; present where it was given."""
+"""Columns of the usual observation, unscaled; present where they were given."""
 LED = "is_intervention"
 """Column that says whether a person's action was taken, 1, or a policy's, 0."""
 

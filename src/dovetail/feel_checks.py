@@ -1,4 +1,4 @@
-"""What an arm feels like: is it quiet, how late, does a spring hold it, what it weighs.
+"""Checks of an arm's noise, delay, springs and missed load.
 
 The sentences of the doctor about what `dovetail.feel` measures.
 """
@@ -210,7 +210,7 @@ def _load_text(robot: Robot, load: MissedLoad) -> str:
 
 
 def _is_plausible(robot: Robot, load: MissedLoad) -> bool:
-    """Whether a load is one that a flange may carry, and the cause of most."""
+    """Return True if a flange may carry the load and it explains most of the error."""
     whole, where = _total_load(robot, load)
     is_near = bool(np.linalg.norm(where) < FARTHEST)
     return load.explained > EXPLAINED and whole > LIGHTEST and is_near

@@ -17,16 +17,16 @@ class Event(Protocol):
     """An event of threads or of processes."""
 
     def set(self) -> None:
-        """Let it be so."""
+        """Set the event."""
         ...
 
     def is_set(self) -> bool:
-        """Whether it is so."""
+        """Return True once the event is set."""
         ...
 
 
 class Interrupt:
-    """Whether Ctrl-C was pressed."""
+    """Flag that Ctrl-C sets."""
 
     def __init__(self, event: Event | None = None) -> None:
         """Begin unpressed.
@@ -37,15 +37,15 @@ class Interrupt:
         self._pressed: Event = event or threading.Event()
 
     def press(self) -> None:
-        """Note it."""
+        """Note that Ctrl-C was pressed."""
         self._pressed.set()
 
     def is_pressed(self) -> bool:
-        """Whether it was."""
+        """Return True once Ctrl-C was pressed."""
         return self._pressed.is_set()
 
     def check(self) -> None:
-        """Raise KeyboardInterrupt if it was: here everything is whole."""
+        """Raise KeyboardInterrupt if Ctrl-C was pressed; called between whole steps."""
         if self.is_pressed():
             raise KeyboardInterrupt
 
@@ -54,10 +54,10 @@ class Interrupt:
 def ends_whole(words: str) -> Iterator[Interrupt]:
     """Note the first Ctrl-C, say what follows, and end the process at the second.
 
-    Python raises KeyboardInterrupt in the middle of whatever runs: half of an update is
-    then done, and in a callback of the garbage collector, of which JAX has one, the
-    exception is dropped and the work goes on. While JAX compiles, Python runs no
-    handler at all; so a thread waits for the signal, speaks, and ends the process.
+    Python raises KeyboardInterrupt between any two instructions: an update may be half
+    done. In a callback of the garbage collector (JAX has one) the exception is dropped
+    and the work goes on. While JAX compiles, Python runs no handler at all. So a thread
+    waits for the signal, prints the message, and ends the process.
 
     Outside of the main thread, where no signal arrives, and in a job that ignores
     Ctrl-C, nothing is changed.

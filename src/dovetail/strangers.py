@@ -1,7 +1,7 @@
 """Modules that are not dovetail's: the first half of every MODULE:NAME.
 
-Importing one runs it. Who types MODULE:NAME, or calls a function with it, wants that; a
-file that somebody sent may not choose it.
+Importing one runs it. A user who types MODULE:NAME, or calls a function with it, wants
+that; a file from elsewhere must not choose it.
 """
 
 import importlib
@@ -67,7 +67,7 @@ def require_trusted(
         is_option: The command that reads the file has an option of this name.
 
     Raises:
-        ConfigError: It is no text, or code that nobody has said is to be run.
+        ConfigError: It is no text, or it names a module that is not trusted.
     """
     if not isinstance(value, str):
         raise ConfigError(f"{source} is damaged: {name} is {value!r}, which is no name")

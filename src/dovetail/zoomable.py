@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from plotly.graph_objects import Figure
 
 NOTE = "Drag to zoom, double-click to see all, click a name to hide it."
-"""What one can do there; belongs below the last one of a page."""
+"""Note on zooming with the mouse; belongs below the last figure of a page."""
 
 
 def panels(rows: int) -> "Figure":

@@ -7,7 +7,7 @@ def ask(question: str) -> bool:
     """Ask at the terminal; an empty answer goes on, anything else ends.
 
     Raises:
-        ConfigError: Nobody can answer.
+        ConfigError: The input has ended, so that no answer can come.
     """
     try:
         return input(f"{question}. Enter goes on, n ends: ").strip() == ""

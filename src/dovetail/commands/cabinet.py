@@ -56,17 +56,17 @@ class Cabinet(Sectioned):
     cell: CellOptions = field(default_factory=CellOptions)
     """The robot and what stands around it."""
     connection: ConnectionOptions = field(default_factory=ConnectionOptions)
-    """The ports, and what is spoken there."""
+    """Addresses, ports and FRI version."""
     pace: PaceOptions = field(default_factory=PaceOptions)
-    """When messages and answers are due."""
+    """Timing of messages and answers."""
     law: LawOptions = field(default_factory=LawOptions)
-    """What moves the arm."""
+    """Client command mode and joint impedance."""
     end: MotionEndOptions = field(default_factory=MotionEndOptions)
-    """When a motion ends."""
+    """Conditions that end a motion."""
     signals: SignalOptions = field(default_factory=SignalOptions)
-    """What is passed along."""
+    """IO signals and transformations."""
     events: EventOptions = field(default_factory=EventOptions)
-    """Faults, and what is told of them."""
+    """Faults, and the log of events."""
 
     def run(self, console: Console) -> int:
         """Run until Ctrl-C or SIGTERM."""
@@ -216,7 +216,7 @@ def describe_status(status: dict[str, Any]) -> str:
 
 
 def _show_status(server: Server, console: Console, end: End) -> None:
-    """Show how the cabinet is until it ends or is told to end."""
+    """Show the cabinet's status until it ends or a signal ends it."""
     if console.is_terminal:
         with Live(console=console, refresh_per_second=5, transient=True) as live:
             while server.is_running and not end.wait(0.2):

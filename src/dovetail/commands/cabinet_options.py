@@ -58,7 +58,7 @@ class PaceOptions(Section):
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the last message was answered."""
     patience: Annotated[str, tyro.conf.arg(aliases=["--watchdog"])] = "10s"
-    """How long lockstep waits for an answer."""
+    """Longest wait of lockstep for an answer."""
     realtime: bool = False
     """Ask for real-time priority (SCHED_FIFO)."""
 
@@ -68,7 +68,7 @@ class LawOptions(Section):
     """Control."""
 
     mode: Literal["torque", "position", "wrench"] = "torque"
-    """What the overlay wants from the client."""
+    """Client command mode of the overlay."""
     stiffness: str = "0"
     """Joint stiffness [Nm/rad]: one number, or seven separated by commas."""
     damping: str = "0"
@@ -79,7 +79,7 @@ class LawOptions(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class MotionEndOptions(Section):
-    """When a motion ends."""
+    """Conditions that end a motion."""
 
     good_from: float = 0.80
     """Share of the last 100 answers in time that commanding needs."""
@@ -93,7 +93,7 @@ class MotionEndOptions(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SignalOptions(Section):
-    """What is passed along."""
+    """IO signals and transformations."""
 
     io: tuple[str, ...] = ()
     """IO signals, each NAME:TYPE:DIRECTION[=VALUE]; TYPE is boolean, digital or analog,

@@ -135,7 +135,7 @@ class CameraWatch:
     """Twin whose file says what a simulated camera has wrong. Default the one with
     which it was calibrated: another, that has it elsewhere, is refused."""
     robot: str = DEFAULT_ROBOT
-    """Which robot the arm is; a camera on its flange looks from its usual posture."""
+    """Robot model of the arm; a camera on its flange looks from its usual posture."""
 
     def run(self, console: Console) -> int:
         """Look, a line for each picture; return 1 where the board was never seen.

@@ -1,4 +1,4 @@
-"""How a calibration ends: go and a file, or no-go and none."""
+"""Result of a calibration: go with a camera file, or no-go without one."""
 
 from datetime import datetime
 from pathlib import Path

@@ -24,7 +24,7 @@ from dovetail.tasks.shipped import DEFAULT_POLICY
 
 @dataclass(frozen=True, kw_only=True)
 class ShownPolicyOptions(Section):
-    """What runs."""
+    """The policy that runs."""
 
     policy: str = DEFAULT_POLICY
     """Policy: the name of a shipped one, a file, or none."""
@@ -41,7 +41,7 @@ class ShownPolicyOptions(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ShownPlaceOptions(Section):
-    """Where, one of two."""
+    """Twin or arm to run on, one of the two."""
 
     twin: str | None = None
     """Twin to run on: a shipped one's name or a .toml file; default medium."""
@@ -51,17 +51,17 @@ class ShownPlaceOptions(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ShownCellOptions(Section):
-    """How it runs there."""
+    """Robot, tracker, control period and fixture."""
 
     robot: str | None = None
     """Robot in the cell; default the policy's."""
     tracker: str | None = None
-    """What tells where the fixture is: truth, delayed or noisy; MODULE:CLASS is one of
-    your own."""
+    """Tracker of the fixture: truth, delayed or noisy; MODULE:CLASS is one of your
+    own."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
     fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes; default
+    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; default
     the task's first trial pose. Needed for an arm that cannot move it."""
 
 
@@ -84,13 +84,13 @@ class Cockpit(Sectioned):
     whose: ClassVar[str] = "the command cockpit"
 
     actor: ShownPolicyOptions = field(default_factory=ShownPolicyOptions)
-    """What runs."""
+    """The policy that runs."""
     place: ShownPlaceOptions = field(default_factory=ShownPlaceOptions)
-    """Where, one of two."""
+    """Twin or arm to run on, one of the two."""
     cell: ShownCellOptions = field(default_factory=ShownCellOptions)
-    """How it runs there."""
+    """Robot, tracker, control period and fixture."""
     declared: DeclaredErrors = TABLE
-    """How far the arm is from its model, at most."""
+    """Largest deviations of the arm from its model."""
     page: PageOptions = field(default_factory=PageOptions)
     """The page."""
 

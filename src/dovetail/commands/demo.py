@@ -24,26 +24,26 @@ DEFAULT_TWIN = "medium"
 
 @dataclass(frozen=True, kw_only=True)
 class DemoPolicyOptions(Section):
-    """What is tried."""
+    """Policy and tries."""
 
     policy: str = DEFAULT_POLICY
     """Policy: the name of a shipped one, or a file."""
     tries: int = 20
     """Tries at each of the three fixture poses."""
     cover: bool = False
-    """Cover the camera and move the fixture by 0, 5, 10, 20 and 30 mm. Who finds it:
-    the policy without a search, the scripted one, the shipped one that learned it."""
+    """Cover the camera and move the fixture by 0, 5, 10, 20 and 30 mm. It
+    compares a policy without a search, the scripted search, and a learned one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DemoPlaceOptions(Section):
-    """Where."""
+    """Twin to try on, and its settings."""
 
     twin: str = DEFAULT_TWIN
     """Twin to try on: the name of a shipped one, or a .toml file."""
     tracker: str = "twin"
-    """What tells where the fixture is: twin, as the twin's file says of its camera,
-    late and beside the truth; or truth, or another (dovetail evaluate --help)."""
+    """Tracker of the fixture: twin is the camera of the twin's file, late and beside
+    the truth; or truth, or another (dovetail evaluate --help)."""
     robot: str | None = None
     """Robot that the twin is: one of dovetail's, or MODULE:FUNCTION of your own;
     default the policy's."""
@@ -70,9 +70,9 @@ class Demo(Sectioned):
     whose: ClassVar[str] = "the command demo"
 
     tried: DemoPolicyOptions = field(default_factory=DemoPolicyOptions)
-    """What is tried."""
+    """Policy and tries."""
     place: DemoPlaceOptions = field(default_factory=DemoPlaceOptions)
-    """Where."""
+    """Twin to try on, and its settings."""
     results: DemoResultsOptions = field(default_factory=DemoResultsOptions)
     """The results."""
 

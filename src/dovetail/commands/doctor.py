@@ -38,7 +38,7 @@ class Doctor:
     yes: bool = False
     """Ask nothing before the arm is moved; only a simulated cabinet is pushed."""
     robot: str = DEFAULT_ROBOT
-    """Which robot the arm is: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot model of the arm: one of dovetail's, or MODULE:FUNCTION of your own."""
     delay: Delay = DECLARED["delay"]
     """Largest delay of the loop that is declared for this arm, with its unit."""
     payload_error: float = DECLARED["payload_error"]

@@ -1,4 +1,4 @@
-"""How a command that runs until it is told to end is told: Ctrl-C, SIGTERM."""
+"""End of a command that runs until Ctrl-C or SIGTERM."""
 
 import signal
 from collections.abc import Iterator
@@ -7,7 +7,7 @@ from queue import Empty, SimpleQueue
 
 
 class End:
-    """Whether a command was told to end, and waiting for it.
+    """Flag for a signal that asks the command to end; it can be waited for.
 
     Not a `threading.Event`: a handler that sets it while the same thread holds its
     lock, as a second signal's does in the first one's, waits for itself for ever.
@@ -17,17 +17,17 @@ class End:
         self._told: SimpleQueue[int] = SimpleQueue()
 
     def tell(self, number: int, frame: object = None) -> None:
-        """Tell it; a signal's handler, and harmless when repeated."""
+        """Ask the command to end; a signal handler, harmless when repeated."""
         self._told.put(number)
 
     def is_told(self) -> bool:
-        """Whether it was told."""
+        """Return True once the command was asked to end."""
         return not self._told.empty()
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until it is told, or a time [s] is over; return whether it was told."""
+        """Wait for a signal, a time [s] at most; return True once one has come."""
         try:
-            self._told.put(self._told.get(timeout=seconds))  # for whoever asks next
+            self._told.put(self._told.get(timeout=seconds))  # for the next call
         except Empty:
             return False
         return True
@@ -35,10 +35,10 @@ class End:
 
 @contextmanager
 def ended_by_signal() -> Iterator[End]:
-    """Give what Ctrl-C and SIGTERM tell, in place of what they usually do.
+    """Yield a flag that Ctrl-C and SIGTERM set, in place of their usual effect.
 
-    Told, not raised: an exception would come anywhere, and a second signal, such as
-    `timeout` sends, in the middle of what is cleaned up after the first.
+    A flag, not an exception: that could come anywhere, and by a second signal, such as
+    `timeout` sends, in the middle of the clean-up after the first.
     """
     end = End()
     before = {

@@ -31,10 +31,10 @@ class Export:
     """Name of the policy, NAME.safetensors and NAME.json; default the model's, beside
     it."""
     trust: bool = False
-    """Load the file by its library, which runs whatever is in it: for files of your
-    own. Without it the file is looked at only."""
+    """Load the file with its library, which runs the code in it: for files of your own.
+    Without it the file is only inspected."""
     environment: EnvSettings = field(default_factory=EnvSettings)
-    """Where it was trained."""
+    """Task and environment of its training."""
 
     def run(self, console: Console) -> int:
         """Export, and say what to do next."""

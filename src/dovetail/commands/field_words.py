@@ -1,4 +1,4 @@
-"""What the fields of a dataclass are, in the words under each of them."""
+"""First sentences of the docstrings under a dataclass's fields."""
 
 import ast
 import inspect

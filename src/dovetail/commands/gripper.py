@@ -19,11 +19,11 @@ class Gripper:
     """Home, move, grip or release with a WSG 50; or simulate one until Ctrl-C."""
 
     at: str = f"127.0.0.1:{PORT}"
-    """The gripper's HOST:PORT; with --simulate where to listen, port 0 any free one."""
+    """The gripper's HOST:PORT; with --simulate its own, port 0 any free one."""
     do: Literal["state", "home", "move", "grip", "release", "stop", "acknowledge"] = (
         "state"
     )
-    """What to do."""
+    """Action to perform."""
     width: float | None = None
     """move: opening [m]; grip: width of the part [m], unknown without; release: how
     much further to open [m]."""

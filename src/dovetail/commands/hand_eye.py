@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _PICTURES_MAX = 1000
 _ROUNDING = 3e-3
-"""How far a simulated camera may be found from its place, beyond what is told [m]: a
+"""Error of a simulated camera's place that is allowed beyond twice its interval [m]: a
 wrong lens shifts it."""
 _MOVED = (
     "The arm will go through {count} poses, slowly and inside its walls, and stand in "
@@ -67,16 +67,16 @@ class MovedArmOptions(Section):
     yes: bool = False
     """Ask nothing before a real arm is moved."""
     robot: str = DEFAULT_ROBOT
-    """Which robot the arm is: one of dovetail's, or MODULE:FUNCTION of your own."""
+    """Robot model of the arm: one of dovetail's, or MODULE:FUNCTION of your own."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class KnownCameraOptions(Section):
-    """What is known of the camera beside its file."""
+    """Mount and twin of the camera."""
 
     mount: str | None = None
-    """What the camera is fixed to: world (the board is on the flange) or flange.
-    Default what its file says."""
+    """Mount of the camera: world (the board is on the flange) or flange. Default as in
+    its file."""
     twin: str | None = None
     """Twin whose file says what the simulated camera has wrong. It is written into the
     calibrated file. With --folder: that with which the pictures were taken."""
@@ -98,7 +98,7 @@ class CameraHandEye(Sectioned):
     moved: MovedArmOptions = field(default_factory=MovedArmOptions)
     """The arm that goes through the poses."""
     known: KnownCameraOptions = field(default_factory=KnownCameraOptions)
-    """What is known of the camera beside its file."""
+    """Mount and twin of the camera."""
 
     def run(self, console: Console) -> int:
         """Calibrate, and write where it is good enough."""

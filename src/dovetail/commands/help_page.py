@@ -1,7 +1,7 @@
 """The help of a command with many options: in groups, a line for each.
 
-A line has the first sentence of the field's docstring, which is where the rest of it
-is, too; `--help-all` prints everything.
+A line has the first sentence of the field's docstring; `--help-all` prints the whole
+docstring.
 """
 
 import inspect
@@ -23,7 +23,7 @@ Groups = Mapping[str, Sequence[str]]
 
 _WIDTH = 100
 _COLUMN = 28
-"""Where the sentences begin, or on a line of their own."""
+"""Column where sentences begin; after a long option they begin on the next line."""
 _WORDS: Mapping[Any, str] = {int: "N", float: "X", str: "NAME", Path: "PATH"}
 
 

@@ -23,7 +23,7 @@ LEROBOT = "lerobot"
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectedPolicyOptions(ShownPolicyOptions):
-    """What runs."""
+    """The policy that runs."""
 
     policy: str = NOBODY
     """Policy that is corrected: the name of a shipped one, a file, or none."""
@@ -39,7 +39,7 @@ class Record(Cockpit):
     """Episode logs of before, or folders of them. They become the data set, and no page
     is shown."""
     actor: CorrectedPolicyOptions = field(default_factory=CorrectedPolicyOptions)
-    """What runs, and is corrected."""
+    """The policy that runs, and is corrected."""
 
     def run(self, console: Console) -> int:
         """Show the page until it is ended, and write what was shown there.

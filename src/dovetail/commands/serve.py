@@ -50,7 +50,7 @@ class OfferedArmOptions(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class OfferedCellOptions(Section):
-    """What stands around it."""
+    """Robot, and the parts around it."""
 
     env: str = DEFAULT_ENV
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
@@ -62,11 +62,11 @@ class OfferedCellOptions(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ServiceOptions(Section):
-    """Where learners reach it, and who may."""
+    """Address and certificates of the service."""
 
     listen: str = "127.0.0.1:50051"
-    """Where to listen; anything but this machine's loopback needs certificates.
-    There a learner shows the token that is printed, or the one in DOVETAIL_TOKEN."""
+    """Own address of the service, HOST:PORT; other than loopback needs certificates.
+    On loopback a learner needs the token that is printed, or that of DOVETAIL_TOKEN."""
     cert: Path | None = None
     """Certificate of this service, PEM."""
     key: Path | None = None
@@ -84,11 +84,11 @@ class Serve(Sectioned):
     offered: OfferedArmOptions = field(default_factory=OfferedArmOptions)
     """The arm."""
     declared: DeclaredErrors = field(default_factory=DeclaredErrors)
-    """What a learner has to declare at least, as it is known of the arm."""
+    """Errors of the arm that a learner has to declare at least."""
     cell: OfferedCellOptions = field(default_factory=OfferedCellOptions)
-    """What stands around it."""
+    """Robot, and the parts around it."""
     service: ServiceOptions = field(default_factory=ServiceOptions)
-    """Where learners reach it, and who may."""
+    """Address and certificates of the service."""
 
     def run(self, console: Console) -> int:
         """Serve until Ctrl-C or SIGTERM, then hold the arm and close."""

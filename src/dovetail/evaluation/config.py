@@ -1,4 +1,4 @@
-"""What an evaluation is asked for, and what that means for its environment."""
+"""Settings of an evaluation, and the options of its environment."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -33,7 +33,7 @@ class TriedTaskConfig(Section):
     task_options: TaskOptions = field(default_factory=TaskOptions)
     """Fields of the task; left out, they are the policy's."""
     fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Default
+    """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes. Default
     three poses, which an arm must be able to put the fixture at."""
     max_steps: int | None = None
     """Policy steps of 50 ms in a try; default the policy's. With a search 400."""
@@ -48,7 +48,7 @@ class TriedTaskConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class TriedPlaceConfig(Section):
-    """Where it is tried: on a plant, a twin or an arm."""
+    """Plant, twin or arm to try on."""
 
     plant: str | None = None
     """Engine of an ideal plant, mujoco or bullet; or give a twin, or an arm."""
@@ -63,9 +63,9 @@ class TriedPlaceConfig(Section):
     robot: str | None = None
     """Robot in the cell; default the policy's."""
     tracker: str | None = None
-    """What tells where the fixture is: truth, delayed, noisy, late, twin, or a camera's
-    file. With numbers: delayed?delay=0.1, late?bias=0.002; twin is what the twin's file
-    says of its camera; MODULE:CLASS is one of your own. Default the truth."""
+    """Tracker of the fixture: truth, delayed, noisy, late, twin, or a camera's file.
+    With numbers: delayed?delay=0.1, late?bias=0.002; twin is the camera of the twin's
+    file; MODULE:CLASS is one of your own. Default the truth."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms. Default the one in the arm's address, or
     else the policy's training's."""
@@ -73,7 +73,7 @@ class TriedPlaceConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class HarderConfig(Perturbation):
-    """What is made harder."""
+    """Disturbances of the tries."""
 
     cover: Annotated[float, Range(0.0, 50.0, "mm")] = 0.0
     """The shift in millimetres, 0 to 50 [mm]."""
@@ -119,7 +119,7 @@ class TriesConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class EvaluationConfig(Sectioned):
-    """What to try, where, and how often.
+    """Settings of an evaluation: policy, place, disturbances and tries.
 
     `EvaluationConfig.of(policy=..., twin="medium")` takes the settings by the names of
     the command line's options.
@@ -132,11 +132,11 @@ class EvaluationConfig(Sectioned):
     task: TriedTaskConfig = field(default_factory=TriedTaskConfig)
     """The task, by default as in the policy's training."""
     place: TriedPlaceConfig = field(default_factory=TriedPlaceConfig)
-    """Where it is tried."""
+    """Plant, twin or arm to try on."""
     declared: DeclaredErrors = TABLE
-    """How far the arm is from its model, at most."""
+    """Largest deviations of the arm from its model."""
     harder: HarderConfig = field(default_factory=HarderConfig)
-    """What is made harder."""
+    """Disturbances of the tries."""
     trials: TriesConfig = field(default_factory=TriesConfig)
     """The tries and their results."""
 

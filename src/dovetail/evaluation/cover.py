@@ -1,4 +1,4 @@
-"""How far a fixture may be moved unseen: who finds it, how fast, how hard it hits."""
+"""Success, time and force on a fixture that was moved while the camera was covered."""
 
 import json
 import math
@@ -20,7 +20,7 @@ from dovetail.files import claim_output_folder, write_atomic
 from dovetail.page import finite, page, table
 
 SHIFTS = (0.0, 5.0, 10.0, 20.0, 30.0)
-"""How far the fixture is moved [mm]."""
+"""Distances by which the fixture is moved [mm]."""
 HEADS = ("who", "moved [mm]", "success", "median / max [s]", "peak force p95 [N]")
 
 
@@ -28,11 +28,11 @@ class Cell(NamedTuple):
     """One entry of the table."""
 
     who: str
-    """Who acted."""
+    """Name of the actor."""
     shift: float
-    """How far the fixture was moved [mm]."""
+    """Distance by which the fixture was moved [mm]."""
     row: Row
-    """What came of all tries."""
+    """Result over all tries."""
 
     def texts(self) -> tuple[str, ...]:
         """Return the entry as text, one for each of `HEADS`."""
@@ -55,15 +55,15 @@ def compare(
     console: Console,
     shifts: Sequence[float] = SHIFTS,
 ) -> list[Cell]:
-    """Let each try to find a fixture that was moved unseen; print and write the table.
+    """Compare actors on a fixture that was moved unseen; print and write the table.
 
     Each cell's own report lies in a folder of its name.
 
     Args:
-        actors: Who acts, and the evaluation in which; its `cover` and `out` are set.
+        actors: Name and evaluation of each; its `cover` and `out` are set here.
         folder: Where to, new or empty.
         console: Where bar and table go.
-        shifts: How far the fixture is moved [mm].
+        shifts: Distances by which the fixture is moved [mm].
 
     Raises:
         DovetailError: See `evaluate`.

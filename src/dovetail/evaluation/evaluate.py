@@ -50,7 +50,7 @@ _WORKERS_MAX = 256
 
 
 class Evaluation(NamedTuple):
-    """What an evaluation gave and where it is."""
+    """Result of an evaluation, and its files."""
 
     rows: list[Row]
     outcomes: list[Outcome]
@@ -212,7 +212,7 @@ def write_report(
         outline: Of the fixture, from above.
         films: Animated GIFs that are there; one that is not, as its try never began,
             is left out.
-        searched: Figure of where a part went over a fixture that nobody saw.
+        searched: Figure of the part's paths over a fixture that was moved unseen.
 
     Raises:
         LogError: The disk is full or the folder is not writable.

@@ -1,4 +1,4 @@
-"""How hard a try may be for the shipped policies: the ranges that were measured."""
+"""Ranges of disturbance for which the shipped policies were measured."""
 
 import tomllib
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ class Disturbance(NamedTuple):
     scale: float
     """From SI to that unit."""
     falls: bool = False
-    """Whether smaller values are the harder ones."""
+    """True where smaller values are the harder ones."""
 
 
 DISTURBANCES = {

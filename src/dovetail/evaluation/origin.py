@@ -1,4 +1,4 @@
-"""Where a result comes from: the ground, the settings, the command, the machine."""
+"""Origin of a result: plant, twin or arm, settings, command, machine."""
 
 import os
 import platform
@@ -22,7 +22,7 @@ from dovetail.tasks.fixture_pose import FixturePose
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where the numbers of an evaluation come from, and how to make them again."""
+    """Origin of an evaluation's numbers, and the command that makes them again."""
 
     config: Mapping[str, Any]
     """The evaluation's settings."""
@@ -54,7 +54,7 @@ def shared_engine(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
     """
     twin = _address(config).twin
     trained_on: Any = policy.get("provenance")
-    for key in ("config", "arm"):  # anybody may have written the file
+    for key in ("config", "arm"):  # the file may be a stranger's
         trained_on = trained_on.get(key) if isinstance(trained_on, Mapping) else None
     if not twin or trained_on is not None:
         return ""

@@ -1,4 +1,4 @@
-"""What is kept of one try: numbers for the table and the tool's path."""
+"""Outcome of one try: numbers for the table, and the tool's path."""
 
 import math
 from collections.abc import Mapping
@@ -13,17 +13,17 @@ from dovetail.types import Array
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions:
-    """What held for a try from before its first step."""
+    """Conditions of a try, fixed before its first step."""
 
     tare: tuple[float, ...] = (0.0,) * 6
     """f* that held the weight before the try [m/s2, rad/s2]; 0 without a tare."""
     perturbation: Mapping[str, Any] = field(default_factory=dict)
-    """What was drawn for this try, by name and unit; empty where nothing was."""
+    """Disturbances drawn for this try, by name and unit; empty where none were."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Course:
-    """How a try went."""
+    """Steps, limit violations and path of a try."""
 
     steps: int
     """Policy steps taken (50 ms each)."""
@@ -53,9 +53,9 @@ class ArmStop:
     """The arm's end of a try before its time."""
 
     reason: str = ""
-    """Why, in a word; empty when it did not."""
+    """Reason, in a word; empty when the arm did not end the try."""
     text: str = ""
-    """What the arm said then: what it saw, and what to look at."""
+    """Message of the arm: what it saw, and what to look at."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ class TryFiles:
     log: str = ""
     """File name of the Episode log, or empty when none was kept."""
     film_error: str = ""
-    """Why the try's film is missing; empty when it is there or none was wanted."""
+    """Reason why the film is missing; empty when it is there or was not wanted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,19 +73,19 @@ class Outcome:
     """Result of one try of a policy."""
 
     job: Job
-    """Which try it was."""
+    """Pose, number and seed of the try."""
     conditions: Conditions = field(default_factory=Conditions)
-    """What held from before its first step."""
+    """Conditions fixed before its first step."""
     success: bool
     """The task was done: the part, say, ended deep enough inside the fixture."""
     depth: float
     """Insertion depth at the end [m]."""
     course: Course
-    """How it went."""
+    """Steps, limit violations and path."""
     force: ContactForce
     """Contact force in it."""
     stop: ArmStop = field(default_factory=ArmStop)
-    """Whether the arm ended it before its time."""
+    """Stop by the arm; its reason is empty when there was none."""
     files: TryFiles = field(default_factory=TryFiles)
     """Its files."""
 

@@ -22,13 +22,13 @@ from dovetail.trackers.covered import Covered
 from dovetail.types import Vec3
 
 TRAVEL = 0.05
-"""How far a moving fixture goes out before it comes back [m]."""
+"""Distance that a moving fixture goes out before it comes back [m]."""
 PUSH_TIME = (0.2, 0.5)
 """Range of a push's duration [s], uniform."""
 PUSH_GAP = (0.3, 1.0)
 """Range of the time between two pushes, and before the first [s], uniform."""
 Search = Literal["none", "corner"]
-"""Whether a scripted search acts in place of the policy."""
+"""Scripted search that acts in place of the policy; none is the policy."""
 
 _STREAM = 0x5E7BAC
 """Keeps these draws apart from those of start and noise, which have the same seed."""
@@ -36,7 +36,7 @@ _STREAM = 0x5E7BAC
 
 @dataclass(frozen=True, kw_only=True)
 class Perturbation(Section):
-    """What is done to the arm and the fixture during the tries."""
+    """Disturbances of the arm and the fixture during the tries."""
 
     fixture_shift: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Cover the camera: the fixture is this far from where it was seen [m], 0 to 0.05.
@@ -48,13 +48,13 @@ class Perturbation(Section):
     """Move the fixture during the tries at this speed [m/s], 0 to 0.1. It goes out and
     back, and the camera follows."""
     start: Literal["random", "below"] = "random"
-    """Where the tool starts: random, or below the block's surface, beside it."""
+    """Start of the tool: random, or below the block's surface, beside it."""
     search: Search = "none"
     """corner: the scripted corner search acts in place of the policy. It feels for the
     opening with a corner of the tilted part."""
 
     def __bool__(self) -> bool:
-        """Whether anything is perturbed."""
+        """Return True if anything is perturbed."""
         return self != Perturbation()
 
     def describe(self) -> list[str]:

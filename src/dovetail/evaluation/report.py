@@ -16,9 +16,10 @@ class Report:
     """Everything that a reader needs to trust, read and repeat an evaluation."""
 
     title: str
-    """What was tried."""
+    """Title: policy, task, disturbances, place and control period."""
     ground: str
-    """Where: "twin medium (mujoco)" or "simulation (mujoco)"; a twin is no robot."""
+    """Place of the tries, "twin medium (mujoco)" or "simulation (mujoco)"; a twin is no
+    robot."""
     period: float
     """Control period of the arm [s]."""
     rows: Sequence[Row]
@@ -26,11 +27,11 @@ class Report:
     outcomes: Sequence[Outcome]
     """Every try."""
     note: str = ""
-    """What to keep in mind when reading the table; may be empty."""
+    """Note for the reader of the table; may be empty."""
     done_word: str = Task.done_word
-    """What a success is called."""
+    """Word for a success, as "inserted"."""
     origin: Origin
-    """Where the numbers come from."""
+    """Origin of the numbers."""
 
     def to_json(self) -> str:
         """Return the report as JSON; a number that does not exist is null."""

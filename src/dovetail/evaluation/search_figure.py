@@ -1,4 +1,4 @@
-"""Where a part went over a fixture that nobody saw: from above, coloured by time."""
+"""Paths of a part over a fixture that was moved unseen: from above, time as colour."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.task import Outline
 
 SHIFT = "fixture_shift [m]"
-"""What `Conditions.perturbation` calls the distance that the fixture was moved."""
+"""Key of the fixture's displacement [m] in `Conditions.perturbation`."""
 _SHOWN = 6
 """Tries at each pose of the fixture: more would hide one another."""
 _BLOCK, _INK = "#e9e4da", "#4a4640"

@@ -89,7 +89,7 @@ class Row:
     interval: Interval
     """Wilson 95 % interval of the success rate."""
     steps: StepsTaken
-    """How long the task took."""
+    """Policy steps to do the task."""
     force: ForceSpread
     """Contact force meanwhile."""
     violations: int

@@ -47,8 +47,8 @@ TRIES_MAX = 100_000
 SEED_MAX = 2**63 - 1
 """Largest seed that the simulations' noise takes."""
 _BEFORE = ("tare", "motion_ended")
-"""Why a try may end before it begins, and the next one be tried: the tool did not
-follow the tare's lead, or the cabinet ended the motion meanwhile."""
+"""Reasons for which a try may end before it begins, and the next one be tried: the tool
+did not follow the tare's lead, or the cabinet ended the motion meanwhile."""
 _LAST_LINE = (
     "the controller's last line ended the motion: it saw an oscillation, "
     "limiters that drive or push, or a speed that no Target explains (docs/safety.md)"
@@ -288,7 +288,7 @@ _of_this_process: list[Trialist] = []
 
 
 def _start_worker(*settings: Any) -> None:
-    warnings.simplefilter("ignore", UnprovenWarning)  # said by whoever started it
+    warnings.simplefilter("ignore", UnprovenWarning)  # the parent process has warned
     _of_this_process.append(Trialist(*settings))
 
 

@@ -17,7 +17,7 @@ TEST_SEED = 20_200_419
 
 
 class Episode(NamedTuple):
-    """How an episode went."""
+    """Result of an episode."""
 
     success: bool
     """The task was done."""

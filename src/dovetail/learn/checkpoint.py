@@ -46,11 +46,11 @@ from dovetail.reading import read_bytes
 
 KEPT = 2
 _BESIDE = 1_000_000
-"""How much larger than its numbers a checkpoint's file may be [bytes]."""
+"""Bytes that a checkpoint's file may have beside its numbers."""
 
 
 class Counters(NamedTuple):
-    """What a checkpoint knows beside the model."""
+    """Step and time of a checkpoint."""
 
     step: int
     """Environment steps done."""
@@ -134,7 +134,7 @@ def load_checkpoint(place: Path, model: SbxModel, seed: int) -> Counters:
         if buffer is not None:
             _set_replay(buffer, place / REPLAY, limits[REPLAY])
     except Exception as error:
-        # Whatever damaged or hostile bytes raise here, they are no checkpoint.
+        # Damaged or hostile bytes may raise any error here: it is no checkpoint.
         raise ConfigError(
             f"checkpoint {place} cannot be used: {error or type(error).__name__}; "
             "remove it to continue from the one before, or start a new run folder"
@@ -201,7 +201,7 @@ def _set_states(model: SbxModel, content: bytes) -> None:
 
 
 def _require_alike(wanted: Mapping[str, Any], found: Mapping[str, Any]) -> None:
-    """Refuse states of which a number would have another shape or type."""
+    """Refuse states in which a number has another shape or type."""
     import jax
 
     if jax.tree.structure(found) != jax.tree.structure(wanted):

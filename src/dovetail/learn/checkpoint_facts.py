@@ -1,6 +1,6 @@
-"""What a checkpoint's JSON says: held against its ranges before a file is opened.
+"""Facts of a checkpoint's JSON, checked before any other file of it is opened.
 
-A checkpoint may be somebody else's, so nothing in it is believed: counters are counts,
+A checkpoint may be a stranger's, so everything in it is checked: counters are counts,
 and checksums are of the checkpoint's own files, which are plain files of its folder.
 """
 
@@ -32,7 +32,7 @@ _LARGEST = 1_000_000
 
 
 class CheckpointFacts(NamedTuple):
-    """What is known of a checkpoint before its other files are opened."""
+    """Facts of a checkpoint, read before its other files are opened."""
 
     counters: dict[str, int]
     """Steps, updates and episodes done, by SBX's names."""

@@ -41,7 +41,7 @@ class TrainConfig(Sectioned):
     whose: ClassVar[str] = "a training"
 
     length: LengthConfig = field(default_factory=LengthConfig)
-    """How long it learns."""
+    """Length of the training."""
     runs: RunsConfig = field(default_factory=RunsConfig)
     """The runs and their folder."""
     environment: EnvSettings = field(default_factory=EnvSettings)
@@ -51,11 +51,11 @@ class TrainConfig(Sectioned):
     dynamics: SimulatedDynamicsConfig = field(default_factory=SimulatedDynamicsConfig)
     """Dynamics of the simulation."""
     variation: VariationConfig = field(default_factory=VariationConfig)
-    """What differs between episodes, and the policy is not told."""
+    """Differences between episodes that the policy does not know."""
     teaching: TeachingConfig = field(default_factory=TeachingConfig)
-    """What it is shown before it learns by itself."""
+    """Start from a policy, demonstrations or a teacher."""
     learner: LearnerConfig = field(default_factory=LearnerConfig)
-    """How it learns from what was done."""
+    """Learning algorithm and its settings."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be trained, by name and range."""
@@ -195,7 +195,7 @@ class TrainConfig(Sectioned):
 
     @property
     def is_batch(self) -> bool:
-        """Whether the environments are stepped at the same time."""
+        """True if the environments are stepped at the same time."""
         has_threads = self.runs.threads != 1 and self.runs.num_envs > 1
         return has_threads and self._is_here_in_mujoco
 
@@ -230,7 +230,7 @@ class TrainConfig(Sectioned):
 
     @property
     def fixed_place(self) -> FixturePose | None:
-        """Where the fixture stays; None where each episode draws it."""
+        """Fixed place of the fixture; None where each episode draws it."""
         if not self.place.fixed_goal:
             return None
         usual = self.environment.task_class.trial_poses[0]

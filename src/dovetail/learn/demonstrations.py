@@ -1,4 +1,4 @@
-"""Episode logs as transitions to learn from, whoever acted in them.
+"""Episode logs of any actor, as transitions to learn from.
 
 A log has what was observed unscaled, by columns; it is scaled here as the run's own
 environment does it, so that stacks and recalled places may differ from the recording's.
@@ -43,12 +43,12 @@ class Transitions:
     rewards: NDArray[np.float32]
     """Unscaled, shape (steps,)."""
     is_last: NDArray[np.bool_]
-    """Whether the episode's log ends with the step."""
+    """True where the episode's log ends with the step."""
     is_success: NDArray[np.bool_]
-    """Whether the task was done by it; else an end is one by time."""
+    """True where the step completed the task; any other last step is a time-out."""
 
     def __len__(self) -> int:
-        """How many steps there are."""
+        """Return the number of steps."""
         return len(self.rewards)
 
 

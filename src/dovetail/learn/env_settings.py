@@ -1,4 +1,4 @@
-"""What a training and an export say about the environment of a policy."""
+"""Settings of a policy's environment, for a training and an export."""
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property

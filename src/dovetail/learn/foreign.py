@@ -35,7 +35,7 @@ hidden layers of 256 units together; rounding grows with their number."""
 COMPARED = 256
 """Observations on which they are compared."""
 _BEYOND = 3.0
-"""How far these reach, in half widths of the observation space."""
+"""Largest of these, in half widths of the observation space."""
 
 
 def settings_of_env(env: Any) -> EnvSettings:

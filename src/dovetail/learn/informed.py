@@ -35,7 +35,7 @@ class Informed(VecEnvWrapper):
 
         Args:
             venv: Vector environment of dovetail's environments.
-            kinds: What is told of each besides, shape (environments, numbers).
+            kinds: Further numbers of each environment, shape (environments, numbers).
         """
         box = venv.observation_space
         high = np.full(4 + kinds.shape[1], _FARTHEST, dtype=np.float32)
@@ -50,7 +50,7 @@ class Informed(VecEnvWrapper):
         return self._told(self.venv.reset())
 
     def step_wait(self) -> Any:
-        """End the steps; an episode that has ended is told by its own truth."""
+        """End the steps; an episode's last observation has that episode's truth."""
         before = self._truth
         seen, rewards, dones, infos = self.venv.step_wait()
         for i in np.flatnonzero(dones):

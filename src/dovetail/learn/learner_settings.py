@@ -71,9 +71,9 @@ class LearnerConfig(Section):
     rollout_steps: Annotated[int, Range(2, 1e6, "steps")] = 512
     """Steps per environment between two updates (ppo)."""
     gradient: GradientConfig = field(default_factory=GradientConfig)
-    """How its networks change."""
+    """Gradient steps of the networks."""
     returns: ReturnConfig = field(default_factory=ReturnConfig)
-    """What they estimate."""
+    """Return that the critics estimate."""
 
     def __post_init__(self) -> None:
         """Refuse networks or an entropy coefficient that cannot be."""

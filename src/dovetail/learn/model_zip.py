@@ -44,7 +44,7 @@ _ELSE = (
 
 
 class ModelFacts(NamedTuple):
-    """What a model.zip says of itself."""
+    """Facts that a model.zip states about itself."""
 
     library: str
     """stable_baselines3 or sbx."""
@@ -53,11 +53,11 @@ class ModelFacts(NamedTuple):
     version: str
     """Of Stable-Baselines3."""
     is_on_policy: bool
-    """Whether it says that VecNormalize changed its observations, where it did."""
+    """True for an on-policy algorithm; its file shows whether VecNormalize was used."""
 
 
 def read_facts(path: Path, env: gymnasium.Env) -> ModelFacts:
-    """Return what a model.zip says of itself; nothing in it is run.
+    """Return the facts that a model.zip states about itself; nothing in it is run.
 
     Args:
         path: The file.
@@ -158,7 +158,7 @@ def load_model(path: Path, facts: ModelFacts) -> Any:
     """Return the algorithm in a model.zip by its library's `load`, which runs pickles.
 
     Args:
-        path: The file; whatever it names is run.
+        path: The file; the code in it is run.
         facts: What `read_facts` found.
 
     Raises:
@@ -177,7 +177,7 @@ def load_model(path: Path, facts: ModelFacts) -> Any:
         content = io.BytesIO(read_bytes(path, ZIP_BYTES))
         model = getattr(library, facts.algorithm).load(content, device="cpu")
     except Exception as error:
-        # The library raises whatever its readers and the pickles raise.
+        # Its readers and the pickles may raise any error.
         raise PolicyError(
             f"{facts.library}.{facts.algorithm} cannot load {path}: "
             f"{type(error).__name__} {error}{_ELSE}"

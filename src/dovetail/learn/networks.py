@@ -21,7 +21,7 @@ from sbx.common.policies import (  # noqa: TID253
 )
 
 _FARTHEST = 2.0
-"""Where the normal distribution of a weight is cut off [standard deviations]."""
+"""Cut-off of the normal distribution of a weight [standard deviations]."""
 _SPREAD = 0.87962566
 """Standard deviation of what is left of a standard normal one [1]."""
 
@@ -30,7 +30,7 @@ class Actor(SquashedGaussianActor):
     """SBX's actor, drawn without a compilation."""
 
     num_seen: int | None = None
-    """How many numbers of an observation it looks at, the first ones; None is all."""
+    """Number of leading entries of an observation that it uses; None is all."""
 
     def __call__(self, observation: jax.Array) -> Any:
         """Return the distribution of actions."""

@@ -47,7 +47,7 @@ from dovetail.strangers import named_modules
 
 
 class TrainResult(NamedTuple):
-    """What a finished run left behind."""
+    """Result of a finished run."""
 
     policy: Path
     """The policy's weights; the JSON file lies beside them."""
@@ -60,7 +60,7 @@ class TrainResult(NamedTuple):
 
 
 CUT_SHORT = "finishing this step, then a checkpoint is saved"
-"""What a run does when Ctrl-C is pressed."""
+"""Message after Ctrl-C."""
 
 
 def resume_command(config: TrainConfig, folder: Path) -> str:
@@ -109,7 +109,7 @@ def train_one(
 
 
 class Prepared(NamedTuple):
-    """What a run trains."""
+    """Model, judge and stopping rule of a run."""
 
     model: Any
     """The algorithm with its environments."""
@@ -121,9 +121,9 @@ class Prepared(NamedTuple):
 
 @contextmanager
 def prepared(config: TrainConfig) -> Iterator[Prepared]:
-    """Build what a run trains, and close its environments at the end.
+    """Build the model of a run, and close its environments at the end.
 
-    Whatever a setting is wrong for shows here, before the run has a folder.
+    A wrong setting is refused here, before the run has a folder.
 
     Args:
         config: Settings.

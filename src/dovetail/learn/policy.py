@@ -31,7 +31,7 @@ _SIDECAR_BYTES = 4_000_000
 RUN_POLICY = "policy.safetensors"
 """A training's policy in the folder of its run."""
 POLICY_FOLDER = Path(__file__).parent.parent / "policies"
-"""Where the shipped policies are."""
+"""Folder of the shipped policies."""
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Weight (inputs, outputs) and bias (outputs,) of a dense layer."""
@@ -43,7 +43,7 @@ _HEADER = ("format", "version", "sha256")
 
 
 class Actor(Protocol):
-    """What chooses actions; whoever runs it calls `reset` when an episode begins."""
+    """Policy, script or search that chooses actions; `reset` begins an episode."""
 
     def reset(self) -> None:
         """Forget the last episode."""

@@ -1,7 +1,7 @@
 """The environment that a policy was trained for, as far as its file may choose it.
 
-A policy's file comes from somebody else. It says what the task was and how actions act;
-where it runs (plant, twin, arm) is said by who runs it, never by the file.
+A policy's file may be a stranger's. It says what the task was and how actions act; the
+user chooses where it runs (plant, twin, arm), never the file.
 """
 
 import math
@@ -68,15 +68,15 @@ _OPTIONS = {str: _WORD, float: _NUMBER, int: _COUNT, bool: _SWITCH}
 def known_env_id(metadata: Mapping[str, Any], said: str | None = None) -> str:
     """Return the Gymnasium id of a policy's environment, dovetail's or the one said.
 
-    Gymnasium imports whatever module an id names; a file must not choose that.
+    Gymnasium imports the module that an id names; a file must not choose that.
 
     Args:
         metadata: Content of the policy's JSON file.
-        said: What whoever runs it says that it is, MODULE:ID.
+        said: Id that the user has given, MODULE:ID; None for none.
 
     Raises:
-        ConfigError: No environment of dovetail (lists them), another than is said, or
-            a module's that nobody has said.
+        ConfigError: No environment of dovetail (lists them), another than the user
+            has given, or one of a module that the user has not given.
     """
     env_id = str(metadata.get("env_id"))
     if said not in (None, env_id):
@@ -99,11 +99,11 @@ def policy_settings(
 
     Args:
         metadata: Content of the policy's JSON file; "env" holds the settings.
-        said: What whoever runs it says that its environment is, see `known_env_id`.
+        said: Id of the environment that the user has given, see `known_env_id`.
 
     Raises:
         ConfigError: See `known_env_id`.
-        PolicyError: A setting that is not the file's to choose, or that is none; names
+        PolicyError: A setting that the file may not choose, or an unknown one; names
             it, and what is known.
     """
     env = metadata.get("env")
@@ -175,13 +175,13 @@ def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool)
         settings: Keyword arguments of the environment, by `policy_settings`.
         arm: Address of the arm; None is a simulation of this process. An arm behind
             gRPC may be a robot, one behind FRI is unless it has a control port.
-        is_given: Whether the yes has been said.
+        is_given: True if the user has accepted it.
 
     Returns:
         What is laxer, as a note; empty for nothing.
 
     Raises:
-        ConfigError: It is laxer, the arm may be a robot, and nobody has said yes.
+        ConfigError: It is laxer, the arm may be a robot, and `is_given` is False.
     """
     lax = lax_contact(settings)
     if not lax:
@@ -211,8 +211,8 @@ def make_policy_env(
         policy: Any policy.
         env_id: Its environment, where that is a module's: MODULE:ID.
         accept_contact: Yes to laxer contact settings than the defaults on a robot.
-        where: `plant`, `twin` or `arm`, and whatever else the environment takes; it
-            goes before what the policy's file says. Nothing is the nominal plant.
+        where: `plant`, `twin` or `arm`, and other options of the environment, which
+            override the policy's file. Without any it is the nominal plant.
 
     Raises:
         ConfigError: An unknown environment, or a setting out of range.

@@ -1,10 +1,9 @@
 """Learn from demonstrations before the first action.
 
-They are in the replay buffer, so that these are gradient steps as any later ones. What
-keeps the critics from inventing values where nobody has been is their layer
-normalisation. The entropy coefficient waits: it weighs chance against values that no
-action of the policy's own has tried yet, and would rise, to fall for thousands of
-steps.
+They are in the replay buffer, so that these are gradient steps as any later ones. Layer
+normalisation keeps the critics from inventing values in states that no demonstration
+has. The entropy coefficient waits: it weighs chance against values that no action of
+the policy's own has tried yet, and would rise, to fall for thousands of steps.
 
 Reference:
     Ball et al. 2023, Efficient online reinforcement learning with offline data,

@@ -1,4 +1,4 @@
-"""What a run shows while it trains: progress.csv with a row per episode, and a bar."""
+"""Progress of a training run: progress.csv with a row per episode, and a bar."""
 
 import math
 import time
@@ -21,7 +21,7 @@ LEARNED = ("evaluating", "done")
 _SHORTEST_BAR = 15
 """Columns that a bar has at least; words give way to it."""
 _DROPPED = ("reward", "steps/s", "success")
-"""What is left out first where a line has no room."""
+"""Words that are left out, in this order, where a line has no room."""
 
 
 class EpisodeRow(NamedTuple):
@@ -42,7 +42,7 @@ class EpisodeRow(NamedTuple):
 
 
 class Status(NamedTuple):
-    """Where a run stands."""
+    """Progress of a run."""
 
     step: int
     """Environment steps done."""
@@ -53,15 +53,15 @@ class Status(NamedTuple):
     rate: float
     """Environment steps per second, lately."""
     stage: str = ""
-    """How far the run is from its end, in words; empty where only `steps` ends it."""
+    """Stage of the run, in words; empty where only `steps` ends it."""
     phase: str = "training"
-    """What the run does now: pretraining, training, testing, evaluating or done."""
+    """Phase of the run: pretraining, training, testing, evaluating or done."""
     is_steady: bool = True
-    """Whether the rate is of steps with updates, so that the time left follows."""
+    """True once the rate is of steps with updates, so that the time left follows."""
 
 
 Report = Callable[[Status], None]
-"""Told now and then where a run stands."""
+"""Called now and then with the progress of a run."""
 
 
 _PROGRESS_BYTES = 10_000_000
@@ -226,7 +226,7 @@ def describe_status(status: Status, total: int, room: int | None = None) -> str:
     """Return success, reward, speed and time left as a line of text.
 
     Args:
-        status: Where the run stands. No time left is told before its speed is that of
+        status: Progress of the run. The time left is shown once the speed is that of
             steps with updates: those before are many times faster.
         total: Environment steps of the run.
         room: Columns that it should take at most; words are left out for it, the last

@@ -15,14 +15,14 @@ from dovetail.errors import LogError
 from dovetail.types import Array
 
 MEANT = ("axes", "scale", "force_damping", "force_weight", "script")
-"""What a log says of its actions and rewards; those of others mean something else."""
+"""Facts that give a log's actions and rewards their meaning; a run needs the same."""
 _SUFFIXES = (".npz", ".parquet")
 _TOLERANCE = 0.1  # of a policy step, of a real arm's clock
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RecordedSteps:
-    """One log, from its first step on of which the observation before it is known."""
+    """Steps of one log, from the first whose previous observation is known."""
 
     columns: tuple[str, ...]
     """Names of what was seen."""
@@ -33,16 +33,16 @@ class RecordedSteps:
     rewards: NDArray[np.float32]
     """Shape (steps,)."""
     is_led: NDArray[np.bool_]
-    """Whether the action was a person's, shape (steps,)."""
+    """True where the action was a person's, shape (steps,)."""
     success: bool
-    """Whether the task was done by the last step."""
+    """True if the last step completed the task."""
     cell: Mapping[str, Any]
-    """What the log says of its cell, see `envs.log_facts`."""
+    """Facts of the log's cell, see `envs.log_facts`."""
     action: Mapping[str, Any]
-    """What it says of its actions."""
+    """Facts of its actions, see `MEANT`."""
 
     def __len__(self) -> int:
-        """How many steps there are."""
+        """Return the number of steps."""
         return len(self.rewards)
 
 

@@ -50,8 +50,8 @@ def settings_of(folder: Path, arm: str | None = None) -> dict[str, Any]:
 
     Args:
         folder: The run's.
-        arm: The arm as the user gives it again. A folder may come from somebody else:
-            it must not choose an arm outside this process.
+        arm: The arm as the user gives it again. A folder may come from a stranger: it
+            must not choose an arm outside this process.
 
     Raises:
         ConfigError: There is no run, its config.json is damaged, or it names an arm, a
@@ -69,7 +69,7 @@ def settings_of(folder: Path, arm: str | None = None) -> dict[str, Any]:
         for name, value in content.items()
         if name in kinds and name not in NOT_COMPARED
     }
-    if settings.get("model") is not None:  # of which config.json has the content
+    if settings.get("model") is not None:  # config.json has its content
         file = folder / MODEL
         settings["model"] = file if file.exists() else None
     for name, value in settings.items():

@@ -1,4 +1,4 @@
-"""How long a training is, and how its runs are made and kept."""
+"""Length of a training, and settings of its runs and their folders."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ from dovetail.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class LengthConfig(Section):
-    """How long it learns."""
+    """Length of the training."""
 
     steps: Annotated[int, Range(1, 1e9, "steps")] = 60_000
     """Environment steps at most; see `until`."""

@@ -1,4 +1,4 @@
-"""What this package uses of an SBX algorithm, which has no types of its own.
+"""Types for the parts of an SBX algorithm that this package uses; SBX has none.
 
 The names are SBX's and Stable-Baselines3's. Which states an algorithm trains is its own
 affair: `trained_states` and `put_states` find those that are there.
@@ -59,9 +59,9 @@ class ReplayBuffer(Protocol):
     buffer_size: int
     """Transitions per environment that fit."""
     pos: int
-    """Where the next transition goes."""
+    """Row of the next transition."""
     full: bool
-    """Whether transitions are replaced already."""
+    """True once every row is filled and the oldest are replaced."""
 
 
 Owner: TypeAlias = SbxPolicy | SbxModel

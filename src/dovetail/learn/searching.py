@@ -1,4 +1,4 @@
-"""What a training with doubt has in place of the usual settings."""
+"""Default settings of a training with doubt."""
 
 from collections.abc import Mapping
 from typing import Any

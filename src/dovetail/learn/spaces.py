@@ -1,4 +1,4 @@
-"""What the numbers of observation and action mean: described, and compared on load."""
+"""Meaning of the numbers of observation and action, written and compared on load."""
 
 import math
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""When a training has learned: the rate falls, tests are made, and one ends the run.
+"""Stages of a training: the rate falls, tests are made, and a passed one ends it.
 
 Three stages follow one another. While it learns, the rate of learning is the full one.
 When nearly all of the latest tries succeed, with their exploring noise, the rate falls:

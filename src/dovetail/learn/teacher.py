@@ -39,7 +39,7 @@ class Teacher:
         self._cores = [require_contact_env(env) for env in envs]
         self._actors = [_actor(core) for core in self._cores]
         self.is_corrected = any(isinstance(c, CorrectedEnv) for c in self._cores)
-        """Whether its steps are a script's that the policy corrects."""
+        """True if its steps are a script's that the policy corrects."""
         self._noise = noise
         self._rng = np.random.default_rng([_STREAM, seed])
 
@@ -56,7 +56,7 @@ class Teacher:
 
 
 def _actor(core: ContactEnv) -> Actor:
-    """Return who acts in an environment: nobody where the search does already."""
+    """Return the teacher's actor; it corrects nothing where the search acts already."""
     if isinstance(core, CorrectedEnv):
         return NoCorrection(len(core.commands))
     return CornerSearch(core)

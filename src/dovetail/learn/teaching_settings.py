@@ -1,4 +1,4 @@
-"""What a training is shown before it learns by itself."""
+"""Settings of a training's start: from a policy, demonstrations or a teacher."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -12,7 +12,7 @@ from dovetail.paths_option import some_paths
 
 @dataclass(frozen=True, kw_only=True)
 class TeachingConfig(Section):
-    """Who shows it, and how it begins."""
+    """Start from a policy, demonstrations or a teacher."""
 
     from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
     """Policy to start from: a file, or the name of a shipped one. For the first
@@ -21,13 +21,13 @@ class TeachingConfig(Section):
     The best one is what the run ends with."""
     demos: Annotated[tuple[str, ...], some_paths("--demos")] = ()
     """Episode logs, or folders of them, whose steps are in every batch. See `pretrain`.
-    A person's or anybody's, of the same task, robot and meaning of an action."""
+    By a person or any policy, of the same task, robot and meaning of an action."""
     pretrain: Annotated[int | None, Range(0, 1e6, "steps")] = None
     """Gradient steps from demonstrations alone, before the first action.
     2000 with `demos`, 0 without or from a policy. After them the policy's own actions
     take the place of random ones."""
     teacher: str = "none"
-    """Who acts in the first `learning_starts` steps: none, corner, or logs. None is
+    """Actor of the first `learning_starts` steps: none, corner, or logs. None is
     chance; corner the scripted search, with noise; logs are as `demos`."""
     teacher_noise: Annotated[float, Range(0.0, 1.0, "1")] = 0.08
     """Standard deviation of the noise on a teacher's actions [1]."""
@@ -44,7 +44,7 @@ class TeachingConfig(Section):
 
     @property
     def has_teacher(self) -> bool:
-        """Whether the first steps are a script's."""
+        """True if the scripted search acts in the first steps."""
         return self.teacher == "corner"
 
     @property

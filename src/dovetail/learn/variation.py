@@ -1,4 +1,4 @@
-"""What differs between the episodes of a training, and the policy is not told."""
+"""Differences between the episodes of a training that the policy does not know."""
 
 from dataclasses import dataclass
 from itertools import product
@@ -17,15 +17,15 @@ from dovetail.trackers.find import DEFAULT_TRACKER
 
 @dataclass(frozen=True, kw_only=True)
 class VariationConfig(Section):
-    """What differs between episodes."""
+    """Differences between episodes."""
 
     vary: str | None = None
     """Option of the task and a value for each environment in turn, NAME=A,B.
     Of several, NAME=A,B&NAME=C,D, every pair in turn. The policy's file names the
     values that the task has."""
     doubt: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
-    """Largest distance of the fixture from where it is believed [m]. In each
-    episode it is another; the policy is not told, reward and success are by the truth.
+    """Largest distance of the fixture from where it is believed [m]. It is
+    drawn for each episode. Reward and success use the true place, the policy cannot.
     On the command line it gives other options other defaults: see learn/searching.py.
     A search tilts the part, so that the task must let it."""
     doubt_turn: Annotated[float, Range(0.0, 0.5, "rad")] = 0.0
@@ -33,7 +33,7 @@ class VariationConfig(Section):
     It is about the vertical; a doubt must be given, too."""
     informed: bool = False
     """Tell the critics where the fixture truly is, and which values it has.
-    The actor is not told, so that the policy is one as any other; for sac."""
+    The actor does not see them, so the policy runs as any other; for sac."""
 
     def kinds(self, env: EnvSettings, num_envs: int) -> NDArray[np.float32]:
         """Return which values each environment has, a one among zeros in each row.

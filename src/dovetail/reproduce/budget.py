@@ -1,4 +1,4 @@
-"""How much of the experiments is done: smoke, quick or full."""
+"""Sizes of the experiments: smoke, quick or full."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ class RobustnessBudget(Section):
     """Disturbances, and what is tried under them."""
 
     shifts: tuple[float, ...] = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03)
-    """How far the hole is moved while the camera is covered [m]."""
+    """Distances by which the hole is moved while the camera is covered [m]."""
     searches: tuple[float, ...] = (0.01, 0.02, 0.03)
     """The same, with the scripted search in the policy's place [m]."""
     search_tries: int = 10

@@ -1,7 +1,7 @@
 """The process of one stage: `python -m dovetail.reproduce.child OUT NAME`.
 
 A stage runs in a process of its own, so that its crash is its own. It ends with the
-process that started it, and takes with it whatever it has started itself.
+process that started it, and ends its own child processes.
 """
 
 import fcntl
@@ -32,7 +32,7 @@ from dovetail.reproduce.stage import (
 FAILED = 2
 """Exit code of a stage that ended with an error of dovetail's own."""
 PATIENCE = 20.0
-"""How long to wait for the process of an earlier sitting to end [s]."""
+"""Longest wait for the process of an earlier sitting to end [s]."""
 
 
 def main(words: Sequence[str]) -> int:

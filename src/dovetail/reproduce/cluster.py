@@ -24,9 +24,9 @@ LOCAL = "local"
 """The address that starts Ray on this machine."""
 NOT_STARTED = "Ray did not start on this machine"
 _ANSWERS = 5.0
-"""How long a cluster may take to answer [s]."""
+"""Longest wait for a cluster's answer [s]."""
 RETRIES = 3
-"""How often a task is started again when its machine or worker dies."""
+"""Number of restarts of a task whose machine or worker dies."""
 NOT_SHARED = 111
 """Exit code of a task that does not see the results folder."""
 LOST = 112
@@ -74,10 +74,10 @@ def _start_here(ray: Any, options: dict[str, Any]) -> None:
 
 
 def _require_answer(address: str) -> None:
-    """Find out in seconds that nobody is there; Ray itself takes minutes.
+    """Refuse an address that does not answer in seconds; Ray itself takes minutes.
 
     Raises:
-        ConfigError: Nobody answers at HOST:PORT.
+        ConfigError: Nothing answers at HOST:PORT.
     """
     host, _, port = address.removeprefix("ray://").rpartition(":")
     if not host or not port.isdecimal():
@@ -129,7 +129,7 @@ class RayExecutor:
 
         Raises:
             MissingDependencyError: The extra `cluster` is not installed.
-            ConfigError: Nobody answers at the address.
+            ConfigError: Nothing answers at the address.
             DovetailError: Ray does not start on this machine.
         """
         self._ray = ray = _import_ray()

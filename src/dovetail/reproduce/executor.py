@@ -1,4 +1,4 @@
-"""Where stages run: child processes of this machine, or whatever has the same face."""
+"""Executors of stages: their interface, and child processes of this machine."""
 
 import os
 import signal
@@ -34,7 +34,7 @@ class Executor(Protocol):
     """Starts stages."""
 
     slots: int
-    """How many stages may run at once."""
+    """Number of stages that may run at once."""
 
     def start(self, root: Path, name: str) -> Job:
         """Start a stage whose folder holds its stage.json."""

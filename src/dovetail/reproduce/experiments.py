@@ -1,4 +1,4 @@
-"""What each stage does: record, fit, report, train, evaluate."""
+"""Functions of the stages: record, fit, report, train, evaluate."""
 
 import shutil
 from dataclasses import asdict

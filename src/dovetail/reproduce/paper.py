@@ -1,4 +1,4 @@
-"""What the paper reports (Kaspar, Munoz Osorio, Bock 2020): the figures beside ours."""
+"""Results of the paper (Kaspar, Munoz Osorio, Bock 2020), to be shown beside ours."""
 
 from typing import NamedTuple
 
@@ -43,4 +43,4 @@ ROBUSTNESS = {
     "speed": "the hole moved during the episode; no rate given",
     "below": "starts below the surface; no rate given",
 }
-"""What the paper says about each test of robustness, on the real robot."""
+"""Statement of the paper about each test of robustness, on the real robot."""

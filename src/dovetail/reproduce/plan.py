@@ -28,7 +28,7 @@ _REPLAY = 0.06
 HELD_OUT_SEED = 1000
 """Added to the seed of a log that no fit sees."""
 SLOWER_ON_TWIN = 1.5
-"""How much longer a training takes over the network, about."""
+"""Factor by which a training over the network takes longer, roughly [1]."""
 
 VARIANTS: dict[str, str] = {
     "stack-0": "stack 0",
@@ -40,12 +40,12 @@ UNIDENTIFIED = "unidentified"
 UNTARED = "untared"
 """The unidentified policy, tried without a tare: as the paper's would be."""
 GROUNDS = ("neither tared nor identified", "tared", "tared and identified")
-"""What stack 0 knows of a twin that it is tried on, as tables and figures call it."""
+"""Preparations of stack 0 for the twin it is tried on, as named in the tables."""
 ON_TWIN = "on-twin"
 OTHER = "other-direction"
 PEGS = ("square", "triangle")
 ONE_HOLE = (0.60, 0.0, 0.10, 0.0)
-"""Where the hole is in the training on the twin itself: x y z [m], yaw [rad]."""
+"""Place of the hole in the training on the twin itself: x y z [m], yaw [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,8 +173,8 @@ RECIPE = {
     "policy_delay": 1,
     "tau": 0.005,
 }
-"""What the experiments of docs/experiments.md were made with: all steps, at one rate of
-learning from simulations and from the served arm."""
+"""Training settings of docs/experiments.md: all steps, at one rate of learning from
+simulations and from the served arm."""
 
 
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:

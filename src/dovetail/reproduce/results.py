@@ -34,13 +34,13 @@ class Table:
     """One row of tries, pooled over the training seeds."""
 
     label: str
-    """What was tried."""
+    """Label of the row: the variant that was tried."""
     rows: Sequence[Row]
     """One per hole pose, the last over all of them."""
     by_seed: dict[int, str]
     """Successes of tries for each training seed."""
     ground: str
-    """Where: "twin medium (mujoco)"."""
+    """Place of the tries: "twin medium (mujoco)"."""
     stopped: int
     """Tries that the arm ended itself."""
 

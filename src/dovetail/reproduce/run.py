@@ -22,10 +22,10 @@ from dovetail.reproduce.show import StageDisplay
 
 @dataclass(frozen=True, kw_only=True)
 class ReproduceConfig:
-    """What to reproduce, how much of it, and where."""
+    """Settings of a reproduction: size, twins, plant and folder."""
 
     budget: Literal["smoke", "quick", "full"] = "quick"
-    """How much: smoke runs every part once and learns nothing; quick trains one seed of
+    """Size: smoke runs every part once and learns nothing; quick trains one seed of
     each variant; full trains five."""
     out: Path = Path("reproduction")
     """Results folder: new, empty, or one of the same settings to go on with."""
@@ -35,7 +35,7 @@ class ReproduceConfig:
     plant: Literal["bullet", "mujoco"] | None = None
     """Engine to train in; default bullet, as the paper, where it is installed."""
     parameters: str = "extended"
-    """What the identification changes for the trainings: paper, extended or a list."""
+    """Parameters that are identified for the trainings: paper, extended or a list."""
     seed: int = 0
     """First training seed."""
     workers: int | None = None
@@ -46,12 +46,12 @@ class ReproduceConfig:
 
 
 class Reproduction(NamedTuple):
-    """What came out."""
+    """Result of a reproduction."""
 
     root: Path
     """The results folder, absolute."""
     tally: Tally
-    """What became of the stages."""
+    """Stages that are done, failed or left out."""
     files: list[Path]
     """Report, figures and JSON."""
 

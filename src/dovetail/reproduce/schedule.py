@@ -1,4 +1,4 @@
-"""Runs stages in an order that their needs allow, whatever becomes of one of them."""
+"""Runs each stage after those it needs; a failed one stops only those that need it."""
 
 import json
 import sys
@@ -54,12 +54,12 @@ class Display(Protocol):
 
 @dataclass
 class Tally:
-    """What became of the stages."""
+    """Stages that are done, failed or left out."""
 
     done: set[str] = field(default_factory=set)
     """Stages that are done, in this sitting or before."""
     failed: dict[str, str] = field(default_factory=dict)
-    """Why a stage failed, by its name."""
+    """Reason of each failed stage, by its name."""
     left_out: dict[str, str] = field(default_factory=dict)
     """Stages that could not run, and the failed one that they need."""
 

@@ -1,4 +1,4 @@
-"""A twin behind a simulated cabinet in lockstep: what stands in for the robot.
+"""A twin behind a simulated cabinet in lockstep: the stand-in for the robot.
 
 The cabinet has a process of its own, which ends with the one that opened it.
 """
@@ -24,9 +24,9 @@ _HOST = "127.0.0.1"
 _ABOVE = 0.06
 """Height of the start over the hole [m]."""
 _PATIENCE = 120.0
-"""How long cabinet and learner wait for each other [s]: the learner compiles first."""
+"""Longest wait of cabinet and learner for each other [s]: a learner compiles first."""
 _STARTS = 60.0
-"""How long the cabinet may take to start [s]."""
+"""Longest wait for the cabinet to start [s]."""
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""What is seen while the experiments run: a line per stage, and the time left."""
+"""Display of running experiments: a line per stage, and the time left."""
 
 import time
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ def format_time(seconds: float) -> str:
 
 
 class Forecast:
-    """How long the rest will take, by how long the stages of each kind have taken."""
+    """Forecast of the time left, by the time that stages of each kind have taken."""
 
     def __init__(self, stages: Sequence[Stage], slots: int) -> None:
         """Take what is still to be done, and how many stages run at once."""

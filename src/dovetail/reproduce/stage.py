@@ -31,13 +31,13 @@ class Stage:
     name: str
     """Name of the stage and of its folder."""
     run: str
-    """What does it: "module:function", called with a `Sitting`."""
+    """Function of the stage: "module:function", called with a `Sitting`."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """Everything that decides the result, as JSON knows it."""
     needs: tuple[str, ...] = ()
     """Stages whose results it reads."""
     expected: float = 1.0
-    """About how long it takes on one core [s]: for the order and the time left only."""
+    """Estimated time on one core [s]: for the order and the time left only."""
 
     def to_json(self) -> dict[str, Any]:
         """Return what decides the result, as it looks when read from a file."""
@@ -52,7 +52,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Sitting:
-    """What a stage's function is given each time that it runs."""
+    """Argument of a stage's function, each time that it runs."""
 
     root: Path
     """The results folder."""
