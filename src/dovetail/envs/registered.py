@@ -244,7 +244,7 @@ def task_class(env_id: str) -> type[Task]:
 
 
 def old_fixture_word() -> str:
-    """Return what files of older versions call the fixture, of whatever task."""
+    """Return the word for the fixture in files of older versions, for every task."""
     return task_class(DEFAULT_ENV).fixture_word
 
 
