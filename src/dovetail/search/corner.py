@@ -107,7 +107,7 @@ class CornerSearch:
         self._fast_from = env.config.approach.near_distance + _NEAR
         """Height above the surface from which the arm is not slow [m]."""
         self._slide_speed = min(self.config.slide.slide_speed, near_speed)
-        """Speed of the slide within the arm's limit [m/s]: a shortfall counts as friction."""
+        """Speed of the slide [m/s]; a shortfall from more would count as friction."""
         most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
         self._air_speed = min(self.config.air.speed, most)
         """Speed through free air that an action can ask for [m/s]."""
