@@ -1,4 +1,4 @@
-"""What the motors can give, beside what gravity and speed take: with this payload."""
+"""Joint acceleration that the motors can give at any pose and speed, with payload."""
 
 from dataclasses import replace
 from functools import lru_cache

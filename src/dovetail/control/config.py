@@ -83,13 +83,13 @@ class OscConfig(Sectioned):
     axes: AxisGains = field(default_factory=AxisGains)
     """Gains of the task axes."""
     clamps: ClampConfig = field(default_factory=ClampConfig)
-    """How much of an error is used, and how large f* becomes."""
+    """Bounds on the errors used and on f*."""
     sag: SagConfig = field(default_factory=SagConfig)
-    """How axes are drawn out of a sag."""
+    """Integrator that removes the sag of pose and hold axes."""
     null_space: NullSpaceGains = field(default_factory=NullSpaceGains)
     """Gains of the motion that the task leaves free."""
     task_inertia: TaskInertiaConfig = field(default_factory=TaskInertiaConfig)
-    """How the task inertia is made."""
+    """Computation of the task inertia."""
     joints: JointGains = field(default_factory=JointGains)
     """Gains of joint targets."""
     use_jdot: bool = False
@@ -130,13 +130,13 @@ class LimitConfig(Sectioned):
     approach: ApproachLimits = field(default_factory=ApproachLimits)
     """Limits of the TCP below a Target's near plane."""
     declared: DeclaredErrors = field(default_factory=DeclaredErrors)
-    """How far the arm is from its model, at most."""
+    """Largest declared differences between the arm and its model."""
     disturbance: DisturbanceConfig = field(default_factory=DisturbanceConfig)
-    """What is done about pushes, and about a motion that no Target explains."""
+    """Reaction to pushes and to motions that no Target explains."""
     prediction: PredictionConfig = field(default_factory=PredictionConfig)
     """The model that the limits predict with."""
     saturation: SaturationConfig = field(default_factory=SaturationConfig)
-    """How accelerations are kept inside the limits."""
+    """Scheme that keeps accelerations inside the limits."""
 
     @classmethod
     def for_period(
@@ -153,9 +153,9 @@ class LimitConfig(Sectioned):
             period: Control period [s], 0.1 to 5 ms.
             hardware: An arm with up to `proven.DECLARED` in delay and errors, and
                 pushes of 30 N; without, one that is exactly as its model.
-            **overrides: Any field, for example x_min and x_max. An arm of which any
-                delay or error is declared is not exact: less than the table's margins
-                it never has, as no other were attacked.
+            **overrides: Any field, for example x_min and x_max. An arm with a declared
+                delay or error is not exact: it gets at least the table's margins, as
+                no smaller ones were attacked.
 
         Raises:
             ConfigError: Period out of range.

@@ -33,7 +33,7 @@ class AxisGains(Section):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ClampConfig(Section):
-    """How much of an error is used, and how large f* becomes."""
+    """Bounds on the errors that the law uses, and on f*."""
 
     error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.09
     """Largest rotation error used [rad]: what turns a hand that is wedged. A turn is at
@@ -53,9 +53,9 @@ class ClampConfig(Section):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SagConfig(Section):
-    """How pose and hold axes are drawn out of a sag: what the tare did not see.
+    """Integrator that removes the sag of pose and hold axes left by the tare.
 
-    It is an integrator, which in contact presses until its bound: the bound is small.
+    In contact it presses up to its bound, so the bound is small.
     """
 
     sag_time: Annotated[float, Range(0.02, 1e3, "s")] = 0.1
@@ -80,7 +80,7 @@ class NullSpaceGains(Section):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TaskInertiaConfig(Section):
-    """How the task inertia is made from the joints' inertia."""
+    """Computation of the task inertia from the joint-space inertia."""
 
     length_scale: Annotated[float, Range(1e-2, 10.0, "m/rad")] = 0.15
     """Length L that weighs rotation rows in the task inertia [m/rad]."""

@@ -53,8 +53,7 @@ class ToolLimits(Section):
     """Limits of the TCP: walls in the world, speed and acceleration."""
 
     walls: bool = True
-    """Whether Cartesian limits on the TCP are enforced, near_speed and near_press
-    included."""
+    """Enforce the Cartesian limits of the TCP, near_speed and near_press included."""
     x_min: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
     """Lower walls of the TCP in the world [m]."""
     x_max: Annotated[Vec3, Range(-10.0, 10.0, "m", _XYZ)]
@@ -94,9 +93,9 @@ class ApproachLimits(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class DeclaredErrors(Section):
-    """How far the arm is from its model, at most.
+    """Largest declared differences between the arm and its model.
 
-    Margins are made for it.
+    The margins of the limits are made for them.
     """
 
     delay: Annotated[Delay, Range(0.0, 0.05, "s")] = 0.0
@@ -113,12 +112,12 @@ class DeclaredErrors(Section):
 
 
 TABLE = DeclaredErrors(**DECLARED)
-"""What is declared of an arm of which nothing else is said."""
+"""Errors declared for an arm when no others are given."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DisturbanceConfig(Section):
-    """What is done about pushes, and about a motion that no Target explains."""
+    """Reaction to pushes and to motions that no Target explains."""
 
     estimate_rate: Annotated[float, Range(0.0, 1e3, "1/s")] = 60.0
     """Bandwidth of the disturbance estimate [1/s]; 0 is off. A loop with a delay bears
@@ -153,7 +152,7 @@ class PredictionConfig(Section):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SaturationConfig(Section):
-    """How accelerations are kept inside the limits."""
+    """Scheme that keeps accelerations inside the limits."""
 
     scheme: str = "qp"
     """Saturation scheme: qp (default) or paper (SCS then SJS, corrected)."""

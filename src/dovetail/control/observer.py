@@ -1,4 +1,4 @@
-"""How quickly the joint velocity follows the encoders, where nothing measures it."""
+"""Gain of the observer that makes joint velocities from encoder positions."""
 
 OBSERVER_TIME = 0.005
 """Time over which positions make a velocity [s]: a difference over 1 ms has five times

@@ -1,4 +1,4 @@
-"""For which arms the limits were shown to hold, and what is said of another one.
+"""Arms for which the limits were shown to hold, and the warning for any other.
 
 The figures behind it are in docs/safety.md: `benchmarks/adversary.py --contact` attacks
 everything inside this table at once.
@@ -8,8 +8,8 @@ from dovetail.control.period import PERIODS
 
 DECLARED: dict[str, float] = {"delay": 0.010, "mass_error": 0.20, "payload_error": 1.0}
 """The table: largest delay [s], error of a link's mass [1] and of the payload [kg] for
-which the margins of `LimitConfig.for_period` were attacked. Also what is declared of an
-arm of which nothing else is said."""
+which the margins of `LimitConfig.for_period` were attacked. They are also declared for
+an arm when no others are given."""
 
 _UNPROVEN = "for which the limits are unproven"
 

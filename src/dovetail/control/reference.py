@@ -28,10 +28,10 @@ NEAR_BAND = 0.002
 """Height over the near plane in which near_press comes to act whole [m]."""
 
 PATH_TIME = 0.1
-"""How long a Target's desired pose moves on by its feed-forward [s]."""
+"""Time for which a Target's feed-forward moves its desired pose on [s]."""
 
 SURPRISE = 0.25
-"""What the disturbance estimate takes of one measurement at most, over tau_max."""
+"""Largest part of one measurement that the disturbance estimate uses, over tau_max."""
 
 LARGEST, USUAL, HELD, HELD_LEAST = 1.0, 0.3, 0.12, 10.0
 """Over tau_max: the most that is taken for a disturbance, of it the limits act against

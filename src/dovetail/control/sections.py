@@ -43,7 +43,7 @@ class Setting(NamedTuple):
     kind: Any
     """Type, as it is written."""
     default: Any
-    """Where nothing is given; MISSING where it has to be."""
+    """Default; MISSING where a value must be given."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +51,7 @@ class Section:
     """Settings that belong together, checked when they are made."""
 
     owner: ClassVar[str] = ""
-    """Whose settings they are, put before a name in messages."""
+    """Owner of the settings, put before a name in messages."""
 
     def __post_init__(self) -> None:
         """Refuse what is out of its range."""
@@ -63,7 +63,7 @@ class Sectioned:
     """Settings that are made, changed and read by their flat names, too."""
 
     whose: ClassVar[str] = "these settings"
-    """What they are of, in words, for a message."""
+    """Name of the settings in messages, such as "the limits"."""
 
     @classmethod
     def of(cls, **given: Any) -> Self:

@@ -1,4 +1,4 @@
-"""What a controller is built with, besides its robot."""
+"""Settings of a controller, besides its robot."""
 
 from dataclasses import dataclass
 

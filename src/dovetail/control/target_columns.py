@@ -22,7 +22,7 @@ _FIELDS: dict[str, tuple[str, tuple[str, ...]]] = {
     "joint_mode": ("", ("1",)),
     "q_d": ("1 2 3 4 5 6 7", ("rad",) * 7),
 }
-"""What tells a field's numbers apart, and their units."""
+"""Names of the components of each Target field, and their units."""
 
 TARGET_UNITS: dict[str, str] = {
     f"{field}_{part}".rstrip("_"): unit

@@ -1,4 +1,4 @@
-"""How each task axis is driven, written as text: ``XYZ:force A:pose BC:hold``."""
+"""Mode of each task axis, written as text: ``XYZ:force A:pose BC:hold``."""
 
 from dataclasses import dataclass
 from typing import Self

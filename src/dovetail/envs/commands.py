@@ -24,7 +24,7 @@ _RANGES = {
     "f_scale": Range(0.0, 100.0, "m/s2", _TRANSLATION),
     **ranges_of(ActionConfig),
 }
-"""What a setting of an action may be: f_scale is one number, or three."""
+"""Range of each setting of an action; f_scale is one number, or three."""
 
 
 def per_axis(name: str, value: float | Sequence[float]) -> tuple[float, float, float]:
@@ -127,7 +127,7 @@ class CommandMap:
             if modes[axis] == POSE
         ]
         self.tare: Vec6 = np.zeros(6)
-        """f* that holds the weight which nobody compensates; see `take_off`."""
+        """f* that holds the uncompensated weight; see `take_off`."""
         self._taken_off: list[float] = [0.0] * 6
         self._f_star = np.zeros(6)
         self._position = np.zeros(3)

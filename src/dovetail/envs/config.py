@@ -30,14 +30,14 @@ FORCE_DAMPING = 40.0
 FALL_BACK = "dovetail.search.fall_back_env:FallBackEnv"
 """Environment in which a script takes over from an action that does not succeed."""
 ENDLESS = 1_000_000
-"""Actions of an episode that only its success ends, or who runs it."""
+"""Actions of an episode that only success or its user ends."""
 SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
 """Scripts that an action may correct, and the environment in which it does."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ActionConfig(Section):
-    """What an action in [-1, 1] means."""
+    """Meaning of an action in [-1, 1]."""
 
     f_scale: tuple[float, ...] | float = F_SCALE
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
@@ -56,7 +56,7 @@ class ActionConfig(Section):
     It is then part of the policy, which sees what the script would do next, see
     `search.corrected_env`. A teacher's steps are the script's alone."""
     correction: Annotated[float, Range(0.0, 1.0, "1")] = 0.5
-    """How much of an action is added to what the script does [1]."""
+    """Share of an action that is added to the script's own [1]."""
     fall_back: Annotated[float, Range(0.0, 3600.0, "s")] = 0.0
     """Time after which the corner search takes over [s]; 0 is never.
     It does where the policy is used: a training is of the policy alone."""
@@ -78,7 +78,7 @@ class ActionConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ApproachConfig(Section):
-    """What holds near contact, whatever the policy does."""
+    """Limits near contact, for every policy."""
 
     near_speed: float = 0.02
     """Speed limit of the tool there, per axis [m/s]."""
@@ -86,40 +86,40 @@ class ApproachConfig(Section):
     """Largest f* towards the fixture there [m/s2], tare not counted. Times the
     effective mass, about 10 kg, it is the force of standing on the rim."""
     near_distance: Annotated[float, Range(0.0, 1.0, "m")] = 0.01
-    """How far above the fixture's mouth contact is near [m]."""
+    """Height above the fixture's mouth below which contact is near [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlConfig(Section):
-    """How the controller runs."""
+    """Control period, and scheme of the limits."""
 
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms. An action acts for 50 ms at any of them;
     an arm's address may give its own."""
     scheme: str = "qp"
-    """How the controller keeps its limits: qp or paper."""
+    """Scheme that keeps the limits: qp or paper."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObservationConfig(Section):
-    """What the policy sees. Its columns are the task's, and more."""
+    """Observation of the policy: the task's columns, and more."""
 
     also: tuple[str, ...] = ()
     """Columns the policy sees beside the task's: tilt, spin, wrench or force."""
     recall: tuple[int, ...] = ()
-    """Steps ago of which the policy sees where the tool was. And how it was tilted, if
-    that is shown; with any of them the last action, too."""
+    """Ages [steps] of past tool positions that the policy sees. Past tilts are added if
+    the tilt is shown; with any age the last action is added, too."""
     stack: int = 0
     """Past (observation, action) pairs in the observation."""
     tracker: str = DEFAULT_TRACKER
-    """What tells where the fixture is: truth, late or a camera's file.
+    """Source of the fixture's pose: truth, late or a camera's file.
     With numbers: delayed?delay=0.1, late?bias=0.002. Of a camera.toml its delay, rate
     and error are taken, not its pictures; MODULE:CLASS is one of your own."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceConfig(Section):
-    """Where it runs. On a command line what is Fixed is no option."""
+    """Plant or arm, and robot. `Fixed` fields are no options of a command."""
 
     plant: str = "mujoco"
     """Physics engine: mujoco or bullet. Of the plain plant, not of a twin or an arm."""
@@ -137,7 +137,7 @@ class PlaceConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeConfig(Section):
-    """How an episode begins and ends."""
+    """Length of an episode, and the tare before it."""
 
     max_steps: Annotated[int, Range(1, ENDLESS, "steps")] = EPISODE_STEPS
     """Actions per episode, of 50 ms each. `gym.make` calls it max_episode_steps."""
@@ -155,20 +155,20 @@ class EnvConfig(Sectioned):
     whose: ClassVar[str] = "an environment"
 
     action: ActionConfig = field(default_factory=ActionConfig)
-    """What an action means."""
+    """Meaning of an action."""
     approach: ApproachConfig = field(default_factory=ApproachConfig)
-    """What holds where contact is near."""
+    """Limits near contact."""
     control: ControlConfig = field(default_factory=ControlConfig)
-    """How the controller runs."""
+    """Control period, and scheme of the limits."""
     declared: DeclaredErrors = TABLE
-    """How far the arm is from its model, at most."""
+    """Largest declared differences between the arm and its model."""
     observation: ObservationConfig = field(default_factory=ObservationConfig)
-    """What the policy sees."""
+    """Observation of the policy."""
     place: PlaceConfig = field(default_factory=PlaceConfig)
-    """Where it runs."""
+    """Plant or arm, and robot."""
     episode: EpisodeConfig = field(default_factory=EpisodeConfig)
-    """How an episode begins and ends."""
+    """Length of an episode, and the tare before it."""
 
 
 USUAL = EnvConfig()
-"""What holds where nothing else is asked for."""
+"""Default settings."""

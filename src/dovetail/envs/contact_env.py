@@ -43,7 +43,7 @@ from dovetail.types import Array, Vec3, Vec6, Vec7
 _STREAM = 0x72AC6
 """Keeps the trackers' seeds apart from the draws of start and fixture."""
 _DRAWS = 100
-"""How often a start is drawn, until one is in free air."""
+"""Most draws of a start until one is in free air."""
 
 
 class ContactEnv(
@@ -66,8 +66,8 @@ class ContactEnv(
     B and C are held: the tool points down. On force axes the controller adds
     `-force_damping` x velocity, so that an action is close to a velocity. Less than
     `near_distance` above the fixture's surface, and below it, the tool's speed is
-    limited to `near_speed`: contact happens at no more than that, whatever the policy
-    does; and f* towards the fixture to `near_press`.
+    limited to `near_speed`, so that contact happens at no more than that under any
+    policy; and f* towards the fixture to `near_press`.
 
     ## Observation space
 
@@ -106,7 +106,7 @@ class ContactEnv(
     `theta_error` [rad] (tool minus goal, by the tracker), `contact_force_max` [N] of
     the step, `limit_violations` (control cycles of the step outside a joint or wall
     limit, by the measured state), `bad_input` (those in which the controller held the
-    arm because of a number that is none), `observation_raw` (the task's columns
+    arm because its input was invalid), `observation_raw` (the task's columns
     and those of `also`, unscaled) and, from `reset`, `tare` [m/s2, rad/s2]: the f*
     that holds the weight.
 
@@ -128,11 +128,11 @@ class ContactEnv(
     }
 
     state: ArmState
-    """What the arm said last."""
+    """Newest state of the arm."""
     fixture: Pose
     """The fixture's true pose in this episode."""
     believed: Pose
-    """Where it is believed: what the tracker told last, moved on until now."""
+    """Believed pose of the fixture: the tracker's last, moved on until now."""
     steps: int  # of the episode so far
     is_led: bool = False  # whether the next action is a person's; set by `Led`
 
@@ -178,7 +178,7 @@ class ContactEnv(
 
     @property
     def is_tared(self) -> bool:
-        """Whether a reset measures the weight that gravity compensation misses."""
+        """True if a reset measures the weight that gravity compensation misses."""
         return self._tare is not None
 
     def _prepare(self) -> None:
@@ -306,7 +306,8 @@ class ContactEnv(
     ) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Do what `step` does, with an unscaled observation in the place of its own.
 
-        Whoever steps many environments scales them at once; `remember` does the rest.
+        A caller that steps many environments scales all of them at once; `remember`
+        does the rest.
         """
         begun = self._begun
         if begun is None:
@@ -366,7 +367,7 @@ class ContactEnv(
         return self._target
 
     def begin_acting(self) -> None:
-        """Be told that whoever acts begins to, in the middle of an episode, too."""
+        """Called when a policy or person takes over, also in mid-episode."""
 
     def done_for(self, action: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return what the last step did for an action, as a log tells it."""
@@ -416,7 +417,7 @@ class ContactEnv(
             if estimate.covariance is not None:  # it was seen
                 require_plausible(self.task, self.cell, self.fixture, estimate)
         except Exception:  # of a tracker of one's own, too
-            self.arm.stop()  # nobody knows where to go
+            self.arm.stop()  # the goal is unknown
             raise
         pose, velocity = self._velocity.follow(estimate, self.state.stamp)
         if velocity is not self._followed:

@@ -1,4 +1,4 @@
-"""What a task must give, checked: what is missing or wrong is told by its method.
+"""Checks of a task against its contract; an error names the method at fault.
 
 A task that breaks its contract fails when it is registered or when its environment is
 made, and not at the end of a training.

@@ -1,7 +1,7 @@
 """Copies of an environment that has not begun: the same arguments, built once more.
 
 An environment holds a controller and a simulation, which have no copy; vector
-environments, and whoever keeps an environment in a configuration, need one.
+environments, and programs that keep one in a configuration, need copies.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""The fixture at one place in every episode, as on a table where nobody moves it."""
+"""The fixture at one place in every episode, as on a table where it never moves."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""How fast the fixture moves, from where a tracker saw it."""
+"""Velocity of the fixture, fitted to the positions where a tracker saw it."""
 
 import math
 from collections import deque
@@ -16,7 +16,7 @@ FASTEST = 0.1
 LONGEST = 0.25
 """Age of the last sight from which on nothing is known of the motion [s]."""
 STANDS: Vec3 = np.zeros(3)
-"""What a fixture that stands has for a velocity [m/s]."""
+"""Velocity of a fixture that stands [m/s]."""
 STANDS.setflags(write=False)
 _JUMP = 3e-3  # [m] that noise may add to a way
 _CERTAIN = 6.0  # standard deviations between a velocity and noise

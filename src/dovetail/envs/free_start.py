@@ -1,4 +1,4 @@
-"""Whether a start is in free air: how deep the tool would be in what stands there."""
+"""Check that a start is in free air: depth of the tool in the things around it."""
 
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ class Overlap(NamedTuple):
     part: str = ""
     """Part of the tool, or what it holds."""
     other: str = ""
-    """What it is in."""
+    """Part of the fixture, or the table, that it lies in."""
 
 
 class OverlapError(ConfigError):

@@ -20,7 +20,7 @@ from dovetail.poses import Pose, matrix_from_quat, rotation_error
 from dovetail.types import Array
 
 GAIN = 6.0
-"""How fast the tool follows: share of what is missing that it goes per second [1/s]."""
+"""Gain from the distance to the led pose to the tool's speed [1/s]."""
 LEAD_SPEED = 0.1
 """Fastest that it is led [m/s]; the controller's own limits are lower near contact."""
 _BRAKE = 8.0  # [1/s] damping, where the environment has less
@@ -98,7 +98,7 @@ class Led(gymnasium.Wrapper):
 
         Args:
             env: An environment of dovetail, wrapped or not.
-            lead: Returns the person's action, or None while nobody leads; asked once
+            lead: Returns the person's action, or None while no person leads; asked once
                 per step.
 
         Raises:

@@ -1,4 +1,4 @@
-"""What an Episode log says of itself: its cell, what an action meant, what was seen."""
+"""Facts of the environment that an Episode log keeps: cell, action, observation."""
 
 from dataclasses import fields
 from typing import Any
@@ -20,7 +20,7 @@ SUCCESS = "success"
 
 
 def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
-    """Return what a log says of the environment it was taken in.
+    """Return the facts that a log keeps of its environment.
 
     Under `CELL` its name, robot and plain task settings; under `ACTION` the axes, the
     value at action 1 [m/s2, rad/s2, m, rad], the damping of force axes [1/s], the

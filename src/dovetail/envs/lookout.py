@@ -15,9 +15,9 @@ LOOKOUT = 0.18
 """Height of the tool over the fixture from which is looked [m]; less where the arm's
 highest wall is lower."""
 _SETTLE = 0.3
-"""How long the arm stands before a picture counts [s]."""
+"""Time at rest before a picture counts [s]."""
 _PATIENCE = 3.0
-"""How long a picture is waited for [s]."""
+"""Longest wait for such a picture [s]."""
 
 
 def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> None:

@@ -15,7 +15,7 @@ from dovetail.tasks.task import Goal
 from dovetail.types import Array, Vec3
 
 USUAL_GROUPS = ("joints", "position", "theta", "velocity")
-"""What tasks show where they do not say."""
+"""Column groups of a task that names none."""
 
 POSITION_SCALE = 0.002
 """Symmetric log: below this distance [m] the scaling is nearly linear."""
@@ -33,9 +33,9 @@ class Sight(NamedTuple):
     """The tool beside a goal: what a policy sees, and what it is judged by."""
 
     state: ArmState
-    """What the arm measured."""
+    """Measured state of the arm."""
     goal: Goal
-    """Where the tool is to go."""
+    """Goal of the tool."""
     position_error: Vec3
     """TCP minus the goal [m], world axes, shape (3,)."""
     theta_error: float
@@ -55,7 +55,7 @@ class Column(NamedTuple):
     unit: str
     """Unit of the unscaled number."""
     frame: str
-    """What it is relative to, and in whose axes."""
+    """Reference and axes, in words."""
 
 
 class Group(NamedTuple):
@@ -192,7 +192,7 @@ class Layout:
         self._log: Any = slice(int(firsts[0]), size) if is_tail else self._is_log
 
     def __len__(self) -> int:
-        """How many columns there are."""
+        """Return the number of columns."""
         return len(self.columns)
 
     def read(self, sight: Sight) -> Array:

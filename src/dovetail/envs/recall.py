@@ -14,7 +14,7 @@ from dovetail.control.ranges import in_count
 from dovetail.envs.observation import Column, Layout
 
 _RECALLED = ("position", "tilt")
-"""Groups of columns of which a policy is told the past."""
+"""Groups of columns whose past a policy sees."""
 _OLDEST = 200
 
 
@@ -55,7 +55,7 @@ class Recall:
         )
 
     def __len__(self) -> int:
-        """How many numbers are appended."""
+        """Return the count of numbers that are appended."""
         return len(self.high)
 
     def reset(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:

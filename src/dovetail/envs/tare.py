@@ -1,4 +1,4 @@
-"""Tare: weight that nobody compensates, measured in free air and taken off f*.
+"""Tare: uncompensated weight, measured in free air and taken off f*.
 
 A cabinet compensates gravity by its own model. What it misses by draws on the tool, at
 f* = 0 as much as under a policy that was trained without it: 1.8 m/s2 on twin medium.
@@ -29,7 +29,7 @@ SPEED = 0.015
 LEG_STEPS = 10
 """Policy steps of one way."""
 TRAVEL = LEG_STEPS * SPEED * STEP_TIME
-"""How far the tool goes along each axis, and comes back [m]."""
+"""Distance that the tool goes along each axis, and back [m]."""
 DAMPING_MIN = 20.0
 """Smallest damping of the force axes with which the tool can be led [1/s]."""
 _ROUNDS = 2
@@ -44,13 +44,13 @@ _CHANGE_MAX = 2.0
 
 
 class Tare(NamedTuple):
-    """What was measured."""
+    """Result of a tare."""
 
     f_star: Vec6
     """f* that holds the weight [m/s2, rad/s2], world axes; 0 on free axes."""
     wrench: Vec6
-    """What the arm told of a wrench on the tool meanwhile, the mean [N, Nm]: that of
-    the weight alone, as dry friction acts against each of the ways."""
+    """Mean wrench on the tool meanwhile, as the arm measured it [N, Nm]: that of the
+    weight alone, as dry friction cancels between the way there and the way back."""
     state: ArmState
     """The arm afterwards; its log holds every cycle of the way."""
 

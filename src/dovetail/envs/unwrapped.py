@@ -1,4 +1,4 @@
-"""The environment of a task under whatever wraps it."""
+"""The environment of a task under its wrappers."""
 
 import gymnasium
 

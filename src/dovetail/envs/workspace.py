@@ -1,4 +1,4 @@
-"""Whether an arm is built for the task, and the fixture stands where it may work."""
+"""Checks that an arm suits its task, and that the fixture is in its workspace."""
 
 import math
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ from dovetail.workcell.workcell import Workcell
 
 _SIGMAS = 2.0
 _HEIGHT = 0.020
-"""How far a fixture may stand above or below where it is said to be [m]: there is room
+"""Largest difference in height of a fixture from its given place [m]: it leaves room
 for a hand measurement, and no part is that flat."""
 _TILT = 0.15
-"""How far it may be tilted against that [rad]."""
+"""Largest tilt of a fixture against its given normal [rad]."""
 _ADVICE = (
     "is the board on another part, bent, or the camera moved? put the board round the "
     "opening, calibrate again, or say where the fixture is"
@@ -57,9 +57,9 @@ def require_plausible(
 ) -> None:
     """Refuse a fixture that is seen where it cannot stand.
 
-    A board on another part has the right markers. It is told by its height, by its
-    tilt, and by where the tool would have to go. An estimate without a covariance was
-    not seen, and is not judged.
+    A board on another part has the right markers. It is recognised by its height, its
+    tilt, and the places where the tool would have to go. An estimate without a
+    covariance was not seen, and is not judged.
 
     Args:
         task: Its places.

@@ -1,1 +1,1 @@
-"""What an arm is found to be when its own small torques push it."""
+"""Diagnosis of an arm by small torques of its own that push it."""

@@ -1,10 +1,10 @@
-"""Whether this machine has more to do than it can: answers then come late."""
+"""Check for an overloaded machine, whose answers come late."""
 
 import os
 
 
 def busy_words() -> str:
-    """Say so, and what to do; empty where the machine has time."""
+    """Return a warning and a remedy if the machine is overloaded, else empty text."""
     load, cores = os.getloadavg()[0], os.cpu_count() or 1
     if load <= cores:
         return ""

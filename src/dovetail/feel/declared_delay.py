@@ -6,11 +6,11 @@ from dovetail.control.proven import DECLARED, unproven
 from dovetail.feel.feeling import Feeling
 
 TOLERANCE = 5e-4
-"""How exactly a delay is measured [s]."""
+"""Accuracy of a measured delay [s]."""
 
 
 class JudgedDelay(NamedTuple):
-    """How a measured delay compares."""
+    """Comparison of a measured delay with the declared one."""
 
     is_within: bool
     """It was measured, and is no longer than declared."""

@@ -1,4 +1,4 @@
-r"""How much gravity torque an arm inside the declared range may miss.
+r"""Gravity torque that an arm inside the declared range may miss.
 
 The limits were shown to hold with every link's mass off by a share :math:`e`, the
 payload off by a mass that is a part of the last link, and gravity off by

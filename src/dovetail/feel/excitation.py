@@ -1,4 +1,4 @@
-"""How an arm is pushed to be felt: one joint at a time, to and fro, by little."""
+"""Small pushes that measure an arm: one joint at a time, to and fro."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from dovetail.types import Array, Vec7
 STIFFNESS = 200.0
 """Stiffness of joint targets that it is made for [1/s2]."""
 AMPLITUDE = 0.025
-"""How far from rest the targets are [rad]; the arm turns before it is there."""
+"""Distance of the targets from rest [rad]; the arm turns before it is there."""
 TICK = 0.02
 """Targets change sides after one to four of these [s]."""
 
@@ -28,8 +28,8 @@ def excite(
         arm: It rests at q.
         q: Where it rests [rad].
         joint: Index of the joint.
-        seconds: How long, about [s].
-        rng: Where the times come from.
+        seconds: Duration, about [s].
+        rng: Source of the random times.
     """
     side = 1.0
     for duration in random_times(seconds, rng):

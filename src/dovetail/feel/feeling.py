@@ -16,7 +16,7 @@ from dovetail.plants.plant import COLUMN
 from dovetail.types import JOINTS, Array, Vec7
 
 PUSH_TIME, PAUSE = 2.0, 0.3
-"""How long a joint is pushed, and left alone before the next [s]."""
+"""Time that a joint is pushed, and the pause before the next [s]."""
 TRIES = 5
 """Times that a joint is pushed until a push is free enough of gaps."""
 ENOUGH = 0.5
@@ -25,14 +25,14 @@ _STEP = 0.05
 
 
 class Feeling(NamedTuple):
-    """What an arm is, as far as its own small torques tell."""
+    """Properties of an arm that its own small torques show."""
 
     delay: LoopDelay
     """From a torque command to motion."""
     fits: tuple[JointFit, ...]
     """The torque balance of A1 to A7 with that delay."""
     turned: float
-    """How far a joint was turned at most [rad]."""
+    """Largest turn of a joint [rad]."""
 
 
 def feel_arm(

@@ -1,6 +1,6 @@
 r"""A torque that is sent once a period, as second differences of a position see it.
 
-With a rigid body behind it, and whatever delay d between command and drive,
+With a rigid body behind it, and any delay d between command and drive,
 
 .. math:: q_{n+1} - 2 q_n + q_{n-1} = \frac{1}{M} \left(I(t_n + T - d) - 2 I(t_n - d)
     + I(t_n - T - d)\right)

@@ -18,13 +18,13 @@ from dovetail.types import Array, Vec3, Vec7
 
 _GRAVITY = 9.81
 _SIZES = np.array([1.0, 0.1, 0.1, 0.1])
-"""What a usual error is: of the mass [kg], and of its moments [kg m]."""
+"""Usual error of the mass [kg], and of its moments [kg m]."""
 _CUT = 0.02
 """Directions seen less than this share of the best are left as they are declared."""
 
 
 class MissedLoad(NamedTuple):
-    """What has to be added to the load data at the flange."""
+    """Correction to be added to the load data at the flange."""
 
     mass: float
     """Mass [kg]."""

@@ -1,4 +1,4 @@
-"""How quiet an arm is while it is held: noise of its torque, or an oscillation."""
+"""Noise or oscillation of an arm's torque while it is held."""
 
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ LINE_SHARE = 0.4
 LINE_RMS = 1.0
 """Torque below which no oscillation is looked for [Nm RMS]."""
 GROWTH = 2.0
-"""Growth from the first to the last third that is one, whatever its spectrum [1]."""
+"""Growth from the first to the last third that is one at any spectrum [1]."""
 SLOWEST = 2.0
 """Slower changes of torque are drift [Hz]."""
 
@@ -29,7 +29,7 @@ class Resting(NamedTuple):
     joint: int
     """The joint whose torque is loudest."""
     frequency: float
-    """Where its torque's spectrum is highest [Hz]."""
+    """Frequency at which its torque's spectrum is highest [Hz]."""
     share: float
     """Share of its variance in that line and its two neighbours [1]."""
     growth: float
@@ -37,7 +37,7 @@ class Resting(NamedTuple):
 
     @property
     def is_oscillating(self) -> bool:
-        """Whether this is more than noise."""
+        """True if this is more than noise."""
         if self.torque[self.joint] < LINE_RMS:
             return False
         return self.share > LINE_SHARE or self.growth > GROWTH

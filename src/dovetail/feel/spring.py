@@ -20,20 +20,20 @@ from dovetail.plants.plant import COLUMN, FLAG_MASK
 from dovetail.types import Array, Vec7
 
 LEAN = np.array([0.02, -0.02, 0.02, -0.02, 0.01, -0.01, 0.01])
-"""How far the sent position of each joint is off, to either side [rad]. Light joints
-give way farther; with signs that alternate, the tool stays nearly where it is."""
+"""Offset of the sent position of each joint, to either side [rad]. Light joints give
+way farther; with signs that alternate, the tool stays nearly where it is."""
 ROUNDS = (0.25, 1.0)
-"""Shares of it that are leaned by, one after the other [1]: a stiff spring is found by
-little, and is then not leaned on by more."""
+"""Shares of `LEAN` that are used one after the other [1]: a stiff spring is found by
+the small one, and is then not leaned on further."""
 STIFF = 400.0
 """Stiffness that is found by little [Nm/rad]."""
 PUSH = 0.01
-"""How far the targets go to and fro meanwhile [rad]."""
+"""Distance that the targets go to and fro meanwhile [rad]."""
 LEAN_TIME = 0.8
-"""How long on each side [s]."""
+"""Time on each side [s]."""
 SIDES = (1.0, -1.0, 1.0, -1.0)
 LEAN_RATE = 10.0
-"""How quickly the servo loop leans [1/s]; kLeanRate in cpp/src/servo_cycle.cpp."""
+"""Rate at which the servo loop leans [1/s]; kLeanRate in cpp/src/servo_cycle.cpp."""
 _STEP = 0.05
 
 
@@ -84,8 +84,8 @@ class Side(NamedTuple):
 def _lean(arm: FriArm, q: Vec7, lean: Vec7) -> tuple[Array, Array]:
     """Lean to both sides; return the cycle log, and the share reached in each row.
 
-    By the clock the arm moves on while this program computes: which row a lean begins
-    with is told by the servo loop's own time, not by the step that was asked for.
+    On a real clock the arm moves on while this program computes, so the servo loop's
+    own time gives the row that a lean begins with, not the requested step.
     """
     rng, push = np.random.default_rng(0), PUSH * np.sign(LEAN)
     sides = []
@@ -118,7 +118,7 @@ def leaned(log: Array, sides: list[Side], period: float) -> Array:
     begins = np.array([since for since, _ in sides]) + 0.5 * period
     index = np.searchsorted(begins, log[:, COLUMN["time"]]) - 1
     wanted = np.array([side for _, side in sides])[index]
-    # It leans nobody who does not follow.
+    # The loop does not lean in a cycle that holds because its Target is late.
     is_held = log[:, COLUMN["flags"]].astype(np.int64) & FLAG_MASK["target_late"] != 0
     wanted[is_held] = 0.0
     rate = min(1.0, LEAN_RATE * period)

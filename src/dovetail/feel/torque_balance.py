@@ -26,7 +26,7 @@ SLOW = 0.005
 
 
 class JointFit(NamedTuple):
-    """What one joint is, by its torque balance; spreads are one standard deviation."""
+    """Properties of a joint by its torque balance; a spread is a standard deviation."""
 
     inertia: float
     """Inertia over the model's [1]."""
@@ -37,13 +37,13 @@ class JointFit(NamedTuple):
     stiffness: float
     """Spring to a fixed position [Nm/rad]; gravity's own is a few Nm/rad."""
     sent_spring: float
-    """Spring to the position that the client sends, 0 where nobody leaned [Nm/rad]."""
+    """Spring to the position that the client sends, 0 without a lean [Nm/rad]."""
     offset: float
     """Torque that compensated gravity misses [Nm]."""
     spread: Array
     """Of each of these, in their order."""
     rms: float
-    """What the balance leaves [Nm RMS]."""
+    """Residual of the balance [Nm RMS]."""
 
     def spread_of(self, name: str) -> float:
         """Return one standard deviation of a field."""
@@ -90,7 +90,7 @@ class TorqueBalance:
         )
         self._terms = np.stack([self._filter(term) for term in terms], axis=1)
         self.independent = max(len(speed) / self._width, 1.0)
-        """How many independent samples the log is worth."""
+        """Number of independent samples that the log is worth."""
 
     def left_over(self, delays: Array) -> Array:
         """Return the mean square that each delay [s] leaves [Nm2]."""

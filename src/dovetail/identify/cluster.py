@@ -17,9 +17,9 @@ from dovetail.plants.twin import Twin
 from dovetail.types import Array
 
 _TIMEOUT = 5.0
-"""How long the head of a cluster may take to answer [s]."""
+"""Longest wait for the head of a cluster to answer [s]."""
 _RETRIES = 3
-"""How often Ray may do an evaluation again whose worker or machine has died."""
+"""Most repeats by Ray of an evaluation whose worker or machine has died."""
 
 
 class RayTasks:

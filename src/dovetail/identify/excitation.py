@@ -7,7 +7,7 @@ from dovetail.control.ranges import in_count
 from dovetail.types import Array
 
 EXCITED = "XYZ:force A:pose BC:hold"
-"""How the axes are driven, whatever the task: an arm is identified, not a task."""
+"""Mode of each axis in every task: an arm is identified, not a task."""
 AXES = 4
 """Commanded axes of it."""
 FREQUENCIES = (0.8, 1.2, 1.6, 2.4, 3.2)

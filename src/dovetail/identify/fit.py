@@ -61,7 +61,7 @@ class FitSearchConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedLogsConfig(Section):
-    """What simulates the logs."""
+    """Engine and processes that simulate the logs."""
 
     plant: str = "mujoco"
     """Physics engine of the simulation: mujoco or bullet."""
@@ -73,7 +73,7 @@ class SimulatedLogsConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class FitConfig(Sectioned):
-    """What to fit, to which log, and how long.
+    """Settings of a fit: parameters, log and budget.
 
     `FitConfig.of(log=..., plant="bullet")` takes the settings by the names of the
     command line's options.
@@ -93,12 +93,12 @@ class FitConfig(Sectioned):
     search: FitSearchConfig = field(default_factory=FitSearchConfig)
     """The search for the parameters."""
     simulation: SimulatedLogsConfig = field(default_factory=SimulatedLogsConfig)
-    """What simulates the logs."""
+    """Engine and processes that simulate the logs."""
 
 
 @dataclass(frozen=True)
 class FitResult:
-    """What a fit found."""
+    """Result of a fit."""
 
     model: Twin
     vector: Array
@@ -111,9 +111,9 @@ class FitResult:
     wall_time: float
     """Time of the search [s], all its runs together."""
     parameters: ParameterSet
-    """What was searched, with the start in the controller's model."""
+    """Parameters that were searched, with their start in the controller's model."""
     warnings: tuple[str, ...] = field(default=())
-    """What a reader of the result has to know."""
+    """Warnings for a reader of the result."""
 
 
 def fit(config: FitConfig, console: Console) -> FitResult:

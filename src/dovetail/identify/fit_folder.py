@@ -1,4 +1,4 @@
-"""What a fit writes: its settings, every generation as it ends, and the result.
+"""Folder of a fit: its settings, every generation as it ends, and the result.
 
 `fit.json` holds settings and result, `generations.jsonl` one line per generation,
 `model.toml` the fitted model. Killed at any moment, a fit goes on from the last whole
@@ -27,7 +27,7 @@ class FitFolder:
         """Wrap a folder; use `claim`."""
         self.path = path
         self.summary: dict[str, Any] | None = summary
-        """What `fit.json` holds of a fit to go on with; None for a new one."""
+        """Content of `fit.json` of a fit to go on with; None for a new one."""
         self.generations: list[dict[str, Any]] = []
         """Each told generation: "values" [m] and "time" [s] since the beginning."""
 

@@ -16,7 +16,7 @@ from dovetail.types import Array
 
 @dataclass(frozen=True, kw_only=True)
 class FittedSearch:
-    """How the search for the parameters went."""
+    """Course of the search for the parameters."""
 
     history: tuple[tuple[int, float], ...]
     """Simulated logs done and best error so far [m], after each generation."""
@@ -28,7 +28,7 @@ class FittedSearch:
 
 @dataclass(frozen=True, kw_only=True)
 class Fitted:
-    """What a fit found, from which log, and how."""
+    """Result of a fit, with its log and its search."""
 
     recording: Recording
     """The fitting log."""
@@ -38,9 +38,9 @@ class Fitted:
     vector: Array
     """Fitted value of each parameter, in its unit."""
     search: FittedSearch
-    """How they were found."""
+    """Search that found them."""
     warnings: tuple[str, ...]
-    """What the fit warned of."""
+    """Warnings of the fit."""
     summary: dict[str, Any]
     """Everything that `fit.json` holds."""
 

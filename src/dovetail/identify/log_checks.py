@@ -1,4 +1,4 @@
-"""What is checked of one sequence's log before anything is fitted to it."""
+"""Checks of one sequence's log before anything is fitted to it."""
 
 from collections.abc import Mapping
 from pathlib import Path

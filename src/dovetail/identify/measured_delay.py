@@ -12,7 +12,7 @@ from dovetail.types import Vec7
 
 
 class MeasuredDelay(NamedTuple):
-    """What a recording says of its arm's delay."""
+    """Measured delay of the arm that is recorded."""
 
     facts: dict[str, float]
     """Measured, its standard deviation, and declared [s]; `recording.json` keeps it."""

@@ -1,4 +1,4 @@
-"""What is known before the search: which parameters matter, and where to begin.
+"""Outset of the search: the parameters that matter, and the point to begin at.
 
 Each parameter is moved a little and the log simulated. That gives the sensitivities, a
 few regularised least-squares steps towards the log, and the shape of the first
@@ -51,7 +51,7 @@ TRUSTS = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03)
 
 @dataclass(frozen=True)
 class Outset:
-    """Where a search begins."""
+    """Start of a search, measured on the log."""
 
     before: float
     """Error of the nominal model [m]."""

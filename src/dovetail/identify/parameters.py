@@ -1,4 +1,4 @@
-"""What an identification may change in the simulation, and how far."""
+"""Parameters that an identification may change in the simulation, and their ranges."""
 
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Self
@@ -29,7 +29,7 @@ class Parameter:
     high: float
     """Bounds of the search."""
     start: float
-    """Where the search begins: the nominal model."""
+    """Value at which the search begins: the nominal model's."""
 
 
 DELAY_RANGE = (0.0, 0.1)
@@ -177,7 +177,7 @@ class ParameterSet:
 
     @property
     def start(self) -> Array:
-        """Where the search begins, shape (number of parameters,)."""
+        """Values at which the search begins, shape (number of parameters,)."""
         return np.array([p.start for p in self.parameters])
 
     def to_model(self, vector: Array, engine: str = "mujoco") -> Twin:

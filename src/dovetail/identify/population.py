@@ -14,7 +14,7 @@ from dovetail.plants.twin import Twin
 from dovetail.types import Array
 
 MAX_DEATHS = 3
-"""How many workers one evaluation may lose before the fit is ended."""
+"""Most workers that one evaluation may lose before the fit is ended."""
 
 
 class Population(Protocol):

@@ -84,22 +84,22 @@ class MotionsConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class RecordedTaskConfig(Section):
-    """What the arm holds, and what is around it."""
+    """Held part, and the fixture around it."""
 
     env: str = DEFAULT_ENV
     """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
     task_options: TaskOptions = field(default_factory=TaskOptions)
     """Fields of the task; left out, they are its own."""
     fixture: tuple[float, float, float, float] | None = None
-    """Where the fixture is: x y z [m] of its frame and yaw [rad], world axes. Left out,
-    it is put where the task says."""
+    """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes. Left out,
+    it is the task's own."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordConfig(Sectioned):
-    """What to play, on which arm, and where to log it.
+    """Settings of a recording: motions, arm, task and folder.
 
     `RecordConfig.of(out=..., arm="twin:hard")` takes the settings by the names of the
     command line's options.
@@ -112,11 +112,11 @@ class RecordConfig(Sectioned):
     place: RecordedArmConfig = field(default_factory=RecordedArmConfig)
     """The arm that moves."""
     declared: DeclaredErrors = TABLE
-    """How far the arm is from its model, at most."""
+    """Largest declared differences between the arm and its model."""
     motions: MotionsConfig = field(default_factory=MotionsConfig)
     """The scripted motions."""
     task: RecordedTaskConfig = field(default_factory=RecordedTaskConfig)
-    """What the arm holds, and what is around it."""
+    """Held part, and the fixture around it."""
 
 
 def record(

@@ -56,9 +56,9 @@ _KINDS: Mapping[str, Any] = {
     **dict.fromkeys(("commands", "controller", "excitation"), dict),
     **{"period": (int, float), "q_start": list},
 }
-"""What some of them are; the others are checked where they are read."""
+"""Types of some of them; the others are checked where they are read."""
 _UNFITTED = ("env_id", "arm_model", "created", "version", "delay")
-"""Keys of which a fit is independent; the task's options stand beside them."""
+"""Keys that do not affect a fit; the task's options stand beside them."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Recording:
     """Scripted motions of one arm, and how they were made."""
 
     metadata: dict[str, Any]
-    """What `recording.json` holds."""
+    """Content of `recording.json`."""
     sequences: tuple[Sequence, ...]
 
     @property
@@ -102,12 +102,12 @@ class Recording:
 
     @cached_property
     def cell(self) -> Workcell:
-        """What stood around the arm."""
+        """Workcell in which the arm was recorded."""
         return _cell(self.metadata)
 
     @property
     def fixture(self) -> Pose:
-        """Where the fixture was."""
+        """Pose of the fixture."""
         return _fixture(self.metadata)
 
     def settings(self) -> tuple[OscConfig, LimitConfig]:

@@ -43,7 +43,7 @@ from dovetail.types import Array
 from dovetail.zoomable import NOTE
 
 _STEPS = {"1": (0.01, "1 %"), "s": (1e-3, "ms")}
-"""Step of a parameter for which the sensitivity is told, by unit; else one unit."""
+"""Step of a parameter that the sensitivity is given for, by unit; else one unit."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Comparison:
     """Simulation and arm on one log, before and after identification."""
 
     log: str
-    """Which log."""
+    """Name of the log, such as "fitting log"."""
     measured: Sequence[Array]
     """TCP of the arm [m], shape (cycles, 3) per sequence."""
     before: Sequence[Array]
@@ -81,7 +81,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class IdentificationReport:
-    """What was written, and what it says."""
+    """Written report and its results."""
 
     identifiability: Identifiability
     comparisons: tuple[Comparison, ...]
@@ -159,7 +159,7 @@ def _require_comparable(fitted: Recording, held_out: Recording) -> None:
 
 
 def _is_standard(recording: Recording) -> bool:
-    """Say whether a log is of the excitation of which the limit was measured."""
+    """Say whether a log has the excitation that the limit was measured with."""
     usual, metadata = MotionsConfig(), recording.metadata
     return (
         metadata["commands"]["f_scale"] == usual.f_scale

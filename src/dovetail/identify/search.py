@@ -51,7 +51,7 @@ def space_of(parameters: ParameterSet, active: Sequence[int] | None = None) -> S
 
 
 class Search:
-    """Asks for vectors, is told their errors, and knows the best."""
+    """CMA-ES search: proposes vectors, takes their errors, and keeps the best."""
 
     def __init__(
         self, space: Space, mean: Array, covariance: Array, error: float, seed: int
@@ -88,7 +88,7 @@ class Search:
         self.best = error
         """Smallest error so far [m]."""
         self.best_vector = space.to_values(mean)
-        """Where it was, in units."""
+        """Vector with that error, in units."""
         self.history: list[float] = []
         """Best error after each generation [m]."""
         self.evaluations = 0

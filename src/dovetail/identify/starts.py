@@ -1,4 +1,4 @@
-"""Where the scripted motions start: in free air, off the walls and the fixture."""
+"""Starts of the scripted motions: in free air, off the walls and the fixture."""
 
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ ELBOW = np.array([-1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
 
 
 class StartBox(NamedTuple):
-    """Where the TCP starts, world axes [m]."""
+    """Box of the TCP's starts, world axes [m]."""
 
     low: Vec3
     high: Vec3

@@ -26,11 +26,11 @@ class Verdict:
 
     answer: Answer
     sentence: str
-    """Why; whoever shows it puts the answer before it."""
+    """Reason for the answer; it is shown after the answer."""
     limit: float
-    """What the error was held against [m RMS]."""
+    """Limit of the error [m RMS]."""
     delay_limit: float
-    """What the delay that is left was held against [s]."""
+    """Limit of the delay that is left [s]."""
     delay_left: float
     """Delay of the arm beyond the model's [s]."""
 
@@ -49,7 +49,7 @@ def judge_transfer(
         held_out: Error on a log that was not fitted [m RMS]; None without one.
         fitting: Error on the log that was fitted [m RMS].
         delay_left: Delay of the arm beyond the model's [s], see `hidden_delay`.
-        standard: The log is of the standard excitation, of which the limit was
+        standard: The log has the standard excitation, with which the limit was
             measured.
         fits_delay: The command delay is among the fitted parameters.
     """

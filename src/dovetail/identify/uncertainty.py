@@ -1,4 +1,4 @@
-r"""How well a log determines each parameter: interval, sensitivity, confounding.
+r"""Identifiability of each parameter by a log: interval, sensitivity, confounding.
 
 The residual r of a fit is model error, not white noise: its samples within a sequence
 hang together, and the textbook covariance s^2 (J^T J)^-1, which counts each of them as
@@ -48,7 +48,7 @@ Verdict = Literal["known", "confounded", "undetermined", "no effect"]
 
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """How far a value may be from the one that fits best."""
+    """Standard error and interval of a fitted value."""
 
     standard_error: float
     """Of the value, in its unit; infinite where the log says nothing."""
@@ -58,10 +58,10 @@ class Uncertainty:
 
 @dataclass(frozen=True, kw_only=True)
 class Confounding:
-    """What other parameters do to the tool that this one does, too."""
+    """Overlap of a parameter's effect on the tool with that of other parameters."""
 
     variance_inflation: float
-    """By how much not knowing the others widens the variance [1], >= 1."""
+    """Factor on the variance because the others are not known either [1], >= 1."""
     partner: str
     """The parameter that moves the tool most like this one; empty without another."""
     correlation: float
@@ -70,7 +70,7 @@ class Confounding:
 
 @dataclass(frozen=True, kw_only=True)
 class Judgement:
-    """What is known of a parameter."""
+    """Judgement on a parameter: known, or why it is not."""
 
     verdict: Verdict
     sentence: str
@@ -86,15 +86,15 @@ class Estimate:
     value: float
     """Fitted value, in its unit."""
     uncertainty: Uncertainty
-    """How far it may be off."""
+    """Uncertainty of that value."""
     sensitivity: float
     """RMS motion of the tool over the log per unit of the parameter [m]."""
     confounding: Confounding
-    """What else moves the tool as it does."""
+    """Overlap with the other parameters."""
     step_left: float
     """Change that one more Gauss-Newton step would make, in its unit."""
     judgement: Judgement
-    """What is known of it."""
+    """Judgement on the parameter."""
 
     def numbers(self) -> dict[str, Any]:
         """Return everything, for JSON."""
@@ -112,7 +112,7 @@ class Estimate:
 
 @dataclass(frozen=True, kw_only=True)
 class Identifiability:
-    """What a log says about a set of parameters."""
+    """Identifiability of a set of parameters by a log."""
 
     estimates: tuple[Estimate, ...]
     condition_number: float

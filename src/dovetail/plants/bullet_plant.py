@@ -209,7 +209,7 @@ class BulletPlant:
 
     @property
     def command_delay(self) -> float:
-        """How late an overlay torque acts [s]."""
+        """Delay until an overlay torque acts [s]."""
         return self._channel.delay
 
     def drop_commands(self) -> None:

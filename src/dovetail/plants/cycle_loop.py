@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Body(Protocol):
-    """What the cycle needs of a plant; `Plant` has it."""
+    """Part of a plant that the cycle needs; `Plant` has it."""
 
     robot: "Robot"
 
@@ -32,7 +32,7 @@ class Body(Protocol):
 
 
 class Stepper(Protocol):
-    """What the cycle needs of a controller; `_core.Controller` has it."""
+    """Part of a controller that the cycle needs; `_core.Controller` has it."""
 
     def step(self, q: Vec7, dq: Vec7, target: _core.Target, /) -> _core.StepResult:
         """Return the torque at a measured state [rad, rad/s] towards a Target."""

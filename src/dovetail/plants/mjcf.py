@@ -78,7 +78,7 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
 
 
 class _Looks:
-    """What base, links and tool are drawn as, each file under a name of its own."""
+    """Meshes that draw base, links and tool, each file under a name of its own."""
 
     def __init__(self, robot: Robot | None, cell: Workcell | None) -> None:
         """Number everything that is drawn; nothing of None."""

@@ -1,4 +1,4 @@
-"""What a plant is: joint torques in for one control period, joint state out."""
+"""Contract of a plant: joint torques in for one control period, joint state out."""
 
 import math
 from dataclasses import dataclass, field
@@ -90,7 +90,7 @@ class JointDynamics(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class ContactDynamics(Section):
-    """What the tool meets where it touches."""
+    """Contact of the tool with fixture and table."""
 
     contact_friction: Annotated[float, CONTACT_FRICTION] = 0.3
     """Sliding friction coefficient of the tool on fixture and table [1]."""
@@ -98,7 +98,7 @@ class ContactDynamics(Section):
     """Time constant of contact [s]: 2 sqrt(m / k) of the mass m behind the tool on the
     stiffness k of joints, gripper and surfaces. It is the same at every control period:
     MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
-    step, whatever this says."""
+    step, at any value."""
 
     def __post_init__(self) -> None:
         """Refuse numbers that no contact has, by name."""
@@ -131,7 +131,7 @@ class DynamicsConfig(Sectioned):
     joints: JointDynamics = field(default_factory=JointDynamics)
     """Friction and rotors of the joints."""
     contact: ContactDynamics = field(default_factory=ContactDynamics)
-    """What the tool meets where it touches."""
+    """Contact of the tool with fixture and table."""
     physics_dt: Annotated[float, Range(1e-4, 5e-3, "s")] = 0.0025
     """Largest physics step [s]; a control period is split into equal steps."""
 
@@ -151,7 +151,7 @@ class DynamicsConfig(Sectioned):
         )
 
     def is_compensated(self, robot: "Robot") -> bool:
-        """Whether the gravity compensation of a robot's model misses no weight."""
+        """Return True if gravity compensation by the robot's model misses no weight."""
         same = self.inertia == robot.links.inertia_set and set(self.mass_scale) == {1.0}
         return same and self.gravity_compensation and not any(self.gravity_residual)
 
@@ -160,7 +160,7 @@ class Plant(Protocol):
     """A simulated arm in its workcell: torques in, joint state out."""
 
     cell: "Workcell"
-    """What stands in it, as simulated."""
+    """Workcell, as simulated."""
     robot: "Robot"
     """The nominal arm: the model whose gravity is compensated."""
 
@@ -256,7 +256,7 @@ class DrivenPlant(Plant, Protocol):
 
     @property
     def command_delay(self) -> float:
-        """How late a twin's commands act [s]; 0 for an ideal plant."""
+        """Delay until a twin's commands act [s]; 0 for an ideal plant."""
         ...
 
     def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from dovetail.workcell.workcell import Workcell
 
 TWIN_FOLDER = Path(__file__).parent.parent / "twins"
-"""Where the shipped twins are."""
+"""Folder of the shipped twins."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,21 +41,21 @@ class Twin(Sectioned):
     whose: ClassVar[str] = "a twin"
 
     description: str
-    """What this twin stands for, one line."""
+    """Description of the twin, one line."""
     engine: Engine
     """Physics engine: another one than the policy was trained in."""
     seed: Annotated[int, Range(0, 2**63 - 1, "1")]
     """Seed of the noise, >= 0."""
     arm: TwinArm
-    """What moves."""
+    """The arm: masses, gravity, friction and rotors."""
     channel: TwinChannel
     """Between controller and joints."""
     contact: TwinContact
-    """What happens where the tool touches."""
+    """Contact of the tool."""
     clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
     camera: TwinCamera | None = None
-    """In what its camera differs from what is believed; None is not said."""
+    """Errors of its camera; None if the twin's file gives none."""
 
     def __post_init__(self) -> None:
         """Refuse a number out of range, by name."""
@@ -246,7 +246,7 @@ class TwinPlant(WrappedPlant[DrivenPlant]):
 
     @property
     def command_delay(self) -> float:
-        """How late an overlay torque acts [s]."""
+        """Delay until an overlay torque acts [s]."""
         return self.plant.command_delay
 
     def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:

@@ -1,4 +1,4 @@
-"""In what a twin's camera differs from what is believed of it."""
+"""Errors of a twin's camera: the differences from its calibration and timing."""
 
 from dataclasses import dataclass, field
 from typing import Annotated, ClassVar
@@ -12,7 +12,7 @@ _SHIFT, _TURN = Range(-0.1, 0.1, "m", _AXES), Range(-0.2, 0.2, "rad", _AXES)
 
 @dataclass(frozen=True, kw_only=True)
 class TwinPictures(Section):
-    """When pictures come."""
+    """Delay, rate and dropout of the pictures."""
 
     owner: ClassVar[str] = "twin camera"
 
@@ -26,15 +26,15 @@ class TwinPictures(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class TwinSight(Section):
-    """What is left of a camera without pictures, the tracker `twin`."""
+    """Errors of a camera simulated without pictures, the tracker `twin`."""
 
     owner: ClassVar[str] = "twin camera"
 
     bias: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
-    """How far beside the fixture it is seen [m], in a horizontal direction that is
-    drawn for each try."""
+    """Offset of the seen fixture [m], in a horizontal direction that is drawn for each
+    try."""
     turn: Annotated[float, Range(0.0, 0.5, "rad")] = 0.0
-    """How far it is seen turned about the vertical [rad]; its sign is drawn."""
+    """Turn of the seen fixture about the vertical [rad]; its sign is drawn."""
     jitter: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Standard deviation of a normal error of each picture, each of x y z [m]."""
 
@@ -68,7 +68,7 @@ class TwinMisplaced(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class TwinImage(Section):
-    """What a picture has that a clean drawing has not."""
+    """Imperfections of a picture against a clean drawing."""
 
     owner: ClassVar[str] = "twin camera"
 
@@ -94,10 +94,10 @@ class TwinCamera(Sectioned):
     whose: ClassVar[str] = "a twin's camera"
 
     pictures: TwinPictures = field(default_factory=TwinPictures)
-    """When pictures come."""
+    """Delay, rate and dropout of the pictures."""
     sight: TwinSight = field(default_factory=TwinSight)
-    """What is left of a camera without pictures."""
+    """Errors of a camera simulated without pictures."""
     misplaced: TwinMisplaced = field(default_factory=TwinMisplaced)
     """Errors of lens and place."""
     image: TwinImage = field(default_factory=TwinImage)
-    """What a picture has that a clean drawing has not."""
+    """Imperfections of a picture against a clean drawing."""

@@ -19,7 +19,7 @@ from dovetail.plants.plant import (
 
 @dataclass(frozen=True, kw_only=True)
 class TwinArm(Section):
-    """What moves: masses, gravity, friction and rotors."""
+    """Arm of a twin: masses, gravity, friction and rotors."""
 
     owner: ClassVar[str] = "twin"
 
@@ -61,7 +61,7 @@ class TwinChannel(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class TwinContact(Section):
-    """What happens where the tool touches."""
+    """Contact of the tool in a twin."""
 
     owner: ClassVar[str] = "twin"
 

@@ -1,4 +1,4 @@
-"""What a body is drawn as: files of triangles, where they are on this machine.
+"""Meshes that a body is drawn with, as files on this machine.
 
 Nothing collides with them and they weigh nothing.
 """

@@ -1,4 +1,4 @@
-"""What a robot file says of the motors: torque limits, friction and rotors."""
+"""Reader of a robot file's motors: torque limits, friction and rotors."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Where an arm's joints, its flange and its tool are."""
+"""Frames of an arm's joints, its flange and its tool."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar

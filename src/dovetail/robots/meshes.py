@@ -27,7 +27,7 @@ _CORNERS = 64
 _LARGEST = 1e6
 """Largest coordinate."""
 _PACKAGE_DEPTH = 3
-"""How far above a robot file's folder a package may be."""
+"""Most levels that a package may be above a robot file's folder."""
 
 
 class Mesh(NamedTuple):

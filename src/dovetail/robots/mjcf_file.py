@@ -1,4 +1,4 @@
-"""What an MJCF file says of an arm, put so that MuJoCo opens and generates nothing."""
+"""Reader of an MJCF file, reduced so that MuJoCo opens and generates nothing."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +21,7 @@ _KEPT = {
     "asset": ("mesh",),
     "actuator": _MOTORS,
 }
-"""The elements that say something of an arm, by the one that they are in."""
+"""Elements that are kept, by the element that they are in."""
 _GENERATORS = ("attach", "composite", "flexcomp", "replicate")
 """Elements that make bodies: without them the arm would be another one."""
 _ATTRIBUTES = {

@@ -1,4 +1,4 @@
-"""What an arm's drives add to its links: friction and rotor inertia."""
+"""Friction and rotor inertia that an arm's drives add to its links."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -12,7 +12,7 @@ from dovetail.types import JOINTS, Vec7
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motors(ArrayFacts):
-    """What the model assumes of the drives."""
+    """Friction and rotor inertia of the drives, as the model assumes them."""
 
     shapes: ClassVar = {"damping": (7,), "armature": (7,)}
 
@@ -24,7 +24,7 @@ class Motors(ArrayFacts):
     """Dry friction of the joints [Nm], shape (7,). Only a simulated arm has it: the
     controller's model has none, so it does not go over a wire."""
     notes: tuple[str, ...] = ()
-    """What of this a robot file does not say, and what is assumed instead."""
+    """Values that a robot file does not give, and those assumed instead."""
 
     def __post_init__(self) -> None:
         """Refuse a negative value, by its joint."""

@@ -63,23 +63,23 @@ class Robot:
     name: str
     """Name, for messages and files."""
     geometry: Geometry
-    """Where joints, flange and tool are."""
+    """Frames of joints, flange and tool."""
     links: Links
     """Masses and inertias of the links."""
     limits: RobotLimits
-    """How far, how fast and how strongly the joints move."""
+    """Limits of the joints: position, speed and torque."""
     motors: Motors = field(default_factory=Motors)
-    """What the drives add to the links."""
+    """Friction and rotor inertia of the drives."""
     postures: Mapping[str, Vec7] = field(default_factory=dict)
-    """Where inverse kinematics starts [rad], by name: "down" (the tool over a table),
-    "forward" (the tool level), "rest". Without down: the middle of the joints."""
+    """Start configurations of inverse kinematics [rad], by name: "down" (the tool over
+    the table), "forward" (the tool level), "rest". Without down: the joints' middle."""
     payload: Payload | None = None
-    """What the flange carries; it is already merged into mass, com and inertia."""
+    """Payload on the flange; it is already merged into mass, com and inertia."""
     drawn: tuple[tuple[Drawn, ...], ...] = ((),) * 8
-    """What base and links are drawn as, in their frames; a link of none as a plain
-    body. Of this machine: it does not go over a wire."""
+    """Meshes of base and links, in their frames; a link without one is drawn as a plain
+    body. They are files of this machine, and do not go over a wire."""
     notes: tuple[str, ...] = ()
-    """What is not used of the file that it was read from; see `motors.notes`, too."""
+    """Unused parts of the file that it was read from; see `motors.notes`, too."""
 
     def __post_init__(self) -> None:
         postures = {

@@ -14,23 +14,23 @@ class RobotFile:
     """A URDF or MJCF file, with nothing left in it that opens or generates more."""
 
     path: Path
-    """Where it is."""
+    """Path of the file."""
     tree: ET.Element
-    """What MuJoCo reads: bodies, joints, masses, and motors' limits."""
+    """Tree for MuJoCo: bodies, joints, masses, and motors' limits."""
     velocity: Mapping[str, float] = field(default_factory=dict)
     """Speed limits by joint [rad/s], of a URDF."""
     effort: Mapping[str, float] = field(default_factory=dict)
     """Torque limits by joint [Nm], of a URDF."""
     said: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    """Joints of which the file gives damping, armature, frictionloss; "*" is all."""
+    """Joints that the file gives damping, armature, frictionloss for; "*" is all."""
     mimics: Mapping[str, str] = field(default_factory=dict)
     """Joints that another one moves, and which."""
     drawn: Mapping[str, list[Drawn]] = field(default_factory=dict)
-    """What links are drawn as, in their frames, of a URDF."""
+    """Meshes of the links, in their frames, of a URDF."""
     meshes: Mapping[str, Path] = field(default_factory=dict)
     """Files of triangles by the name that the tree has for them, of an MJCF."""
     notes: tuple[str, ...] = ()
-    """What is not used of the file."""
+    """Unused parts of the file."""
     places: Mapping[tuple[str, str], str] = field(default_factory=dict)
     """Lines by kind (joint, body) and name."""
 

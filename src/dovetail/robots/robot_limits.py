@@ -1,4 +1,4 @@
-"""How far, how fast and how strongly an arm's joints can move."""
+"""Limits of an arm's joints: position, speed and torque."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -10,7 +10,7 @@ from dovetail.types import JOINTS, Vec7
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotLimits(ArrayFacts):
-    """What the joints can do; a controller's limits lie inside."""
+    """Limits of the joints themselves; a controller's limits lie inside."""
 
     shapes: ClassVar = dict.fromkeys(("q_min", "q_max", "dq_max", "tau_max"), (7,))
 

@@ -1,4 +1,4 @@
-"""What a URDF says of an arm, checked, and put as MuJoCo reads it."""
+"""Reader of a URDF: checked, and written as MuJoCo reads it."""
 
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -18,9 +18,9 @@ from dovetail.robots.xml_file import (
 
 _TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 _COMPILER = ("balanceinertia", "boundmass", "boundinertia", "settotalmass")
-"""What a URDF's own <mujoco><compiler> may set; the rest is of no use to an arm."""
+"""Settings of a URDF's own <mujoco><compiler> that are kept; an arm needs no others."""
 _DYNAMICS = {"damping": "damping", "frictionloss": "friction"}
-"""What a URDF says of a motor, by MuJoCo's word for it."""
+"""URDF attributes of a motor, by MuJoCo's word for each."""
 _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 

@@ -1,1 +1,1 @@
-"""Searches for a fixture that nobody sees: programs that act as a policy does."""
+"""Searches for a fixture that is not seen: programs that act as a policy does."""

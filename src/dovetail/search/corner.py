@@ -53,7 +53,7 @@ _BESIDE = 0.010
 _ASTRAY = 0.010
 """Way beyond the widest ring and the opening that is no path's [m]."""
 _SHAKES = 2.5
-"""How often a push goes from side to side [Hz]."""
+"""Frequency of the shaking from side to side [Hz]."""
 _GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 """Angle whose multiples are spread evenly [rad]."""
 _TOUCH_STEPS, _STILL_STEPS, _STUCK_STEPS = 3, 6, 12
@@ -107,12 +107,12 @@ class CornerSearch:
         self._fast_from = env.config.approach.near_distance + _NEAR
         """Height above the surface from which the arm is not slow [m]."""
         self._slide_speed = min(self.config.slide.slide_speed, near_speed)
-        """What the arm does at most; what lacks of more would be taken for friction."""
+        """Speed of the slide [m/s]; a shortfall from more would count as friction."""
         most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
         self._air_speed = min(self.config.air.speed, most)
-        """What an action asks for at most."""
+        """Speed through free air that an action can ask for [m/s]."""
         self._farthest = max(self.config.slide.rings) + self._wide + _ASTRAY
-        """Way from the fixture on which the part is where no path leads [m]."""
+        """Distance from the fixture beyond which no path leads [m]."""
         self.reset()
 
     def _without_wedging(self, play: float) -> float:
@@ -144,7 +144,7 @@ class CornerSearch:
 
     @property
     def phase(self) -> str:
-        """What is done now: go over, touch, slide, seat, straighten or push."""
+        """Current phase: go over, touch, slide, seat, straighten or push."""
         return self._phase.__name__.removeprefix("_").replace("_", " ")
 
     def _begin(self, phase: Callable[[], tuple[Vec3, float]]) -> None:
@@ -228,7 +228,7 @@ class CornerSearch:
         return is_in
 
     def _is_astray(self) -> bool:
-        """Say whether somebody pushed the part away: no path leads there."""
+        """Say whether the part was pushed away, to where no path leads."""
         return math.hypot(*self._end[:2]) > self._farthest
 
     def _go_over(self) -> tuple[Vec3, float]:

@@ -10,7 +10,7 @@ from dovetail.errors import ConfigError
 
 @dataclass(frozen=True, kw_only=True)
 class AirConfig(Section):
-    """How the corner is brought to the surface."""
+    """Way of the corner through the air to the surface."""
 
     speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.15
     """Speed through free air [m/s], as far as an action asks for it."""
@@ -22,7 +22,7 @@ class AirConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SlideConfig(Section):
-    """How the corner slides over the surface, until it falls in."""
+    """Slide of the corner over the surface, until it falls in."""
 
     rings: tuple[float, ...] = (0.012, 0.022, 0.032)
     """Radii of the circles on which the corner slides [m], one after the other."""
@@ -33,9 +33,9 @@ class SlideConfig(Section):
     slide_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.65
     """f* towards the surface on the way over it [m/s2]."""
     slide_gain: Annotated[float, Range(0.0, 200.0, "1/s")] = 65.0
-    """What it lacks of that speed, times this, is added to f* [1/s]: friction."""
+    """Gain from the missing part of that speed to f*, against friction [1/s]."""
     slide_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 200.0
-    """The same for the way that it lacks [1/s2]: what sticks is pushed harder."""
+    """The same from the missing distance [1/s2]: a stuck corner is pushed harder."""
     friction: Annotated[float, Range(0.0, 10.0, "m/s2")] = 2.7
     """Most that is added to f* for what sticks [m/s2]."""
 
@@ -50,12 +50,12 @@ class SlideConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class SeatConfig(Section):
-    """How the corner is pushed into the opening's corner."""
+    """Push of the corner into the opening's corner."""
 
     seat_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
     """f* towards the opening's corner, until the end lies in the mouth [m/s2]."""
     seat_rate: Annotated[float, Range(0.0, 2000.0, "1/s2")] = 120.0
-    """How it grows with the way that the corner lacks [1/s2]."""
+    """Gain from the corner's missing distance to that push [1/s2]."""
     seat_press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.7
     """f* into the opening meanwhile, and `lift` of the push more [m/s2]."""
     lift: Annotated[float, Range(0.0, 1.0, "1")] = 0.18
@@ -66,7 +66,7 @@ class SeatConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class StraightenConfig(Section):
-    """How the part is turned upright there."""
+    """Turn of the part until it is upright there."""
 
     hold_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.3
     """f* towards the opening's corner while the part is turned upright [m/s2]."""
@@ -80,25 +80,25 @@ class StraightenConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class PushConfig(Section):
-    """How the part is pushed in."""
+    """Push of the part into the opening."""
 
     lean: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.0
     """f* towards the opening's corner until the end is in [m/s2]."""
     turn: Annotated[float, Range(0.0, 0.2, "rad")] = 0.09
     """Turn to both sides meanwhile [rad]: the fixture may be turned, too."""
     turn_rate: Annotated[float, Range(0.1, 5.0, "Hz")] = 1.0
-    """How often [Hz]."""
+    """Frequency of that turn [Hz]."""
     stir: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.0
     """f* round and round, and towards the corner, of what stands upright [m/s2]."""
     stir_rate: Annotated[float, Range(0.1, 5.0, "Hz")] = 1.5
-    """How often [Hz]."""
+    """Frequency of that circling [Hz]."""
     press: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
     """f* into the opening, at the end [m/s2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CornerSearchConfig(Sectioned):
-    """How the corner is led; found by trying on twins medium and hard.
+    """Settings of the corner search, found by trials on twins medium and hard.
 
     `CornerSearchConfig.of(slide_speed=0.03)` takes the numbers by their own names.
     """

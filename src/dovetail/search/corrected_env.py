@@ -1,7 +1,7 @@
 """An environment in which a policy corrects what a script does.
 
-What a script of six phases cannot know is how far it may be hurried; what a network
-does not learn is where it has searched. Here the script remembers and leads, and the
+A script of six phases cannot know how far it may be hurried; a network does not learn
+where it has searched. Here the script remembers and leads, and the
 policy sees what it is about to do and changes it.
 
 Reference:
@@ -28,12 +28,11 @@ class CorrectedEnv(ContactEnv):
     """Does what the corner search does, plus `correction` times the action.
 
     The sum is clipped to [-1, 1]. From `CORRECTED_STEPS` on the correction fades away:
-    whatever a policy does wrong, in the end the search is on its own, and finds.
+    even under a bad policy the search acts alone in the end, and finds the opening.
 
-    What the search would do next, one number for each of the action's, and how much of
-    the correction is left are appended to the observation. The last action that is
-    recalled is the sum. An action of zeros is the search alone;
-    a person's is done as it is.
+    The search's next action and the share of the correction that is left are appended
+    to the observation. The last action that is recalled is the sum. An action of zeros
+    is the search alone; a person's is done as it is.
 
     Raises:
         ConfigError: The search cannot act here; see `CornerSearch`.
@@ -79,7 +78,7 @@ class CorrectedEnv(ContactEnv):
 
     @property
     def _left(self) -> np.float32:
-        """How much of the correction counts in the next step [1]."""
+        """Share of the correction that counts in the next step, 0 to 1."""
         return np.float32(np.clip(2.0 - self.steps / CORRECTED_STEPS, 0.0, 1.0))
 
 

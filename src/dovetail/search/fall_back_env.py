@@ -40,7 +40,7 @@ class FallBackEnv(ContactEnv):
 
     @property
     def is_searching(self) -> bool:
-        """Whether the next step is the search's."""
+        """True if the next step is the search's."""
         is_late = self._acted * POLICY_PERIOD >= self.config.action.fall_back
         return is_late and not self.is_led
 

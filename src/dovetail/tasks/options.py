@@ -26,7 +26,7 @@ def option_types(task: type[Task]) -> dict[str, type]:
     """Return the type of each option of a task: str, float, int or bool.
 
     Raises:
-        ConfigError: The type of a field cannot be told; says of which.
+        ConfigError: The type of a field cannot be read; names the field.
     """
     try:
         kinds = get_type_hints(task)
@@ -42,12 +42,12 @@ def option_types(task: type[Task]) -> dict[str, type]:
 
 
 def require_apart(task: type[Task], names: Iterable[str], whose: str) -> None:
-    """Refuse a task an option of which is called as something beside it is.
+    """Raise if a task option has the same name as another option.
 
     Args:
         task: Its options.
-        names: What else there is.
-        whose: In words.
+        names: Names of the other options.
+        whose: Owner of the other options, in words.
 
     Raises:
         ConfigError: Says which options.

@@ -1,4 +1,4 @@
-"""What a task is: what is held, where it goes, when it is done and what it is worth.
+"""Contract of a task: held part, fixture, goal, success and reward.
 
 A task knows no arm, no engine and no policy. `ContactEnv` runs it on any arm.
 """
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Goal(NamedTuple):
-    """What a fixture at a pose asks of the tool, world axes."""
+    """Goal of the tool for a fixture at a pose, world axes."""
 
     position: Vec3
     """TCP when done [m]."""
@@ -32,20 +32,20 @@ class Goal(NamedTuple):
     normal: Vec3
     """Out of the fixture, unit length: contact is near below its surface."""
     surface: float
-    """Where that surface is along the normal [m]."""
+    """Position of that surface along the normal [m]."""
 
 
 class Progress(NamedTuple):
-    """How far the task is, by the fixture's true pose."""
+    """Progress of the task, by the fixture's true pose."""
 
     depth: float
-    """How far in the tool is [m]; what that means is the task's."""
+    """Depth of the tool in the fixture [m], as the task defines it."""
     success: bool
-    """Whether it is done."""
+    """True when the task is done."""
 
 
 class Outline(NamedTuple):
-    """What a figure shows of a fixture, in its own frame [m]."""
+    """Outline of a fixture for figures, in its own frame [m]."""
 
     opening: Array
     """Closed line seen from above, shape (points, 2)."""
@@ -71,7 +71,7 @@ class Task(ABC):
     """Weights of the reward."""
 
     done_word: ClassVar[str] = "succeeded"
-    """What tables and figures say of a try that was a success: "inserted", say."""
+    """Word for a successful try in tables and figures, such as "inserted"."""
     posture: ClassVar[str] = "down"
     """The robot's posture in which inverse kinematics starts: down or forward."""
     walls: ClassVar[Walls] = WALLS
@@ -79,10 +79,10 @@ class Task(ABC):
     columns: ClassVar[tuple[str, ...]] = ("joints", "position", "theta", "velocity")
     """Groups of numbers that a policy sees, see `envs.observation`."""
     trial_poses: ClassVar[tuple[FixturePose, ...]]
-    """Where the fixture stands when a policy is tried; the first one's facing is that
-    of a place which a user gives."""
+    """Poses of the fixture when a policy is tried; a place that a user gives takes the
+    facing of the first one."""
     recording_pose: ClassVar[FixturePose | None] = None
-    """Where the fixture stands while an arm is identified; None is the first one."""
+    """Pose of the fixture while an arm is identified; None is the first trial pose."""
 
     @abstractmethod
     def held(self) -> Part:
@@ -118,7 +118,7 @@ class Task(ABC):
         Args:
             error: TCP minus the goal's position [m], world axes, shape (3,).
             goal: Of the fixture's true pose.
-            state: What the arm measured.
+            state: Measured state of the arm.
         """
 
     def tool(self) -> Tool:
@@ -126,7 +126,7 @@ class Task(ABC):
         return wsg50(opening=0.030, reach=-float(self.held().corners[:, 2].min()))
 
     def has_fixed_fixture(self) -> bool:
-        """Whether every pose that `draw_fixture` gives is the same."""
+        """Return True if every pose that `draw_fixture` gives is the same."""
         return False
 
     def zero_offset(self) -> Vec3:
@@ -160,7 +160,7 @@ class Task(ABC):
             position_error: TCP minus the goal of the fixture's true pose [m], shape
                 (3,).
             theta_error: Rotation about the vertical minus the goal's [rad].
-            success: Whether the task is done in this step.
+            success: True if the task is done in this step.
             force: Largest contact force of the step [N].
         """
         return distance_reward(position_error, theta_error, success, self.reward, force)

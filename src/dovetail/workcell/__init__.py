@@ -1,1 +1,1 @@
-"""What stands around an arm: its tool, the part it holds, a fixture, a table, walls."""
+"""Surroundings of an arm: its tool, the part it holds, a fixture, a table, walls."""

@@ -1,4 +1,4 @@
-"""How far a robot's wrist can be from its shoulder."""
+"""Reach of a robot: distances of its wrist from its shoulder."""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -16,7 +16,7 @@ class Reach(NamedTuple):
     """Of the tool at work, measured at the wrist."""
 
     shoulder: Vec3
-    """Where the second joint is, world axes [m]."""
+    """Position of the second joint, world axes [m]."""
     nearest: float
     """Smallest distance of the wrist from it [m]: the elbow's limit."""
     farthest: float
@@ -24,7 +24,7 @@ class Reach(NamedTuple):
     above: float
     """Wrist to TCP along the tool [m]."""
     aside: float
-    """How far the wrist is from the tool's axis [m]."""
+    """Distance of the wrist from the tool's axis [m]."""
 
 
 @lru_cache(maxsize=64)

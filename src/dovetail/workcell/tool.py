@@ -1,4 +1,4 @@
-"""What is mounted on the flange and holds a part."""
+"""Tool on the flange, which holds a part."""
 
 import math
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ GRIP = 0.020
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tool:
-    """A gripper, or whatever holds the part."""
+    """A gripper, or another tool that holds the part."""
 
     name: str
     """For messages."""
@@ -34,7 +34,7 @@ class Tool:
     rotation: Vec4
     """Rotation (wxyz) of the TCP's frame in the flange frame."""
     drawn: tuple[Drawn, ...] = ()
-    """What it is drawn as, in the flange frame; with none, its shapes are drawn."""
+    """Meshes of the tool, in the flange frame; without any, its shapes are drawn."""
 
 
 def wsg50(

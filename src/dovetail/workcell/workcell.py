@@ -46,13 +46,13 @@ class Workcell:
     """Everything that a plant needs to build a world, and a controller its payload."""
 
     name: str
-    """Which cell this is, in words: two ends of a wire compare it."""
+    """Name of the cell, in words: two ends of a wire compare it."""
     robot: Robot
     """The bare arm."""
     tool: Tool
-    """What is on the flange."""
+    """Tool on the flange."""
     held: Part
-    """What the tool holds, in the TCP's frame: it ends at the origin, z points away."""
+    """Part in the tool, in the TCP's frame: it ends at the origin, z points away."""
     make_fixture: Callable[[float], Part]
     """Builds the fixture, in its own frame, with every gap this much wider [m]."""
     heights: tuple[float, ...] = (0.0,)
@@ -60,7 +60,7 @@ class Workcell:
     walls: Walls = WALLS
     """Walls of the TCP."""
     widened_by: float = 0.0
-    """How much wider the gaps are than the task says [m]: a twin's difference."""
+    """Widening of the gaps beyond the task's [m]: a twin's difference."""
 
     @cached_property
     def fixture(self) -> Part:

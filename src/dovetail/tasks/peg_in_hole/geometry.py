@@ -29,14 +29,14 @@ _PEG_RGBA = (0.90, 0.55, 0.15, 1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Peg:
-    """What is held."""
+    """Peg that the tool holds."""
 
     shape: PegShape = "square"
     """Its section, and the hole's."""
     width: Annotated[float, Range(0.005, 0.060, "m")] = 0.030
     """Side of the square or triangle, diameter of the round peg [m]."""
     length: Annotated[float, Range(0.040, 0.110, "m")] = 0.070
-    """Length, of which 20 mm are between the fingers [m]."""
+    """Length [m]; 20 mm of it are between the fingers."""
     density: Annotated[float, Range(100.0, 20000.0, "kg/m3")] = 2700.0
     """Density, aluminium [kg/m3]."""
 
@@ -75,7 +75,7 @@ class Peg:
 
 @dataclass(frozen=True, kw_only=True)
 class HoleBlock:
-    """What the peg goes into."""
+    """Block with the hole that the peg goes into."""
 
     depth: Annotated[float, Range(0.005, 0.060, "m")] = 0.030
     """Depth of the hole [m]."""

@@ -1,4 +1,4 @@
-"""Where an episode starts: hole pose and start pose, and nothing else, are random."""
+"""Random hole pose and start pose of an episode; nothing else is random."""
 
 import math
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from dovetail.types import Vec3
 
 @dataclass(frozen=True, kw_only=True)
 class HoleRangeConfig(Section):
-    """Where the hole is."""
+    """Range of the hole's pose."""
 
     hole_centre: tuple[float, float, float] = (0.60, 0.0, 0.10)
     """Middle of the hole's mouth positions [m], world axes."""
@@ -26,7 +26,7 @@ class HoleRangeConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class StartRangeConfig(Section):
-    """Where the tool starts."""
+    """Range of the tool's start pose."""
 
     start_xy: float = 0.12
     """Half range of the tool's start about the hole, along world x and y [m]."""
@@ -38,7 +38,7 @@ class StartRangeConfig(Section):
 
 @dataclass(frozen=True, kw_only=True)
 class FreeAirConfig(Section):
-    """What a start keeps clear of."""
+    """Space that a start keeps clear of."""
 
     block_half: float = 0.05
     """Half side of the block around the hole, seen from above [m]."""
@@ -58,15 +58,15 @@ class RandomisationConfig(Sectioned):
     whose: ClassVar[str] = "starts and holes"
 
     hole: HoleRangeConfig = field(default_factory=HoleRangeConfig)
-    """Where the hole is."""
+    """Range of the hole's pose."""
     start: StartRangeConfig = field(default_factory=StartRangeConfig)
-    """Where the tool starts."""
+    """Range of the tool's start pose."""
     free_air: FreeAirConfig = field(default_factory=FreeAirConfig)
-    """What a start keeps clear of."""
+    """Space that a start keeps clear of."""
 
     @property
     def is_hole_fixed(self) -> bool:
-        """Whether every hole that is drawn is the same."""
+        """True if every hole that is drawn is the same."""
         return not any((*self.hole.hole_range, self.hole.hole_yaw))
 
 

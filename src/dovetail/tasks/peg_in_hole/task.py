@@ -43,7 +43,7 @@ class PegInHole(IntoOpening):
     clearance: float = 0.0005
     """Gap between peg and hole on each side [m]."""
     block: HoleBlock = field(default_factory=HoleBlock)
-    """What the peg goes into."""
+    """Block that the peg goes into."""
     randomisation: RandomisationConfig = field(default_factory=RandomisationConfig)
     """Ranges of starts and holes."""
 
@@ -89,7 +89,7 @@ class PegInHole(IntoOpening):
         return sample_start(rng, fixture, yaw, self.randomisation)
 
     def has_fixed_fixture(self) -> bool:
-        """Whether every hole that is drawn is the same."""
+        """Return True if every hole that is drawn is the same."""
         return self.randomisation.is_hole_fixed
 
     def depths(self) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from dovetail.workcell.parts import IDENTITY, Part, Primitive, turned_box
 WIDTH = 0.030
 """Side of the clip's square section [m]."""
 LENGTH = 0.070
-"""Length of the clip, of which 20 mm are between the fingers [m]."""
+"""Length of the clip [m]; 20 mm of it are between the fingers."""
 DENSITY = 2700.0
 """Density of the clip, aluminium [kg/m3]."""
 DEPTH = 0.030

@@ -65,7 +65,7 @@ class RailClip(IntoOpening):
         FixturePose("B", 0.87, 0.02, 0.40, 0.0, FACING_ROBOT),
         FixturePose("C", 0.89, -0.005, 0.415, 0.0, FACING_ROBOT),
     )
-    """Where the slot's mouth is when a policy is tried; its axis is the world's -x."""
+    """Poses of the slot's mouth when a policy is tried; its axis is the world's -x."""
     recording_pose: ClassVar[FixturePose] = FixturePose(
         "aside", 0.90, 0.0, 0.40, 0.0, FACING_ROBOT
     )
@@ -103,7 +103,7 @@ class RailClip(IntoOpening):
         return Pose(position, quat_multiply(turn, aligned))
 
     def has_fixed_fixture(self) -> bool:
-        """Whether every slot that is drawn is the same."""
+        """Return True if every slot that is drawn is the same."""
         return not self.randomisation.half_range
 
     def depths(self) -> tuple[float, float]:
