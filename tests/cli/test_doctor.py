@@ -56,6 +56,7 @@ def test_every_extra_for_users_is_looked_for():
     assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - {
         "test",
         "lint",
+        "docs",
     }
 
 
