@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dovetail.control.sections import settings_in
 from dovetail.envs.registered import find_cell
 from dovetail.identify.parameters import nominal_model
-from dovetail.plants.twin import TwinConfig, load_twin
+from dovetail.plants.twin import Twin, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 Array = NDArray[np.float64]
@@ -54,7 +54,7 @@ RANGES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """One try; units as in `TwinConfig`."""
+    """One try; units as in `Twin`."""
 
     task: str
     policy: str
@@ -117,12 +117,12 @@ class Choices:
         """Return the choices as JSON, four digits."""
         return {name: _short(value) for name, value in asdict(self).items()}
 
-    def twin(self) -> TwinConfig:
+    def twin(self) -> Twin:
         """Return the twin; its payload is in link 7."""
         mass = float(find_cell().loaded_robot(self.inertia).links.mass[6])
         scale = list(self.mass_scale)
         scale[6] += self.payload / mass
-        names = {f.name for f in fields(self)} & set(settings_in(TwinConfig))
+        names = {f.name for f in fields(self)} & set(settings_in(Twin))
         same = {name: getattr(self, name) for name in names}
         return nominal_model().having(
             description="random twin of the adversary in contact",

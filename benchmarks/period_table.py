@@ -35,15 +35,15 @@ from contact_trial import having
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ArmError, ConfigError, PlantError
-from dovetail.evaluate.job import Job
-from dovetail.evaluate.perturbation import Perturbation, make_perturbed
-from dovetail.evaluate.transfer import wilson_interval
-from dovetail.evaluate.trials import plan_trials
+from dovetail.evaluation.job import Job
+from dovetail.evaluation.perturbation import Perturbation, make_perturbed
+from dovetail.evaluation.transfer import wilson_interval
+from dovetail.evaluation.trials import plan_trials
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
-from dovetail.plants.twin import TwinConfig, list_twins, load_twin
+from dovetail.plants.twin import Twin, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 PERIODS = (1.0, 2.0, 2.5, 5.0)
@@ -106,7 +106,7 @@ class Try(NamedTuple):
     """Why it ended before its time; empty where it did not."""
 
 
-def find_twin(name: str) -> TwinConfig:
+def find_twin(name: str) -> Twin:
     """Return a shipped twin, or `heavy`."""
     return load_twin("medium").having(**HEAVY) if name == "heavy" else load_twin(name)
 

@@ -19,7 +19,7 @@ import tempfile
 import tomllib
 from pathlib import Path
 
-from dovetail.evaluate.measured import DISTURBANCES, RANGES
+from dovetail.evaluation.measured import DISTURBANCES, RANGES
 from dovetail.learn.policy import list_policies
 from dovetail.plants.twin import load_twin
 

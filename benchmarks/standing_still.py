@@ -17,12 +17,12 @@ import numpy as np
 import dovetail  # noqa: F401  (registers the environments)
 from dovetail.control.period import PERIODS, POLICY_PERIOD
 from dovetail.control.proven import DECLARED, GRAVITY_ERROR
-from dovetail.plants.twin import TwinConfig, list_twins, load_twin
+from dovetail.plants.twin import Twin, list_twins, load_twin
 
 SETTLE_STEPS = 10
 
 
-def random_twin(seed: int) -> TwinConfig:
+def random_twin(seed: int) -> Twin:
     """Draw a twin inside the declared range."""
     rng = np.random.default_rng(seed)
     base = load_twin("hard")
@@ -36,7 +36,7 @@ def random_twin(seed: int) -> TwinConfig:
     )
 
 
-def drift(twin: TwinConfig | str, period: float, minutes: float) -> tuple[float, float]:
+def drift(twin: Twin | str, period: float, minutes: float) -> tuple[float, float]:
     """Return the largest drift of a joint [rad] and of the tool [m]."""
     options: dict[str, Any] = {} if twin == "none" else {"twin": twin}
     made = gym.make("dovetail/PegInHole-v0", tare=True, period=period, **options)

@@ -16,21 +16,21 @@ import numpy as np
 from rich.console import Console
 
 import dovetail  # noqa: F401  (registers the environments)
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
-from dovetail.evaluate.job import Job
-from dovetail.evaluate.trials import plan_trials
-from dovetail.plants.twin import TwinConfig, list_twins, load_twin
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
+from dovetail.evaluation.job import Job
+from dovetail.evaluation.trials import plan_trials
+from dovetail.plants.twin import Twin, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.types import Array
 
 
-def without_friction(twin: TwinConfig) -> TwinConfig:
+def without_friction(twin: Twin) -> Twin:
     """Return the twin without dry friction and noise."""
     silent = {"torque_noise": 0.0, "position_noise": 0.0, "velocity_noise": 0.0}
     return twin.having(coulomb=(0.0,) * 7, **silent)
 
 
-def tares(twin: TwinConfig, jobs: list[Job]) -> Array:
+def tares(twin: Twin, jobs: list[Job]) -> Array:
     """Return the tare before each try [m/s2], shape (tries, 3)."""
     env = gym.make("dovetail/PegInHole-v0", twin=twin, tare=True)
     found = []

@@ -24,7 +24,7 @@ from rich.console import Console
 
 import dovetail  # noqa: F401  (registers the environments)
 from dovetail.episode import Episode
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.plants.plant import CYCLE_COLUMNS
 
 PLACES: tuple[dict[str, Any], ...] = (

@@ -22,13 +22,13 @@ import numpy as np
 from rich.console import Console
 
 from dovetail.envs.registered import find_cell
-from dovetail.evaluate.config import EvaluationConfig, TriesConfig
-from dovetail.evaluate.evaluation import evaluate
+from dovetail.evaluation.config import EvaluationConfig, TriesConfig
+from dovetail.evaluation.evaluate import evaluate
 from dovetail.files import write_atomic
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.replay import Replay
-from dovetail.plants.twin import TwinConfig, load_twin
+from dovetail.plants.twin import Twin, load_twin
 
 NUMBERS = ("damping", "coulomb", "armature", "gravity_residual", "command_delay")
 KINDS = {
@@ -48,7 +48,7 @@ GRADES = [
 ]
 
 
-def graded(twin: TwinConfig, kind: str, fraction: float) -> TwinConfig:
+def graded(twin: Twin, kind: str, fraction: float) -> Twin:
     """Return the twin at a part of its distance from the controller's model."""
     model, cell = nominal_model(), find_cell()
     ratio = np.array(cell.loaded_robot(twin.arm.inertia).links.mass) / np.array(

@@ -8,11 +8,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from dovetail.learn.config import TrainConfig
-from dovetail.learn.policy import Policy
-from dovetail.learn.policy_env import make_env
-from dovetail.learn.train import train
-from dovetail.tasks.options import TaskOptions
+from dovetail import Policy, TaskOptions, TrainConfig, make_policy_env, train
 
 
 def main() -> None:
@@ -36,7 +32,7 @@ def main() -> None:
     print(f"evaluation: {result.evaluation}")
 
     policy = Policy.load(result.policy)
-    env = make_env(policy, plant="mujoco")
+    env = make_policy_env(policy, plant="mujoco")
     observation, _ = env.reset(seed=1)
     policy.reset()
     done = False

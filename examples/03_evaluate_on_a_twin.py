@@ -10,7 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail import EvaluationConfig, evaluate
 
 
 def main() -> None:

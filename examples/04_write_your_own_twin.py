@@ -12,8 +12,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 
-import dovetail  # noqa: F401  (registers the environments)
-from dovetail.plants.twin import load_twin
+from dovetail import load_twin
 
 
 def drift(steps: int, **options: str) -> np.ndarray:

@@ -8,10 +8,15 @@ import argparse
 
 import numpy as np
 
-from dovetail import _core
-from dovetail.control.build import make_controller
-from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.envs.registered import find_cell
+from dovetail import (
+    Flags,
+    LimitConfig,
+    OscConfig,
+    RigidPlant,
+    Target,
+    find_cell,
+    make_controller,
+)
 
 PERIOD = 0.001
 MASKS = (
@@ -24,7 +29,7 @@ MASKS = (
 )
 
 
-def at_work(flags: _core.Flags) -> str:
+def at_work(flags: Flags) -> str:
     """Return the names of the limits that bound this cycle."""
     return ", ".join(name for name in MASKS if getattr(flags, name)) or "none"
 
@@ -39,15 +44,13 @@ def main() -> None:
     limits = LimitConfig.for_period(robot, PERIOD)
     osc = OscConfig.for_period(PERIOD)
     controller = make_controller(robot, osc, limits, "XYZ:force ABC:hold", PERIOD)
-    plant = _core.RigidPlant(
-        robot.chain(), damping=np.full(7, 0.5), armature=np.full(7, 0.1)
-    )
+    plant = RigidPlant(robot.chain(), damping=np.full(7, 0.5), armature=np.full(7, 0.1))
 
     q = np.array([0.0, 0.6, 0.0, -1.4, 0.0, 1.1, 0.0])
     hold = robot.tool_pose(q)
     plant.reset(q, np.zeros(7))
     controller.reset(q, hold.position, hold.quat_wxyz)
-    target = _core.Target()
+    target = Target()
     target.f_star = np.array([8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
     wall, nearest = limits.tool.x_max[0], np.inf

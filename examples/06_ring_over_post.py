@@ -8,14 +8,24 @@ from typing import ClassVar
 import gymnasium as gym
 import numpy as np
 
-from dovetail.arms.arm import ArmState
-from dovetail.envs.registered import register_task
-from dovetail.poses import TOOL_DOWN, Pose, quat_about_z, quat_multiply
-from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.task import Goal, Progress, Task
-from dovetail.types import Vec3
-from dovetail.workcell.parts import Part, Primitive, turned_box
-from dovetail.workcell.tool import Tool, wsg50
+from dovetail import (
+    TOOL_DOWN,
+    ArmState,
+    FixturePose,
+    Goal,
+    Part,
+    Pose,
+    Primitive,
+    Progress,
+    Task,
+    Tool,
+    Vec3,
+    quat_about_z,
+    quat_multiply,
+    register_task,
+    turned_box,
+    wsg50,
+)
 
 POST_RADIUS, POST_HEIGHT = 0.010, 0.100  # m
 RING_WIDTH, RING_HEIGHT, RING_SIDES = 0.008, 0.010, 8  # m, m

@@ -12,11 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from dovetail import _core
-from dovetail.control.build import make_controller
-from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.envs.registered import find_cell
-from dovetail.poses import quat_multiply, quat_normalized
+from dovetail import (
+    Controller,
+    LimitConfig,
+    OscConfig,
+    StepResult,
+    Target,
+    find_cell,
+    make_controller,
+    quat_multiply,
+    quat_normalized,
+)
 
 FILE = Path(__file__).with_name("golden.json")
 PERIOD = 0.001  # s
@@ -29,7 +35,7 @@ MODEL = (
 FREE = {"x_min": [-2.0] * 3, "x_max": [2.0] * 3, "dx_max": [5.0] * 3}  # no walls near
 
 
-def controller_of(task: str) -> "_core.Controller":
+def controller_of(task: str) -> Controller:
     """Return the controller of the vectors, for the modes of a task."""
     robot = find_cell().loaded_robot()
     limits = LimitConfig.for_period(robot, PERIOD, hardware=False, **FREE)
@@ -37,7 +43,7 @@ def controller_of(task: str) -> "_core.Controller":
     return make_controller(robot, osc, limits, task, PERIOD)
 
 
-def result_of(case: dict[str, Any]) -> "_core.StepResult":
+def result_of(case: dict[str, Any]) -> StepResult:
     """Return what the controller does in the first cycle after a reset at the state."""
     q, dq = np.array(case["q"]), np.array(case["dq"])
     controller = controller_of(case["task"])
@@ -46,7 +52,7 @@ def result_of(case: dict[str, Any]) -> "_core.StepResult":
     f_star, position, quat = (
         np.array(case[name]) for name in ("f_star", "position_d", "quat_wxyz_d")
     )
-    return controller.step(q, dq, _core.Target(f_star, position, quat))
+    return controller.step(q, dq, Target(f_star, position, quat))
 
 
 def draw(rng: np.random.Generator, task: str) -> dict[str, Any]:

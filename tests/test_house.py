@@ -35,7 +35,7 @@ LAYERS = (
     {"perceive", "tasks", "trackers", "view"},
     {"envs", "feel", "identify"},
     {"search"},
-    {"learn", "evaluate"},
+    {"learn", "evaluation"},
     {"cockpit", "reproduce"},
     {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"}
     | {"camera_checks", "camera_doctor"},

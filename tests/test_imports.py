@@ -36,7 +36,8 @@ def names_in(node, package, known):
         module = resolve_name("." * node.level + (node.module or ""), package)
         for alias in node.names:
             whole = f"{module}.{alias.name}"
-            yield whole if whole in known else module
+            if whole != "dovetail._core":  # of C++, which imports nothing
+                yield whole if whole in known else module
 
 
 def imported(tree, package, known):

@@ -14,7 +14,7 @@ from dovetail.cli import make_console, run
 from dovetail.commands.evaluate import print_files
 from dovetail.commands.twin import TwinShow
 from dovetail.errors import ConfigError
-from dovetail.evaluate.evaluation import Evaluation
+from dovetail.evaluation.evaluate import Evaluation
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.run_folder import settings_of
 from dovetail.plants.twin import load_twin

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dovetail.evaluate.trials import plan_trials
+from dovetail.evaluation.trials import plan_trials
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 NO_CURE = (("passive", 0.0), ("estimate_rate", 300.0), ("posture_stiffness", 0.0))

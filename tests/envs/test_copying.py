@@ -9,7 +9,7 @@ import pytest
 
 from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
-from dovetail.evaluate.perturbation import Perturbation, make_perturbed
+from dovetail.evaluation.perturbation import Perturbation, make_perturbed
 from dovetail.tasks.peg_in_hole.starts import RandomisationConfig
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip

@@ -4,7 +4,7 @@ import pytest
 
 from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
-from dovetail.evaluate.config import EvaluationConfig, environment_options
+from dovetail.evaluation.config import EvaluationConfig, environment_options
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.tasks.peg_in_hole.task import PegInHole
 

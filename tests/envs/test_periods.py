@@ -11,7 +11,7 @@ from arms.loopback import lockstep_address
 from dovetail.control.period import FRI_PERIODS, PERIODS, POLICY_PERIOD
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
-from dovetail.evaluate.perturbation import Perturbation, make_perturbed
+from dovetail.evaluation.perturbation import Perturbation, make_perturbed
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, DynamicsConfig

@@ -10,7 +10,7 @@ import dovetail  # noqa: F401  (registers the environments)
 from dovetail.cockpit.choice import Choice, build
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation, RandomDynamics
 from dovetail.envs.registered import make_env
-from dovetail.evaluate.config import EvaluationConfig, environment_options
+from dovetail.evaluation.config import EvaluationConfig, environment_options
 from dovetail.identify.parameters import nominal_model
 from dovetail.learn.algorithms import make_vec_env
 from dovetail.learn.config import TrainConfig

@@ -31,7 +31,7 @@ from dovetail.learn.foreign import (
 )
 from dovetail.learn.foreign_actor import read_actor
 from dovetail.learn.policy import Policy
-from dovetail.learn.policy_env import make_env
+from dovetail.learn.policy_env import make_policy_env
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 ID = "dovetail/PegInHole-v0"
@@ -167,7 +167,7 @@ def test_a_model_in_this_process_brings_its_environments_settings(rng, tmp_path)
     assert (settings["peg"], settings["clearance"]) == ("round", 0.001)
     assert settings["f_scale"] == [4.0, 4.0, 2.0]
     assert settings["task"] == "XYZ:force A:pose BC:hold"
-    again = make_env(policy)
+    again = make_policy_env(policy)
     assert again.unwrapped.task.peg == "round"
     policy.reset()
     observation, _ = again.reset(seed=0)
@@ -356,7 +356,7 @@ def test_export_writes_a_policy_beside_the_model(tmp_path, rng, capsys):
     )
     policy = Policy.load(tmp_path / "model")
     assert policy.metadata["env"]["peg"] == "round"
-    make_env(policy).close()
+    make_policy_env(policy).close()
     assert run(["export", str(path)]) == 2
     assert "exists; choose another --out" in capsys.readouterr().err
 

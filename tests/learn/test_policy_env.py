@@ -10,7 +10,7 @@ from dovetail.learn.policy import Policy, find_policy, list_policies
 from dovetail.learn.policy_env import (
     TAKEN,
     lax_contact,
-    make_env,
+    make_policy_env,
     policy_settings,
     require_yes,
 )
@@ -36,7 +36,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
     fast = {"search_square": 0.05, "peg_near": 0.022}.get(name)
     said = [] if fast is None else [("near_speed", fast, 0.02, "m/s")]
     assert lax_contact(settings) == said
-    env = make_env(policy, twin="easy")
+    env = make_policy_env(policy, twin="easy")
     assert env.unwrapped.task.peg == settings["peg"]
     env.close()
 
@@ -111,7 +111,7 @@ def test_an_environment_that_is_not_dovetails_is_not_even_imported(
     policy, env_id, words
 ):
     with pytest.raises(ConfigError, match=words):
-        make_env(Policy(policy.layers, policy.metadata | {"env_id": env_id}))
+        make_policy_env(Policy(policy.layers, policy.metadata | {"env_id": env_id}))
 
 
 @pytest.mark.parametrize(
@@ -135,7 +135,7 @@ def test_laxer_contact_is_said_and_needs_a_yes_on_what_may_be_a_robot(
     for arm in (None, "mujoco", "twin:easy", CABINET):
         assert "laxer" in require_yes(settings, arm, is_given=False)
     with pytest.raises(ConfigError, match=words):
-        make_env(lax, arm=ROBOT)
+        make_policy_env(lax, arm=ROBOT)
 
 
 def test_whether_it_may_be_a_robot_is_a_fact_and_no_text(policy, monkeypatch):
@@ -175,7 +175,7 @@ def test_another_scaling_is_refused_by_its_column_or_axis(
     described |= {"scaling": table} if section == "observation" else table
     other = Policy(policy.layers, policy.metadata | {section: described})
     with pytest.raises(PolicyError, match=words):
-        make_env(other)
+        make_policy_env(other)
 
 
 @pytest.mark.parametrize(
@@ -192,14 +192,14 @@ def test_another_scaling_is_refused_by_its_column_or_axis(
 )
 def test_other_columns_and_axes_are_refused(policy, section, change, words):
     with pytest.raises(PolicyError, match=words):
-        make_env(changed(policy, section, **change))
+        make_policy_env(changed(policy, section, **change))
 
 
 def test_a_file_that_does_not_say_its_scaling_is_refused(policy):
     metadata = dict(policy.metadata)
     del metadata["observation"]
     with pytest.raises(PolicyError, match="export the policy again"):
-        make_env(Policy(policy.layers, metadata))
+        make_policy_env(Policy(policy.layers, metadata))
 
 
 def test_a_scaling_by_groups_as_older_files_have_it_still_loads(policy):
@@ -210,7 +210,7 @@ def test_a_scaling_by_groups_as_older_files_have_it_still_loads(policy):
         "symmetric_log": now["unit"][7:],
         "mouth_offset": now["zero"][7:10],
     }
-    make_env(changed(policy, "observation", scaling=older)).close()
+    make_policy_env(changed(policy, "observation", scaling=older)).close()
     older["mouth_offset"] = [0.0, 0.0, 0.04]
     with pytest.raises(PolicyError, match=r"obs_z .*zero is 0.03 m here and was"):
-        make_env(changed(policy, "observation", scaling=older))
+        make_policy_env(changed(policy, "observation", scaling=older))

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from dovetail.errors import ConfigError
-from dovetail.evaluate.transfer import wilson_interval
+from dovetail.evaluation.transfer import wilson_interval
 from dovetail.learn import tester
 from dovetail.learn.algorithms import make_vec_env
 from dovetail.learn.assess import Episode, Stage, assess

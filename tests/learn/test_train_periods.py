@@ -8,7 +8,7 @@ from rich.console import Console
 from dovetail.commands.task_flags import parse
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.train import train

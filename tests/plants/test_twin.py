@@ -10,7 +10,7 @@ from dovetail.control.sections import settings_in
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.identify.parameters import nominal_model
-from dovetail.plants.twin import TwinConfig, TwinPlant, list_twins, load_twin
+from dovetail.plants.twin import Twin, TwinPlant, list_twins, load_twin
 from dovetail.plants.twin_camera import TwinCamera
 from extras import need
 from plants.conftest import HOLE, Q_BENT, start_above
@@ -63,7 +63,7 @@ CHANGES = {
 
 
 def test_every_field_of_a_twin_is_in_this_test():
-    assert set(CHANGES) == set(settings_in(TwinConfig))
+    assert set(CHANGES) == set(settings_in(Twin))
 
 
 @pytest.mark.parametrize("field", CHANGES)
@@ -127,7 +127,7 @@ def test_shipped_twins_load_and_come_back_from_their_own_text():
     assert {"easy", "medium", "hard"} <= set(list_twins())
     for name in list_twins():
         twin = load_twin(name)
-        assert TwinConfig.of(**tomllib.loads(twin.to_toml())) == twin
+        assert Twin.of(**tomllib.loads(twin.to_toml())) == twin
 
 
 def written(tmp_path, change):

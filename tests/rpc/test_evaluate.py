@@ -3,8 +3,8 @@
 from rich.console import Console
 
 from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.evaluate.config import EvaluationConfig
-from dovetail.evaluate.evaluation import evaluate
+from dovetail.evaluation.config import EvaluationConfig
+from dovetail.evaluation.evaluate import evaluate
 
 
 def test_the_address_with_the_token_is_enough_and_the_token_is_written_nowhere(

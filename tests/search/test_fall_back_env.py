@@ -10,7 +10,7 @@ from dovetail.envs.log_facts import ACTION, describe_cell
 from dovetail.envs.registered import make_batch, make_env
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
-from dovetail.evaluate.config import EvaluationConfig, environment_options
+from dovetail.evaluation.config import EvaluationConfig, environment_options
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import policy_settings

@@ -19,7 +19,7 @@ from dovetail.envs.registered import (
     task_class,
 )
 from dovetail.errors import ConfigError
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import describe_spaces

@@ -16,7 +16,7 @@ from dovetail.arms.arm import ArmState, ToolState
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError, MissingDependencyError
-from dovetail.evaluate import evaluation
+from dovetail.evaluation import evaluation
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.view import gl_context
 from dovetail.view.film import Film

@@ -10,7 +10,7 @@ from dovetail.arms.transport import LOCAL
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig
-from dovetail.plants.twin import TwinConfig, TwinPlant, load_twin
+from dovetail.plants.twin import Twin, TwinPlant, load_twin
 
 if TYPE_CHECKING:
     from dovetail.workcell.workcell import Workcell
@@ -64,7 +64,7 @@ class PlantAddress(LocalAddress):
 class TwinAddress(LocalAddress):
     """A twin in this process."""
 
-    config: TwinConfig | str | Path
+    config: Twin | str | Path
     """The twin: itself, a shipped one's name, or the path of a .toml file."""
     engine: str | None = None
     """Another physics engine than the twin's."""
@@ -72,7 +72,7 @@ class TwinAddress(LocalAddress):
     @property
     def twin(self) -> str:
         """Name or file of the twin; empty where it was given itself."""
-        return "" if isinstance(self.config, TwinConfig) else str(self.config)
+        return "" if isinstance(self.config, Twin) else str(self.config)
 
     def with_engine(self, engine: str) -> Self:
         """Return the address of the twin in another physics engine."""
@@ -93,10 +93,10 @@ class TwinAddress(LocalAddress):
 
 
 def local_address(
-    plant: str, twin: TwinConfig | str | Path | None
+    plant: str, twin: Twin | str | Path | None
 ) -> PlantAddress | TwinAddress:
     """Return the address of a simulation here: of a twin where one is given."""
     if twin is None:
         return PlantAddress(text=plant, engine=plant)
-    text = "" if isinstance(twin, TwinConfig) else f"twin:{twin}"
+    text = "" if isinstance(twin, Twin) else f"twin:{twin}"
     return TwinAddress(text=text, config=twin)

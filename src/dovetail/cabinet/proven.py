@@ -4,11 +4,11 @@ from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.faults import FaultConfig
 from dovetail.control.period import FRI_PERIODS
 from dovetail.control.proven import DECLARED
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 
 
 def find_unproven(
-    config: CabinetConfig, faults: FaultConfig, twin: TwinConfig | None
+    config: CabinetConfig, faults: FaultConfig, twin: Twin | None
 ) -> list[str]:
     """Say what is outside the proven table: value, range and what to do.
 

@@ -17,7 +17,7 @@ from dovetail.envs.registered import make, task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.learn.policy_env import known_env_id, make_env, require_yes
+from dovetail.learn.policy_env import known_env_id, make_policy_env, require_yes
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins
 from dovetail.robots.find import DEFAULT_ROBOT
@@ -75,7 +75,7 @@ def build(
         trained = policy.metadata.get("env", {})
         where = {"robot": _trained_robot(trained), **where}
         where["period"] = _period(choice, trained)
-        env = make_env(
+        env = make_policy_env(
             policy,
             env_id=choice.env,
             accept_contact=choice.accept_contact,

@@ -11,8 +11,8 @@ from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
-from dovetail.evaluate.cover import compare
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.evaluation.cover import compare
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
 from dovetail.tasks.shipped import DEFAULT_POLICY, TRUSTING_POLICY
 

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
-from dovetail.evaluate.evaluation import Evaluation, EvaluationConfig, evaluate
+from dovetail.evaluation.evaluate import Evaluation, EvaluationConfig, evaluate
 
 
 @dataclass(frozen=True, kw_only=True)

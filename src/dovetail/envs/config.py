@@ -18,7 +18,7 @@ from dovetail.control.ranges import Range
 from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.tasks.shipped import EPISODE_STEPS
 from dovetail.trackers.find import DEFAULT_TRACKER
@@ -123,7 +123,7 @@ class PlaceConfig(Section):
 
     plant: str = "mujoco"
     """Physics engine: mujoco or bullet. Of the plain plant, not of a twin or an arm."""
-    twin: Annotated[TwinConfig | str | Path | None, Fixed] = None
+    twin: Annotated[Twin | str | Path | None, Fixed] = None
     """A twin, its name or its file, to use in place of the plain plant."""
     arm: Annotated[str | None, Fixed] = None
     """Address of the arm, see `arms.address`; None is the plant or twin."""

@@ -13,7 +13,7 @@ from dovetail.errors import (
 )
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 from dovetail.types import Array
 
 _TIMEOUT = 5.0
@@ -78,7 +78,7 @@ class RayTasks:
                 "start --head`, or give --cluster local"
             ) from error
 
-    def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
+    def errors(self, models: Sequence[Twin]) -> list[Array | None]:
         """Return the error of each model."""
         tasks = [
             self._task.remote(self._key, self._recording, self._engine, model)
@@ -119,7 +119,7 @@ _replays: dict[str, Replay] = {}
 
 
 def _replay_in_task(
-    key: str, recording: Recording, engine: str, model: TwinConfig
+    key: str, recording: Recording, engine: str, model: Twin
 ) -> Array | None:
     if key not in _replays:
         _replays.clear()

@@ -38,7 +38,7 @@ from dovetail.identify.population import (
 from dovetail.identify.recording import Recording
 from dovetail.identify.search import Search, space_of
 from dovetail.plants.find import find_engine
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 from dovetail.types import Array
 
 EVALUATIONS_PER_PARAMETER = 200
@@ -100,7 +100,7 @@ class FitConfig(Sectioned):
 class FitResult:
     """What a fit found."""
 
-    model: TwinConfig
+    model: Twin
     vector: Array
     """Value of each parameter, in its unit."""
     rms_before: float
@@ -344,7 +344,7 @@ def _warnings(
     return tuple(lines)
 
 
-def _describe(model: TwinConfig, recording: Recording, after: float) -> TwinConfig:
+def _describe(model: Twin, recording: Recording, after: float) -> Twin:
     arm = recording.metadata["arm"].partition("?")[0]
     text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
     return model.having(description=text)

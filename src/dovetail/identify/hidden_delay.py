@@ -4,13 +4,13 @@ import math
 
 from dovetail.identify.replay import Replay
 from dovetail.plants.plant import DynamicsConfig, physics_steps
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 
 LONGEST = 0.03
 """Longest delay that is tried [s], the bound of the parameter `command_delay`."""
 
 
-def hidden_delay(replay: Replay, model: TwinConfig) -> float:
+def hidden_delay(replay: Replay, model: Twin) -> float:
     """Return by how much later than the model the arm obeys [s].
 
     It is the one of all whole physics steps, to a delay of 0 to `LONGEST` in all, with

@@ -10,7 +10,7 @@ from dovetail.control.sections import settings_in
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.find import find_engine
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 from dovetail.robots.motors import Motors
 from dovetail.types import Array
 
@@ -154,7 +154,7 @@ class ParameterSet:
             motors=motors,
         )
 
-    def nominal(self, engine: str = "mujoco") -> TwinConfig:
+    def nominal(self, engine: str = "mujoco") -> Twin:
         """Return the controller's own model as a twin without noise."""
         names = ("damping", "coulomb", "armature")
         own = {name: tuple(vars(self.motors)[name].tolist()) for name in names}
@@ -180,7 +180,7 @@ class ParameterSet:
         """Where the search begins, shape (number of parameters,)."""
         return np.array([p.start for p in self.parameters])
 
-    def to_model(self, vector: Array, engine: str = "mujoco") -> TwinConfig:
+    def to_model(self, vector: Array, engine: str = "mujoco") -> Twin:
         """Return the simulation with these values and without noise.
 
         Args:
@@ -205,10 +205,10 @@ class ParameterSet:
         return model.having(command_delay=delay, **arrays)
 
 
-def nominal_model(engine: str = "mujoco") -> TwinConfig:
+def nominal_model(engine: str = "mujoco") -> Twin:
     """Return the iiwa's own model as a twin without noise."""
     d = _NOMINAL
-    return TwinConfig.of(
+    return Twin.of(
         description="the controller's model",
         engine=find_engine(engine),
         seed=0,
@@ -237,9 +237,7 @@ def _allowed(name: str) -> tuple[float, float]:
     return allowed.low, allowed.high
 
 
-def _put(
-    changed: dict[str, list[float]], model: TwinConfig, name: str, value: float
-) -> None:
+def _put(changed: dict[str, list[float]], model: Twin, name: str, value: float) -> None:
     """Write one parameter into the fields of the model that change."""
     if name == "command_delay":
         changed[name] = [value]

@@ -10,7 +10,7 @@ from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay, rms_of
 from dovetail.interrupt import left_to_the_parent
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 from dovetail.types import Array
 
 MAX_DEATHS = 3
@@ -23,7 +23,7 @@ class Population(Protocol):
     deaths: int
     """Times that workers died; their evaluations were done again."""
 
-    def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
+    def errors(self, models: Sequence[Twin]) -> list[Array | None]:
         """Return `Replay.error` of each model, in order.
 
         Raises:
@@ -36,9 +36,7 @@ class Population(Protocol):
         ...
 
 
-def evaluate_population(
-    models: Sequence[TwinConfig], population: Population
-) -> list[float]:
+def evaluate_population(models: Sequence[Twin], population: Population) -> list[float]:
     """Return the RMS error of each model [m], in order.
 
     Raises:
@@ -56,7 +54,7 @@ class Here:
         """Build the replay."""
         self._replay = Replay(recording, engine)
 
-    def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
+    def errors(self, models: Sequence[Twin]) -> list[Array | None]:
         """Return the error of each model, one after the other."""
         return [self._replay.error(model) for model in models]
 
@@ -89,7 +87,7 @@ class Processes:
         theirs.close()  # so that the end of the process ends the pipe
         return _Worker(process, ours)
 
-    def errors(self, models: Sequence[TwinConfig]) -> list[Array | None]:
+    def errors(self, models: Sequence[Twin]) -> list[Array | None]:
         """Return the error of each model."""
         waiting = list(range(len(models)))[::-1]
         losses = [0] * len(models)
@@ -144,7 +142,7 @@ class _Worker(NamedTuple):
     process: Any
     pipe: Any
 
-    def give(self, model: TwinConfig) -> None:
+    def give(self, model: Twin) -> None:
         # A worker that died is found when its answer is read.
         with contextlib.suppress(OSError):
             self.pipe.send(model)

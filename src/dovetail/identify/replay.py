@@ -15,7 +15,7 @@ from dovetail.errors import PlantError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording, Sequence
 from dovetail.plants.plant import COLUMN
-from dovetail.plants.twin import TwinConfig, TwinPlant
+from dovetail.plants.twin import Twin, TwinPlant
 from dovetail.types import Array
 
 DIVERGED = 10.0
@@ -49,7 +49,7 @@ class Replay:
         ]
         self._measured = np.concatenate(recording.positions())
 
-    def run(self, model: TwinConfig) -> list[Array]:
+    def run(self, model: Twin) -> list[Array]:
         """Play every sequence on a model.
 
         Args:
@@ -85,7 +85,7 @@ class Replay:
         ]
         return np.vstack(logs)[:, COLUMN["x"] : COLUMN["z"] + 1]
 
-    def error(self, model: TwinConfig) -> Array | None:
+    def error(self, model: Twin) -> Array | None:
         """Return the simulated minus the recorded TCP [m].
 
         Returns:
@@ -97,7 +97,7 @@ class Replay:
             return None
         return error if np.isfinite(error).all() else None
 
-    def rms(self, model: TwinConfig) -> float:
+    def rms(self, model: Twin) -> float:
         """Return the root mean square distance of the TCP from the recording [m].
 
         It is taken over all cycles of all sequences, and at most `DIVERGED`, which it

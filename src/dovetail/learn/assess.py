@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.evaluate.transfer import wilson_interval
+from dovetail.evaluation.transfer import wilson_interval
 from dovetail.learn.algorithms import derive_seed
 from dovetail.learn.policy import Actor
 

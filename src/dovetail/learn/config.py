@@ -11,7 +11,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
-from dovetail.evaluate.transfer import wilson_interval
+from dovetail.evaluation.transfer import wilson_interval
 from dovetail.learn.env_settings import EnvSettings, find_task
 from dovetail.learn.learner_settings import LearnerConfig
 from dovetail.learn.place_settings import ArmPlaceConfig, SimulatedDynamicsConfig

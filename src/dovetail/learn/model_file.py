@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dovetail.errors import ConfigError
-from dovetail.plants.twin import TwinConfig, load_twin
+from dovetail.plants.twin import Twin, load_twin
 from dovetail.reading import TOML_BYTES, read_bytes
 
 
@@ -19,7 +19,7 @@ class ModelFile:
     """File name without its folder."""
     content: bytes
     """The file's bytes."""
-    twin: TwinConfig
+    twin: Twin
     """Dynamics, command delay and noise; its engine gives way to the training's."""
 
     @classmethod

@@ -198,7 +198,7 @@ def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool)
     return note
 
 
-def make_env(
+def make_policy_env(
     policy: Policy,
     *,
     env_id: str | None = None,

@@ -17,7 +17,7 @@ Reference:
 from collections import deque
 from collections.abc import Iterable
 
-from dovetail.evaluate.transfer import wilson_interval
+from dovetail.evaluation.transfer import wilson_interval
 from dovetail.learn.algorithms import derive_seed
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import WINDOW, EpisodeRow

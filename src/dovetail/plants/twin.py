@@ -1,6 +1,6 @@
 """Twins: plants made to differ from the model on purpose; they play the real robot.
 
-A twin is a TOML file in which every key of `TwinConfig` is present and no other, but
+A twin is a TOML file in which every key of `Twin` is present and no other, but
 the table [camera], which may be left out. A result on a twin says "twin", never
 "robot".
 """
@@ -32,7 +32,7 @@ TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 
 
 @dataclass(frozen=True, kw_only=True)
-class TwinConfig(Sectioned):
+class Twin(Sectioned):
     """Everything in which a twin differs from the model. No number has a default.
 
     `of`, `having` and `table` know every number by its key in a twin's file.
@@ -118,7 +118,7 @@ class TwinConfig(Sectioned):
         return "\n".join(lines) + "\n"
 
 
-def _keys(config: "TwinConfig | TwinCamera", is_ascii: bool) -> list[str]:
+def _keys(config: "Twin | TwinCamera", is_ascii: bool) -> list[str]:
     """Return a line for each key that is no table."""
     lines, known = [], settings_in(type(config))
     for name, value in config.flat().items():
@@ -150,7 +150,7 @@ def list_twins() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in TWIN_FOLDER.glob("*.toml")))
 
 
-def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
+def load_twin(name_or_path: Twin | str | Path) -> Twin:
     """Read a shipped twin by name, or any twin by the path of its file.
 
     A twin that was read already is returned.
@@ -159,7 +159,7 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         ConfigError: No such twin, damaged file, unknown or missing key, or a value out
             of range; the message lists the known names.
     """
-    if isinstance(name_or_path, TwinConfig):
+    if isinstance(name_or_path, Twin):
         return name_or_path
     path = Path(name_or_path)
     if path.suffix != ".toml":
@@ -176,7 +176,7 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
         raise ConfigError(f"cannot read twin file {path}: {error.strerror}") from error
     except ConfigError as error:
         raise ConfigError(f"twin file {error}") from error
-    known = settings_in(TwinConfig)
+    known = settings_in(Twin)
     unknown = [key for key in table if key not in known]
     needed = [name for name, setting in known.items() if setting.default is MISSING]
     missing = [key for key in needed if key not in table]
@@ -187,7 +187,7 @@ def load_twin(name_or_path: TwinConfig | str | Path) -> TwinConfig:
             f"{', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
         )
     try:
-        return TwinConfig.of(**table)
+        return Twin.of(**table)
     except ConfigError as error:
         raise ConfigError(f"twin file {path}: {error}") from error
 
@@ -210,7 +210,7 @@ class TwinPlant(WrappedPlant[DrivenPlant]):
     """A plant with a twin's dynamics, and its delay and noise at the joints."""
 
     def __init__(
-        self, config: TwinConfig, cell: "Workcell", *, engine: str | None = None
+        self, config: Twin, cell: "Workcell", *, engine: str | None = None
     ) -> None:
         """Build the engine with the twin's dynamics.
 

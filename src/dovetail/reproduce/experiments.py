@@ -128,7 +128,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
 
 def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     """Try a policy on a twin and keep its table."""
-    from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+    from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 
     settings = dict(sitting.settings)
     policy = sitting.of(settings.pop("policy_of")) / RUN / RUN_POLICY

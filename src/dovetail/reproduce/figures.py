@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from dovetail.evaluate.transfer import Row
+from dovetail.evaluation.transfer import Row
 from dovetail.learn.progress import EpisodeRow
 from dovetail.reproduce.plan import GROUNDS, VARIANTS
 from dovetail.reproduce.results import Level, Table

@@ -9,7 +9,7 @@ from typing import Any
 
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, open_lock, write_atomic
-from dovetail.plants.twin import TwinConfig
+from dovetail.plants.twin import Twin
 from dovetail.reproduce.experiments import TWINS, twin_file
 from dovetail.reproduce.stage import read_json
 
@@ -58,7 +58,7 @@ def _require_same(
         )
 
 
-def write_twins(root: Path, twins: Mapping[str, TwinConfig]) -> None:
+def write_twins(root: Path, twins: Mapping[str, Twin]) -> None:
     """Keep the twins beside their results, each also for PyBullet."""
     (root / TWINS).mkdir(exist_ok=True)
     for name, twin in twins.items():

@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dovetail.evaluate.origin import provenance
+from dovetail.evaluation.origin import provenance
 from dovetail.files import write_atomic
 from dovetail.page import facts, figure, finite, page, table, text
 from dovetail.reproduce import tables

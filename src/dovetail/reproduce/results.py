@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dovetail.evaluate.outcome import Outcome
-from dovetail.evaluate.transfer import Row, summarise
+from dovetail.evaluation.outcome import Outcome
+from dovetail.evaluation.transfer import Row, summarise
 from dovetail.learn.progress import EpisodeRow, read_progress
 from dovetail.learn.run_folder import PROGRESS
 from dovetail.reproduce.experiments import EVALUATION, RUN

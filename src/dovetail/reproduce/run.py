@@ -10,7 +10,7 @@ from rich.console import Console
 
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.identify.parameters import ParameterSet
-from dovetail.plants.twin import TwinConfig, load_twin
+from dovetail.plants.twin import Twin, load_twin
 from dovetail.reproduce.budget import Budget, find_budget
 from dovetail.reproduce.executor import Executor, LocalExecutor
 from dovetail.reproduce.folder import locked, open_folder, write_twins
@@ -122,11 +122,11 @@ def _make_executor(config: ReproduceConfig) -> Executor:
     return RayExecutor(config.cluster, config.workers)
 
 
-def _load_twins(names: tuple[str, ...]) -> dict[str, TwinConfig]:
+def _load_twins(names: tuple[str, ...]) -> dict[str, Twin]:
     """Return the twins by the names that files and tables give them."""
     if not names:
         raise ConfigError("twins is empty; name at least one, such as medium")
-    twins: dict[str, TwinConfig] = {}
+    twins: dict[str, Twin] = {}
     for name in names:
         stem = Path(name).stem if name.endswith(".toml") else name
         if stem in twins:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
-from dovetail.evaluate.transfer import Row
+from dovetail.evaluation.transfer import Row
 from dovetail.page import table
 from dovetail.reproduce.paper import ROBUSTNESS, PaperRow
 from dovetail.reproduce.plan import ON_TWIN, OTHER, UNIDENTIFIED, VARIANTS

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
 
 from dovetail.errors import ConfigError, did_you_mean
-from dovetail.plants.twin import TwinConfig, load_twin
+from dovetail.plants.twin import Twin, load_twin
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.strangers import import_names
 from dovetail.trackers.late import Late
@@ -48,9 +48,7 @@ class Site:
     """Whether the arm is a simulation, or a simulated cabinet."""
 
     @classmethod
-    def of(
-        cls, cell: "Workcell", twin: TwinConfig | str | Path | None, arm: "Arm"
-    ) -> Self:
+    def of(cls, cell: "Workcell", twin: Twin | str | Path | None, arm: "Arm") -> Self:
         """Return an arm's workcell, with the camera that a twin's file describes."""
         camera = None if twin is None else load_twin(twin).camera
         return cls(cell=cell, twin=camera, is_simulated=arm.facts.traits.is_simulated)

@@ -9,9 +9,9 @@ from rich.console import Console
 
 from dovetail.arms.address import parse_address
 from dovetail.errors import ConfigError
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
-from dovetail.evaluate.origin import command_line
-from dovetail.evaluate.perturbation import (
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
+from dovetail.evaluation.origin import command_line
+from dovetail.evaluation.perturbation import (
     TRAVEL,
     Perturbation,
     Perturbed,

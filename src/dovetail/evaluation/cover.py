@@ -13,9 +13,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.evaluate.config import EvaluationConfig
-from dovetail.evaluate.evaluation import evaluate
-from dovetail.evaluate.transfer import Row
+from dovetail.evaluation.config import EvaluationConfig
+from dovetail.evaluation.evaluate import evaluate
+from dovetail.evaluation.transfer import Row
 from dovetail.files import claim_output_folder, write_atomic
 from dovetail.page import finite, page, table
 

@@ -4,9 +4,9 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from dovetail.evaluate.origin import Origin
-from dovetail.evaluate.outcome import Outcome
-from dovetail.evaluate.transfer import COLUMNS, Row, cells
+from dovetail.evaluation.origin import Origin
+from dovetail.evaluation.outcome import Outcome
+from dovetail.evaluation.transfer import COLUMNS, Row, cells
 from dovetail.page import facts, figure, finite, page, table, text
 from dovetail.tasks.task import Task
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluation.outcome import Outcome
 from dovetail.types import Array
 
 

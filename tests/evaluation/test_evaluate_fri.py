@@ -9,7 +9,7 @@ from rich.console import Console
 
 from arms.loopback import free_port, lockstep_address, make_cabinet
 from dovetail.envs.registered import find_cell
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig

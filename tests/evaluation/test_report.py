@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from dovetail.evaluate.figures import draw_forces, draw_paths
-from dovetail.evaluate.job import Job
-from dovetail.evaluate.origin import Origin
-from dovetail.evaluate.outcome import ContactForce, Course, Outcome, TryFiles
-from dovetail.evaluate.report import Report
-from dovetail.evaluate.terminal import run_shown
-from dovetail.evaluate.transfer import summarise
+from dovetail.evaluation.figures import draw_forces, draw_paths
+from dovetail.evaluation.job import Job
+from dovetail.evaluation.origin import Origin
+from dovetail.evaluation.outcome import ContactForce, Course, Outcome, TryFiles
+from dovetail.evaluation.report import Report
+from dovetail.evaluation.terminal import run_shown
+from dovetail.evaluation.transfer import summarise
 from dovetail.tasks.peg_in_hole.geometry import HoleBlock, Peg, hole_outline
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip

@@ -13,9 +13,9 @@ from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.observation import GROUPS, USUAL_GROUPS
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
-from dovetail.evaluate import trials
-from dovetail.evaluate.job import Job
-from dovetail.evaluate.trials import plan_trials, run_trials
+from dovetail.evaluation import trials
+from dovetail.evaluation.job import Job
+from dovetail.evaluation.trials import plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.tasks.peg_in_hole.task import PegInHole
 

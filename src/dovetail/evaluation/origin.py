@@ -13,7 +13,7 @@ from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import local_address
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD
 from dovetail.control.sections import option_words
-from dovetail.evaluate.config import EvaluationConfig
+from dovetail.evaluation.config import EvaluationConfig
 from dovetail.learn.export import commit, versions
 from dovetail.plants.twin import load_twin
 from dovetail.robots.robot import Robot

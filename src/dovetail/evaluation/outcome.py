@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from dovetail.evaluate.job import Job
+from dovetail.evaluation.job import Job
 from dovetail.types import Array
 
 

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from scipy.stats import binomtest
 
 from dovetail.errors import ConfigError
-from dovetail.evaluate.outcome import Outcome
-from dovetail.evaluate.transfer import COLUMNS, cells, summarise, wilson_interval
+from dovetail.evaluation.outcome import Outcome
+from dovetail.evaluation.transfer import COLUMNS, cells, summarise, wilson_interval
 
 
 def outcome(pose=0, success=True, **changes):

@@ -8,8 +8,8 @@ import pytest
 
 from arms.loopback import lockstep_address
 from dovetail.envs.registered import find_cell
-from dovetail.evaluate.job import Job
-from dovetail.evaluate.trials import run_trials
+from dovetail.evaluation.job import Job
+from dovetail.evaluation.trials import run_trials
 from dovetail.learn.policy import Policy
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from dovetail.evaluate.outcome import Outcome
-from dovetail.evaluate.report import Report
+from dovetail.evaluation.outcome import Outcome
+from dovetail.evaluation.report import Report
 from dovetail.poses import matrix_from_quat
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.task import Outline

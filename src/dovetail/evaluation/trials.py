@@ -24,8 +24,8 @@ from dovetail.envs.log_facts import (
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, UnprovenWarning
-from dovetail.evaluate.job import Job
-from dovetail.evaluate.outcome import (
+from dovetail.evaluation.job import Job
+from dovetail.evaluation.outcome import (
     ArmStop,
     Conditions,
     ContactForce,

@@ -15,28 +15,28 @@ from rich.console import Console
 
 from dovetail.control.ranges import in_count
 from dovetail.envs.unwrapped import require_contact_env
-from dovetail.evaluate.config import (
+from dovetail.evaluation.config import (
     EvaluationConfig,
     environment_options,
     fixture_poses,
     require_place,
 )
-from dovetail.evaluate.figures import draw_forces, draw_paths
-from dovetail.evaluate.measured import outside_measured
-from dovetail.evaluate.origin import (
+from dovetail.evaluation.figures import draw_forces, draw_paths
+from dovetail.evaluation.measured import outside_measured
+from dovetail.evaluation.origin import (
     describe_origin,
     lacking_inertia,
     name_ground,
     other_period,
     shared_engine,
 )
-from dovetail.evaluate.outcome import Outcome
-from dovetail.evaluate.perturbation import make_perturbed
-from dovetail.evaluate.report import Report
-from dovetail.evaluate.search_figure import draw_search
-from dovetail.evaluate.terminal import render_table, run_shown
-from dovetail.evaluate.transfer import Row, summarise
-from dovetail.evaluate.trials import film_name, plan_trials, run_trials
+from dovetail.evaluation.outcome import Outcome
+from dovetail.evaluation.perturbation import make_perturbed
+from dovetail.evaluation.report import Report
+from dovetail.evaluation.search_figure import draw_search
+from dovetail.evaluation.terminal import render_table, run_shown
+from dovetail.evaluation.transfer import Row, summarise
+from dovetail.evaluation.trials import film_name, plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, require_yes

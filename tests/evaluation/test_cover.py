@@ -8,9 +8,9 @@ from rich.console import Console
 
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError
-from dovetail.evaluate.config import EvaluationConfig
-from dovetail.evaluate.cover import compare
-from dovetail.evaluate.evaluation import evaluate
+from dovetail.evaluation.config import EvaluationConfig
+from dovetail.evaluation.cover import compare
+from dovetail.evaluation.evaluate import evaluate
 
 QUIET = Console(quiet=True)
 SCRIPT = EvaluationConfig.of(

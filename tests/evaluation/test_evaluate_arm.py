@@ -11,8 +11,8 @@ from rich.console import Console
 from dovetail.arms.local_arm import LocalArm
 from dovetail.episode import Episode
 from dovetail.errors import ConfigError
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate, name_ground
-from dovetail.evaluate.origin import command_line
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate, name_ground
+from dovetail.evaluation.origin import command_line
 from dovetail.plants.plant import COLUMN
 
 FRI = "fri://127.0.0.1:30200?clock=lockstep&control=127.0.0.1:30301&reset=place"

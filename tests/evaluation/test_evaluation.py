@@ -17,8 +17,8 @@ from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.task_flags import parse
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError, DovetailError, LogError, PolicyError
-from dovetail.evaluate.evaluation import EvaluationConfig, evaluate, name_ground
-from dovetail.evaluate.origin import command_line, shared_engine
+from dovetail.evaluation.evaluate import EvaluationConfig, evaluate, name_ground
+from dovetail.evaluation.origin import command_line, shared_engine
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.twin import load_twin
 from dovetail.tasks.options import TaskOptions

@@ -14,7 +14,7 @@ from dovetail.control.ranges import Range, check_ranges
 from dovetail.control.sections import Section, Sectioned
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
-from dovetail.evaluate.perturbation import Perturbation
+from dovetail.evaluation.perturbation import Perturbation
 from dovetail.learn.policy_env import known_env_id, policy_settings
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin

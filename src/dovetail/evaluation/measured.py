@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 from urllib.parse import parse_qs
 
-from dovetail.evaluate.config import EvaluationConfig
+from dovetail.evaluation.config import EvaluationConfig
 from dovetail.learn.policy import POLICY_FOLDER
 from dovetail.plants.twin import load_twin
 

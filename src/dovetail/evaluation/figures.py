@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from dovetail.evaluate.outcome import Outcome
+from dovetail.evaluation.outcome import Outcome
 from dovetail.tasks.task import Outline, Task
 
 DONE = "#0b7a75"

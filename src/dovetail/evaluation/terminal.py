@@ -15,8 +15,8 @@ from rich.progress import (
 from rich.table import Table
 
 from dovetail.errors import DovetailError
-from dovetail.evaluate.outcome import Outcome
-from dovetail.evaluate.transfer import COLUMNS, Row, cells, summarise
+from dovetail.evaluation.outcome import Outcome
+from dovetail.evaluation.transfer import COLUMNS, Row, cells, summarise
 
 
 def run_shown(
