@@ -12,10 +12,12 @@ from pathlib import Path
 PAGE = Path(__file__).parent / "tutorial.md"
 NOTEBOOK = PAGE.with_suffix(".ipynb")
 BLOCK = re.compile(r"^```(bash|python)\n(.*?)^```$\n?", re.S | re.M)
+FIRST_LINE = re.compile(r"^(?<!\\\n)(?=.)", re.M)
+"""Where a command begins: a line that none before it continues with a backslash."""
 WAITS = ("dovetail cockpit", "dovetail replay")
 INTRODUCTION = """\
-This notebook is made from `tutorial.md` by `python docs/notebook.py`. Start it in a folder of
-its own, in the environment where dovetail is installed.
+This notebook is made from `tutorial.md` by `python docs/notebook.py`. Start it in a
+folder of its own, in the environment where dovetail is installed.
 """
 
 
@@ -42,7 +44,7 @@ def cells(page: str) -> list[dict[str, object]]:
             continue
         found.append((page[end : block.start()], False))
         if language == "bash":
-            code = "".join(f"!{line}\n" for line in code.splitlines())
+            code = FIRST_LINE.sub("!", code)
         found.append((code, True))
         end = block.end()
     found.append((page[end:], False))

@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 import dovetail
 
@@ -47,7 +48,7 @@ def test_the_notebook_is_the_tutorial():
 def test_a_cell_of_the_notebook_runs_what_a_block_of_the_page_does():
     script = load_notebook_script()
     page = (
-        "# Title\n\nText.\n\n```bash\ndovetail a\ndovetail b > c\n```\n\n"
+        "# Title\n\nText.\n\n```bash\ndovetail a\ndovetail b \\\n  > c\n```\n\n"
         "```text\nprinted\n```\n\n```bash\ndovetail cockpit\n```\n\n"
         "```python\nif True:\n    print(1)\n```\n"
     )
@@ -56,14 +57,14 @@ def test_a_cell_of_the_notebook_runs_what_a_block_of_the_page_does():
         for cell in script.cells(page)
         if cell["cell_type"] == "code"
     ]
-    assert code == ["!dovetail a\n!dovetail b > c", "if True:\n    print(1)"]
+    assert code == ["!dovetail a\n!dovetail b \\\n  > c", "if True:\n    print(1)"]
 
 
 def test_the_program_of_the_tutorial_reads_a_log(tmp_path, monkeypatch, capsys):
     config = dovetail.EvaluationConfig.of(
         policy="peg_square", twin="medium", tries=1, out=tmp_path / "on-medium"
     )
-    dovetail.evaluate(config)
+    dovetail.evaluate(config, Console(quiet=True))
     (program,) = re.findall(
         r"```python\n(.*?)```", (DOCS / "tutorial.md").read_text(), re.S
     )
