@@ -39,7 +39,7 @@ CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
 EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,teach,test,lint,docs
 
-.PHONY: demo test test-cpp test-sanitized test-python fuzz lint docs figures proto format clean
+.PHONY: demo test test-cpp test-sanitized test-python fuzz lint figures proto format clean
 
 demo: $(SET_UP)
 	$(BIN)/dovetail demo $(ARGS)
@@ -76,6 +76,7 @@ lint: $(DEVELOP)
 	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs src cpp tests examples
 
 # the API pages are read from the sources; those of the C++ core from its stubs
+.PHONY: docs
 docs: $(DEVELOP)
 	$(BIN)/python -m nanobind.stubgen -q -m dovetail._core -o src/dovetail/_core.pyi
 	$(BIN)/python docs/notebook.py
