@@ -3,6 +3,7 @@
 # make test-sanitized   the C++ tests under ASan and UBSan
 # make fuzz    ten million random datagrams into the FRI decoders (FUZZ_INPUTS, FUZZ_SEED)
 # make lint    what CI checks besides the tests
+# make docs    build the site into site/; a link or a name that is missing is an error
 # make proto   generate the gRPC messages from proto/dovetail.proto
 # make format  write Python and C++ in the house's format
 # make wheel   build the wheel of this machine's PYTHON into dist/, for any processor
@@ -44,7 +45,7 @@ LEROBOT_PINS := tests/learn/lerobot.txt
 SETTINGS := pyproject.toml constraints.txt CMakeLists.txt
 CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
-EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,teach,test,lint
+EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,teach,test,lint,docs
 
 .PHONY: demo test test-cpp test-sanitized test-python fuzz lint figures proto format \
   wheel wheel-test clean
@@ -82,6 +83,13 @@ lint: $(DEVELOP)
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/clang-format --dry-run -Werror $(CPP)
 	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs src cpp tests examples
+
+# the API pages are read from the sources; those of the C++ core from its stubs
+.PHONY: docs
+docs: $(DEVELOP)
+	$(BIN)/python -m nanobind.stubgen -q -m dovetail._core -o src/dovetail/_core.pyi
+	$(BIN)/python docs/notebook.py
+	$(BIN)/mkdocs build $(ARGS)
 
 figures: $(DEVELOP)
 	$(BIN)/python docs/figures.py $(ARGS)

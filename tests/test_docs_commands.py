@@ -34,7 +34,7 @@ def lines(text):
     for block in BLOCK.findall(text):
         for line in CONTINUED.sub(" ", block).splitlines():
             if line.strip().startswith("dovetail "):
-                yield line.strip()
+                yield line.partition(" > ")[0].strip()
     for line in SPAN.findall(FENCED.sub("", text)):
         for word, value in STANDS_FOR.items():
             line = re.sub(rf"(?<=\s){re.escape(word)}\b", value, line)

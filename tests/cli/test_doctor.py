@@ -57,6 +57,7 @@ def test_every_extra_for_users_is_looked_for():
         "all",
         "test",
         "lint",
+        "docs",
     }
 
 
