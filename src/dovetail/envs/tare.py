@@ -5,7 +5,7 @@ f* = 0 as much as under a policy that was trained without it: 1.8 m/s2 on twin m
 
 The tool is led slowly forth and back along a line. Friction takes as much from f* one
 way as it adds the other way, so the mean over both is what holds the weight alone.
-Meanwhile pose and hold axes tell by their error what they lack.
+Meanwhile the errors of pose and hold axes give the f* that they lack.
 """
 
 import warnings

@@ -266,7 +266,7 @@ class _Fit:
         return evaluate_population(models, self._population)
 
     def repeat(self) -> None:
-        """Tell the search what the folder says it was told before."""
+        """Repeat the folder's generations to the search."""
         for number, generation in enumerate(self._folder.generations):
             count = len(self.search.ask())
             if len(generation["values"]) != count:

@@ -38,7 +38,7 @@ def require_same_facts(
 
 
 def require_numbers(path: Path, name: str, told: Any, count: int) -> Array:
-    """Return numbers that a file tells, shape (count,).
+    """Return numbers from a file, shape (count,).
 
     Raises:
         LogError: They are not so many finite numbers.

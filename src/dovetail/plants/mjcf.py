@@ -15,7 +15,7 @@ from dovetail.workcell.workcell import TABLE, Workcell
 # least twice the step. With 5 ms this impedance lets 30 N press a wall in by 3 um;
 # closer to 1, a part in a corner chatters. Fewer line-search iterations than this let
 # the solver stop early and throw the arm. MuJoCo's own convex collisions (nativeccd)
-# now and then tell a cylinder that touches a box to be in it as deep as the box is, a
+# now and then put a cylinder that touches a box as deep in it as the box is, a
 # push of 3900 N. libccd's, taken here, do not; boxes among each other use neither.
 _SOLREF = "0.002 1"
 _SOLIMP = "0.95 0.99 0.0001 0.5 2"

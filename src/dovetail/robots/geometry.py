@@ -42,7 +42,7 @@ class Geometry(ArrayFacts):
         return self.flange_position + R @ self.tool_position, R @ self.tool_rotation
 
     def __post_init__(self) -> None:
-        """Refuse a rotation that is none, by its joint."""
+        """Refuse a matrix that is no rotation, by its joint."""
         super().__post_init__()
         rotations = [*zip(JOINTS, self.origin_rotation, strict=True)]
         rotations += [("flange", self.flange_rotation), ("tool", self.tool_rotation)]

@@ -50,7 +50,7 @@ def read_mjcf(root: Node, path: Path) -> RobotFile:
 
     Raises:
         ConfigError: An element that generates bodies, a file outside of the folder, or
-            a number that is none; names the element and its line.
+            an invalid number; names the element and its line.
     """
     whole = _with_included(root, path)
     tree = _kept(whole, path)
