@@ -31,6 +31,7 @@ from .errors import LogError as LogError
 from .errors import MissingDependencyError as MissingDependencyError
 from .errors import PlantError as PlantError
 from .errors import PolicyError as PolicyError
+from .errors import TorqueError as TorqueError
 from .errors import UnprovenWarning as UnprovenWarning
 from .evaluation.config import EvaluationConfig as EvaluationConfig
 from .evaluation.evaluate import Evaluation as Evaluation

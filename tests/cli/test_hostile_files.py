@@ -62,7 +62,7 @@ def refused(words):
     return 0
 
 signal.signal(signal.SIGALRM, late)
-for name in ("learn.config", "evaluate.evaluation", "commands.replay", "identify.fit"):
+for name in ("learn.config", "evaluation.evaluate", "commands.replay", "identify.fit"):
     importlib.import_module(f"dovetail.{name}")  # time to start up is nobody's harm
 size = 1024 * int(Path("/proc/self/status").read_text().split("VmSize:")[1].split()[0])
 resource.setrlimit(resource.RLIMIT_AS, (size + 4 * 2**30,) * 2)

@@ -191,17 +191,6 @@ def test_a_sequence_that_does_not_tell_its_start_is_named(copy, told):
         Recording.load(copy)
 
 
-def test_a_file_that_says_hole_for_fixture_is_the_same_recording(copy):
-    before = Recording.load(copy)
-    path = copy / "recording.json"
-    table = json.loads(path.read_text())
-    table["hole"] = table.pop("fixture")
-    path.write_text(json.dumps(table))
-    after = Recording.load(copy)
-    assert after.fingerprint() == before.fingerprint()
-    assert after.fixture.position.tolist() == before.fixture.position.tolist()
-
-
 def test_another_tool_is_found_by_where_its_tip_is(copy):
     def lower(episode):
         episode.data[:, COLUMN["z"]] -= 0.02

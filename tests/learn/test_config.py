@@ -1,6 +1,5 @@
 """Settings refuse what cannot be trained, and name the field."""
 
-import json
 import shlex
 from dataclasses import dataclass
 
@@ -16,7 +15,6 @@ from dovetail.learn.algorithms import make_vec_env
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.learner_settings import LearnerConfig
-from dovetail.learn.run_folder import require_run, settings_of
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
@@ -193,12 +191,3 @@ def test_a_fixed_goal_that_is_left_out_can_be_trained_for():
     envs = make_vec_env(config)
     envs.reset()
     envs.close()
-
-
-def test_a_run_of_an_older_version_has_a_place_that_nothing_asked_for(tmp_path):
-    older = TrainConfig.of().to_json() | {"hole": [0.6, 0.0, 0.1, 0.0]}
-    del older["fixture"]
-    (tmp_path / "config.json").write_text(json.dumps(older))
-    again = TrainConfig.of(**settings_of(tmp_path), out=tmp_path, resume=True)
-    assert again.place.fixture is None
-    require_run(again)

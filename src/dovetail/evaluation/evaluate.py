@@ -59,16 +59,17 @@ class Evaluation(NamedTuple):
     files: list[Path]
 
 
-def evaluate(config: EvaluationConfig, console: Console) -> Evaluation:
+def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evaluation:
     """Try the policy, print the table, and write everything into the folder.
 
     Args:
         config: What to do.
-        console: Where the progress bar and the table go.
+        console: Where the progress bar and the table go; None is the standard error.
 
     Raises:
         DovetailError: A setting, the policy or the disk; see its message.
     """
+    console = console or Console(stderr=True)
     in_count("workers", config.trials.workers, 1, _WORKERS_MAX, "processes")
     file = find_policy(config.policy)
     policy = Policy.load(file)
