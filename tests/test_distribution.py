@@ -62,8 +62,8 @@ def test_an_extra_for_another_python_names_no_command(monkeypatch):
 
 
 def test_an_unknown_extra_is_refused():
-    with pytest.raises(ValueError, match="leran"):
-        install_command("leran")
+    with pytest.raises(ValueError, match="learning"):
+        install_command("learning")
 
 
 def test_all_has_every_extra_for_users():

@@ -53,12 +53,8 @@ def test_essential_parts_are_found(checks):
 
 def test_every_extra_for_users_is_looked_for():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - {
-        "all",
-        "test",
-        "lint",
-        "docs",
-    }
+    others = {"all", "docs", "lint", "test"}
+    assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - others
 
 
 def test_a_missing_extra_names_the_command_that_brings_it(monkeypatch):
