@@ -60,9 +60,9 @@ class TorqueError(ConfigError):
         self.joint = joint
         """Name of the joint."""
         self.cause = cause
-        """What takes most of its torque: speed, damping, payload, gravity, inertia."""
+        """Largest share of its torque: speed, damping, payload, gravity or inertia."""
         self.shares = shares
-        """What each of these takes [Nm]."""
+        """Torque that each of these takes [Nm]."""
 
 
 class LimitError(DovetailError, ValueError):
@@ -81,9 +81,9 @@ class ReachError(LimitError):
     ) -> None:
         super().__init__(message)
         self.position_error = position_error
-        """How far the closest configuration stays away [m]."""
+        """Distance of the closest configuration [m]."""
         self.rotation_error = rotation_error
-        """How far it stays turned away [rad]."""
+        """Angle by which it is turned away [rad]."""
 
 
 class PlantError(DovetailError, RuntimeError):
