@@ -93,9 +93,8 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
         make = make_env if config.trials.workers > 1 else lambda: env
-        load: Any = CornerScript
-        if config.harder.search == "none":
-            load = partial(Policy.load, file)
+        is_script = config.harder.search != "none"
+        load: Any = CornerScript if is_script else partial(Policy.load, file)
         trials = run_trials(
             make,
             load,
