@@ -20,7 +20,8 @@ class Still(logging.Handler):
         self.lines.append(record.getMessage())
 
 
-def test_who_logs_waits_for_no_terminal_and_nothing_is_lost_but_a_flood():
+def test_who_logs_waits_for_no_terminal_and_nothing_is_lost_but_a_flood(monkeypatch):
+    monkeypatch.setattr(LOG, "handlers", [])  # of other pages in this process
     terminal = Still()
     logging.getLogger().addHandler(terminal)
     log = PageLog()

@@ -153,5 +153,5 @@ def test_a_page_without_viser_says_what_to_install(monkeypatch):
     from dovetail.cockpit.server import open_server
 
     monkeypatch.setitem(sys.modules, "viser", None)
-    with pytest.raises(MissingDependencyError, match=r"\[view\]"):
+    with pytest.raises(MissingDependencyError, match="viser"):
         open_server(0)
