@@ -16,7 +16,7 @@ from dovetail.arms.arm import ArmState, ToolState
 from dovetail.cli import run
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError, MissingDependencyError
-from dovetail.evaluation import evaluation
+from dovetail.evaluation import evaluate
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.view import gl_context
 from dovetail.view.film import Film
@@ -160,9 +160,9 @@ def test_a_driver_that_fails_ends_a_command_before_its_first_try(
     with pytest.raises(MissingDependencyError, match="EGL_NOT_INITIALIZED; install"):
         gl_context.open_context(8, 8)
     monkeypatch.setattr(
-        evaluation, "Renderer", lambda cell: gl_context.open_context(8, 8)
+        evaluate, "Renderer", lambda cell: gl_context.open_context(8, 8)
     )
-    monkeypatch.setattr(evaluation, "run_trials", None)
+    monkeypatch.setattr(evaluate, "run_trials", None)
     out = tmp_path / "none"
     assert run(["demo", "--tries", "1", "--video", "--out", str(out)]) == 2
     assert "EGL_NOT_INITIALIZED" in capsys.readouterr().err
