@@ -129,9 +129,9 @@ class Watch:
         """When each of the page came [s], and whether the arm was held then."""
         session.stop = self._note  # pyright: ignore[reportAttributeAccessIssue]
 
-    def _note(self) -> None:
+    def _note(self, *, is_pressed: bool = True) -> None:
         called = time.monotonic()
-        self._stop()
+        self._stop(is_pressed=is_pressed)
         if threading.current_thread().name == "stop":  # and not that of who has left
             self.stops.append((called, is_held(self._session)))
 
