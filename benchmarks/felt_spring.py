@@ -23,7 +23,7 @@ _TRIES = 5
 
 
 def free_port(kind: socket.SocketKind) -> int:
-    """Return a port of this machine that nobody uses now."""
+    """Return a free port of this machine."""
     with socket.socket(socket.AF_INET, kind) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -249,7 +249,7 @@ ServoCycle::Action ServoCycle::receive_active(const fri::SessionStep& step) noex
   const Vec7 q = vector_of(*session_.message().q_measured);
   const bool is_first = !is_active_ || step.is_first_active;
   if (is_first) {
-    end_motion(MotionEnd::Cause::kSession);  // of which no message came
+    end_motion(MotionEnd::Cause::kSession);  // if it ended without a message
     begin_motion(q);
   } else {
     measured_ += (1.0 + step.missed) * params_.period / state_.multiplier;

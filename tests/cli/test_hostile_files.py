@@ -63,7 +63,7 @@ def refused(words):
 
 signal.signal(signal.SIGALRM, late)
 for name in ("learn.config", "evaluation.evaluate", "commands.replay", "identify.fit"):
-    importlib.import_module(f"dovetail.{name}")  # time to start up is nobody's harm
+    importlib.import_module(f"dovetail.{name}")  # start-up time does not count
 size = 1024 * int(Path("/proc/self/status").read_text().split("VmSize:")[1].split()[0])
 resource.setrlimit(resource.RLIMIT_AS, (size + 4 * 2**30,) * 2)
 for line in sys.stdin:
@@ -178,7 +178,7 @@ def _log(path, **changed):
 
 
 def _declares_less(path, name):
-    """Make a ZIP member's declared size 200 bytes, whatever it unpacks to."""
+    """Declare 200 bytes as the size of a ZIP member that unpacks to more."""
     content = bytearray(path.read_bytes())
     for mark, at in ((b"PK\x03\x04", 22), (b"PK\x01\x02", 24)):
         begin = -1
@@ -487,7 +487,7 @@ def add_twins(cases):
 
 
 def _whole_log(**told):
-    """Return what writes a log that is whole, and says of itself what is told."""
+    """Return a writer of a valid log with the given metadata."""
     place = {"name": "A", "x": 0.6, "y": 0.0, "z": 0.1, "theta": 0.0}
     facts = {
         "fixture_pose": place | told.pop("place", {}),

@@ -104,7 +104,7 @@ def test_a_service_that_dies_while_the_arm_is_held_is_told_without_a_step(
     wait_until(lambda: session.status.mode == "held")
     service.close()
     wait_until(lambda: session.status.mode == "stopped")
-    assert "the held arm follows no more: nobody answers at" in session.status.note
+    assert "the held arm follows no more: no answer at" in session.status.note
     assert "Reset begins anew" in session.status.note
 
 

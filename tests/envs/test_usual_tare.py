@@ -1,4 +1,4 @@
-"""Where a tare is usual: on every arm that may miss weight, and asked for by nobody."""
+"""The default of `tare`: on for every arm whose gravity compensation may be wrong."""
 
 import warnings
 

@@ -235,7 +235,7 @@ def test_a_wrapper_that_changes_observations_is_refused(is_given, rng):
 
 
 def test_a_model_that_acts_otherwise_is_refused(rng):
-    """Whatever the cause: here it clips what it sees, which no fact of it says."""
+    """Its output differs for a reason that its metadata does not show: it clips."""
     model = random_model("stable_baselines3.PPO", rng)
     policy = import_model(model, environment())
     predict = model.predict

@@ -193,7 +193,7 @@ OUTSIDE = ("fri://127.0.0.1:30299", "grpc://127.0.0.1:50999")
 
 @pytest.fixture
 def sent(tmp_path):
-    """The run folder that somebody sent: its config.json names an arm."""
+    """A run folder from someone else, whose config.json names an arm."""
 
     def make(arm, **more):
         place = (0.6, 0.0, 0.1, 0.0)

@@ -40,7 +40,7 @@ struct DecodeResult {
   DecodeStatus status = DecodeStatus::kOk;
   const char* field = "";     ///< where it went wrong, the schema's name; static
   std::uint64_t value = 0;    ///< the count, length or identifier found; kNotFinite:
-                              ///< the joint, 1 to 7, 0 where it is none's
+                              ///< joint, 1 to 7; 0: no joint
   std::uint64_t allowed = 0;  ///< kCount: how many there may or must be
   /// Another version's framing was recognised (k1_15 stands for 1.x and 2.5, which
   /// look the same).

@@ -26,7 +26,7 @@ struct MotionEnd {
   int num_joints = 7;
   double period_before = 0.0, period = 0.0;  ///< told by the cabinet [s]
   std::uint64_t implausible = 0;             ///< messages of that motion
-  std::int8_t joint = -1;          ///< the last one's, 0 to 6, -1 where there is none
+  std::int8_t joint = -1;          ///< of the last implausible one, 0 to 6; -1: none
   double since_implausible = 0.0;  ///< that one's age at the end [s]
 };
 

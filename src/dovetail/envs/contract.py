@@ -123,7 +123,7 @@ def read_pose(task: Task, method: str, told: Any) -> Pose:
     """Return the pose that a method drew.
 
     Raises:
-        TaskError: It is none, or has a number that is not finite.
+        TaskError: It is not a pose, or a number in it is not finite.
     """
     is_pose = isinstance(told, tuple) and len(told) == 2
     if is_pose and _is_finite(told[0], (3,)) and _is_finite(told[1], (4,)):

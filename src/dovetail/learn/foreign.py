@@ -148,7 +148,7 @@ def import_file(
     facts = read_facts(path, env)
     if not is_trusted:
         raise PolicyError(
-            f"loading {path} runs the pickles in it, whatever they do: if the file is "
+            f"loading {path} runs code that is in the file: if it is "
             "your own, add --trust; or call dovetail.learn.foreign.import_model in the "
             "program that trained it"
         )

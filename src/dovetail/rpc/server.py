@@ -60,7 +60,7 @@ class ArmServer:
 
         Raises:
             ConfigError: No such address, in use, not permitted, or open to the network
-                without certificates; or a DOVETAIL_TOKEN that is none.
+                without certificates; or a DOVETAIL_TOKEN that cannot be used.
         """
         host, port = split_address(listen)
         credentials = server_credentials(host, files)

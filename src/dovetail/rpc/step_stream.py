@@ -88,7 +88,7 @@ class StepStream:
             if time.monotonic() > self._due:
                 self._answers.cancel()
             if not self._answers.is_active():
-                lost = self._connection.error(self._answers, "nobody answers")
+                lost = self._connection.error(self._answers, "no answer")
                 self.problem = str(lost)
                 return
 
