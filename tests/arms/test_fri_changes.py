@@ -12,9 +12,8 @@ from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
 
 from .loopback import free_port, make_cabinet
-from .test_fri_session import CELL, HOLE, PERIOD, START, alone, make_arm
+from .test_fri_session import CELL, HOLD, HOLE, PERIOD, START, alone, end_of, make_arm
 
-HOLD = _core.Target(joint_mode=True, q_d=START)
 VERSION = _core.fri_version("1.15")
 ACTIVE = 4
 OFF = 0
@@ -32,15 +31,6 @@ def doctor(cabinet, change):
         send(message.encode(VERSION))
 
     port.send = send_changed
-
-
-def end_of(arm):
-    try:
-        for _ in range(100):
-            arm.step(HOLD)
-    except ArmError as error:
-        return error
-    return pytest.fail("the arm's steps do not end")
 
 
 @pytest.fixture

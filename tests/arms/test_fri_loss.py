@@ -14,9 +14,7 @@ from dovetail import _core
 from dovetail.errors import ArmError
 
 from .loopback import LOOPBACK, free_port
-from .test_fri_session import START, alone, make_arm, wait_until
-
-HOLD = _core.Target(joint_mode=True, q_d=START)
+from .test_fri_session import HOLD, alone, end_of, make_arm, wait_until
 
 
 @pytest.fixture
@@ -28,16 +26,6 @@ def arm():
     arm.step(HOLD)
     yield arm
     arm.close()
-
-
-def end_of(arm):
-    """The error with which the arm's steps end."""
-    try:
-        for _ in range(100):
-            arm.step(HOLD)
-    except ArmError as error:
-        return error
-    return pytest.fail("the arm's steps do not end")
 
 
 def datagrams_in(error):

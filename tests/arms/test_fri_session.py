@@ -41,6 +41,17 @@ SETTINGS = ControllerSettings(
 START = CELL.loaded_robot().inverse_kinematics(
     Pose(np.array([0.60, 0.0, 0.20]), TOOL_DOWN), Q_SEED
 )
+HOLD = _core.Target(joint_mode=True, q_d=START)
+
+
+def end_of(arm):
+    """The error with which the arm's steps end."""
+    try:
+        for _ in range(100):
+            arm.step(HOLD)
+    except ArmError as error:
+        return error
+    return pytest.fail("the arm's steps do not end")
 
 
 def make_arm(**options):
