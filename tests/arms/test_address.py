@@ -267,6 +267,16 @@ def test_a_token_is_in_no_text_that_is_kept(given, kept):
 
 
 @pytest.mark.parametrize(
+    "wrong",
+    ["grpc://localhost:1?perod=1ms&token=secret", "grpc://192.0.2.1?token=secret"],
+)
+def test_a_token_is_in_no_refusal_of_its_address(wrong):
+    with pytest.raises(ConfigError) as refusal:
+        parse_address(wrong)
+    assert "secret" not in str(refusal.value)
+
+
+@pytest.mark.parametrize(
     ("text", "may_be_robot"),
     [
         ("mujoco", False),

@@ -43,6 +43,7 @@ class GrpcAddress(ArmAddress):
             ConfigError: Unknown key (lists the known ones), a file that is none, or
                 another machine without certificates.
         """
+        text, token = split_token(text)  # messages show the text
         keys = Keys(text, PORT, (*_FILES, "token", "period", "margins"))
         files = {
             name: Path(given).expanduser()
@@ -63,8 +64,8 @@ class GrpcAddress(ArmAddress):
             if not path.is_file():
                 raise ConfigError(f"arm {name} {str(path)!r} is no file")
         return cls(
-            text=split_token(text)[0],
-            token=keys.get("token"),
+            text=text,
+            token=token or None,
             host=keys.host,
             port=keys.port,
             period=keys.period(PERIODS),
