@@ -32,9 +32,10 @@ def packages(extra):
 @pytest.mark.parametrize("extra", EXTRAS)
 def test_a_command_names_exactly_the_packages_of_an_extra(extra):
     expected = set(packages(extra))
-    if not expected:
-        pytest.skip(f"{extra} has no package for this Python")
     words = shlex.split(install_command(extra))
+    if not expected:  # such as PyBullet's, beyond Python 3.11
+        assert {"no", "packages", extra} <= {word.strip(",") for word in words}
+        return
     named = map(Requirement, words[words.index("install") + 1 :])
     assert {(r.name, r.specifier) for r in named} == expected
 
