@@ -195,11 +195,14 @@ def main() -> int:
         print("\n".join(command.run), flush=True)
         output = command.output()
         for figure in command.figures:
-            now, then = figure.write(figure.read(output)), figure.locate().groups()
-            differences += (is_other := list(then) != now)
-            print(f"  {figure.page}: {' '.join(then)} -> {' '.join(now)}" * is_other)
+            values = figure.read(output)
+            now, then = figure.write(values), list(figure.locate().groups())
+            if now == then:
+                continue
+            differences += 1
+            print(f"  {figure.page}: {' '.join(then)} -> {' '.join(now)}")
             if not given.check:
-                figure.replace(figure.read(output))
+                figure.replace(values)
     print(f"{differences} figures {'differ' if given.check else 'were changed'}")
     return int(given.check and differences > 0)
 

@@ -89,10 +89,3 @@ def test_name_and_version_are_those_of_pyproject():
     assert dovetail.__version__ == PROJECT["version"]
     citation = (ROOT / "CITATION.cff").read_text()
     assert re.search(r"^version: (.+)$", citation, re.M)[1] == PROJECT["version"]
-
-
-def test_wheels_are_not_tuned_for_the_machine_that_builds_them():
-    tools = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]
-    assert tools["cibuildwheel"]["config-settings"]["cmake.define.DOVETAIL_NATIVE"] == (
-        "OFF"
-    )

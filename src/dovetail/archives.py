@@ -7,6 +7,7 @@ is unpacked than was declared.
 
 import math
 import sys
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -80,11 +81,7 @@ def open_member(archive: ZipFile, name: str) -> Iterator[IO[bytes]]:
     try:
         with archive.open(info) as member:
             yield member
-    except (BadZipFile, EOFError, RuntimeError) as error:
-        raise ValueError(f"{name} is damaged: {error}") from error
-    except Exception as error:
-        if type(error).__module__ != "zlib":  # zlib.error has no other base
-            raise
+    except (BadZipFile, EOFError, RuntimeError, zlib.error) as error:
         raise ValueError(f"{name} is damaged: {error}") from error
 
 

@@ -16,6 +16,7 @@ from rich.text import Text
 import dovetail
 from dovetail.commands.help_page import Groups, help_page
 from dovetail.errors import ConfigError, DovetailError, UnprovenWarning, did_you_mean
+from dovetail.interrupt import INTERRUPTED
 from dovetail.printable import printable
 from dovetail.strangers import trust_typed
 
@@ -55,10 +56,6 @@ _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
 """Error numbers of the standard output: a full device, a reader that has gone."""
 
 
-_INTERRUPTED = 130
-"""Exit code after Ctrl-C, as a shell gives it."""
-
-
 def main(argv: Sequence[str] | None = None) -> None:
     """Run `dovetail` with command-line words and leave with its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
@@ -74,7 +71,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         print(f"dovetail: cannot write the output: {reason}", file=sys.stderr)
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = 2
-    if code == _INTERRUPTED and "jax" in sys.modules:
+    if code == INTERRUPTED and "jax" in sys.modules:
         # A run is closed by now, and Python's own end walks all of JAX for seconds.
         sys.stderr.flush()
         os._exit(code)
@@ -141,7 +138,7 @@ def _run(words: list[str], *, is_debug: bool) -> int:
         return 2
     except KeyboardInterrupt:
         print("dovetail: interrupted", file=sys.stderr)
-        return _INTERRUPTED
+        return INTERRUPTED
 
 
 def _run_command(name: str, words: list[str]) -> int:

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
-_CODE = 130
+INTERRUPTED = 130
 """Exit code of what Ctrl-C has ended, as a shell gives it."""
 _SHOW_CURSOR = "\x1b[?25h"  # a progress bar hides it
 
@@ -93,7 +93,7 @@ def _listen(wire: socket.socket, interrupt: Interrupt, words: str) -> None:
             continue
         if interrupt.is_pressed():
             _say(_SHOW_CURSOR if os.isatty(2) else "")
-            os._exit(_CODE)
+            os._exit(INTERRUPTED)
         interrupt.press()
         _say(f"\n{words}; Ctrl-C again ends at once\n")
 

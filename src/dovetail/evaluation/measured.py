@@ -5,11 +5,12 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
-from urllib.parse import parse_qs
 
 from dovetail.evaluation.config import EvaluationConfig
 from dovetail.learn.policy import POLICY_FOLDER
 from dovetail.plants.twin import load_twin
+from dovetail.trackers.find import TWIN, find_tracker
+from dovetail.trackers.late import Late
 
 RANGES = POLICY_FOLDER / "ranges.toml"
 """Written by benchmarks/policy_range.py: a table for each policy, a limit for each of
@@ -94,10 +95,11 @@ def _disturbed(
     if twin is not None:
         found["contact_friction"] = twin.contact.contact_friction
         found["command_delay"] = twin.channel.command_delay
-    kind, _, settings = str(options.get("tracker") or "").partition("?")
-    if kind == "twin":
+    tracker = str(options.get("tracker") or "")
+    if tracker == TWIN:
         found |= {name: camera[name] for name in ("bias", "turn") if name in camera}
-    if kind == "late":
-        given = parse_qs(settings)
-        found |= {k: float(given[k][0]) for k in ("bias", "turn") if k in given}
+    if tracker.partition("?")[0] == "late":
+        late = find_tracker(tracker)
+        assert isinstance(late, Late)
+        found |= {"bias": late.bias, "turn": late.turn}
     return found

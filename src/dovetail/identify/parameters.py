@@ -156,9 +156,7 @@ class ParameterSet:
 
     def nominal(self, engine: str = "mujoco") -> Twin:
         """Return the controller's own model as a twin without noise."""
-        names = ("damping", "coulomb", "armature")
-        own = {name: tuple(vars(self.motors)[name].tolist()) for name in names}
-        return nominal_model(engine).having(**own)
+        return nominal_model(engine).having(**self.motors.flat())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -258,7 +256,7 @@ def _started(parameter: Parameter, motors: Motors) -> Parameter:
     """Return a parameter of the joints with the start that the motors are."""
     stem, _, joint = parameter.name.partition("_")
     usual = KNOWN[parameter.name]
-    if stem not in ("damping", "coulomb", "armature") or parameter.start != usual.start:
+    if stem not in motors.flat() or parameter.start != usual.start:
         return parameter
     values = vars(motors)[stem]
     start = float(values[int(joint) - 1] if joint else values.mean())

@@ -9,7 +9,11 @@ from dovetail.errors import PolicyError
 from dovetail.learn.export import actor_layers
 from dovetail.learn.policy import ACTIVATIONS, Layer
 
-_ADVICE = (
+EXPLORES_BY_SDE = (
+    "the model explores by gSDE (use_sde=True), which changes its actor: train with "
+    "use_sde=False"
+)
+ADVICE = (
     "only multilayer perceptrons on the environment's own observation can be exported"
 )
 
@@ -52,10 +56,7 @@ def read_actor(model: Any) -> Actor:
             "environment itself, without RescaleAction"
         )
     if getattr(model, "use_sde", False):
-        raise PolicyError(
-            "the model explores by gSDE (use_sde=True), which changes its actor: train "
-            "with use_sde=False"
-        )
+        raise PolicyError(EXPLORES_BY_SDE)
     read = _from_sbx if hasattr(policy, "actor_state") else _from_torch
     layers, activation, output = read(model)
     if activation not in ACTIVATIONS:
@@ -86,7 +87,7 @@ def _name_of(activation: Any) -> str:
 
 def _features(kind: type) -> PolicyError:
     return PolicyError(
-        f"the model has the features extractor {kind.__name__}; {_ADVICE}"
+        f"the model has the features extractor {kind.__name__}; {ADVICE}"
     )
 
 
@@ -104,7 +105,7 @@ def _from_torch(model: Any) -> tuple[list[Layer], str, str]:
         head = policy.actor.mu
         modules = [*latent, *(head if isinstance(head, nn.Sequential) else [head])]
     else:
-        raise PolicyError(f"a {type(policy).__name__} has no actor; {_ADVICE}")
+        raise PolicyError(f"a {type(policy).__name__} has no actor; {ADVICE}")
     if policy.squash_output and modules and isinstance(modules[-1], nn.Tanh):
         modules.pop()
     dense, between = modules[::2], modules[1::2]
@@ -112,11 +113,11 @@ def _from_torch(model: Any) -> tuple[list[Layer], str, str]:
     for module in dense:
         if type(module) is not nn.Linear:
             raise PolicyError(
-                f"the model's actor has a {type(module).__name__}; {_ADVICE}"
+                f"the model's actor has a {type(module).__name__}; {ADVICE}"
             )
         weight, bias = module.weight, module.bias
         if bias is None:
-            raise PolicyError(f"the model's actor has a layer without bias; {_ADVICE}")
+            raise PolicyError(f"the model's actor has a layer without bias; {ADVICE}")
         layers.append((weight.detach().cpu().numpy().T, bias.detach().cpu().numpy()))
     names = sorted({type(module).__name__.lower() for module in between})
     activation = " and ".join(names) or ACTIVATIONS[0]

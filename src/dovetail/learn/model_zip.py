@@ -19,6 +19,7 @@ from dovetail.errors import (
     PolicyError,
     install_command,
 )
+from dovetail.learn.foreign_actor import ADVICE, EXPLORES_BY_SDE
 from dovetail.reading import TEXT_BYTES, parse_json, read_bytes
 
 ZIP_BYTES = 200_000_000
@@ -74,10 +75,7 @@ def read_facts(path: Path, env: gymnasium.Env) -> ModelFacts:
             f"{', '.join(_ALGORITHMS)}{_ELSE}"
         )
     if data.get("use_sde") is not False:
-        raise PolicyError(
-            "the model explores by gSDE (use_sde=True), which changes its actor: train "
-            "with use_sde=False"
-        )
+        raise PolicyError(EXPLORES_BY_SDE)
     _require_spaces(data, env)
     is_on_policy = "rollout_buffer_class" in data
     if is_on_policy and data.get("_last_original_obs") is not None:
@@ -89,8 +87,7 @@ def read_facts(path: Path, env: gymnasium.Env) -> ModelFacts:
     features = str(_entry(data, "policy_kwargs").get("features_extractor_class", _FLAT))
     if _FLAT not in features and features != "None":
         raise PolicyError(
-            f"the model has the features extractor {features[:80]!r}; only multilayer "
-            "perceptrons on the environment's own observation can be exported"
+            f"the model has the features extractor {features[:80]!r}; {ADVICE}"
         )
     name = _ALGORITHMS[module]
     if name == "PPO" and "clip_range" not in data:

@@ -143,12 +143,7 @@ class DynamicsConfig(Sectioned):
     @classmethod
     def of_robot(cls, robot: "Robot") -> Self:
         """Return the dynamics that a robot's model has."""
-        return cls.of(
-            inertia=robot.links.inertia_set,
-            damping=tuple(robot.motors.damping.tolist()),
-            coulomb=tuple(robot.motors.coulomb.tolist()),
-            armature=tuple(robot.motors.armature.tolist()),
-        )
+        return cls.of(inertia=robot.links.inertia_set, **robot.motors.flat())
 
     def is_compensated(self, robot: "Robot") -> bool:
         """Return True if gravity compensation by the robot's model misses no weight."""

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.poses import matrix_from_quat, quat_from_matrix
+from dovetail.poses import matrix_from_quat, quat_from_matrix, quat_from_vector
 from dovetail.robots.meshes import FACES, find_mesh, read_mesh
 from dovetail.robots.xml_file import named, numbers, shown
 from dovetail.types import Mat33, Vec3
@@ -133,12 +133,8 @@ def _colour(material: ET.Element) -> Rgba | None:
 
 def _from_rpy(angles: Vec3) -> Mat33:
     """Return the rotation by roll, pitch and yaw [rad] about fixed axes."""
-    turned = np.eye(3)
-    for axis, angle in enumerate(angles):
-        quat = np.zeros(4)
-        quat[0], quat[1 + axis] = np.cos(angle / 2.0), np.sin(angle / 2.0)
-        turned = matrix_from_quat(quat) @ turned
-    return turned
+    x, y, z = (matrix_from_quat(quat_from_vector(turn)) for turn in np.diag(angles))
+    return z @ y @ x
 
 
 def add_mesh(assets: ET.Element, name: str, drawn: Drawn) -> None:

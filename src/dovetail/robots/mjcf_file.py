@@ -67,7 +67,6 @@ def read_mjcf(root: Node, path: Path) -> RobotFile:
             for fact, words in (
                 ("damping", ("damping", "springdamper")),
                 ("armature", ("armature",)),
-                ("frictionloss", ("frictionloss",)),
             )
         },
         meshes=_name_meshes(tree, whole, path),

@@ -26,6 +26,11 @@ class Motors(ArrayFacts):
     notes: tuple[str, ...] = ()
     """Values that a robot file does not give, and those assumed instead."""
 
+    def flat(self) -> dict[str, tuple[float, ...]]:
+        """Return damping, dry friction and rotor inertia by name, as settings are."""
+        names = ("damping", "coulomb", "armature")
+        return {name: tuple(vars(self)[name].tolist()) for name in names}
+
     def __post_init__(self) -> None:
         """Refuse a negative value, by its joint."""
         super().__post_init__()

@@ -22,7 +22,7 @@ class RobotFile:
     effort: Mapping[str, float] = field(default_factory=dict)
     """Torque limits by joint [Nm], of a URDF."""
     said: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    """Joints that the file gives damping, armature, frictionloss for; "*" is all."""
+    """Joints for which the file gives damping or armature; "*" is all."""
     mimics: Mapping[str, str] = field(default_factory=dict)
     """Joints that another one moves, and which."""
     drawn: Mapping[str, list[Drawn]] = field(default_factory=dict)

@@ -59,14 +59,10 @@ def read_urdf(robot: Node, path: Path) -> RobotFile:
         velocity=known["velocity"],
         effort=known["effort"],
         said={
-            fact: frozenset(
+            "damping": frozenset(
                 name
                 for name, joint in joints.items()
-                if joint.find(f"dynamics[@{attribute}]") is not None
-            )
-            for fact, attribute in (
-                ("damping", "damping"),
-                ("frictionloss", "friction"),
+                if joint.find("dynamics[@damping]") is not None
             )
         },
         mimics={

@@ -104,16 +104,20 @@ class Workcell:
         Raises:
             ConfigError: It has no such set.
         """
-        robot = self.robot if inertia is None else self.robot.with_inertia(inertia)
+        if inertia is None:
+            return self._loaded  # one object: what is computed of it is computed once
+        return self._with_tool(self.robot.with_inertia(inertia))
+
+    @cached_property
+    def _loaded(self) -> Robot:
+        return self._with_tool(self.robot)
+
+    def _with_tool(self, robot: Robot) -> Robot:
         return robot.with_tool(
             self.payload(),
             tool_position=np.array([0.0, 0.0, self.tool.length]),
             tool_rotation=matrix_from_quat(self.tool.rotation),
         )
-
-    @cached_property
-    def _loaded(self) -> Robot:
-        return self.loaded_robot()
 
     def is_free(self, tip: Vec3, fixture: Pose, gap: float) -> bool:
         """Say whether the TCP is in free air, by the boxes around the parts.
