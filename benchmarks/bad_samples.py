@@ -68,7 +68,7 @@ class Case:
         self.arm = build_local_arm(
             find_cell(),
             TaskSpec.parse(TASK),
-            EnvConfig.of(
+            EnvConfig(
                 twin=None if plant == "mujoco" else plant,
                 period=period,
                 force_damping=FORCE_DAMPING,

@@ -60,7 +60,7 @@ def main() -> None:
     here, there = multiprocessing.Pipe()
     client = multiprocessing.Process(target=answer, args=(there,), daemon=True)
     client.start()
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         clock="lockstep",
         period=options.period,
         client=Endpoint("127.0.0.1", here.recv()),

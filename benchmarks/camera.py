@@ -16,6 +16,7 @@
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,7 +79,7 @@ def scene(
     lens: Lens, camera: Pose, fixture: Pose, number: int, source: Simulated
 ) -> NDArray[np.uint8]:
     """Return a picture with the arm out of the way."""
-    source.camera = Camera.of(
+    source.camera = Camera(
         lens=lens,
         mount="world",
         position=tuple(camera.position.tolist()),
@@ -91,7 +92,7 @@ def scene(
 def pictures(lens: Lens, count: int) -> list[tuple[NDArray[np.uint8], Pose]]:
     """Return pictures, and the fixture in the camera for each."""
     rng = np.random.default_rng(0)
-    first = Camera.of(
+    first = Camera(
         lens=lens, mount="world", position=(1.0, 0, 0), rotation=(1.0, 0, 0, 0)
     )
     source, made = Simulated(first, find_cell(), TwinCamera()), []
@@ -147,10 +148,11 @@ def found_by_hand_eye(camera: Camera, cell: Workcell, seed: int) -> Camera:
         if isinstance(sight, Sight):
             flange = cell.robot.tool_pose(shot.q)
             views.append(View(flange, sight.pose, sight.corners, sight.points))
-    found = calibrate(views, camera.lens, camera.place.mount)
+    found = calibrate(views, camera.lens, camera.mount)
     deviation = np.sqrt(np.diag(found.covariance))
     correlation = found.covariance / np.outer(deviation, deviation)
-    return camera.having(
+    return replace(
+        camera,
         position=tuple(found.camera.position.tolist()),
         rotation=tuple(found.camera.quat_wxyz.tolist()),
         deviation=tuple(deviation.tolist()),
@@ -169,7 +171,7 @@ def measure_axes(width: int, count: int, calibrations: int) -> None:
     """
     example, cell = load_camera(EXAMPLE), find_cell()
     lens = Lens.ideal(width, 3 * width // 4, 0.9375 * width)
-    believed = example.having(lens=lens)
+    believed = replace(example, lens=lens)
     rng, q = np.random.default_rng(0), cell.robot.posture("down")
     twin = load_twin("medium").camera if calibrations else TwinCamera()
     source, detector = Simulated(believed, cell, twin), Detector(Board(), lens)

@@ -8,15 +8,15 @@ continuous. Armature lies within 0.05 and 0.4 kg m2; the shipped twins' within 0
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.sections import settings_in
 from dovetail.envs.registered import find_cell
 from dovetail.identify.parameters import nominal_model
 from dovetail.plants.twin import Twin, load_twin
+from dovetail.settings import names_in
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 Array = NDArray[np.float64]
@@ -122,9 +122,10 @@ class Choices:
         mass = float(find_cell().loaded_robot(self.inertia).links.mass[6])
         scale = list(self.mass_scale)
         scale[6] += self.payload / mass
-        names = {f.name for f in fields(self)} & set(settings_in(Twin))
+        names = {f.name for f in fields(self)} & set(names_in(Twin))
         same = {name: getattr(self, name) for name in names}
-        return nominal_model().having(
+        return replace(
+            nominal_model(),
             description="random twin of the adversary in contact",
             **(same | {"mass_scale": tuple(scale)}),
             command_delay=self.delay,
@@ -184,16 +185,16 @@ def choose(vector: Array, within: Ranges) -> Choices:
         mass_scale=at.vector(1.0 - within.mass, 1.0 + within.mass, 7),
         payload=at.between(0.0, within.payload),
         gravity_residual=at.vector(-1.0, 1.0, 3),
-        damping=tuple(at.between(0.0, 3.0) * d for d in hard.arm.damping),
-        coulomb=tuple(at.between(0.0, 3.0) * c for c in hard.arm.coulomb),
+        damping=tuple(at.between(0.0, 3.0) * d for d in hard.damping),
+        coulomb=tuple(at.between(0.0, 3.0) * c for c in hard.coulomb),
         armature=tuple(at.log(0.05, 0.4) for _ in range(7)),
         delay=at.between(0.0, within.delay),
         contact_time=at.log(0.002, 0.020),
         contact_friction=at.between(0.1, 0.6),
         clearance=at.between(0.0, 0.001),
-        torque_noise=at.between(0.0, 3.0) * hard.channel.torque_noise,
-        position_noise=at.between(0.0, 3.0) * hard.channel.position_noise,
-        velocity_noise=at.between(0.0, 3.0) * hard.channel.velocity_noise,
+        torque_noise=at.between(0.0, 3.0) * hard.torque_noise,
+        position_noise=at.between(0.0, 3.0) * hard.position_noise,
+        velocity_noise=at.between(0.0, 3.0) * hard.velocity_noise,
         spring=at.log(1e3, 1e5),
         spring_pull=at.vector(-20.0, 20.0, 3),
         depth=at.between(0.003, 0.025),

@@ -32,6 +32,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, physics_steps
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
+from dovetail.settings import values_of
 
 ACTIONS = 100
 CHANGES = (
@@ -61,7 +62,7 @@ def settings_of(
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits as the environment makes them."""
     cell = replace(find_cell(), walls=walls_of(task))
-    config = EnvConfig.of(period=period, near_press=near_press)
+    config = EnvConfig(period=period, near_press=near_press)
     return having(*make_settings(cell, config, is_hardware=is_hardware), overrides)
 
 
@@ -69,13 +70,13 @@ def having(
     osc: OscConfig, limits: LimitConfig, overrides: tuple[tuple[str, Any], ...]
 ) -> tuple[OscConfig, LimitConfig]:
     """Return law and limits with other numbers, whichever of both has the name."""
-    usual = osc.flat() | limits.flat()
+    usual = values_of(osc) | values_of(limits)
     others: dict[str, Any] = {
         k: type(usual[k])(v) if k in usual and not isinstance(v, tuple) else v
         for k, v in overrides
     }
-    law = {name: others.pop(name) for name in osc.flat().keys() & others.keys()}
-    return osc.having(**law), limits.having(**others)
+    law = {name: others.pop(name) for name in values_of(osc).keys() & others.keys()}
+    return replace(osc, **law), replace(limits, **others)
 
 
 @lru_cache(maxsize=16)
@@ -143,10 +144,10 @@ class Trial:
         self.start: Start = make_start(self.rng, plant, choices)
         plant.attach_channel(
             _core.Channel(
-                delay=twin.channel.command_delay,
-                torque_noise=twin.channel.torque_noise,
-                position_noise=twin.channel.position_noise,
-                velocity_noise=twin.channel.velocity_noise,
+                delay=twin.command_delay,
+                torque_noise=twin.torque_noise,
+                position_noise=twin.position_noise,
+                velocity_noise=twin.velocity_noise,
                 seed=int(self.rng.integers(1 << 31)),
             )
         )
@@ -301,12 +302,12 @@ class Trial:
     def _statics(self, q: Array) -> tuple[Array, Array, Array]:
         """Return the missed weight as f*, Lambda and J, rotations scaled by L."""
         J = self.chain.jacobian(q)
-        J[3:] *= self.osc.task_inertia.length_scale
+        J[3:] *= self.osc.length_scale
         M = self.chain.inertia_matrix(q)
         M[np.diag_indices(7)] += ARMATURE
         Minv_JT = np.linalg.solve(M, J.T)
         values, vectors = np.linalg.eigh(J @ Minv_JT)
-        Lambda = (vectors / np.maximum(values, self.osc.task_inertia.s0)) @ vectors.T
+        Lambda = (vectors / np.maximum(values, self.osc.s0)) @ vectors.T
         missed = self.chain.gravity(q) - self.true_chain.gravity(q)
         return Minv_JT.T @ missed, Lambda, J
 
@@ -314,16 +315,16 @@ class Trial:
         """Tell the judge the resting push."""
         joint, f = np.zeros(7), np.zeros(6)
         if target.joint_mode:
-            joint = self.osc.joints.joint_stiffness * (target.q_d - self.latched_q)
-            ddq_max = self.limits.joints.ddq_max
+            joint = self.osc.joint_stiffness * (target.q_d - self.latched_q)
+            ddq_max = self.limits.ddq_max
             joint = np.clip(joint, -ddq_max, ddq_max)
         else:
             e = rotation_error(self.hold.quat_wxyz, self.latched.quat_wxyz)
             e[2] = rotation_error(target.quat_wxyz_d, self.latched.quat_wxyz)[2]
-            clamp = self.osc.clamps.error_clamp_rotation
+            clamp = self.osc.error_clamp_rotation
             e *= min(1.0, clamp / max(float(np.linalg.norm(e)), 1e-9))
             f = np.array(target.f_star)
-            f[3:] = self.osc.task_inertia.length_scale * self.osc.axes.stiffness[3:] * e
+            f[3:] = self.osc.length_scale * self.osc.stiffness[3:] * e
         forces = []
         for weight, Lambda, J in (self._statics(self.plant.data.qpos), self.at_start):
             asked = J @ joint if target.joint_mode else f

@@ -220,10 +220,10 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
 
     begin = time.process_time()
     with prepared(config) as run:
-        seed_run(run.model, config.runs.seed, 0)
+        seed_run(run.model, config.seed, 0)
         run.model.set_logger(configure(None, []))
         pretrain(run.model, config)
-        run.model.learn(config.length.steps, callback=Test())
+        run.model.learn(config.steps, callback=Test())
     test.close()
     is_learned = bool(tests) and tests[-1][1] >= 0.99 * episodes
     return {
@@ -263,7 +263,7 @@ def main() -> None:
         for seed in given.seeds:
             print(f"  seed {seed}, {name}", flush=True)
             folder = out / f"{name}-{seed}"
-            config = TrainConfig.of(
+            config = TrainConfig(
                 out=folder,
                 seed=seed,
                 steps=given.steps,

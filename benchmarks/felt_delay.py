@@ -6,6 +6,7 @@ Each joint is pushed for two seconds; a line for each twin and period.
 """
 
 import argparse
+from dataclasses import replace
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
@@ -23,11 +24,11 @@ DELAYS = (0.0, 0.002, 0.005, 0.008, 0.010, 0.015)
 
 def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, float]:
     """Return the simulated and the measured delay [s]."""
-    config = load_twin(twin).having(command_delay=delay, seed=seed)
+    config = replace(load_twin(twin), command_delay=delay, seed=seed)
     arm = build_local_arm(
         find_cell(),
         TaskSpec.parse("XYZABC:hold"),
-        EnvConfig.of(twin=config, period=period, force_damping=0.0),
+        EnvConfig(twin=config, period=period, force_damping=0.0),
     )
     osc, limits = quiet(arm.facts.osc, arm.facts.limits)
     robot = arm.facts.robot
@@ -35,10 +36,10 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
     q = robot.inverse_kinematics(START, robot.posture("rest"))
     felt.reset(q, FIXTURE)
     step = simulated_step(period)
-    rotors = limits.prediction.armature
+    rotors = limits.armature
     feeling = feel_arm(felt, q, rotors, integration_step=step, seed=seed)
     felt.close()
-    return config.channel.command_delay, feeling.delay.delay
+    return config.command_delay, feeling.delay.delay
 
 
 def main() -> None:

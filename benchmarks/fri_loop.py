@@ -45,7 +45,7 @@ def run_cabinet(options: argparse.Namespace, pipe: Connection) -> None:
     else:
         plant = TwinPlant(load_twin(options.plant), cell)
     plant.reset(Q_SEED, HOLE)
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         clock=options.clock,
         period=options.period,
         client=Endpoint(LOOPBACK, pipe.recv()),
@@ -85,7 +85,7 @@ def main() -> None:
     process.start()
     here.send(options.port)
     robot = find_cell().loaded_robot()
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK,
         port=options.port,
         clock=options.clock,

@@ -99,7 +99,7 @@ class Case:
             probe.bind((HOST, 0))
             port = probe.getsockname()[1]
         own = Endpoint(HOST, 0)
-        config = CabinetConfig.of(
+        config = CabinetConfig(
             period=period,
             clock="lockstep",
             client=Endpoint(HOST, port),
@@ -117,7 +117,7 @@ class Case:
             task=TaskSpec.parse(TASK),
             period=period,
         )
-        address = FriAddress.of(
+        address = FriAddress(
             host=HOST,
             port=port,
             clock="lockstep",

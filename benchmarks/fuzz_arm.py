@@ -62,7 +62,7 @@ def main() -> None:
         task=TaskSpec.parse("XYZ:force A:pose BC:hold"),
         period=PERIOD,
     )
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK, port=port, clock="lockstep", control=here.recv()
     )
     arm = FriArm(address, robot, settings, log_folder=None)

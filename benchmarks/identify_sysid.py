@@ -103,9 +103,7 @@ def with_sysid(
 def with_dovetail(log: Path, parameters: str, plant: str, out: Path, seed: int) -> Fit:
     """Fit with CMA-ES."""
     begin = time.perf_counter()
-    config = FitConfig.of(
-        log=log, plant=plant, parameters=parameters, out=out, seed=seed
-    )
+    config = FitConfig(log=log, plant=plant, parameters=parameters, out=out, seed=seed)
     result = fit(config, QUIET)
     seconds = time.perf_counter() - begin
     chosen = ParameterSet.parse(parameters)
@@ -131,7 +129,7 @@ def main() -> None:
         for name, seed in (("log", 0), ("held_out", 1)):
             if getattr(arguments, name) is None:
                 path, arm = Path(folder) / name, f"twin:{arguments.twin}"
-                record(RecordConfig.of(arm=arm, out=path, seed=seed), QUIET)
+                record(RecordConfig(arm=arm, out=path, seed=seed), QUIET)
                 log, held_out = (path, held_out) if name == "log" else (log, path)
         fits = {
             "dovetail, CMA-ES": with_dovetail(

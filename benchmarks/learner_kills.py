@@ -135,7 +135,7 @@ def run(kills: int, twin: str, realtime: bool) -> None:
 
     def make(settings: ControllerSettings) -> FriArm:
         control = f"127.0.0.1:{port + 2}"
-        address = FriAddress.of(
+        address = FriAddress(
             host="127.0.0.1", port=port, control=control, realtime=realtime
         )
         return FriArm(address, cell.loaded_robot(), settings, log_folder=None)

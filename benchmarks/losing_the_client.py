@@ -118,7 +118,7 @@ def run_client(
         task=TaskSpec.parse(TASK),
         period=period,
     )
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK,
         port=port,
         clock="wall" if clock == "wall" else "lockstep",
@@ -172,7 +172,7 @@ def lose(
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "events.jsonl"
         client_port = 30209
-        config = CabinetConfig.of(
+        config = CabinetConfig(
             period=period,
             clock=clock,
             patience=0.2,
@@ -212,7 +212,7 @@ def _lose(
         if client.poll() is not None or time.monotonic() > end:
             raise NoMotionError(cabinet.status())
         time.sleep(0.0005)
-    time.sleep(cabinet.config.pace.period * rng.random())
+    time.sleep(cabinet.period * rng.random())
     speed, lost = plant.speed(), time.monotonic()
     if cause == "cable":
         cabinet.request({"do": "fault", "text": "loss=1"})
@@ -228,10 +228,10 @@ def _lose(
     if len(stops) != 1 or samples[-1].clock < lost:
         raise NoMotionError(cabinet.status())
     (stop,) = stops
-    period = cabinet.config.pace.period
+    period = cabinet.period
     begin = stop["time"] - (cabinet.config.stop_misses - 1) * period
     first = _index(samples, begin)  # the arm, as the first command is missing
-    if cabinet.config.pace.clock == "wall":
+    if cabinet.config.clock == "wall":
         # A signal takes its time: a client that still answers is not lost.
         lost = max(lost, samples[_index(samples, begin - period)].clock)
         first = next(i for i, s in enumerate(samples) if s.clock >= lost)
@@ -241,7 +241,7 @@ def _lose(
     times = np.diff([s.time for s in samples])
     rest = 1 + int(np.flatnonzero(steps / times > AT_REST)[-1])
     arm_rest = samples[rest].time - samples[first].time
-    if cabinet.config.pace.clock == "wall":
+    if cabinet.config.clock == "wall":
         duration = samples[rest].clock - lost
     else:
         duration = arm_rest

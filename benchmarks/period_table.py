@@ -22,6 +22,7 @@ import argparse
 import json
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import cache
 from itertools import groupby, product
 from multiprocessing import get_context
@@ -50,7 +51,7 @@ PERIODS = (1.0, 2.0, 2.5, 5.0)
 """Control periods [ms]."""
 IDEAL = {
     "none": None,
-    "stiff": DynamicsConfig.of(contact_time=2e-3),
+    "stiff": DynamicsConfig(contact_time=2e-3),
 }
 """Grounds without a twin: MuJoCo as it is, and with contacts as stiff as at 1 ms."""
 HEAVY = {
@@ -108,7 +109,7 @@ class Try(NamedTuple):
 
 def find_twin(name: str) -> Twin:
     """Return a shipped twin, or `heavy`."""
-    return load_twin("medium").having(**HEAVY) if name == "heavy" else load_twin(name)
+    return replace(load_twin("medium"), **HEAVY) if name == "heavy" else load_twin(name)
 
 
 @cache
@@ -137,9 +138,9 @@ def _rebuild(env: Any, cell: Cell) -> None:
             facts.robot,
             facts.period,
             hardware=False,
-            x_min=limits.tool.x_min,
-            x_max=limits.tool.x_max,
-            dx_max=limits.tool.dx_max,
+            x_min=limits.x_min,
+            x_max=limits.x_max,
+            dx_max=limits.dx_max,
             **vars(limits.approach),
         )
     osc, limits = having(facts.osc, limits, cell.others)

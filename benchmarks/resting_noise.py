@@ -53,7 +53,7 @@ def build(
     if path == "fri":
         return build_behind_fri(plant, cell, period)
     twin = None if plant == "mujoco" else plant
-    arm = build_local_arm(cell, TASK, EnvConfig.of(twin=twin, period=period))
+    arm = build_local_arm(cell, TASK, EnvConfig(twin=twin, period=period))
     if path == "measured":
         return arm, None
     body = cast("Plant", EncoderPlant(arm.plant, period))
@@ -77,9 +77,9 @@ def build_behind_fri(
     )
     process.start()
     here.send(port)
-    osc, limits = make_settings(cell, EnvConfig.of(period=period))
+    osc, limits = make_settings(cell, EnvConfig(period=period))
     settings = ControllerSettings(osc=osc, limits=limits, task=TASK, period=period)
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK, port=port, clock="lockstep", control=here.recv()
     )
     arm = FriArm(address, cell.loaded_robot(), settings, log_folder=None)

@@ -9,6 +9,7 @@ a policy with it and without.
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -27,7 +28,7 @@ from dovetail.types import Array
 def without_friction(twin: Twin) -> Twin:
     """Return the twin without dry friction and noise."""
     silent = {"torque_noise": 0.0, "position_noise": 0.0, "velocity_noise": 0.0}
-    return twin.having(coulomb=(0.0,) * 7, **silent)
+    return replace(twin, coulomb=(0.0,) * 7, **silent)
 
 
 def tares(twin: Twin, jobs: list[Job]) -> Array:
@@ -44,7 +45,7 @@ def tares(twin: Twin, jobs: list[Job]) -> Array:
 def successes(policy: str, twin: str, *, tare: bool, tries: int) -> str:
     """Return how many tries of a policy inserted."""
     with tempfile.TemporaryDirectory() as folder:
-        config = EvaluationConfig.of(
+        config = EvaluationConfig(
             policy=policy,
             twin=twin,
             tare=tare,

@@ -107,7 +107,7 @@ class Ours:
         self.controller = make_controller(robot, osc, limits, f"XYZABC:{mode}", period)
         self.chain, self.period = robot.chain(), period
         self.kind, self.lost = kind, np.zeros(6)
-        self.armature = np.diag(limits.prediction.armature)
+        self.armature = np.diag(limits.armature)
 
     def reset(self, q: Vec7) -> None:
         """Begin at rest at q [rad]; that is the pose to hold, too."""

@@ -33,6 +33,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -104,7 +105,7 @@ class Predictor:
 def settings(options: argparse.Namespace, seed: int) -> TrainConfig:
     """Return the settings of ours."""
     given = {"clearance": options.clearance}
-    return TrainConfig.of(
+    return TrainConfig(
         task_options=TaskOptions(**given),
         seed=seed,
         steps=options.steps,
@@ -119,10 +120,10 @@ def make_peer(name: str, config: TrainConfig, env: Any, stop: Stop) -> Any:
     import sbx
     import stable_baselines3
 
-    learner, gradient = config.learner, config.learner.gradient
+    learner, gradient = config.learner, config.gradient
 
     def rate(remaining: float) -> float:
-        share = stop.rate(round(config.length.steps * (1.0 - remaining)))
+        share = stop.rate(round(config.steps * (1.0 - remaining)))
         falling = falling_rate(gradient.full_rate, gradient.final_rate, remaining)
         return min(falling, gradient.full_rate * share)
 
@@ -137,14 +138,14 @@ def make_peer(name: str, config: TrainConfig, env: Any, stop: Stop) -> Any:
         gamma=learner.returns.gamma,
         batch_size=gradient.batch_size,
         tau=gradient.tau,
-        buffer_size=config.length.steps + config.runs.num_envs,
-        learning_starts=config.teaching.learning_starts,
+        buffer_size=config.steps + config.num_envs,
+        learning_starts=config.learning_starts,
         n_steps=learner.returns.n_steps,
         train_freq=1,
         gradient_steps=config.gradient_steps,
         ent_coef=learner.entropy_coefficient(),
         policy_kwargs=networks,
-        seed=derive_seed(config.runs.seed),
+        seed=derive_seed(config.seed),
         device="cpu",
     )
 
@@ -160,7 +161,7 @@ def train_peer(name: str, config: TrainConfig, folder: Path) -> dict[str, Any]:
     stop, stage = Stop(config), stage_of(exam)
     model = make_peer(name, config, env, stop)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-    env._seeds = [derive_seed(config.runs.seed, 0, 2, i) for i in range(env.num_envs)]
+    env._seeds = [derive_seed(config.seed, 0, 2, i) for i in range(env.num_envs)]
 
     def is_passed() -> bool:
         step, actor = int(model.num_timesteps), Predictor(model)
@@ -173,19 +174,19 @@ def train_peer(name: str, config: TrainConfig, folder: Path) -> dict[str, Any]:
     watch = Stopwatch(0.0, 0, lambda: int(model._n_updates))
     log = EpisodeLog(folder / "progress.csv", 0)
     model.learn(
-        config.length.steps,
+        config.steps,
         callback=Recorder(
             log,
             watch,
             lambda status: None,
             lambda: None,
-            config.runs.checkpoint_interval,
+            config.checkpoint_interval,
             stop,
             is_passed,
         ),
     )
     trained = watch.elapsed()
-    found = assess(Predictor(model), config.runs.eval_episodes, stage)
+    found = assess(Predictor(model), config.eval_episodes, stage)
     for vec in (env, exam):
         vec.close()
     log.close()
@@ -281,7 +282,7 @@ def main() -> None:
     folder = options.out or Path(tempfile.mkdtemp())
     if options.only:
         config = settings(options, options.seeds[0])
-        config = config.having(**PEERS[options.only])
+        config = replace(config, **PEERS[options.only])
         found = train_peer(options.only, config, folder)
         (folder / "figures.json").write_text(json.dumps(found))
         return

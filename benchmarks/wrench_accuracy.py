@@ -64,7 +64,7 @@ def measure(name: str, period: float) -> Told:
     plant = parse_address(name).make_plant(cell)
     assert plant is not None
     robot = cell.loaded_robot()
-    settings = make_settings(cell, EnvConfig.of(period=period))
+    settings = make_settings(cell, EnvConfig(period=period))
     task = TaskSpec.parse("XYZ:force A:pose BC:hold")
     arm = LocalArm(plant, robot, *settings, task, period)
 

@@ -20,11 +20,9 @@ def main() -> None:
     out = args.out or Path(tempfile.mkdtemp()) / "run"
 
     options = TaskOptions(clearance=0.001)
-    config = TrainConfig.of(
-        out=out, task_options=options, steps=20_000, eval_episodes=50
-    )
+    config = TrainConfig(out=out, task_options=options, steps=20_000, eval_episodes=50)
     if args.quick:
-        config = TrainConfig.of(
+        config = TrainConfig(
             out=out, steps=300, learning_starts=100, eval_episodes=1, max_steps=20
         )
     (result,) = train(config)

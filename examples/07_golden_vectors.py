@@ -23,6 +23,7 @@ from dovetail import (
     quat_multiply,
     quat_normalized,
 )
+from dovetail.settings import values_of
 
 FILE = Path(__file__).with_name("golden.json")
 PERIOD = 0.001  # s
@@ -97,7 +98,7 @@ def plain(config: OscConfig | LimitConfig) -> dict[str, Any]:
     """Return settings as JSON knows them."""
     return {
         name: value if isinstance(value, str | bool) else np.asarray(value).tolist()
-        for name, value in config.flat().items()
+        for name, value in values_of(config).items()
     }
 
 

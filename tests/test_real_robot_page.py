@@ -75,9 +75,9 @@ def robot(words):
     port = free_port()
     with make_cabinet(plant, port, period, clock="lockstep") as cabinet:
         text = f"fri://{LOOPBACK}:{port}?period={1e3 * period:g}ms&clock=lockstep"
-        if address.cabinet.control is not None:
+        if address.control is not None:
             text += f"&control={cabinet.control_address}"
-        text += f"&reset={address.start.reset}"
+        text += f"&reset={address.reset}"
         yield [*words[:index], text, *words[index + 1 :]]
     plant.close()
 

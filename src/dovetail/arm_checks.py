@@ -6,7 +6,8 @@ checks of delay, springs and gravity error are in `arm_feel`.
 
 import math
 from collections.abc import Callable, Iterator
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -86,7 +87,7 @@ class Rest(NamedTuple):
 def run_arm_checks(
     address: FriAddress,
     ask: Ask | None,
-    declared: dict[str, float] | None = None,
+    declared: dict[str, Any] | None = None,
     robot: str = DEFAULT_ROBOT,
 ) -> Iterator[Check]:
     """Yield every check of an arm behind a cabinet as soon as it is done.
@@ -109,7 +110,7 @@ def run_arm_checks(
         return
     period, declared = address.period or DEFAULT_PERIOD, declared or DECLARED
     cell = find_cell(robot=robot)
-    config = EnvConfig.of(period=period, force_damping=0.0, **declared)
+    config = EnvConfig(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config, is_hardware=address.margins == "hardware")
     arm = _build(address, cell, *quiet(osc, limits), period)
     try:
@@ -145,14 +146,14 @@ def _build(
 ) -> FriArm:
     task = TaskSpec.parse("XYZABC:hold")
     # The checks find out whether the measured torque follows the commanded one.
-    timeout = address.pace.target_timeout
+    timeout = address.target_timeout
     watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
     return build_arm(address, cell, settings, watchdog)
 
 
 def _checks_in_motion(
-    arm: FriArm, address: FriAddress, ask: Ask | None, declared: dict[str, float]
+    arm: FriArm, address: FriAddress, ask: Ask | None, declared: dict[str, Any]
 ) -> Iterator[Check]:
     yield check_period_proven(arm.facts.period)
     rest = hold(arm, arm.monitoring().q, HOLD_TIME)
@@ -163,7 +164,7 @@ def _checks_in_motion(
     if not _may(ask, f"Every joint will be pushed to and fro, and {turns}"):
         return
     limits, is_simulated = arm.facts.limits, arm.facts.traits.is_simulated
-    rotors = limits.prediction.armature
+    rotors = limits.armature
     yield from feel_checks(
         arm,
         rest.q,
@@ -185,7 +186,7 @@ def _hold_as_configured(
     period: float,
 ) -> Check:
     """Hold the arm where it stands with a task's settings, walls apart."""
-    arm = _build(address, cell, osc, limits.having(walls=False), period)
+    arm = _build(address, cell, osc, replace(limits, walls=False), period)
     try:
         arm.connect()
         return check_as_configured(arm, lambda: last_words(arm, is_resting=True))
@@ -199,7 +200,7 @@ def check_connection(arm: FriArm, address: FriAddress) -> Check:
     return Check(
         "connection",
         "ok",
-        f"FRI {address.cabinet.version} from {statistics['peer']}, "
+        f"FRI {address.version} from {statistics['peer']}, "
         f"{state.send_period} ms x {state.multiplier}, {_MODES[state.operation_mode]}, "
         f"quality {_QUALITIES[state.quality]}",
     )
@@ -243,7 +244,7 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
     detail = f"{scale:+.2f} times the model's ({_list(rest.measured - gravity)} Nm off)"
     low, high = GRAVITY_SCALE
     if scale < 0.0:
-        other = -address.cabinet.measured_sign
+        other = -address.measured_sign
         return Check(
             name,
             "broken",
@@ -255,7 +256,7 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
     return Check(name, "ok", detail)
 
 
-def check_drift(arm: FriArm, rest: Rest, declared: dict[str, float]) -> Check:
+def check_drift(arm: FriArm, rest: Rest, declared: dict[str, Any]) -> Check:
     """Look at drift and external torque, which is missed gravity, of the held arm."""
     allowed = allowed_gravity_error(arm.facts.robot, rest.q, declared)
     share = np.abs(rest.external) / allowed
@@ -325,8 +326,8 @@ def check_push(arm: FriArm, q: Vec7, address: FriAddress, ask: Ask | None) -> Ch
     """See that a push away from the base is felt as one."""
     name = "push, external torque"
     before = hold(arm, q, 1.0).external
-    if address.cabinet.control is not None:
-        _push_simulated(address.cabinet.control)
+    if address.control is not None:
+        _push_simulated(address.control)
     elif not _may(
         ask, f"Push the gripper away from the base for {PUSH_TIME:g} s", False
     ):
@@ -346,7 +347,7 @@ def check_push(arm: FriArm, q: Vec7, address: FriAddress, ask: Ask | None) -> Ch
             name,
             "broken",
             f"{detail}, towards the base: add external_sign="
-            f"{-address.cabinet.external_sign} to the address",
+            f"{-address.external_sign} to the address",
         )
     if force[0] < 0.5 * largest:
         return Check(name, "broken", f"{detail}, not away from the base: push again")

@@ -59,7 +59,7 @@ def feel_checks(
     Raises:
         ArmError: The arm was stopped, or the motion ended.
     """
-    rotors = limits.prediction.armature
+    rotors = limits.armature
     feeling = feel_arm(arm, q, rotors, integration_step=integration_step)
     yield check_delay(feeling, declared)
     if spring is not None:

@@ -65,9 +65,9 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
     frames = watched.frames
     if not frames:
         words = "gives no picture: is it plugged in, and free?"
-        yield Check("camera", "broken", f"{camera.pictures.source} {words}")
+        yield Check("camera", "broken", f"{camera.source} {words}")
         return
-    yield Check("camera", "ok", f"{camera.pictures.source}, {len(frames)} pictures")
+    yield Check("camera", "ok", f"{camera.source}, {len(frames)} pictures")
     shape, lens = frames[0].picture.shape, camera.lens
     is_size = shape == (lens.height, lens.width)
     size = f"{shape[1]} x {shape[0]} pixels, calibrated at {lens.width} x {lens.height}"
@@ -76,7 +76,7 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
     if not is_size:
         return
     yield check_rate(camera, watched.arrival)
-    detector = Detector(camera.board, lens, camera.pictures.edge_noise)
+    detector = Detector(camera.board, lens, camera.edge_noise)
     sights = [detector.find(frame.picture) for frame in frames]
     seen = [i for i, sight in enumerate(sights) if isinstance(sight, Sight)]
     looks = zip(frames, sights, strict=True)
@@ -121,8 +121,8 @@ def check_rate(camera: Camera, arrival: list[float]) -> Check:
     if len(arrival) < 3 or span <= 0.0:
         return Check("rate", "broken", "fewer than 3 pictures came; see its cable")
     rate = (len(arrival) - 1) / span
-    is_ok = abs(rate / camera.pictures.rate - 1.0) <= RATE_OFF
-    words = f"{rate:.1f} 1/s, the file says {camera.pictures.rate:g} +- {RATE_OFF:.0%}"
+    is_ok = abs(rate / camera.rate - 1.0) <= RATE_OFF
+    words = f"{rate:.1f} 1/s, the file says {camera.rate:g} +- {RATE_OFF:.0%}"
     advice = "" if is_ok else ": more light, a shorter exposure, or correct the file"
     return _check("rate", is_ok, words + advice)
 
@@ -162,7 +162,7 @@ def check_delay(
         return Check("delay", "broken", "the board was seen too seldom to tell")
     felt = fit_delay(np.array(watched.time), np.array(watched.way), arrival, places)
     if not MOVED[0] <= felt.moved <= MOVED[1]:
-        is_beside = camera.place.mount == "world"
+        is_beside = camera.mount == "world"
         carries = "the tool is to hold the board" if is_beside else ""
         return Check(
             "delay",
@@ -172,11 +172,11 @@ def check_delay(
         )
     words = (
         f"{1e3 * felt.delay:.1f} +- {1.96e3 * felt.deviation:.1f} ms (95 %), the file "
-        f"says {1e3 * camera.pictures.delay:g} +- {1e3 * DELAY_OFF:g}"
+        f"says {1e3 * camera.delay:g} +- {1e3 * DELAY_OFF:g}"
     )
     if felt.deviation > UNSURE or felt.delay >= LONGEST - 0.002:
         return Check("delay", "broken", f"{words}: not sure; more light, and again")
-    is_ok = abs(felt.delay - camera.pictures.delay) <= DELAY_OFF
+    is_ok = abs(felt.delay - camera.delay) <= DELAY_OFF
     advice = "" if is_ok else f": write delay = {felt.delay:.3f} into the file"
     return _check("delay", is_ok, words + advice)
 

@@ -58,9 +58,9 @@ def run_camera_checks(
         ConfigError: A recording, which has no time; or an arm that cannot be moved.
         DovetailError: Camera or arm cannot be had.
     """
-    if camera.pictures.source.startswith("folder:"):
+    if camera.source.startswith("folder:"):
         raise ConfigError(
-            f"{camera.pictures.source} is a recording: it has no rate and no delay; "
+            f"{camera.source} is a recording: it has no rate and no delay; "
             "give the file the source device:NUMBER"
         )
     if address is None and camera.is_simulated:
@@ -104,7 +104,7 @@ def _watch_with_arm(
     period: float,
     source: ImageSource,
 ) -> Watched:
-    arm = build_arm(address, cell, TaskSpec.parse(TASK), EnvConfig.of(period=period))
+    arm = build_arm(address, cell, TaskSpec.parse(TASK), EnvConfig(period=period))
     try:
         q = _begin(arm, camera, cell)
         return watch_moving(arm, source, q, lambda q: board_of(camera, cell, q))

@@ -149,7 +149,7 @@ def _check_agreement(engine: str) -> str:
 
     cell = find_cell()
     zeros = (0.0,) * 7
-    free = DynamicsConfig.of(
+    free = DynamicsConfig(
         damping=zeros, armature=zeros, gravity_compensation=False, physics_dt=_DT
     )
     plant = make_plant(engine, cell, free)

@@ -1,6 +1,7 @@
 """Feel a simulated arm of this process, as the doctor feels one behind a cabinet."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +28,7 @@ START = Pose(np.array([0.60, 0.0, 0.20]), tool_down(0.0))
 
 
 def run_local_checks(
-    plant: Plant, period: float, declared: dict[str, float]
+    plant: Plant, period: float, declared: dict[str, Any]
 ) -> Iterator[Check]:
     """Yield every check of a simulated arm, over the table, as soon as it is done.
 
@@ -41,7 +42,7 @@ def run_local_checks(
     """
     yield check_period_proven(period)
     cell, task = plant.cell, TaskSpec.parse("XYZABC:hold")
-    config = EnvConfig.of(period=period, force_damping=0.0, **declared)
+    config = EnvConfig(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config)
     robot = cell.loaded_robot()
     q = robot.inverse_kinematics(START, robot.posture("rest"))

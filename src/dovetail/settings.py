@@ -8,7 +8,15 @@ import operator
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, fields
 from functools import wraps
-from typing import Annotated, Any, TypeVar, dataclass_transform, get_args, get_origin
+from typing import (
+    Annotated,
+    Any,
+    TypeVar,
+    cast,
+    dataclass_transform,
+    get_args,
+    get_origin,
+)
 
 import numpy as np
 from pydantic import ConfigDict, GetCoreSchemaHandler, ValidationError, ValidationInfo
@@ -46,8 +54,8 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
             except ValidationError as error:
                 raise _as_config_error(error, made, owner) from error
 
-        setattr(made, "__init__", init)
-        return made
+        made.__init__ = init
+        return cast(type[T], made)
 
     return make
 
@@ -180,9 +188,7 @@ def in_range(name: str, value: Any, allowed: Range) -> Any:
     for i, x in enumerate(np.atleast_1d(array)):
         if not allowed.low <= x <= allowed.high:  # false for nan, too
             element = f"{name}[{labels[i]}]" if labels else name
-            raise wrong(
-                f"{element} is {x:g}{said}; allowed: {span}", element, float(x)
-            )
+            raise wrong(f"{element} is {x:g}{said}; allowed: {span}", element, float(x))
     if not labels:
         return float(array)
     array.setflags(write=False)
@@ -234,4 +240,3 @@ def _describe(found: list[Any], name: str) -> str:
         )
     )
     return f"{name} is {first['input']!r}; needed: {wanted}"
-

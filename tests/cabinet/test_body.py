@@ -19,7 +19,7 @@ from dovetail.poses import Pose
 from .conftest import FIXTURE, Q_START, LightPlant
 
 PERIOD = 0.005
-STILL = DynamicsConfig.of(damping=(0.0,) * 7)
+STILL = DynamicsConfig(damping=(0.0,) * 7)
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def plant():
 
 
 def released(plant, **changes):
-    body = Body(plant, CabinetConfig.of(**changes))
+    body = Body(plant, CabinetConfig(**changes))
     body.release()
     return body
 
@@ -118,7 +118,7 @@ def test_the_arm_on_the_wire_leans_as_the_real_one_does(plant):
 
 @pytest.mark.parametrize("state", ["braked", "held"])
 def test_an_external_push_is_seen_in_its_own_direction(plant, state):
-    body = Body(plant, CabinetConfig.of(stiffness=(2000.0,) * 7, damping=(1.0,) * 7))
+    body = Body(plant, CabinetConfig(stiffness=(2000.0,) * 7, damping=(1.0,) * 7))
     force = np.array([0.0, 20.0, 0.0])
     wanted = plant.robot.chain().jacobian(Q_START)[:3].T @ force
     body.push(force, 10.0)
@@ -267,7 +267,7 @@ def test_every_twin_follows_a_joint_sine_as_late_as_its_wire_is(
 ):
     plant = TwinPlant(load_twin(twin), find_cell())
     plant.reset(Q_START, FIXTURE)
-    config = CabinetConfig.of(mode="position", period=period)
+    config = CabinetConfig(mode="position", period=period)
     body = released(plant, mode="position", period=period)
     policy = CommandPolicy(config, plant.robot)
     policy.begin(Q_START.tolist())

@@ -48,7 +48,7 @@ def test_a_port_out_of_range_is_refused():
 
 @pytest.mark.parametrize("period_ms", [1, 2, 5, 10, 100])
 def test_whole_milliseconds_are_periods(period_ms):
-    pace = CabinetConfig.of(period=1e-3 * period_ms).pace
+    pace = CabinetConfig(period=1e-3 * period_ms).pace
     assert pace.period_ms == period_ms
     assert pace.period == 1e-3 * period_ms
 
@@ -79,7 +79,7 @@ def test_whole_milliseconds_are_periods(period_ms):
 )
 def test_settings_out_of_range_are_refused_by_name(change, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
-        CabinetConfig.of(**change)
+        CabinetConfig(**change)
 
 
 def test_signals_are_read():
@@ -115,7 +115,7 @@ def test_a_wrong_signal_is_refused(text, message):
 )
 def test_signals_that_a_message_cannot_carry_are_refused(texts, message):
     with pytest.raises(ConfigError, match=message):
-        CabinetConfig.of(io=tuple(parse_signal(text) for text in texts))
+        CabinetConfig(io=tuple(parse_signal(text) for text in texts))
 
 
 @pytest.mark.parametrize(

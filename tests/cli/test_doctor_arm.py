@@ -1,6 +1,7 @@
 """The doctor at an arm's first power-on, played by a simulated cabinet."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -106,7 +107,7 @@ def test_the_wrong_sign_of_the_external_torque_is_found():
 
 
 def test_a_wrong_load_shows_in_the_external_torque():
-    heavy = DynamicsConfig.of(mass_scale=(1.0,) * 6 + (3.0,))
+    heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (3.0,))
     with cabinet(heavy) as address:
         check = check_at(address, "hold")
     assert check.status == "broken"
@@ -172,7 +173,7 @@ def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
 
 
 def test_a_delay_outside_the_table_is_refused_whatever_is_declared(tmp_path):
-    late = load_twin("easy").having(command_delay=0.015)
+    late = replace(load_twin("easy"), command_delay=0.015)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     check = check_of(
@@ -243,13 +244,13 @@ def test_a_period_outside_the_table_is_named():
 @pytest.mark.parametrize(("delay", "is_let_go"), [(0.028, False), (0.03, True)])
 def test_an_arm_that_oscillates_at_rest_is_said_to(tmp_path, delay, is_let_go):
     """28 ms of delay are held, trembling; with 30 ms at 1 ms it is let go of."""
-    late = load_twin("easy").having(command_delay=delay)
+    late = replace(load_twin("easy"), command_delay=delay)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     arm = build_local_arm(
         find_cell(),
         TaskSpec.parse("XYZABC:hold"),
-        EnvConfig.of(twin=path, period=0.001, force_damping=0.0),
+        EnvConfig(twin=path, period=0.001, force_damping=0.0),
     )
     q = arm.facts.robot.inverse_kinematics(START, Q_SEED)
     arm.reset(q, HOLE)

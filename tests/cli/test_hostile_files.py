@@ -562,7 +562,7 @@ def add_runs(cases):
     need("sbx")
     resume = lambda file: ("train", "--resume", "--out", file.parent)  # noqa: E731
     cases.add_all("run", "config.json", resume, anywhere() | JSONS)
-    settings = json.dumps(TrainConfig.of().to_json())
+    settings = json.dumps(TrainConfig().to_json())
 
     def lock(file, write):
         file.with_name("config.json").write_text(settings)

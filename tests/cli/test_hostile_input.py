@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -65,7 +66,7 @@ def test_an_error_that_quotes_a_file_steers_no_terminal(tmp_path, capsys):
 def test_a_strangers_twin_is_shown_as_a_file_in_every_language(
     encoding, tmp_path, monkeypatch
 ):
-    twin = load_twin("easy").having(description=STRANGE)
+    twin = replace(load_twin("easy"), description=STRANGE)
     file, again = tmp_path / "twin.toml", tmp_path / "again.toml"
     file.write_text(twin.to_toml(), encoding="utf-8")
     raw = io.BytesIO()
@@ -120,7 +121,7 @@ def test_a_folder_in_brackets_is_printed_whole(tmp_path, capsys):
 )
 def test_a_runs_settings_of_another_kind_are_named(name, value, tmp_path):
     file = tmp_path / "config.json"
-    file.write_text(json.dumps(TrainConfig.of().to_json() | {name: value}))
+    file.write_text(json.dumps(TrainConfig().to_json() | {name: value}))
     with pytest.raises(ConfigError, match=f"config.json is damaged: {name} is"):
         settings_of(tmp_path)
 

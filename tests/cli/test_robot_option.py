@@ -116,13 +116,13 @@ def test_what_a_training_names_next_has_what_the_policys_file_may_not_choose():
     trust("cli_own_arm")
     policy = Path("run/policy.safetensors")
     evaluate = ["dovetail", "evaluate", str(policy)]
-    here = TrainConfig.of(robot="cli_own_arm:own")
+    here = TrainConfig(robot="cli_own_arm:own")
     named = ["--robot", "cli_own_arm:own"]
     assert next_words(policy, here) == [*evaluate, *named, "--twin", "medium"]
-    usual = next_words(policy, TrainConfig.of())
+    usual = next_words(policy, TrainConfig())
     assert usual == [*evaluate, "--twin", "medium"]
     address, place = "grpc://127.0.0.1:5050", (0.6, 0.0, 0.1, 0.2)
-    there = TrainConfig.of(
+    there = TrainConfig(
         robot="cli_own_arm:own", arm=address,
         fixed_goal=True, fixture=place, payload_error=0.5,
     )  # fmt: skip

@@ -26,7 +26,7 @@ def test_what_is_declared_reaches_the_arm_that_runs(place):
     limits = env.unwrapped.arm.facts.limits
     env.close()
     assert limits.declared == DeclaredErrors(**BEYOND)
-    assert limits.joints.delta_q == pytest.approx(0.095)  # twice the table's share
+    assert limits.delta_q == pytest.approx(0.095)  # twice the table's share
     delay, mass, payload = (str(one.message) for one in said)
     assert "the loop's delay is 12 ms" in delay
     assert "shown to hold: 0 to 10 ms; shorten it" in delay
@@ -62,7 +62,7 @@ def test_errors_of_an_arm_that_is_its_model_are_refused():
     exact = make_settings(cell, EnvConfig(), is_hardware=False)[1]
     assert exact.declared == DeclaredErrors()
     with pytest.raises(ConfigError, match=r"margins=model.*\(delay 0.003, mass_.*two"):
-        make_settings(cell, EnvConfig.of(delay=0.003), is_hardware=False)
+        make_settings(cell, EnvConfig(delay=0.003), is_hardware=False)
 
 
 @pytest.mark.parametrize(

@@ -248,13 +248,13 @@ def test_what_is_seen_on_a_twin_is_what_the_joints_measure():
 def test_the_walls_hold_every_start_and_hole(real):
     limits = real.arm.facts.limits
     config = real.task.randomisation
-    centre = np.asarray(config.hole.hole_centre)
-    reach, start = np.asarray(config.hole.hole_range), config.start
+    centre = np.asarray(config.hole_centre)
+    reach, start = np.asarray(config.hole_range), config.start
     low = centre - reach + [-start.start_xy, -start.start_xy, -0.030]
     high = centre + reach + [start.start_xy, start.start_xy, start.start_z[1]]
-    margin = limits.tool.delta_x
-    assert (low - margin > limits.tool.x_min).all()
-    assert (high + margin < limits.tool.x_max).all()
+    margin = limits.delta_x
+    assert (low - margin > limits.x_min).all()
+    assert (high + margin < limits.x_max).all()
 
 
 @pytest.mark.parametrize(
@@ -326,7 +326,7 @@ def test_an_arm_that_cannot_move_the_hole_must_be_told_where_it_is():
         env.reset(seed=0)
     env.reset(seed=0, options={"fixture": HOLE})
     np.testing.assert_array_equal(arm.hole.position, HOLE.position)
-    fixed = RandomisationConfig.of(hole_range=(0.0, 0.0, 0.0), hole_yaw=0.0)
+    fixed = RandomisationConfig(hole_range=(0.0, 0.0, 0.0), hole_yaw=0.0)
     env = make_env(PegInHole, arm, randomisation=fixed)
     env.reset(seed=0)
 
@@ -381,7 +381,7 @@ def test_force_damping_and_limits_reach_the_controller():
     env = make_env(PegInHole, force_damping=16.0, period=0.001)
     facts = env.arm.facts
     assert facts.period == 0.001
-    np.testing.assert_allclose(facts.limits.tool.dx_max, [0.25] * 3)
+    np.testing.assert_allclose(facts.limits.dx_max, [0.25] * 3)
     osc = OscConfig.for_period(0.001, force_damping=[16.0] * 6)
     limits = LimitConfig.for_period(facts.robot, 0.001)
     controller = make_controller(facts.robot, osc, limits, env.axes, 0.001)

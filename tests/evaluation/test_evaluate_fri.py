@@ -31,7 +31,7 @@ def cabinet(clearance=0.002):
 
 
 def run(policy_file, out, **settings):
-    config = EvaluationConfig.of(policy=str(policy_file), tries=1, out=out, **settings)
+    config = EvaluationConfig(policy=str(policy_file), tries=1, out=out, **settings)
     return evaluate(config, Console(file=StringIO()))
 
 
@@ -77,7 +77,7 @@ def test_a_hidden_hole_is_found_over_a_link_that_loses(policy, search, tmp_path)
     with cabinet:
         cabinet.request({"do": "fault", "text": "loss=0.05"})
         found = evaluate(
-            EvaluationConfig.of(
+            EvaluationConfig(
                 policy=policy,
                 search=search,
                 arm=f"fri://127.0.0.1:{port}?clock=lockstep"
@@ -104,7 +104,7 @@ def test_an_arm_over_fri_can_be_trained_on_directly(reset, tmp_path):
     from dovetail.learn.train import train
 
     with cabinet(0.0005) as address:
-        config = TrainConfig.of(
+        config = TrainConfig(
             out=tmp_path / "run",
             arm=f"{address}&reset={reset}",
             fixed_goal=True,

@@ -33,7 +33,7 @@ HOLD = TaskSpec.parse("XYZABC:hold")
 
 
 def settings(period):
-    return quiet(*make_settings(CELL, EnvConfig.of(period=period, force_damping=0.0)))
+    return quiet(*make_settings(CELL, EnvConfig(period=period, force_damping=0.0)))
 
 
 def local(plant, period):
@@ -51,7 +51,7 @@ def over_fri(plant, period, clock="lockstep", **cabinet):
 
 
 def twin(name, delay):
-    return TwinPlant(load_twin(name).having(command_delay=delay), CELL)
+    return TwinPlant(replace(load_twin(name), command_delay=delay), CELL)
 
 
 def feel(arm, seconds=1.5):
@@ -59,7 +59,7 @@ def feel(arm, seconds=1.5):
     return feel_arm(
         arm,
         START,
-        arm.facts.limits.prediction.armature,
+        arm.facts.limits.armature,
         integration_step=step,
         seconds=seconds,
     )
@@ -104,7 +104,7 @@ def test_a_stiff_spring_is_leaned_on_by_little():
 
 
 def spring_of(arm, delay):
-    fits = feel_spring(arm, START, arm.facts.limits.prediction.armature, delay)
+    fits = feel_spring(arm, START, arm.facts.limits.armature, delay)
     return [fit.sent_spring for fit in fits]
 
 
@@ -146,7 +146,7 @@ def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
 
 
 def test_a_gravity_error_is_measured_and_its_load_found():
-    heavy = DynamicsConfig.of(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
+    heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (1.5,), damping=(0.5,) * 7)
     arm = local(make_plant("mujoco", CELL, heavy), 0.002)
     robot = arm.facts.robot
     mass = robot.links.mass * np.array([1.0] * 6 + [1.5])

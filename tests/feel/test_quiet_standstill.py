@@ -28,7 +28,7 @@ Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 @pytest.mark.parametrize("period", [0.001, 0.0025, 0.005])
 def test_doctor_finds_the_hard_twin_quiet(period):
     cell = find_cell()
-    arm = build_local_arm(cell, TASK, EnvConfig.of(twin="hard", period=period))
+    arm = build_local_arm(cell, TASK, EnvConfig(twin="hard", period=period))
     body, facts = cast("Plant", EncoderPlant(arm.plant, period)), arm.facts
     arm = LocalArm(body, facts.robot, facts.osc, facts.limits, TASK, period)
     arm.reset(cell.loaded_robot().inverse_kinematics(PLACE, Q_SEED), FAR)

@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ need("cmaes")
 @pytest.fixture(scope="module")
 def config(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("fit") / "fit"
-    return FitConfig.of(log=folder, out=out, workers=1, evaluations=400)
+    return FitConfig(log=folder, out=out, workers=1, evaluations=400)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def cold_result(cold, quiet):
 
 
 def again(config, out, **changes):
-    return config.having(**({"out": out} | changes))
+    return replace(config, **({"out": out} | changes))
 
 
 def test_planted_parameters_are_recovered(result):

@@ -44,11 +44,11 @@ def made(tmp_path_factory):
     """A folder with two recordings, a fit of the first, and its report."""
     folder = tmp_path_factory.mktemp("identified")
     for name, seed in (("log", 0), ("other", 1)):
-        settings = RecordConfig.of(
+        settings = RecordConfig(
             arm="twin:medium", out=folder / name, seed=seed, sequences=3, steps=12
         )
         record(settings, QUIET)
-    config = FitConfig.of(
+    config = FitConfig(
         log=folder / "log",
         out=folder / "fit",
         parameters="gravity,damping",
@@ -233,7 +233,7 @@ def test_a_fit_without_its_generations_is_refused(copied):
 def test_the_history_counts_simulated_logs(made):
     fitted = Fitted.load(made[0] / "fit")
     counts, errors = zip(*fitted.search.history, strict=True)
-    assert counts[-1] == fitted.search.evaluations
+    assert counts[-1] == fitted.evaluations
     assert list(counts) == sorted(counts)
     assert list(errors) == sorted(errors, reverse=True)
 
@@ -279,12 +279,12 @@ def test_a_fit_that_follows_its_log_more_than_the_arm_is_called_so():
 
 @pytest.mark.parametrize("of_model", [0.0, 0.005])
 def test_a_delay_that_the_model_lacks_is_found(tmp_path, of_model):
-    twin = load_twin("easy").having(command_delay=0.02)
+    twin = replace(load_twin("easy"), command_delay=0.02)
     (tmp_path / "late.toml").write_text(twin.to_toml())
     arm = f"twin:{tmp_path / 'late.toml'}"
-    config = RecordConfig.of(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
+    config = RecordConfig(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
     replay = Replay(record(config, QUIET))
-    model = nominal_model().having(command_delay=of_model)
+    model = replace(nominal_model(), command_delay=of_model)
     assert hidden_delay(replay, model) == pytest.approx(0.02 - of_model, abs=0.003)
 
 

@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def record_of(arm, out, **settings):
     said = io.StringIO()
     console = Console(file=said, width=1000)
     record(
-        RecordConfig.of(arm=arm, out=out, sequences=1, steps=4, **settings),
+        RecordConfig(arm=arm, out=out, sequences=1, steps=4, **settings),
         console,
     )
     return said.getvalue(), json.loads((out / "recording.json").read_text())["delay"]
@@ -35,7 +36,7 @@ def late(tmp_path):
 
     def write(delay):
         file = tmp_path / "late.toml"
-        file.write_text(load_twin("medium").having(command_delay=delay).to_toml())
+        file.write_text(replace(load_twin("medium"), command_delay=delay).to_toml())
         return f"twin:{file}"
 
     return write

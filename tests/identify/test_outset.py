@@ -47,8 +47,8 @@ class Motion:
     def errors(self, models):
         found = []
         for model in models:
-            x, _, z = model.arm.gravity_residual
-            values = np.array([x, z, model.arm.mass_scale[-1]])
+            x, _, z = model.gravity_residual
+            values = np.array([x, z, model.mass_scale[-1]])
             error = self.positions(values) - self.positions(PLANTED)
             found.append(error.reshape(-1, 3))
         return found

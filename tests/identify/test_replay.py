@@ -22,7 +22,7 @@ def test_the_true_model_replays_the_log_exactly(replay, planted_file):
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
 def test_another_model_does_not(settings, quiet, tmp_path, period):
     out = tmp_path / "log"
-    record(RecordConfig.of(out=out, period=period, **settings), quiet)
+    record(RecordConfig(out=out, period=period, **settings), quiet)
     assert 0.8e-3 < Replay(Recording.load(out)).rms(nominal_model()) < 0.1
 
 

@@ -66,12 +66,10 @@ def test_the_usual_recording_is_described_as_before(folder):
 
 @pytest.mark.parametrize("env", [RING, CLIP])
 def test_every_task_is_recorded_and_replayed(tmp_path, quiet, env):
-    late = nominal_model().having(command_delay=0.005, damping=(0.8,) * 7)
+    late = replace(nominal_model(), command_delay=0.005, damping=(0.8,) * 7)
     Path("late.toml").write_text(late.to_toml())
     out = tmp_path / "log"
-    config = RecordConfig.of(
-        env=env, arm="twin:late.toml", out=out, sequences=2, steps=12
-    )
+    config = RecordConfig(env=env, arm="twin:late.toml", out=out, sequences=2, steps=12)
     recording = record(config, quiet)
     assert str(recording.task) == EXCITED
     moved = np.ptp(recording.positions()[0], axis=0)

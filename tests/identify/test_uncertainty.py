@@ -62,7 +62,7 @@ class CurvedReplay:
 
     def run(self, model):
         self.runs += 1
-        value = np.array(model.arm.gravity_residual)
+        value = np.array(model.gravity_residual)
         return [
             (b @ (value + self.curve * value**2)).reshape(-1, 3) for b in self.motion
         ]
@@ -271,7 +271,7 @@ def test_the_delay_is_moved_by_whole_physics_steps():
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     out = tmp_path_factory.mktemp("recording")
-    config = RecordConfig.of(arm="twin:easy", out=out, sequences=4, steps=12)
+    config = RecordConfig(arm="twin:easy", out=out, sequences=4, steps=12)
     return record(config, Console(quiet=True))
 
 

@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -88,7 +89,7 @@ def test_no_time_left_is_told_before_the_speed_is_that_of_updates(monkeypatch):
 
 def test_a_training_tells_no_time_left_before_its_updates(small):
     told = []
-    config = small.having(steps=700, learning_starts=350, eval_episodes=0)
+    config = replace(small, steps=700, learning_starts=350, eval_episodes=0)
     train_one(config, told.append)
     steady = [s.is_steady for s in told if s.phase == "training"]
     assert steady == [False, False, False, False, True, True, True]

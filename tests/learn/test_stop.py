@@ -1,5 +1,6 @@
 """A run ends when it has learned: by tests, after its rate has fallen."""
 
+from dataclasses import replace
 from io import StringIO
 
 import numpy as np
@@ -20,9 +21,7 @@ from dovetail.learn.train import train
 from extras import need
 
 START, SETTLE = 1000, 400
-CONFIG = TrainConfig.of(
-    learning_starts=START, settle=SETTLE, until=0.9, test_episodes=100
-)
+CONFIG = TrainConfig(learning_starts=START, settle=SETTLE, until=0.9, test_episodes=100)
 
 
 def row(step, success):
@@ -86,12 +85,12 @@ PASSABLE = [test for test in TESTS if wilson_interval(test[0], test[0])[0] >= te
 @pytest.mark.parametrize(("count", "until"), sorted({*TESTS} - {*PASSABLE}))
 def test_a_test_that_nothing_could_pass_is_refused(count, until):
     with pytest.raises(ConfigError, match="raise --test-episodes"):
-        CONFIG.having(test_episodes=count, until=until)
+        replace(CONFIG, test_episodes=count, until=until)
 
 
 @pytest.mark.parametrize(("count", "until"), PASSABLE)
 def test_a_test_is_passed_where_wilsons_bound_is_reached(count, until):
-    config = CONFIG.having(test_episodes=count, until=until)
+    config = replace(CONFIG, test_episodes=count, until=until)
     for failures in {0, 1, min(2, count), count // 3, count}:
         successes = np.ones(count, dtype=bool)
         successes[:failures] = False
@@ -131,15 +130,15 @@ def test_after_a_failed_test_the_rate_falls_from_half_to_the_next():
 
 
 def test_every_test_has_tries_of_its_own():
-    stop, other = Stop(CONFIG), Stop(CONFIG.having(seed=1))
+    stop, other = Stop(CONFIG), Stop(replace(CONFIG, seed=1))
     tests = stop.seeds(1), stop.seeds(2), other.seeds(1)
     tries = {seed for test in tests for portion in test for seed in portion}
-    assert len(tries) == 3 * CONFIG.length.test_episodes
+    assert len(tries) == 3 * CONFIG.test_episodes
     assert Stop(CONFIG).seeds(1) == stop.seeds(1)
 
 
 def test_all_steps_can_be_asked_for():
-    stop, step = learned(CONFIG.having(until=1.0))
+    stop, step = learned(replace(CONFIG, until=1.0))
     assert stop.rate(step + SETTLE) == 1.0
     assert not stop.is_due(step + 10 * SETTLE)
     assert stop.stage(step) == ""
@@ -171,19 +170,19 @@ def test_a_resumed_run_is_in_the_same_stage():
 )
 def test_a_test_that_cannot_be_made_or_passed_is_refused(settings, words):
     with pytest.raises(ConfigError, match=words):
-        TrainConfig.of(**settings)
+        TrainConfig(**settings)
 
 
 def test_an_arms_time_goes_into_no_test_unless_asked_for():
-    assert TrainConfig.of().length.asked_success == 0.98
-    assert TrainConfig.of(arm="twin:easy").length.asked_success == 1.0
-    assert TrainConfig.of(arm="twin:easy", until=0.5).length.asked_success == 0.5
+    assert TrainConfig().asked_success == 0.98
+    assert TrainConfig(arm="twin:easy").asked_success == 1.0
+    assert TrainConfig(arm="twin:easy", until=0.5).asked_success == 0.5
 
 
 def test_how_many_environments_play_changes_nothing(small, policy):
     need("sbx")
-    config = small.having(num_envs=3, threads=2)
-    env, alone = make_vec_env(config), make_vec_env(config.having(num_envs=1))
+    config = replace(small, num_envs=3, threads=2)
+    env, alone = make_vec_env(config), make_vec_env(replace(config, num_envs=1))
     wanted = assess(policy, 7, tester.stage_of(alone))
     assert assess(policy, 7, tester.stage_of(env)) == wanted
     assert assess(policy, 2, Stage(env.envs)) == assess(policy, 2, Stage(alone.envs))
@@ -198,7 +197,7 @@ def eager(small, monkeypatch):
     monkeypatch.setattr("dovetail.learn.stop.BEGIN", 0.0)
     monkeypatch.setattr("dovetail.learn.stop.LOST", 0.0)
     changes = {"algorithm": "ppo", "steps": 900, "max_steps": 5, "settle": 40}
-    return small.having(until=0.3, test_episodes=6, **changes)
+    return replace(small, until=0.3, test_episodes=6, **changes)
 
 
 def test_a_run_ends_with_the_test_that_it_passes(eager, monkeypatch):
@@ -216,9 +215,9 @@ def test_a_run_ends_with_the_test_that_it_passes(eager, monkeypatch):
     assert "testing" in words
     assert "test 2/6" in words
     assert 40 + WINDOW * 5 + 40 <= result.steps < 900
-    newest = list_checkpoints(eager.runs.out / "checkpoints")[-1]
+    newest = list_checkpoints(eager.out / "checkpoints")[-1]
     assert newest.name == f"step-{result.steps:010d}"
     weights = result.policy.read_bytes()
-    (again,) = train(eager.having(resume=True), Console(file=StringIO()))
+    (again,) = train(replace(eager, resume=True), Console(file=StringIO()))
     assert again.steps == result.steps  # by the third test, without a step
     assert again.policy.read_bytes() == weights

@@ -1,5 +1,7 @@
 """A camera's file comes back as it was, and says what is wrong with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -119,7 +121,7 @@ def test_training_takes_the_cameras_delay_rate_and_error_without_pictures(tmp_pa
 )
 def test_a_source_that_there_is_not_is_named(source, words):
     with pytest.raises(ConfigError, match=words):
-        open_source(beside().having(source=source), find_cell())
+        open_source(replace(beside(), source=source), find_cell())
 
 
 def test_a_folder_without_pictures_is_named(tmp_path):

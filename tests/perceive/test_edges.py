@@ -48,7 +48,7 @@ def test_a_white_cell_behind_a_thin_border_draws_no_edge(cell, blur):
 def test_the_error_of_the_example_is_inside_what_is_told(opengl):
     camera = beside()
     source = Simulated(camera, CELL, TwinCamera())
-    detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
+    detector = Detector(camera.board, camera.lens, camera.edge_noise)
     rng, q = np.random.default_rng(7), CELL.robot.posture("down")
     errors, inside = [], []
     for number in range(40):

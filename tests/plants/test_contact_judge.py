@@ -32,15 +32,15 @@ def look(judge, q=HOME, dq=None, force=0.0, h=H):
 
 
 def test_a_joint_past_its_limit_is_told_without_the_margin(judge, limits):
-    look(judge, np.where(np.arange(7) == 3, limits.joints.q_min - 1e-4, HOME))
+    look(judge, np.where(np.arange(7) == 3, limits.q_min - 1e-4, HOME))
     assert judge.position.value == pytest.approx(1e-4)
     assert (judge.position.axis, judge.position.count) == (3, 1)
-    look(judge, np.where(np.arange(7) == 3, limits.joints.q_min + 1e-4, HOME))
+    look(judge, np.where(np.arange(7) == 3, limits.q_min + 1e-4, HOME))
     assert (judge.position.count, judge.looks) == (1, 2)
 
 
 def test_speed_is_told_as_a_share_of_its_limit(judge, limits):
-    look(judge, dq=-1.25 * np.eye(7)[5] * limits.joints.dq_max)
+    look(judge, dq=-1.25 * np.eye(7)[5] * limits.dq_max)
     assert judge.speed.value == pytest.approx(1.25)
     assert judge.speed.axis == 5
     assert judge.speed.time == pytest.approx(H)

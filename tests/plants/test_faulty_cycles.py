@@ -23,7 +23,7 @@ class Rig:
     """A plant, its loop and a controller at the start."""
 
     def __init__(self):
-        self.plant = MujocoPlant(find_cell(), DynamicsConfig.of(physics_dt=1e-3))
+        self.plant = MujocoPlant(find_cell(), DynamicsConfig(physics_dt=1e-3))
         self.robot = self.plant.robot
         self.controller = self.make_controller()
         self.plant.reset(Q_SEED, HOLE)

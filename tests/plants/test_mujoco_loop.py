@@ -21,7 +21,7 @@ def play(plant, run, period, steps=25):
     """Drive the peg down onto the block and about; return the whole log."""
     robot = plant.robot
     limits = LimitConfig.for_period(robot, period)
-    osc = OscConfig.of(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
+    osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
     task = "XYZ:force A:pose BC:hold"
     controller = make_controller(robot, osc, limits, task, period)
     q = start_above(robot, z=0.11)

@@ -17,7 +17,7 @@ from dovetail.reproduce.schedule import Tally
 from dovetail.reproduce.stage import DONE, stage_folder
 from extras import need
 
-TINY = Budget.of(
+TINY = Budget(
     name="tiny",
     seeds=1,
     train={

@@ -240,7 +240,7 @@ def test_a_placeholder_speed_is_the_cause_that_is_named(read):
     assert "payload" not in str(refused.value)
     assert "dq_max=" in str(refused.value)
     slow = read(urdf(velocity=10, effort=280), dq_max=[1.2] * 7)
-    assert LimitConfig.for_period(slow, 1e-3).joints.ddq_max[0] > 5
+    assert LimitConfig.for_period(slow, 1e-3).ddq_max[0] > 5
 
 
 def test_each_other_cause_is_named(read):

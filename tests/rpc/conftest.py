@@ -56,7 +56,7 @@ def start(cell):
 @pytest.fixture(scope="session")
 def settings(cell):
     """Law, limits, task, period: the arguments of every arm after the robot."""
-    osc = OscConfig.of(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
+    osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
     return osc, LimitConfig.for_period(cell.loaded_robot(), PERIOD), TASK, PERIOD
 
 

@@ -11,7 +11,7 @@ def test_the_address_with_the_token_is_enough_and_the_token_is_written_nowhere(
     simulation, tmp_path
 ):
     out = tmp_path / "out"
-    config = EvaluationConfig.of(
+    config = EvaluationConfig(
         policy="peg_square", arm=simulation.url, tries=1, out=out, accept_contact=True
     )
     evaluate(config, Console(quiet=True))

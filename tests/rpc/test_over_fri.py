@@ -33,7 +33,7 @@ def over_fri(cell, clock, news):
     with make_cabinet(plant, port, PERIOD, clock=clock) as cabinet:
 
         def make(settings):
-            address = FriAddress.of(
+            address = FriAddress(
                 host=LOOPBACK,
                 port=port,
                 clock=clock,

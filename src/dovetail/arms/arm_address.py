@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal, Self, TypeVar
 from urllib.parse import parse_qsl, urlsplit
 
-from dovetail.control.period import PERIODS, format_period, require_period
-from dovetail.durations import parse_time
+from dovetail.control.period import PERIODS, require_period
+from dovetail.durations import format_ms, parse_time
 from dovetail.errors import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
@@ -153,8 +153,8 @@ class ArmAddress(ABC):
         """
         if asked is not None and self.period not in (None, asked):
             raise ConfigError(
-                f"period is {format_period(asked)} and the arm's address says "
-                f"{format_period(self.period or asked)}; give one of them"
+                f"period is {format_ms(asked)} and the arm's address says "
+                f"{format_ms(self.period or asked)}; give one of them"
             )
         period = self.period or asked or usual
         return require_period(period, self.period_name, self.periods)

@@ -3,13 +3,12 @@
 The cabinet, real or simulated, sends its messages to this host and port.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from ipaddress import IPv4Address
 from typing import ClassVar, Literal, Self, TypeAlias
 
 from dovetail.arms.arm_address import ArmAddress, Keys, parse_endpoint
 from dovetail.control.period import FRI_PERIODS
-from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 
 PORT = 30200
@@ -33,9 +32,18 @@ _KEYS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class FriCabinet:
-    """Known properties of the cabinet."""
+class FriAddress(ArmAddress):
+    """A cabinet, real or simulated, that sends its messages to this machine."""
 
+    transport: ClassVar[str] = "fri"
+    measures_contact: ClassVar[bool] = False
+    periods: ClassVar[tuple[float, ...]] = FRI_PERIODS
+    period_name: ClassVar[str] = "control period of an arm behind FRI"
+
+    host: str
+    """Address of this machine to listen at; 0.0.0.0 is every one of them."""
+    port: int
+    """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
     version: Version = "1.15"
     """Wire format; the messages themselves do not name it."""
     control: str | None = None
@@ -50,14 +58,6 @@ class FriCabinet:
     """The same of the external torque."""
     commanded_is_total: bool = False
     """The commanded torque on the wire contains gravity."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FriPace(Section):
-    """Clock, timeouts and thread priority."""
-
-    owner: ClassVar[str] = "arm"
-
     clock: Clock = "wall"
     """Lockstep: a simulated cabinet waits for the learner."""
     timeout: float = 10.0
@@ -66,49 +66,18 @@ class FriPace(Section):
     """Time without a new target after which the arm is held [s]; wall clock only."""
     realtime: bool = False
     """Ask the system for real-time priority and locked memory."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FriStart:
-    """Reset to the start of an episode."""
-
     reset: Reset | None = None
     """Way to the start: "move" below the limits, or "place", which needs a simulated
     cabinet. None is place with a control port, else move."""
     approach: bool = False
     """Move to a start that is far away, too."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class FriAddress(Sectioned, ArmAddress):
-    """A cabinet, real or simulated, that sends its messages to this machine.
-
-    `FriAddress.of(host=..., port=..., clock="lockstep")` takes the keys of an address.
-    """
-
-    whose: ClassVar[str] = "the address of an arm behind FRI"
-    transport: ClassVar[str] = "fri"
-    measures_contact: ClassVar[bool] = False
-    periods: ClassVar[tuple[float, ...]] = FRI_PERIODS
-    period_name: ClassVar[str] = "control period of an arm behind FRI"
-
-    host: str
-    """Address of this machine to listen at; 0.0.0.0 is every one of them."""
-    port: int
-    """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
-    cabinet: FriCabinet = field(default_factory=FriCabinet)
-    """Known properties of the cabinet."""
-    pace: FriPace = field(default_factory=FriPace)
-    """Clock, timeouts and thread priority."""
-    start: FriStart = field(default_factory=FriStart)
-    """Reset to the start of an episode."""
-
     def __post_init__(self) -> None:
         """Choose the reset if none is given; refuse one that the cabinet cannot do."""
-        control = self.cabinet.control
-        if self.start.reset is None:
-            self._settle(reset="move" if control is None else "place")
-        if self.start.reset == "place" and control is None:
+        control = self.control
+        if self.reset is None:
+            object.__setattr__(self, "reset", "move" if control is None else "place")
+        if self.reset == "place" and control is None:
             raise ConfigError(
                 "arm reset=place needs control=HOST:PORT, the control port of a "
                 "simulated cabinet; a real arm starts its episodes with reset=move"
@@ -132,7 +101,7 @@ class FriAddress(Sectioned, ArmAddress):
         control = keys.get("control")
         if control is not None:
             parse_endpoint(control, "arm control")
-        return cls.of(
+        return cls(
             text=text,
             host=keys.host,
             port=keys.port,
@@ -142,8 +111,8 @@ class FriAddress(Sectioned, ArmAddress):
             control=control,
             reset=None if keys.get("reset") is None else keys.choice("reset", RESETS),
             approach=keys.is_on("approach"),
-            timeout=keys.time("timeout", FriPace.timeout),
-            target_timeout=keys.time("target_timeout", FriPace.target_timeout),
+            timeout=keys.time("timeout", cls.timeout),
+            target_timeout=keys.time("target_timeout", cls.target_timeout),
             realtime=keys.is_on("realtime"),
             peer=_peer(keys.get("peer")),
             margins=keys.choice("margins", ("hardware", "model")),
@@ -154,28 +123,28 @@ class FriAddress(Sectioned, ArmAddress):
     @property
     def is_real_time(self) -> bool:
         """True if the arm moves on while the learner thinks."""
-        return self.pace.clock == "wall"
+        return self.clock == "wall"
 
     @property
     def places_fixture(self) -> bool:
         """True if it can place the fixture: with a control port."""
-        return self.cabinet.control is not None
+        return self.control is not None
 
     def describe_ground(self) -> str:
         """Return where a result was found."""
-        if self.cabinet.control is not None:
+        if self.control is not None:
             return f"simulated cabinet ({self.text})"
         return f"the arm at {self.text.partition('?')[0]}"
 
     @property
     def may_be_robot(self) -> bool:
         """True if a real arm may move there: without a control port."""
-        return self.cabinet.control is None
+        return self.control is None
 
     @property
     def undisturbed(self) -> str:
         """Reason why nothing can push the arm; empty with a control port."""
-        if self.cabinet.control is not None:
+        if self.control is not None:
             return ""
         return (
             "needs a simulation, or the control port of a simulated cabinet "
@@ -184,13 +153,13 @@ class FriAddress(Sectioned, ArmAddress):
 
     def with_approach(self) -> str:
         """Return the address of the arm where it may move to a start far away."""
-        if self.start.approach:
+        if self.approach:
             return self.text
         return f"{self.text}{'&' if '?' in self.text else '?'}approach=yes"
 
     def with_realtime(self) -> Self:
         """Return the address of the arm with real-time priority."""
-        return self.having(realtime=True)
+        return replace(self, realtime=True)
 
 
 def _peer(peer: str | None) -> str | None:

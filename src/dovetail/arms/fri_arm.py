@@ -81,9 +81,9 @@ class FriArm:
             TorqueError: A torque limit is below what gravity takes.
         """
         check_torque(robot, settings.limits)
-        self._address, pace = address, address.pace
-        self._is_lockstep = pace.clock == "lockstep"
-        control = address.cabinet.control
+        self._address = address
+        self._is_lockstep = address.clock == "lockstep"
+        control = address.control
         self.facts = ArmFacts(
             robot=robot,
             osc=settings.osc,
@@ -98,27 +98,27 @@ class FriArm:
                 measures_contact=address.measures_contact,
             ),
         )
-        self._timeout = pace.timeout
-        self._approach = address.start.approach
+        self._timeout = address.timeout
+        self._approach = address.approach
         self._left: Vec7 | None = None  # where it was when it last followed
         self._control: CabinetControl | None = None
         if control is not None:
-            self._control = CabinetControl(control, pace.timeout)
+            self._control = CabinetControl(control, address.timeout)
         self._chain = robot.chain()
         from dovetail import _core
 
         loop = _core.LoopParams()
         loop.address, loop.port = address.host, address.port
-        loop.peer = address.cabinet.peer or ""
-        loop.priority = _PRIORITY if pace.realtime else 0
-        loop.lock_memory = pace.realtime
+        loop.peer = address.peer or ""
+        loop.priority = _PRIORITY if address.realtime else 0
+        loop.lock_memory = address.realtime
         loop.processor = -1 if processor is None else processor
         loop.log_folder = "" if log_folder is None else str(log_folder)
         loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         self._servo = self._make_servo(
             loop,
             servo or servo_params(settings.period),
-            watchdog or WatchdogConfig(target_timeout=pace.target_timeout),
+            watchdog or WatchdogConfig(target_timeout=address.target_timeout),
         )
         self._seed: int | None = None
         self._motion = 0
@@ -135,7 +135,7 @@ class FriArm:
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
-        facts, cabinet = self.facts, self._address.cabinet
+        facts, cabinet = self.facts, self._address
         servo.measured_sign = cabinet.measured_sign
         servo.commanded_sign = cabinet.commanded_sign
         servo.external_sign = cabinet.external_sign
@@ -173,7 +173,7 @@ class FriArm:
         """
         q = require_configuration(q)
         self._servo.clear()
-        if self._address.start.reset == "place" and self._control is not None:
+        if self._address.reset == "place" and self._control is not None:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
@@ -301,7 +301,7 @@ class FriArm:
                     self._servo,
                     self._address.host,
                     self.port,
-                    self._address.cabinet.version,
+                    self._address.version,
                     pace,
                 )
         self._motion = self._servo.state().motion
@@ -362,7 +362,7 @@ class FriArm:
         if not self._approach:
             require_near(self.facts.robot, self._servo.state().q, q, self._left)
         cycles = max(1, round(TICK / self.facts.period))
-        tool = self.facts.limits.tool
+        tool = self.facts.limits
         drive_to(
             self.facts.robot,
             self._servo.state,

@@ -33,9 +33,9 @@ def build_arm(
         ArmError: The port cannot be listened on.
     """
     require_period(settings.period, address.period_name, address.periods)
-    if address.cabinet.control is None:
+    if address.control is None:
         # A robot: T1's limit is one of the velocity's norm.
         limits = settings.limits
-        limits = limits.having(dx_max=limits.tool.dx_max / np.sqrt(3.0))
+        limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
         settings = replace(settings, limits=limits)
     return FriArm(address, cell.loaded_robot(), settings, watchdog=watchdog)

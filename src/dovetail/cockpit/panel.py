@@ -12,6 +12,7 @@ from dovetail.cockpit.snapshot import Moment, Status
 from dovetail.cockpit.toggle import Toggle
 from dovetail.cockpit.top_panel import TopPanel
 from dovetail.learn.policy import list_policies
+from dovetail.settings import values_of
 
 
 class ControlPanel:
@@ -66,7 +67,7 @@ class ControlPanel:
         gui, session = self._gui, self._session
         choice = session.choice
         words = known_words(choice)
-        settings = session.core.config.flat() | vars(session.core.task)
+        settings = values_of(session.core.config) | vars(session.core.task)
         known = (choice.policy, *list_policies(), SCRIPT, NOBODY)
         policies = dict.fromkeys(known)
         with gui.add_folder("What runs", expand_by_default=False):

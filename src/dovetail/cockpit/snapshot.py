@@ -105,7 +105,7 @@ def moment_of(
         fixture=SeenFixture(
             true=fixture,
             seen=seen,
-            near=(goal.normal, goal.surface + core.config.approach.near_distance),
+            near=(goal.normal, goal.surface + core.config.near_distance),
         ),
         load=Load(
             force=known_force(state),
@@ -129,12 +129,12 @@ def used_limits(state: ArmState, facts: ArmFacts) -> tuple[float, ...]:
         state: What the arm said; of its log the largest torques.
         facts: The arm's limits.
     """
-    joints, tool = facts.limits.joints, facts.limits.tool
+    tool = facts.limits
     tau: Array = np.abs(state.log[:, _TAU]).max(axis=0, initial=0.0)
     shares = (
-        _centred(state.q, joints.q_min, joints.q_max),
-        np.abs(state.dq) / joints.dq_max,
-        tau / joints.tau_max,
+        _centred(state.q, facts.limits.q_min, facts.limits.q_max),
+        np.abs(state.dq) / facts.limits.dq_max,
+        tau / facts.limits.tau_max,
         _centred(state.tool.position, tool.x_min, tool.x_max),
     )
     return tuple(100.0 * float(share.max()) for share in shares)

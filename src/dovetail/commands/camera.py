@@ -12,12 +12,12 @@ from rich.progress import track
 from dovetail.camera_checks import standing
 from dovetail.commands.camera_result import decide, now
 from dovetail.commands.hand_eye import CameraHandEye
-from dovetail.control.ranges import in_count
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.files import require_new, write_atomic
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.settings import in_count
 
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera as CameraFile
@@ -109,7 +109,7 @@ class CameraIntrinsics:
             + (f"; {' and '.join(fit.fixed)} not told, 0" if fit.fixed else ""),
             highlight=False,
         )
-        camera = Camera.of(
+        camera = Camera(
             lens=lens,
             mount="world",
             position=(0.0, 0.0, 0.0),
@@ -152,18 +152,16 @@ class CameraWatch:
         in_count("count", self.count, 0, _PICTURES_MAX, "pictures")
         camera, cell = load_camera(self.camera), find_cell(robot=self.robot)
         if self.twin is not None and not camera.is_simulated:
-            raise ConfigError(
-                f"twin is given, and the pictures are of {camera.pictures.source}"
-            )
+            raise ConfigError(f"twin is given, and the pictures are of {camera.source}")
         twin = None if self.twin is None else load_twin(self.twin).camera
-        detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
+        detector = Detector(camera.board, camera.lens, camera.edge_noise)
         source, seen_once, number = open_source(camera, cell, twin), False, 0
         is_placed = self._is_placed(camera, twin, console)
         q = cell.robot.posture("down")
         try:
             while number < self.count or not self.count:
                 number += 1
-                frame = source.look(FIXTURE, standing(q, number / camera.pictures.rate))
+                frame = source.look(FIXTURE, standing(q, number / camera.rate))
                 if frame is None:
                     continue
                 sight = detector.find(frame.picture)
@@ -184,7 +182,7 @@ class CameraWatch:
         self, camera: "CameraFile", twin: "TwinCamera | None", console: Console
     ) -> bool:
         """Say whether the camera's place is known, and what follows where it is not."""
-        is_exact = twin is None or not any(twin.misplaced.numbers())
+        is_exact = twin is None or not any(twin.numbers())
         try:
             camera.require_calibrated(is_exact=is_exact)
         except ConfigError as error:

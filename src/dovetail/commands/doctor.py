@@ -11,11 +11,11 @@ from dovetail.commands.asking import ask
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
-from dovetail.control.period_option import Delay, Period
 from dovetail.control.proven import DECLARED
 from dovetail.doctor import Check, run_checks
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
+from dovetail.options import Delay, Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
 
@@ -123,6 +123,6 @@ class Doctor:
     def _declared(self) -> dict[str, float]:
         given = {"delay": self.delay, "payload_error": self.payload_error}
         declared = DeclaredErrors(**DECLARED | given)
-        if problems := declared.unproven():
+        if problems := declared.beyond_proven():
             raise ConfigError("; ".join(problems))
         return vars(declared)

@@ -1,10 +1,10 @@
 """`dovetail serve`: the controller process; learners reach its arm over gRPC."""
 
 import resource
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.text import Text
@@ -16,14 +16,14 @@ from dovetail.arms.from_address import arm_from_address
 from dovetail.commands.ended_by_signal import End, ended_by_signal
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
-from dovetail.control.period import format_period
-from dovetail.control.period_option import Period
-from dovetail.control.sections import Section, Sectioned
 from dovetail.control.settings import ControllerSettings
+from dovetail.durations import format_ms
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
+from dovetail.options import Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.settings import settings
 from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_ENV
 
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 _STATUS_PERIOD = 0.5  # s
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfferedArmOptions(Section):
+@settings()
+class OfferedArmOptions:
     """The arm."""
 
     arm: str = "mujoco"
@@ -48,8 +48,8 @@ class OfferedArmOptions(Section):
     """Ask the system for real-time priority and locked memory; fri:// only."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfferedCellOptions(Section):
+@settings()
+class OfferedCellOptions:
     """Robot, and the parts around it."""
 
     env: str = DEFAULT_ENV
@@ -60,8 +60,8 @@ class OfferedCellOptions(Section):
     """Fields of the task; left out, they are its own."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ServiceOptions(Section):
+@settings()
+class ServiceOptions:
     """Address and certificates of the service."""
 
     listen: str = "127.0.0.1:50051"
@@ -75,20 +75,9 @@ class ServiceOptions(Section):
     """Certificate of the authority that signs the clients' certificates, PEM."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Serve(Sectioned):
+@settings()
+class Serve(OfferedArmOptions, DeclaredErrors, OfferedCellOptions, ServiceOptions):
     """Offer an arm to one learner at a time, and to watchers, until Ctrl-C."""
-
-    whose: ClassVar[str] = "the command serve"
-
-    offered: OfferedArmOptions = field(default_factory=OfferedArmOptions)
-    """The arm."""
-    declared: DeclaredErrors = field(default_factory=DeclaredErrors)
-    """Errors of the arm that a learner has to declare at least."""
-    cell: OfferedCellOptions = field(default_factory=OfferedCellOptions)
-    """Robot, and the parts around it."""
-    service: ServiceOptions = field(default_factory=ServiceOptions)
-    """Address and certificates of the service."""
 
     def run(self, console: Console) -> int:
         """Serve until Ctrl-C or SIGTERM, then hold the arm and close."""
@@ -101,7 +90,7 @@ class Serve(Sectioned):
                 f"{install_command('rpc')}"
             ) from error
         names = ("--cert", "--key", "--client-ca")
-        service = self.service
+        service = self
         files = certificates(
             cert=service.cert, key=service.key, ca=service.client_ca, names=names
         )
@@ -112,11 +101,11 @@ class Serve(Sectioned):
                 f"{now:%H:%M:%S} {line}", markup=False, highlight=False, soft_wrap=True
             )
 
-        offered = self.offered
+        offered = self
         address = _address(offered)
-        builder = _builder(self.cell, address, self.declared)
-        robot = self.cell.robot
-        warn_of_arm(console, offered.twin, offered.arm, robot, self.declared)
+        builder = _builder(self, address, self)
+        robot = self.robot
+        warn_of_arm(console, offered.twin, offered.arm, robot, self)
         _allow_many_connections()
         try:
             server = ArmServer(builder, service.listen, files, notify)
@@ -128,7 +117,7 @@ class Serve(Sectioned):
             learners = server.url
             if address.period is not None:
                 mark = "&" if "?" in learners else "?"
-                learners += f"{mark}period={format_period(address.period)}"
+                learners += f"{mark}period={format_ms(address.period)}"
             notify(f"{builder.name} is served at {learners} ({how})")
             _show_status(console, server, end)
             notify("closing: the arm is held")

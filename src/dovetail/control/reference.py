@@ -59,10 +59,10 @@ class ReferenceController:
         self.chain, self.osc, self.limits, self.dt = robot.chain(), osc, limits, dt
         self.modes = np.array(TaskSpec.parse(task).modes)
         self.is_servo = np.isin(self.modes, (POSE, HOLD))
-        self.weights = np.repeat([1.0, osc.task_inertia.length_scale], 3)
+        self.weights = np.repeat([1.0, osc.length_scale], 3)
         self.scale = (self.modes != FREE) * self.weights
-        D = 2.0 * osc.axes.damping_ratio * np.sqrt(osc.axes.stiffness)
-        self.D = np.where(self.is_servo, D, osc.axes.force_damping)
+        D = 2.0 * osc.damping_ratio * np.sqrt(osc.stiffness)
+        self.D = np.where(self.is_servo, D, osc.force_damping)
 
     def reset(self, q: Array, position_hold: Array, quat_hold: Array) -> None:
         """Latch the pose that hold axes keep; forget disturbance and posture."""
@@ -78,15 +78,15 @@ class ReferenceController:
     def step(self, q: Array, dq: Array, target: "_core.Target") -> tuple[Array, ...]:
         """Return overlay torque [Nm], its acceleration and the wanted one [rad/s2]."""
         chain, osc, lim, dt = self.chain, self.osc, self.limits, self.dt
-        joints, tool, saturation = lim.joints, lim.tool, lim.saturation
+        joints, tool, saturation = lim, lim, lim
         q_min, q_max, tau_max = joints.q_min, joints.q_max, joints.tau_max
         self.estimate(dq)
         # Model  M a + h = u  half a period ahead; the arm does a + push
-        q_model = q + 0.5 * dt * dq if lim.prediction.mid_interval else q
-        M = chain.inertia_matrix(q_model) + np.diag(lim.prediction.armature)
+        q_model = q + 0.5 * dt * dq if lim.mid_interval else q
+        M = chain.inertia_matrix(q_model) + np.diag(lim.armature)
         Minv: Array = np.asarray(np.linalg.inv(M), dtype=np.float64)
         c = chain.coriolis(q_model, dq)
-        h = c + lim.prediction.damping * dq
+        h = c + lim.damping * dq
         J_tool, dJdq = chain.jacobian(q_model), chain.jacobian_dot_dq(q_model, dq)
         push = Minv @ np.clip(self.r, -USUAL * tau_max, USUAL * tau_max)
         push_x = J_tool[:3] @ push
@@ -103,7 +103,7 @@ class ReferenceController:
         g = chain.gravity(q)
         lo, hi = -tau_max - g, tau_max - g
         if target.joint_mode:  # a spring in each joint, what pushes is held against
-            K, zeta = osc.joints.joint_stiffness, osc.joints.joint_damping_ratio
+            K, zeta = osc.joint_stiffness, osc.joint_damping_ratio
             spring = K * (target.q_d - q) - 2.0 * zeta * np.sqrt(K) * dq
             most = np.clip(HELD * tau_max, HELD_LEAST, None)
             most = np.minimum(most, 0.5 * tau_max)
@@ -142,13 +142,13 @@ class ReferenceController:
         """Add  r += share (M ddq + h - u - r)  of the interval that has ended."""
         if self.last is None:
             return
-        lim, dt, tau_max = self.limits, self.dt, self.limits.joints.tau_max
+        lim, dt, tau_max = self.limits, self.dt, self.limits.tau_max
         M, h, dq_last, u = self.last
         ddq = (dq - dq_last) / dt
-        slowed = 0.5 * lim.prediction.damping * dt * ddq  # at the mean speed
+        slowed = 0.5 * lim.damping * dt * ddq  # at the mean speed
         lost = M @ ddq + h + slowed - u - self.r
         most = SURPRISE * tau_max
-        share = 1.0 - np.exp(-lim.disturbance.estimate_rate * dt)
+        share = 1.0 - np.exp(-lim.estimate_rate * dt)
         r = self.r + share * np.clip(lost, -most, most)
         self.r = np.clip(r, -LARGEST * tau_max, LARGEST * tau_max)
         self.steady += min(STEADY_RATE * dt, 1.0) * (self.r - self.steady)
@@ -166,20 +166,20 @@ class ReferenceController:
         way = way * (POSTURE_MAX / max(POSTURE_MAX, float(np.linalg.norm(way))))
 
         def projected(J: Array, a: Array) -> tuple[Array, Array]:
-            Lambda = faded_inverse(J @ Minv @ J.T, osc.task_inertia.s0)
+            Lambda = faded_inverse(J @ Minv @ J.T, osc.s0)
             return Lambda, M @ a - J.T @ Lambda @ J @ a
 
         J = self.scale[:, None] * J_tool
         J_all = self.weights[:, None] * J_tool
-        Lambda, damping = projected(J, -osc.null_space.k_null * dq)
+        Lambda, damping = projected(J, -osc.k_null * dq)
         # Joint speeds of the way at full pace
         speed = np.abs(
             Minv @ J.T @ Lambda @ ((self.modes == POSE) * self.scale * self.v_way)
         )
-        joints = self.limits.joints
+        joints = self.limits
         most = WAY_SHARE * (1.0 - joints.delta_v) * joints.dq_max
         self.pace = 1.0 / max(1.0, np.max(speed / most))
-        _, posture = projected(J_all, osc.null_space.posture_stiffness * way)
+        _, posture = projected(J_all, osc.posture_stiffness * way)
         return J.T @ Lambda @ (self.scale * f) + damping + posture
 
     def stay(self, p: Array, twist: Array, bits: int) -> Array:
@@ -189,11 +189,11 @@ class ReferenceController:
         self.anchor = np.where(self.is_staying, self.anchor, p)
         self.is_staying |= asked & (np.abs(twist[:3]) < STAY_SPEED)
         way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
-        return asked * self.osc.axes.stiffness[:3] * way
+        return asked * self.osc.stiffness[:3] * way
 
     def follow_sag(self, pull: Array) -> None:
         """Follow what pulls at pose and hold axes beside the tare, within bounds."""
-        config = self.osc.sag
+        config = self.osc
         most = np.repeat([config.sag_linear, config.sag_angular], 3)
         share = 1.0 - np.exp(-self.dt / config.sag_time)
         sag = np.clip(self.sag + share * (pull - self.sag), -most, most)
@@ -203,7 +203,7 @@ class ReferenceController:
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
     ) -> Array:
         """f* = action + xddot_d - D (xdot - xdot_d), + K e on pose and hold axes."""
-        clamps, quat = self.osc.clamps, poses.quat_from_matrix(R)
+        clamps, quat = self.osc, poses.quat_from_matrix(R)
         p_path, quat_path, v_d, a_d = desired_motion(target)
         way = (p, quat) if self.way is None else self.way
         moved = self.moved_to(p_path, way[0], v_d[:3])
@@ -217,23 +217,23 @@ class ReferenceController:
         lengths = np.linalg.norm(e.reshape(2, 3), axis=1)
         e *= np.repeat(used / np.maximum(used, lengths), 3)  # direction kept
         most = np.repeat([clamps.f_clamp_linear, clamps.f_clamp_angular], 3)
-        has_walls = self.limits.tool.walls
+        has_walls = self.limits.walls
         asked = self.without_press(p, target) if has_walls else target.f_star
         action = np.clip(asked, -most, most)
-        drive = self.osc.axes.stiffness * e + action + a_d - self.sag
+        drive = self.osc.stiffness * e + action + a_d - self.sag
         return np.clip(drive - self.D * (twist - v_d), -most, most)
 
     def moved_to(self, p_d: Array, p: Array, speed: Array) -> Array:
         """Go on from p to the Target's, by at most (move_speed + |v_d|) dt."""
         way = (self.modes[:3] == POSE) * (p_d - p)
-        v, own = self.osc.clamps.move_speed, float(np.linalg.norm(speed))
+        v, own = self.osc.move_speed, float(np.linalg.norm(speed))
         share, self.v_way[:3] = self.used(way, v + own, own)
         return p + share * way
 
     def turned_to(self, quat_d: Array, quat: Array, speed: Array) -> Array:
         """Turn on to the Target's, by at most (turn_speed + |w_d|) dt."""
         way = poses.rotation_error(poses.quat_normalized(quat_d), quat)
-        v, own = self.osc.clamps.turn_speed, float(np.linalg.norm(speed))
+        v, own = self.osc.turn_speed, float(np.linalg.norm(speed))
         share, self.v_way[3:] = self.used(way, v + own, own)
         return poses.quat_multiply(poses.quat_from_vector(share * way), quat)
 
@@ -263,7 +263,7 @@ class ReferenceController:
         normal, asked = target.near_plane[:3], np.array(target.f_star)
         share = 1.0 - np.clip((normal @ p - target.near_plane[3]) / NEAR_BAND, 0.0, 1.0)
         press = normal @ (target.f_tare - asked)[:3]
-        asked[:3] += share * max(press - self.limits.approach.near_press, 0.0) * normal
+        asked[:3] += share * max(press - self.limits.near_press, 0.0) * normal
         return asked
 
     def near_interval(
@@ -272,8 +272,8 @@ class ReferenceController:
         """Speed near_speed below the plane, above it what can be braked to in time."""
         lim, v, plane = self.limits, twist[:3], target.near_plane
         height = max(plane[:3] @ p - plane[3] + NEAR_TIME * min(plane[:3] @ v, 0.0), 0)
-        brake = lim.tool.eta_wall * lim.tool.ddx_max
-        near = np.sqrt(lim.approach.near_speed**2 + 2.0 * brake * height)
+        brake = lim.eta_wall * lim.ddx_max
+        near = np.sqrt(lim.near_speed**2 + 2.0 * brake * height)
         tare = target.f_tare[:3]
         push = push_x + tare  # weight is held already
         is_force = np.array([int(m) == FORCE for m in self.modes[:3]])

@@ -19,7 +19,7 @@ def walls(
     lim: LimitConfig, dt: float, p: Array, last: tuple[Array, Array] | None
 ) -> tuple[Array, Array]:
     """Lower and upper walls [m]: at a tool that begins outside, and slowly inwards."""
-    tool = lim.tool
+    tool = lim
     low, high = last or (p - tool.delta_x, p + tool.delta_x)
     way = RETURN_SPEED * dt if last else 0.0
     return np.minimum(low + way, tool.x_min), np.maximum(high - way, tool.x_max)
@@ -33,14 +33,14 @@ def intervals(
 
     `push` comes on top of what is asked for [rad/s2 or m/s2].
     """
-    T, bounds = lim.saturation.kappa * dt, lim.saturation.bounds
-    against = lim.disturbance
+    T, bounds = lim.kappa * dt, lim.bounds
+    against = lim
 
     def upper(
         d: float, v: float, push: float, speed: float, V: float, A: float
     ) -> float:
         if bounds == "viability":
-            d, V, full = d - delta, (1.0 - lim.joints.delta_v) * V, A + max(push, 0.0)
+            d, V, full = d - delta, (1.0 - lim.delta_v) * V, A + max(push, 0.0)
             a = max(viable(d, v, V, full, T, eta * A), -A)
             beyond = min(2.0 * (d - v * T) / T**2, (V - v) / T)  # the limit already
             a = min(a, max(beyond, -against.authority * A))
@@ -75,8 +75,8 @@ def under_push(
     lim: LimitConfig, limit: float, push: float, v: float, held: float
 ) -> float:
     """Return what may be asked for below a limit: against a push only braking."""
-    rate = lim.disturbance.brake_rate
-    if push <= 0.0 or not lim.disturbance.passive:
+    rate = lim.brake_rate
+    if push <= 0.0 or not lim.passive:
         return limit - push
     braking = -rate * max(v, 0.0) - held * (push + max(-limit, 0.0))
     damping = _DAMPING_AWAY * rate * max(-v, 0.0) * (1.0 - held)

@@ -146,15 +146,15 @@ class ContactEnv(
         render_mode: str | None = None,
     ) -> None:
         self.task, self.config = task, config or EnvConfig()
-        action = self.config.action
-        self.cell = task.workcell(find_robot(self.config.place.robot))
+        action = self.config
+        self.cell = task.workcell(find_robot(self.config.robot))
         self.render_mode = render_mode
         self._pictures = EpisodePictures(self.cell, render_mode, self.metadata)
         self.axes = TaskSpec.parse(task.axes)
-        given = self.config.place.arm if arm is None else arm
+        given = self.config.arm if arm is None else arm
         self.arm = build_arm(given, self.cell, self.axes, self.config)
-        site = Site.of(self.cell, self.config.place.twin, self.arm)
-        self.tracker = tracker or find_tracker(self.config.observation.tracker, site)
+        site = Site.of(self.cell, self.config.twin, self.arm)
+        self.tracker = tracker or find_tracker(self.config.tracker, site)
         self.commands = CommandMap(
             self.axes,
             f_scale=action.f_scale,
@@ -167,7 +167,7 @@ class ContactEnv(
 
     def _find_tare(self, holds_its_weight: bool) -> ToolTare | None:
         """Return the tare where it is asked for, or usual and possible."""
-        asked, damping = self.config.episode.tare, self.config.action.force_damping
+        asked, damping = self.config.tare, self.config.force_damping
         if asked is None:
             asked = not holds_its_weight and can_tare(self.axes, damping)
         return ToolTare(self.arm, self.commands, damping) if asked else None
@@ -186,11 +186,11 @@ class ContactEnv(
         require_axes(self.arm, self.axes)
         require_task(self.task, self.arm.facts.robot)
         require_columns(self.arm, self.task.columns)
-        self.max_steps = self.config.episode.max_steps
-        facts, seen, own = self.arm.facts, self.config.observation, self.task.columns
+        self.max_steps = self.config.max_steps
+        facts, seen, own = self.arm.facts, self.config, self.task.columns
         self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
-        if (tool := facts.limits.tool).walls:
+        if (tool := facts.limits).walls:
             self._walls = tuple(tool.x_min), tuple(tool.x_max)
         self.violations = ViolationCounter(facts.robot, *self._walls)
         self.places_fixture = facts.traits.places_fixture
@@ -429,7 +429,7 @@ class ContactEnv(
             self._seen = seen
             self.believed = Pose(pose.position.copy(), pose.quat_wxyz.copy())
             self._goal = goal = self.task.goal(pose)
-            near = goal.surface + self.config.approach.near_distance
+            near = goal.surface + self.config.near_distance
             self._target.near_plane = np.append(goal.normal, near)
         goal = self._goal
         if pose is not self.fixture:

@@ -40,7 +40,7 @@ def action_towards(core: ContactEnv, to: Pose) -> NDArray[np.float32]:
     """
     state, commands = core.state, core.commands
     goal = core.task.goal(core.tracker.estimate().pose)
-    damping = np.array(per_axis("force_damping", core.config.action.force_damping))
+    damping = np.array(per_axis("force_damping", core.config.force_damping))
     way = np.asarray(to.position, dtype=float) - state.tool.position
     wanted = GAIN * way
     wanted *= min(1.0, LEAD_SPEED / max(float(np.abs(wanted).max()), 1e-12))

@@ -57,7 +57,7 @@ def lookout(arm: Arm, task: Task, fixture: Pose) -> Vec7:
     """Return the configuration [rad] from which is looked."""
     facts, goal = arm.facts, task.goal(fixture)
     low, high = (np.array(wall) for wall in task.walls)
-    margin = 2.0 * facts.limits.tool.delta_x
+    margin = 2.0 * facts.limits.delta_x
     above = fixture.position + LOOKOUT * goal.normal
     position = np.clip(above, low + margin, high - margin)
     return facts.robot.inverse_kinematics(

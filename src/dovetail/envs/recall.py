@@ -10,8 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.ranges import in_count
 from dovetail.envs.observation import Column, Layout
+from dovetail.settings import in_count
 
 _RECALLED = ("position", "tilt")
 """Groups of columns whose past a policy sees."""

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -81,7 +82,7 @@ def compare(
         for who, config, shift in jobs:
             progress.update(bar, description=f"{who}, moved by {shift:g} mm")
             out = folder / f"{who.replace(' ', '-')}-{shift:g}-mm"
-            asked = config.having(cover=shift, out=out)
+            asked = replace(config, cover=shift, out=out)
             found = evaluate(asked, Console(file=StringIO()))
             cells.append(Cell(who, shift, found.rows[-1]))
             progress.advance(bar)

@@ -14,7 +14,6 @@ import gymnasium as gym
 import numpy as np
 
 from dovetail.arms.arm import ArmState
-from dovetail.control.ranges import in_count
 from dovetail.envs.log_facts import (
     SUCCESS,
     describe_cell,
@@ -37,6 +36,7 @@ from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.search.script import CornerScript
+from dovetail.settings import in_count
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Array
 from dovetail.view.film import Film

@@ -1,5 +1,7 @@
 """With which gains an arm is felt, and how a simulated one steps."""
 
+from dataclasses import replace
+
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.feel.excitation import STIFFNESS
 from dovetail.plants.plant import DynamicsConfig, physics_steps
@@ -12,8 +14,8 @@ delay of 40 ms."""
 def quiet(osc: OscConfig, limits: LimitConfig) -> tuple[OscConfig, LimitConfig]:
     """Return settings with which an arm of any delay can be felt, wherever it is."""
     return (
-        osc.having(joint_stiffness=STIFFNESS),
-        limits.having(walls=False, estimate_rate=QUIET_RATE),
+        replace(osc, joint_stiffness=STIFFNESS),
+        replace(limits, walls=False, estimate_rate=QUIET_RATE),
     )
 
 

@@ -4,10 +4,10 @@ import os
 import shlex
 import time
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -18,7 +18,6 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from dovetail.control.sections import Section, Sectioned, option_words, settings_in
 from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
@@ -37,8 +36,10 @@ from dovetail.identify.population import (
 )
 from dovetail.identify.recording import Recording
 from dovetail.identify.search import Search, space_of
+from dovetail.options import option_words
 from dovetail.plants.find import find_engine
 from dovetail.plants.twin import Twin
+from dovetail.settings import defaults_of, settings, values_of
 from dovetail.types import Array
 
 EVALUATIONS_PER_PARAMETER = 200
@@ -47,8 +48,8 @@ AT_BOUND = 0.01
 """Distance from a bound that counts as there, as a share of the range."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitSearchConfig(Section):
+@settings()
+class FitSearchConfig:
     """The search for the parameters."""
 
     evaluations: int | None = None
@@ -59,8 +60,8 @@ class FitSearchConfig(Section):
     """Begin CMA-ES at a least-squares answer; without, at the nominal model."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulatedLogsConfig(Section):
+@settings()
+class SimulatedLogsConfig:
     """Engine and processes that simulate the logs."""
 
     plant: str = "mujoco"
@@ -71,15 +72,13 @@ class SimulatedLogsConfig(Section):
     """Simulate on a Ray cluster: its address, auto, or local."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitConfig(Sectioned):
+@settings()
+class FitConfig(FitSearchConfig, SimulatedLogsConfig):
     """Settings of a fit: parameters, log and budget.
 
     `FitConfig.of(log=..., plant="bullet")` takes the settings by the names of the
     command line's options.
     """
-
-    whose: ClassVar[str] = "a fit"
 
     log: Path
     """Recording to fit, made by `dovetail identify record`."""
@@ -90,10 +89,6 @@ class FitConfig(Sectioned):
     """Folder for model.toml and fit.json; new or empty, or with --resume a fit's."""
     resume: bool = False
     """Go on with the fit that is in the folder."""
-    search: FitSearchConfig = field(default_factory=FitSearchConfig)
-    """The search for the parameters."""
-    simulation: SimulatedLogsConfig = field(default_factory=SimulatedLogsConfig)
-    """Engine and processes that simulate the logs."""
 
 
 @dataclass(frozen=True)
@@ -145,30 +140,28 @@ def fit(config: FitConfig, console: Console) -> FitResult:
 def resume_words(config: FitConfig) -> list[str]:
     """Return the command that goes on with a fit: what differs from the defaults."""
     words = ["identify", "fit", str(config.log)]
-    usual = settings_in(FitConfig)
-    given = config.having(resume=True).flat()
-    for name in usual:
-        is_named = given[name] != usual[name].default or name == "out"
+    usual = defaults_of(FitConfig)
+    for name, value in values_of(replace(config, resume=True)).items():
+        is_named = value != usual.get(name) or name == "out"
         if name != "log" and is_named:
-            words += option_words(name, given[name])
+            words += option_words(name, value)
     return words
 
 
 def _fit(config: FitConfig, console: Console) -> FitResult:
-    engine, asked = config.simulation, config.search
-    find_engine(engine.plant)  # what it does not know is refused before any work
+    find_engine(config.plant)  # what it does not know is refused before any work
     parameters = ParameterSet.parse(config.parameters)
-    budget = asked.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
-    if budget < 1 or asked.seed < 0:
+    budget = config.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
+    if budget < 1 or config.seed < 0:
         raise ConfigError(
-            f"evaluations is {budget} and seed {asked.seed}; needs at least 1 and 0"
+            f"evaluations is {budget} and seed {config.seed}; needs at least 1 and 0"
         )
     recording = Recording.load(config.log)
     parameters = parameters.of_robot(recording.cell.robot)
     settings = _settings(config, parameters, recording)
     folder = FitFolder.claim(config.out, settings, resume=config.resume)
-    workers = os.cpu_count() or 1 if engine.workers is None else engine.workers
-    population = make_population(recording, engine.plant, workers, engine.cluster)
+    workers = os.cpu_count() or 1 if config.workers is None else config.workers
+    population = make_population(recording, config.plant, workers, config.cluster)
     begin = time.monotonic()
     with closing(population):
         outset = _begin(folder, settings, parameters, population, config)
@@ -179,7 +172,7 @@ def _fit(config: FitConfig, console: Console) -> FitResult:
         vector, after = search.conclude()
     wall_time = time.monotonic() - begin + earlier
     warnings = _warnings(parameters, outset, vector, population.deaths)
-    model = parameters.to_model(vector, engine.plant)
+    model = parameters.to_model(vector, config.plant)
     result = FitResult(
         _describe(model, recording, after),
         vector,
@@ -205,12 +198,12 @@ def _settings(
         "robot": recording.metadata["robot"],
         "task": recording.metadata["task"],
         "period": recording.period,
-        "plant": config.simulation.plant,
+        "plant": config.plant,
         "parameters": [
             [p.name, p.unit, p.low, p.high, p.start] for p in parameters.parameters
         ],
-        "seed": config.search.seed,
-        "warm_start": config.search.warm_start,
+        "seed": config.seed,
+        "warm_start": config.warm_start,
     }
 
 
@@ -224,7 +217,7 @@ def _begin(
     """Measure where the search begins, or read it where it is known."""
     if folder.summary is not None:
         return Outset.from_dict(folder.summary["outset"])
-    plant, warm = config.simulation.plant, config.search.warm_start
+    plant, warm = config.plant, config.warm_start
     outset = measure_outset(parameters, population, plant, warm=warm)
     folder.write_summary(
         {"state": "running", "settings": settings, "outset": outset.to_dict()}
@@ -251,7 +244,7 @@ class _Fit:
         self._population = population
         space = space_of(parameters, outset.active)
         self.search = Search(
-            space, outset.mean, outset.covariance, outset.start, config.search.seed
+            space, outset.mean, outset.covariance, outset.start, config.seed
         )
 
     def _whole(self, vector: Array) -> Array:
@@ -261,7 +254,7 @@ class _Fit:
         return whole
 
     def _values(self, vectors: list[Array]) -> list[float]:
-        engine = self._config.simulation.plant
+        engine = self._config.plant
         models = [self._parameters.to_model(self._whole(v), engine) for v in vectors]
         return evaluate_population(models, self._population)
 
@@ -347,7 +340,7 @@ def _warnings(
 def _describe(model: Twin, recording: Recording, after: float) -> Twin:
     arm = recording.metadata["arm"].partition("?")[0]
     text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
-    return model.having(description=text)
+    return replace(model, description=text)
 
 
 def _write(

@@ -36,13 +36,13 @@ def measure_delay(env: ContactEnv, q: Vec7, fixture: Pose) -> MeasuredDelay:
         ArmError: The arm was stopped, or too many cycles were lost.
     """
     arm, facts = env.arm, env.arm.facts
-    declared = float(facts.limits.declared.delay)
+    declared = float(facts.limits.delay)
     if isinstance(arm, LocalArm):
         osc, limits = quiet(facts.osc, facts.limits)
         arm = LocalArm(arm.plant, facts.robot, osc, limits, facts.task, facts.period)
     arm.reset(q, fixture)
     step = simulated_step(facts.period) if env.places_fixture else 0.0
-    feeling = feel_arm(arm, q, facts.limits.prediction.armature, integration_step=step)
+    feeling = feel_arm(arm, q, facts.limits.armature, integration_step=step)
     delay = feeling.delay
     told = {"measured": delay.delay, "spread": delay.spread, "declared": declared}
     return MeasuredDelay(told, judge_delay(feeling, declared))

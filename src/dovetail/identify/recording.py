@@ -114,7 +114,7 @@ class Recording:
         """Return law and limits of the controller that played the motions."""
         given = self.metadata["controller"]
         low, high = given["walls"]
-        config = EnvConfig.of(
+        config = EnvConfig(
             period=self.period,
             force_damping=given["force_damping"],
             near_speed=given["near_speed"],

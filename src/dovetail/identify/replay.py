@@ -64,10 +64,10 @@ class Replay:
         self._plant.configure(model.on(self.recording.cell.robot).dynamics())
         self._plant.attach_channel(
             _core.Channel(
-                delay=model.channel.command_delay,
-                torque_noise=model.channel.torque_noise,
-                position_noise=model.channel.position_noise,
-                velocity_noise=model.channel.velocity_noise,
+                delay=model.command_delay,
+                torque_noise=model.torque_noise,
+                position_noise=model.position_noise,
+                velocity_noise=model.velocity_noise,
                 seed=model.seed,
             )
         )

@@ -85,7 +85,7 @@ def _as_seen_by(core: ContactEnv, path: Path, steps: RecordedSteps) -> Transitio
             "record it in the environment that is trained in (the same --also), or "
             "leave the log out"
         )
-    scaling, config = core.scaling, core.config.observation
+    scaling, config = core.scaling, core.config
     size = len(core.commands)
     recall = Recall(config.recall, scaling, size)
     history = History(config.stack, len(core.columns), size)

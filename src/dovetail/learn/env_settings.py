@@ -1,31 +1,22 @@
 """Settings of a policy's environment, for a training and an export."""
 
-from dataclasses import dataclass, field, fields
+from dataclasses import field, fields
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any
 
-import numpy as np
-
-from dovetail.control.sections import Sectioned, settings_in
-from dovetail.envs.config import EnvConfig
+from dovetail.control.proven import DECLARED
+from dovetail.envs.config import EnvOptions
 from dovetail.envs.registered import task_class
+from dovetail.settings import names_in, settings
 from dovetail.tasks.options import TaskOptions, own_options, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.trackers.find import without_images
 
-_PER_AXIS = ("f_scale", "force_damping")
 
-
-@dataclass(frozen=True, kw_only=True)
-class EnvSettings(Sectioned):
-    """The task.
-
-    And its environment, as a policy has to know them: what `EnvConfig` has, each scale
-    of X Y Z as a tuple.
-    """
-
-    whose: ClassVar[str] = "a policy's environment"
+@settings()
+class EnvSettings(EnvOptions):
+    """The task and its environment, as a policy has to know them."""
 
     env: str = DEFAULT_ENV
     """Task: a Gymnasium id, or MODULE:ID of your own."""
@@ -34,14 +25,6 @@ class EnvSettings(Sectioned):
     task: str | None = None
     """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default
     the environment's, for example "X:force A:pose YZBC:hold" for the rail clip."""
-    config: EnvConfig = field(default_factory=lambda: EnvConfig())
-    """Its environment."""
-
-    def __post_init__(self) -> None:
-        """Take one number for X Y Z, too."""
-        given = self.flat()
-        listed = {name: np.atleast_1d(given[name]).tolist() for name in _PER_AXIS}
-        self._settle(**listed)
 
     @cached_property
     def task_class(self) -> type[Task]:
@@ -61,14 +44,15 @@ class EnvSettings(Sectioned):
 
         What is declared is of the arm that it was trained on, not of the next one.
         """
-        options, fall_back = self.env_options(), self.config.action.fall_back
-        used = {k: v for k, v in options.items() if k not in vars(self.config.declared)}
+        options, fall_back = self.env_options(), self.fall_back
+        used = {k: v for k, v in options.items() if k not in DECLARED}
         return used | ({"fall_back": fall_back} if fall_back else {})
 
     def given(self) -> dict[str, Any]:
         """Return the settings of the environment that are given."""
-        tracker = without_images(self.config.observation.tracker)  # 15 ms a step
-        given = self.config.flat() | {"tracker": tracker, "task": self.task}
+        tracker = without_images(self.tracker)  # 15 ms a step
+        given = {name: vars(self)[name] for name in names_in(EnvOptions)}
+        given |= {"tracker": tracker, "task": self.task}
         given |= self.task_options
         del given["fall_back"]  # a training is of the policy alone
         return {name: value for name, value in given.items() if value is not None}
@@ -96,5 +80,5 @@ def find_task(env: str, beside: type) -> type[Task]:
             is called as one of these settings is.
     """
     task = task_class(env)
-    require_apart(task, settings_in(beside), f"settings of {beside.__name__}")
+    require_apart(task, names_in(beside), f"settings of {beside.__name__}")
     return task

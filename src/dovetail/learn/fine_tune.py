@@ -28,9 +28,9 @@ def load_start(config: TrainConfig) -> Policy | None:
         ConfigError: No such policy.
         PolicyError: It is not one for these settings; says what to change.
     """
-    if config.teaching.from_policy is None:
+    if config.from_policy is None:
         return None
-    policy = Policy.load(find_policy(config.teaching.from_policy))
+    policy = Policy.load(find_policy(config.from_policy))
     try:
         _require_settings(policy, config)
     except PolicyError as error:
@@ -57,12 +57,12 @@ def require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
 
 
 def _refused(config: TrainConfig, error: PolicyError) -> PolicyError:
-    return PolicyError(f"cannot start from {config.teaching.from_policy}: {error}")
+    return PolicyError(f"cannot start from {config.from_policy}: {error}")
 
 
 def _require_settings(policy: Policy, config: TrainConfig) -> None:
-    env, learner = config.environment, config.learner
-    policy.require_env(env.env, env.env_options())
+    learner = config
+    policy.require_env(config.env, config.env_options())
     hidden = tuple(int(weight.shape[1]) for weight, _ in policy.layers[:-1])
     if hidden != learner.net:
         raise PolicyError(

@@ -10,7 +10,6 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from dovetail.control.sections import settings_in
 from dovetail.envs import registered
 from dovetail.envs.config import ENDLESS
 from dovetail.envs.registered import task_class
@@ -27,6 +26,7 @@ from dovetail.learn.model_zip import (
 from dovetail.learn.policy import Layer, Policy
 from dovetail.learn.spaces import describe_spaces
 from dovetail.reading import read_bytes
+from dovetail.settings import names_in
 from dovetail.tasks.options import gather_options, option_types
 
 TOLERANCE = 1e-5
@@ -57,14 +57,14 @@ def settings_of_env(env: Any) -> EnvSettings:
             'gymnasium.make("dovetail/...", ...)'
         )
     task = task_class(spec.id)
-    known = {*settings_in(EnvSettings), *option_types(task)}
+    known = {*names_in(EnvSettings), *option_types(task)}
     given = {n: v for n, v in spec.kwargs.items() if n in known and v is not None}
     own = (
         env.get_attr("max_steps")[0] if is_vector else env.get_wrapper_attr("max_steps")
     )
     if (length := spec.max_episode_steps or own) != ENDLESS:
         given["max_steps"] = length
-    return EnvSettings.of(env=spec.id, **gather_options(given, task))
+    return EnvSettings(env=spec.id, **gather_options(given, task))
 
 
 def _require_unchanged(env: Any, is_vector: bool) -> None:

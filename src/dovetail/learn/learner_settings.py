@@ -1,18 +1,19 @@
 """The learning algorithm of a training and its settings."""
 
-from dataclasses import dataclass, field
-from typing import Annotated, Literal, get_args
+from dataclasses import field
+from typing import Annotated, Literal, Self, get_args
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
+from pydantic import model_validator
+
 from dovetail.errors import ConfigError
+from dovetail.settings import Range, settings
 
 Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 
 
-@dataclass(frozen=True, kw_only=True)
-class GradientConfig(Section):
+@settings()
+class GradientConfig:
     """Gradient steps."""
 
     updates_per_step: Annotated[float | None, Range(0.01, 64.0, "1")] = None
@@ -38,8 +39,8 @@ class GradientConfig(Section):
         return 0.0 if self.learning_rate is None else self.learning_rate
 
 
-@dataclass(frozen=True, kw_only=True)
-class ReturnConfig(Section):
+@settings()
+class ReturnConfig:
     """The sum of rewards that it learns."""
 
     n_steps: Annotated[int, Range(1, 100, "steps")] = 3
@@ -54,8 +55,8 @@ class ReturnConfig(Section):
     """Weight of contact force in the reward [1/N]; 0 is the paper."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LearnerConfig(Section):
+@settings()
+class LearnerConfig:
     """Learning algorithm."""
 
     algorithm: Algorithm = "sac"
@@ -75,13 +76,14 @@ class LearnerConfig(Section):
     returns: ReturnConfig = field(default_factory=ReturnConfig)
     """Return that the critics estimate."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_learner_config(self) -> Self:
         """Refuse networks or an entropy coefficient that cannot be."""
-        super().__post_init__()
         object.__setattr__(self, "net", tuple(int(width) for width in self.net))
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         self.entropy_coefficient()
+        return self
 
     def entropy_coefficient(self) -> str | float:
         """Return `ent_coef` as SBX takes it: "auto", "auto_START" or a number."""

@@ -1,19 +1,22 @@
 """The arm that a training is on, or the dynamics of the one that it simulates."""
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Self
 
-from dovetail.control.sections import Section
+from pydantic import model_validator
+
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation
 from dovetail.errors import ConfigError
 from dovetail.learn.model_file import ModelFile
+from dovetail.options import Placement
+from dovetail.settings import settings
 
 _USUAL = DynamicsRandomisation()
 
 
-@dataclass(frozen=True, kw_only=True)
-class ArmPlaceConfig(Section):
+@settings()
+class ArmPlaceConfig:
     """An arm in place of a simulation, and where its fixture is."""
 
     arm: str | None = None
@@ -24,13 +27,13 @@ class ArmPlaceConfig(Section):
     than 0.15 m or 0.5 rad; it goes up, across and down."""
     fixed_goal: bool = False
     """Keep the fixture where `fixture` says, for an arm that cannot move it."""
-    fixture: tuple[float, float, float, float] | None = None
+    fixture: Placement = None
     """Place of its frame: x y z [m], yaw [rad], world axes. Needs `fixed_goal`; default
     the first pose in which the task's policies are tried."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulatedDynamicsConfig(Section):
+@settings()
+class SimulatedDynamicsConfig:
     """Dynamics of the simulation."""
 
     model: Path | None = None
@@ -48,7 +51,8 @@ class SimulatedDynamicsConfig(Section):
     random_friction: tuple[float, float] = _USUAL.friction
     """Range of the contacts' friction coefficient [1], uniform."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_simulated_dynamics_config(self) -> Self:
         """Refuse ranges that nothing would simulate."""
         if self.model is not None:
             object.__setattr__(self, "model", Path(self.model))
@@ -56,6 +60,7 @@ class SimulatedDynamicsConfig(Section):
             raise ConfigError(
                 "a range of random dynamics is given, which needs --randomise-dynamics"
             )
+        return self
 
     @cached_property
     def model_file(self) -> ModelFile | None:

@@ -155,7 +155,7 @@ def lax_contact(settings: Mapping[str, Any]) -> list[LaxSetting]:
     Args:
         settings: Keyword arguments of an environment, by `policy_settings`.
     """
-    usual, lax = USUAL.approach, []
+    usual, lax = USUAL, []
     for name, unit in (("near_speed", "m/s"), ("near_press", "m/s2")):
         default = vars(usual)[name]
         if (value := settings.get(name, default)) > default:

@@ -1,16 +1,16 @@
 """Length of a training, and settings of its runs and their folders."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Self
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
+from pydantic import model_validator
+
 from dovetail.errors import ConfigError
+from dovetail.settings import Range, settings
 
 
-@dataclass(frozen=True, kw_only=True)
-class LengthConfig(Section):
+@settings()
+class LengthConfig:
     """Length of the training."""
 
     steps: Annotated[int, Range(1, 1e9, "steps")] = 60_000
@@ -31,8 +31,8 @@ class LengthConfig(Section):
         return 1.0 if self.until is None else self.until
 
 
-@dataclass(frozen=True, kw_only=True)
-class RunsConfig(Section):
+@settings()
+class RunsConfig:
     """The runs and their folder."""
 
     out: Path | None = None
@@ -57,11 +57,12 @@ class RunsConfig(Section):
     eval_episodes: Annotated[int, Range(0, 1e6, "episodes")] = 200
     """Episodes of the evaluation at the end; 0 leaves it out."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_runs_config(self) -> Self:
         """Refuse what is out of its range."""
         if self.out is not None:
             object.__setattr__(self, "out", Path(self.out))
-        super().__post_init__()
+        return self
 
     @property
     def folder(self) -> Path:

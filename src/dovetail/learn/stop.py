@@ -43,7 +43,7 @@ class Stop:
         Args:
             config: Settings of the run.
         """
-        self._config, self._length = config, config.length
+        self._config, self._length = config, config
         self._recent: deque[int] = deque(maxlen=WINDOW)
         self._since: int | None = None
         self._tested: int | None = None
@@ -52,7 +52,7 @@ class Stop:
 
     def note(self, row: EpisodeRow) -> None:
         """Take in a finished episode; the first are not the learner's."""
-        if not self._is_asked or row.step <= self._config.teaching.learning_starts:
+        if not self._is_asked or row.step <= self._config.learning_starts:
             return
         self._recent.append(row.success)
         if len(self._recent) < WINDOW:
@@ -68,7 +68,7 @@ class Stop:
         high, fallen = 1.0, self._settled(step)
         if self._tested is not None:
             high, fallen = AGAIN, min(1.0, (step - self._tested) / self._pause)
-        return high - (high - self._config.learner.gradient.final_rate) * fallen
+        return high - (high - self._config.gradient.final_rate) * fallen
 
     def is_due(self, step: int) -> bool:
         """Say whether a test is to be made now."""
@@ -78,7 +78,7 @@ class Stop:
 
     def seeds(self, step: int) -> list[list[int]]:
         """Return the seeds of a test's tries, other ones at every step, by portions."""
-        count, seed = self._length.test_episodes, self._config.runs.seed
+        count, seed = self._length.test_episodes, self._config.seed
         seeds = [derive_seed(_STREAM, seed, step, i) for i in range(count)]
         return [seeds[i : i + PORTION] for i in range(0, count, PORTION)]
 

@@ -1,20 +1,16 @@
 """Settings of a training's start: from a policy, demonstrations or a teacher."""
 
-from dataclasses import dataclass
 from typing import Annotated
 
-import tyro
-
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
-from dovetail.paths_option import some_paths
+from dovetail.options import some_paths
+from dovetail.settings import Range, settings
 
 
-@dataclass(frozen=True, kw_only=True)
-class TeachingConfig(Section):
+@settings()
+class TeachingConfig:
     """Start from a policy, demonstrations or a teacher."""
 
-    from_policy: Annotated[str | None, tyro.conf.arg(name="from")] = None
+    from_policy: str | None = None
     """Policy to start from: a file, or the name of a shipped one. For the first
     `learning_starts` steps only the critics learn; then the actor does at a tenth of
     their rate, and goes back to the one whose episodes went best if its own go badly.
@@ -35,7 +31,7 @@ class TeachingConfig(Section):
     """Share of each batch that was shown [1]: 0.5, after `pretrain` 0.2. The teacher
     or `demos` show it; what was learned from them already needs less of them."""
     learning_starts: Annotated[int, Range(0, 1e9, "steps")] = 1000
-    """Random actions before the first gradient step (not ppo). See `from`."""
+    """Random actions before the first gradient step (not ppo). See `from_policy`."""
 
     @property
     def first_updates(self) -> int:

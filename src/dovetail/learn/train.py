@@ -46,10 +46,10 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
         console.print(text, soft_wrap=True, highlight=False)
 
     try:
-        if config.runs.seeds > 1:
+        if config.seeds > 1:
             return train_seeds(config, console, begin)
-        names = [f"seed {config.runs.seed}"]
-        with ProgressBar(config.length.steps, names, console) as bar:
+        names = [f"seed {config.seed}"]
+        with ProgressBar(config.steps, names, console) as bar:
             return [train_one(config, lambda status: bar.show(0, status), begin)]
     except KeyboardInterrupt:
         if way_on:

@@ -1,22 +1,20 @@
 """Differences between the episodes of a training that the policy does not know."""
 
-from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
 from dovetail.errors import ConfigError
 from dovetail.learn.env_settings import EnvSettings
+from dovetail.settings import Range, settings
 from dovetail.tasks.options import parse_values
 from dovetail.trackers.find import DEFAULT_TRACKER
 
 
-@dataclass(frozen=True, kw_only=True)
-class VariationConfig(Section):
+@settings()
+class VariationConfig:
     """Differences between episodes."""
 
     vary: str | None = None
@@ -56,7 +54,7 @@ class VariationConfig(Section):
         Raises:
             ConfigError: Says what to give.
         """
-        tracker = env.config.observation.tracker
+        tracker = env.tracker
         if self.doubt > 0.0 and tracker != DEFAULT_TRACKER:
             raise ConfigError(
                 f"doubt and the tracker {tracker} exclude each other: with a "

@@ -6,13 +6,13 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 """
 
 import warnings
-from dataclasses import MISSING, dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from pydantic import model_validator
 
 from dovetail.control.proven import unproven
-from dovetail.control.ranges import Range, check_ranges, ranges_of
-from dovetail.control.sections import Sectioned, settings_in
 from dovetail.errors import ConfigError, UnprovenWarning, did_you_mean
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig, Engine
@@ -20,6 +20,15 @@ from dovetail.plants.twin_camera import TwinCamera
 from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact
 from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.reading import read_toml
+from dovetail.settings import (
+    Range,
+    defaults_of,
+    fill_in,
+    names_in,
+    ranges_of,
+    settings,
+    values_of,
+)
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
@@ -31,14 +40,9 @@ TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 """Folder of the shipped twins."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Twin(Sectioned):
-    """Everything in which a twin differs from the model. No number has a default.
-
-    `of`, `having` and `table` know every number by its key in a twin's file.
-    """
-
-    whose: ClassVar[str] = "a twin"
+@settings(owner="twin")
+class Twin(TwinArm, TwinChannel, TwinContact):
+    """Everything in which a twin differs from the model. No number has a default."""
 
     description: str
     """Description of the twin, one line."""
@@ -46,44 +50,40 @@ class Twin(Sectioned):
     """Physics engine: another one than the policy was trained in."""
     seed: Annotated[int, Range(0, 2**63 - 1, "1")]
     """Seed of the noise, >= 0."""
-    arm: TwinArm
-    """The arm: masses, gravity, friction and rotors."""
-    channel: TwinChannel
-    """Between controller and joints."""
-    contact: TwinContact
-    """Contact of the tool."""
     clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
     camera: TwinCamera | None = None
     """Errors of its camera; None if the twin's file gives none."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_twin(self) -> Self:
         """Refuse a number out of range, by name."""
         if not isinstance(self.description, str):
             raise ConfigError(
                 f"twin description is {self.description!r}; give one line of text"
             )
         if self.camera is not None and not isinstance(self.camera, TwinCamera):
-            object.__setattr__(self, "camera", _camera(self.camera))
-        check_ranges(self, "twin")
+            fill_in(self, camera=_camera(self.camera))
+        return self
 
     def table(self) -> dict[str, Any]:
         """Return what its file holds by key, the camera's as a table of its own."""
-        camera = None if self.camera is None else self.camera.flat()
-        return self.flat() | {"camera": camera}
+        camera = None if self.camera is None else values_of(self.camera)
+        return values_of(self) | {"camera": camera}
 
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
-        return DynamicsConfig.of(**vars(self.arm), **vars(self.contact))
+        shared = [n for n in names_in(DynamicsConfig) if n in names_in(Twin)]
+        return DynamicsConfig(**{name: vars(self)[name] for name in shared})
 
     def on(self, robot: "Robot") -> Self:
         """Return the twin of a robot: with its own inertia set where it lacks this."""
         own = robot.links.inertia_set
-        return self.having(inertia=own) if self.lacks(robot) else self
+        return replace(self, inertia=own) if self.lacks(robot) else self
 
     def lacks(self, robot: "Robot") -> str:
         """Say that a robot has not the twin's inertia set; empty where it has."""
-        own, inertia = robot.links.inertia_set, self.arm.inertia
+        own, inertia = robot.links.inertia_set, self.inertia
         if inertia in (own, *robot.links.inertia_sets):
             return ""
         return (
@@ -99,9 +99,9 @@ class Twin(Sectioned):
         Returns:
             A sentence with value, allowed range and remedy for each such field.
         """
-        error = max(abs(scale - 1.0) for scale in self.arm.mass_scale)
+        error = max(abs(scale - 1.0) for scale in self.mass_scale)
         said = {
-            "command_delay": unproven(delay=self.channel.command_delay),
+            "command_delay": unproven(delay=self.command_delay),
             "mass_scale": unproven(mass_error=error),
         }
         return {name: texts[0] for name, texts in said.items() if texts}
@@ -120,8 +120,8 @@ class Twin(Sectioned):
 
 def _keys(config: "Twin | TwinCamera", is_ascii: bool) -> list[str]:
     """Return a line for each key that is no table."""
-    lines, known = [], settings_in(type(config))
-    for name, value in config.flat().items():
+    lines, ranges = [], ranges_of(type(config))
+    for name, value in values_of(config).items():
         if isinstance(value, TwinCamera) or value is None:
             continue
         if isinstance(value, str):
@@ -130,7 +130,6 @@ def _keys(config: "Twin | TwinCamera", is_ascii: bool) -> list[str]:
             text = "[" + ", ".join(repr(v) for v in value) + "]"
         else:
             text = repr(value)
-        ranges = ranges_of(known[name].owner)
         unit = ranges[name].unit if name in ranges else "1"
         lines.append(f"{name} = {text}" + (f"  # {unit}" if unit != "1" else ""))
     return lines
@@ -176,10 +175,10 @@ def load_twin(name_or_path: Twin | str | Path) -> Twin:
         raise ConfigError(f"cannot read twin file {path}: {error.strerror}") from error
     except ConfigError as error:
         raise ConfigError(f"twin file {error}") from error
-    known = settings_in(Twin)
+    known = names_in(Twin)
     unknown = [key for key in table if key not in known]
-    needed = [name for name, setting in known.items() if setting.default is MISSING]
-    missing = [key for key in needed if key not in table]
+    optional = defaults_of(Twin)
+    missing = [key for key in known if key not in table and key not in optional]
     if unknown or missing:
         names = ", ".join(key + did_you_mean(key, known) for key in unknown)
         raise ConfigError(
@@ -187,14 +186,14 @@ def load_twin(name_or_path: Twin | str | Path) -> Twin:
             f"{', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
         )
     try:
-        return Twin.of(**table)
+        return Twin(**table)
     except ConfigError as error:
         raise ConfigError(f"twin file {path}: {error}") from error
 
 
 def _camera(table: object) -> TwinCamera:
     """Return what a table of a file says."""
-    known = [*settings_in(TwinCamera)]
+    known = names_in(TwinCamera)
     if not isinstance(table, dict):
         raise ConfigError("camera is no table; give [camera] and its keys below it")
     if unknown := [str(key) for key in table if key not in known]:
@@ -203,7 +202,7 @@ def _camera(table: object) -> TwinCamera:
             f"{', '.join(key + did_you_mean(key, known) for key in unknown)}; known: "
             f"{', '.join(known)}"
         )
-    return TwinCamera.of(**{str(key): value for key, value in table.items()})
+    return TwinCamera(**{str(key): value for key, value in table.items()})
 
 
 class TwinPlant(WrappedPlant[DrivenPlant]):
@@ -232,10 +231,10 @@ class TwinPlant(WrappedPlant[DrivenPlant]):
         super().__init__(make_plant(name, widened, config.dynamics()))
         self.plant.attach_channel(
             _core.Channel(
-                delay=config.channel.command_delay,
-                torque_noise=config.channel.torque_noise,
-                position_noise=config.channel.position_noise,
-                velocity_noise=config.channel.velocity_noise,
+                delay=config.command_delay,
+                torque_noise=config.torque_noise,
+                position_noise=config.position_noise,
+                velocity_noise=config.velocity_noise,
                 seed=config.seed,
             )
         )

@@ -28,7 +28,7 @@ def record_log(sitting: Sitting) -> dict[str, Any]:
 
     settings = sitting.settings
     recording = record(
-        RecordConfig.of(
+        RecordConfig(
             arm=f"twin:{twin_file(sitting.root, settings['twin'])}",
             out=sitting.folder / RECORDING,
             seed=settings["seed"],
@@ -48,7 +48,7 @@ def fit_model(sitting: Sitting) -> dict[str, Any]:
     out = sitting.folder / FIT
     limit = settings["evaluations"]
     result = fit(
-        FitConfig.of(
+        FitConfig(
             log=sitting.of(settings["log_of"]) / RECORDING,
             plant=settings["plant"],
             parameters=settings["parameters"],
@@ -116,7 +116,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
 
     out = sitting.folder / RUN
     resume = _is_begun(out, "config.json")
-    config = TrainConfig.of(out=out, resume=resume, **as_config(settings))
+    config = TrainConfig(out=out, resume=resume, **as_config(settings))
     (result,) = train(config, sitting.console)
     return {
         "steps": result.steps,
@@ -137,7 +137,7 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     out = sitting.folder / EVALUATION
     shutil.rmtree(out, ignore_errors=True)  # of a sitting that was cut short
     evaluation = evaluate(
-        EvaluationConfig.of(policy=str(policy), twin=str(twin), out=out, **settings),
+        EvaluationConfig(policy=str(policy), twin=str(twin), out=out, **settings),
         sitting.console,
     )
     ends = [outcome.stop.reason for outcome in evaluation.outcomes]

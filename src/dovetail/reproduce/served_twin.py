@@ -129,7 +129,7 @@ def _serve(
     above = Pose(np.array([x, y, z + _ABOVE]), tool_down(yaw))
     start = plant.robot.inverse_kinematics(above, plant.robot.posture("down"))
     plant.reset(start, Pose(np.array([x, y, z]), quat_about_z(yaw)))
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         period=settings["period"],
         clock="lockstep",
         patience=_PATIENCE,

@@ -167,7 +167,7 @@ class ArmService:
         )
         if is_new:
             self._say(f"configured: {settings.task}, {settings.period:g} s")
-            for text in settings.limits.declared.unproven():
+            for text in settings.limits.beyond_proven():
                 self._say(f"warning: {text}")
         return pb.Done()
 

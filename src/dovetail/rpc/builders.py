@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 from dovetail.arms.arm import Arm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.limits import DeclaredErrors
-from dovetail.control.period import format_period
-from dovetail.control.proven import describe
-from dovetail.control.sections import option_words
+from dovetail.control.proven import DECLARED, describe
 from dovetail.control.settings import ControllerSettings
+from dovetail.durations import format_ms
 from dovetail.errors import ConfigError
+from dovetail.options import option_words
 from dovetail.plants.plant import Plant
 
 if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
-NOTHING = DeclaredErrors()
+NOTHING = DeclaredErrors(**dict.fromkeys(DECLARED, 0.0))
 """Errors that a learner has to declare where nothing is known of the arm."""
 
 
@@ -42,11 +42,11 @@ def require_offered(
         raise ConfigError(
             f"the arm at {name} is commanded every {1e3 * period:g} ms, the learner "
             f"asks for {1e3 * settings.period:g} ms: add "
-            f"period={format_period(period)} to the learner's address, "
+            f"period={format_ms(period)} to the learner's address, "
             "grpc://HOST:PORT?period=..."
         )
-    own = vars(settings.limits.declared)
-    for key, least in vars(declared).items():
+    own = settings.limits.declared_errors()
+    for key, least in declared.declared_errors().items():
         if own[key] < least * (1.0 - 1e-9):
             word, given = option_words(key, least)
             raise ConfigError(

@@ -4,8 +4,8 @@ from collections import deque
 from typing import Annotated
 
 from dovetail.arms.arm import ArmState
-from dovetail.control.ranges import Range, in_range
 from dovetail.poses import Pose
+from dovetail.settings import Range, in_range
 from dovetail.trackers.tracker import Estimate
 
 _DELAY = Range(0.0, 10.0, "s")

@@ -120,13 +120,13 @@ def _camera(name: str, query: str, site: Site) -> Tracker:
     from dovetail.perceive.camera import load_camera
 
     camera = load_camera(name)
-    is_exact = site.twin is None or not any(site.twin.misplaced.numbers())
+    is_exact = site.twin is None or not any(site.twin.numbers())
     camera.require_calibrated(is_exact=is_exact)
     if not _wants_images(f"{name}?{query}", query):
-        shift, turn = camera.place.deviation[:3], camera.place.deviation[3:]
+        shift, turn = camera.deviation[:3], camera.deviation[3:]
         return Late(
-            delay=camera.pictures.delay,
-            rate=camera.pictures.rate,
+            delay=camera.delay,
+            rate=camera.rate,
             bias=_FEW * max(shift),
             turn=_FEW * max(turn),
         )
@@ -155,14 +155,14 @@ def _of_twin(site: Site) -> Tracker:
             "has a table [camera], as `dovetail twin show medium` has, or --tracker "
             "truth"
         )
-    pictures, sight = site.twin.pictures, site.twin.sight
+    sight = site.twin
     return Late(
-        delay=pictures.delay,
-        rate=pictures.rate,
+        delay=site.twin.delay,
+        rate=site.twin.rate,
         bias=sight.bias,
         turn=sight.turn,
         jitter=sight.jitter,
-        dropout=pictures.dropout,
+        dropout=site.twin.dropout,
     )
 
 

@@ -35,7 +35,7 @@ class MarkerTracker:
             robot: The bare arm, for a camera on its flange.
         """
         self.camera, self.source = camera, source
-        self.detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
+        self.detector = Detector(camera.board, camera.lens, camera.edge_noise)
         self._robot = robot
         self._past: deque[tuple[float, Vec7]] = deque()
         self._seen: Estimate | None = None
@@ -57,7 +57,7 @@ class MarkerTracker:
     @property
     def is_on_arm(self) -> bool:
         """True if the camera is on the flange."""
-        return self.camera.place.mount == "flange"
+        return self.camera.mount == "flange"
 
     def rewind(self, fixture: Pose) -> None:
         """Go on in an episode whose time begins at 0 again, with what was seen."""
@@ -132,7 +132,7 @@ def locate(
         TrackerError: The camera is on the flange, and q is not known.
     """
     mount = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    if camera.place.mount == "flange":
+    if camera.mount == "flange":
         if q is None:
             raise TrackerError("a camera on the flange needs the arm's configuration")
         mount = robot.tool_pose(q)

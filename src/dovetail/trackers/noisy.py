@@ -3,8 +3,8 @@
 import numpy as np
 
 from dovetail.arms.arm import ArmState
-from dovetail.control.ranges import Range, in_range
 from dovetail.poses import Pose, quat_about_z, quat_multiply
+from dovetail.settings import Range, in_range
 from dovetail.trackers.tracker import Estimate
 
 _POSITION = Range(0.0, 0.05, "m")

@@ -5,13 +5,13 @@ from typing import Annotated, Literal
 
 import pytest
 
+from dovetail.commands.command_line import find_task, parse
 from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.serve import Serve
-from dovetail.commands.task_flags import describe_options, find_task, parse
-from dovetail.control.ranges import Range
 from dovetail.envs.registered import split_settings
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
+from dovetail.settings import Range
 from dovetail.tasks.options import TaskOptions, gather_options, own_options
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
@@ -32,9 +32,9 @@ class Screw(RailClip):
 
 def test_the_options_of_the_chosen_task_are_taken():
     words = ["--peg", "round", "--clearance", "0.001"]
-    assert parse(Serve, words).cell.task_options == {"peg": "round", "clearance": 0.001}
-    assert parse(Serve, []).cell.task_options == {}
-    assert parse(Serve, [*CLIP, "--clearance", "0.002"]).cell.task_options["clearance"]
+    assert parse(Serve, words).task_options == {"peg": "round", "clearance": 0.001}
+    assert parse(Serve, []).task_options == {}
+    assert parse(Serve, [*CLIP, "--clearance", "0.002"]).task_options["clearance"]
 
 
 def test_an_option_of_another_task_is_not_known(capsys):
@@ -45,10 +45,8 @@ def test_an_option_of_another_task_is_not_known(capsys):
 
 def test_each_plain_field_is_an_option_with_its_type():
     words = ["--size", "M3", "--turns", "3", "--pitch", "1e-3", "--is-left", "True"]
-    given = parse(Serve, words, Screw).cell.task_options
+    given = parse(Serve, words, Screw).task_options
     assert given == {"size": "M3", "turns": 3, "pitch": 1e-3, "is_left": True}
-    told = describe_options(Screw)
-    assert told["--size NAME"] == "Size of the screw (M4)"
     assert set(own_options(Screw)) == {*given, "clearance"}
 
 
@@ -69,7 +67,7 @@ def changed(name, kind, **rest):
 )
 def test_a_name_that_means_two_things_is_one_message(task, message):
     if message is None:
-        assert parse(Evaluate, ["p"], task).task.task_options == {}
+        assert parse(Evaluate, ["p"], task).task_options == {}
         return
     with pytest.raises(ConfigError, match=message):
         parse(Evaluate, ["p"], task)
@@ -83,9 +81,9 @@ def test_what_a_task_works_out_itself_is_no_setting():
 
 
 def test_what_is_resumed_keeps_its_options():
-    default = TrainConfig.of(task_options=TaskOptions(peg="round"))
+    default = TrainConfig(task_options=TaskOptions(peg="round"))
     again = parse(TrainConfig, [], default=default)
-    assert again.environment.task_options["peg"] == "round"
+    assert again.task_options["peg"] == "round"
 
 
 def test_the_task_is_that_of_env():
