@@ -49,7 +49,6 @@ from dovetail.learn.assess import assess, play
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import EpisodeLog, Stopwatch
 from dovetail.learn.stop import Stop
-from dovetail.tasks.options import TaskOptions
 
 PEERS = {
     "sbx": {
@@ -106,7 +105,7 @@ def settings(options: argparse.Namespace, seed: int) -> TrainConfig:
     """Return the settings of ours."""
     given = {"clearance": options.clearance}
     return TrainConfig(
-        task_options=TaskOptions(**given),
+        task_options=given,
         seed=seed,
         steps=options.steps,
         until=options.until,
@@ -135,12 +134,12 @@ def make_peer(name: str, config: TrainConfig, env: Any, stop: Stop) -> Any:
         "MlpPolicy",
         env,
         learning_rate=rate,
-        gamma=learner.returns.gamma,
+        gamma=learner.gamma,
         batch_size=gradient.batch_size,
         tau=gradient.tau,
         buffer_size=config.steps + config.num_envs,
         learning_starts=config.learning_starts,
-        n_steps=learner.returns.n_steps,
+        n_steps=learner.n_steps,
         train_freq=1,
         gradient_steps=config.gradient_steps,
         ent_coef=learner.entropy_coefficient(),

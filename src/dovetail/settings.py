@@ -52,7 +52,7 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
             try:
                 check(self, **given)
             except ValidationError as error:
-                raise _as_config_error(error, made, owner) from error
+                raise _as_config_error(error, made, owner) from None
 
         made.__init__ = init
         return cast(type[T], made)
@@ -223,11 +223,13 @@ def _as_config_error(
         str(e["loc"][0]) for e in found if e["type"] == "unexpected_keyword_argument"
     ]
     if unknown:
-        return unknown_settings(unknown, names_in(kind), owner or f"a {kind.__name__}")
+        return unknown_settings(unknown, names_in(kind), owner or kind.__name__)
     name = str(first["loc"][0]) if first["loc"] else kind.__name__
     if first["type"].startswith("missing"):
         return ConfigError(f"{owner} {name} is missing".strip(), name=name)
-    return ConfigError(_describe(found, f"{owner} {name}".strip()), name=name)
+    return ConfigError(
+        _describe(found, f"{owner} {name}".strip()), name=name, value=first["input"]
+    )
 
 
 def _describe(found: list[Any], name: str) -> str:

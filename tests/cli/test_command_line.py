@@ -12,7 +12,7 @@ from dovetail.envs.registered import split_settings
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.settings import Range
-from dovetail.tasks.options import TaskOptions, gather_options, own_options
+from dovetail.tasks.options import gather_options, own_options
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
 
@@ -44,7 +44,7 @@ def test_an_option_of_another_task_is_not_known(capsys):
 
 
 def test_each_plain_field_is_an_option_with_its_type():
-    words = ["--size", "M3", "--turns", "3", "--pitch", "1e-3", "--is-left", "True"]
+    words = ["--size", "M3", "--turns", "3", "--pitch", "1e-3", "--is-left"]
     given = parse(Serve, words, Screw).task_options
     assert given == {"size": "M3", "turns": 3, "pitch": 1e-3, "is_left": True}
     assert set(own_options(Screw)) == {*given, "clearance"}
@@ -81,7 +81,7 @@ def test_what_a_task_works_out_itself_is_no_setting():
 
 
 def test_what_is_resumed_keeps_its_options():
-    default = TrainConfig(task_options=TaskOptions(peg="round"))
+    default = TrainConfig(task_options={"peg": "round"})
     again = parse(TrainConfig, [], default=default)
     assert again.task_options["peg"] == "round"
 

@@ -5,6 +5,7 @@ from dataclasses import fields, is_dataclass
 from typing import get_args
 
 import pytest
+import tyro
 
 from dovetail.cli import COMMANDS, run
 from dovetail.tasks.options import option_types
@@ -55,7 +56,7 @@ def test_everything_is_said_with_help_all(name, capsys):
     text = shown(name, capsys, "--help-all")
     for field in fields(PAGES[name]):
         option = f"-{field.name.replace('_', '-')} "
-        is_positional = field.name.upper() in text or " PATH" in text
+        is_positional = tyro.conf.Positional in getattr(field.type, "__metadata__", ())
         assert option in text or is_positional or field.name == "task_options", option
 
 

@@ -23,9 +23,8 @@ from dovetail.evaluation.origin import command_line, shared_engine
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.twin import load_twin
 from dovetail.settings import values_of
-from dovetail.tasks.options import TaskOptions
 
-HEXAGON = TaskOptions(peg="hexagon")
+HEXAGON = {"peg": "hexagon"}
 
 
 @pytest.fixture
@@ -149,7 +148,7 @@ def test_an_ideal_plant_is_called_a_simulation(config):
 
 
 CHANGES = [
-    {"task_options": TaskOptions(peg="round", clearance=0.001), "seed": 7},
+    {"task_options": {"peg": "round", "clearance": 0.001}, "seed": 7},
     {"fixture_shift": 0.01, "search": "corner", "max_steps": 900},
     {"push": 30.0, "fixture_speed": 0.02, "start": "below"},
     {"tare": False, "fixture": (0.6, 0.0, 0.1, 0.2), "tries": 5},
@@ -187,10 +186,10 @@ def test_the_printed_command_is_the_same_evaluation(config, change):
         ({"twin": "unreal"}, "unreal.*easy, hard, medium"),
         ({"twin": "missing.toml"}, "missing"),
         (
-            {"task_options": TaskOptions(peg="hexagon")},
+            {"task_options": {"peg": "hexagon"}},
             "hexagon.*square, triangle, round",
         ),
-        ({"task_options": TaskOptions(clearance=-0.001)}, "clearance"),
+        ({"task_options": {"clearance": -0.001}}, "clearance"),
         ({"tries": 0}, "tries is 0"),
         ({"workers": 0}, "workers is 0"),
         ({"policy": "nobody"}, "no policy 'nobody'"),

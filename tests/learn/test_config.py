@@ -14,7 +14,6 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.learner_settings import LearnerConfig
 from dovetail.settings import names_in, ranges_of, values_of
-from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
 
@@ -58,7 +57,7 @@ def test_a_name_that_is_no_setting_is_refused_with_the_one_that_is_meant():
 
 def test_flat_names_lead_to_the_sections_and_come_back():
     config = TrainConfig(tau=0.02, max_steps=30, out="there", net=[8])
-    assert config.gradient.tau == 0.02
+    assert config.tau == 0.02
     assert config.max_steps == 30
     assert config.net == (8,)
     assert TrainConfig(**values_of(config)) == config
@@ -100,7 +99,7 @@ def test_task_and_clearance_are_the_environments_own():
             assert settings["clearance"] == clearance
     assert clip.command() == "dovetail train --env dovetail/RailClip-v0"
     assert replace(peg, env=clip.env) == clip
-    other = replace(clip, task_options=TaskOptions(clearance=0.002))
+    other = replace(clip, task_options={"clearance": 0.002})
     assert other.env_options()["clearance"] == 0.002
 
 

@@ -163,10 +163,8 @@ def test_an_actor_that_knows_something_learns_slower_than_its_critics(
     config = replace(small, algorithm=algorithm, from_policy="peg_square")
     model, _, _ = make(algorithm=algorithm)
     slow = make_model(config, model.get_env())
-    assert slow.lr_schedule(1.0) == pytest.approx(
-        ACTOR_SHARE * config.gradient.learning_rate
-    )
-    assert slow.qf_learning_rate == pytest.approx(config.gradient.learning_rate)
+    assert slow.lr_schedule(1.0) == pytest.approx(ACTOR_SHARE * config.learning_rate)
+    assert slow.qf_learning_rate == pytest.approx(config.learning_rate)
 
 
 @pytest.mark.parametrize("seeds", ["1", "2"])

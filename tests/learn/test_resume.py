@@ -28,7 +28,6 @@ from dovetail.learn.run_folder import (
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
 from dovetail.strangers import TRUSTED, trust_typed
-from dovetail.tasks.options import TaskOptions
 
 from .conftest import SMALL
 
@@ -104,7 +103,7 @@ def test_ctrl_c_saves_a_checkpoint_and_names_the_way_on(small, monkeypatch, caps
     ],
 )
 def test_an_option_that_differs_from_the_run_is_named(small, words, message, capsys):
-    again = begin(replace(small, task_options=TaskOptions(clearance=0.001), tare=False))
+    again = begin(replace(small, task_options={"clearance": 0.001}, tare=False))
     assert run(["train", *again, *words]) == 2
     assert message in capsys.readouterr().err
 
@@ -176,7 +175,7 @@ def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, sma
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(TRUSTED, "")
     ring = "resumed_ring:RingOverPost-v0"
-    config = replace(small, env=ring, task_options=TaskOptions())
+    config = replace(small, env=ring, task_options={})
     again = begin(config)
     with pytest.raises(ConfigError, match=f"if you trust it, give --env {ring}, or"):
         defaults(again)

@@ -110,7 +110,7 @@ def test_the_critics_of_a_correction_learn_before_the_actor_does(monkeypatch):
     changed = zip(critics, jax.tree.leaves(model.policy.qf_state.params), strict=True)
     assert all(np.abs(np.asarray(new - old)).max() > 0.0 for old, new in changed)
     assert model._n_updates == 0
-    assert model.policy_delay == config.gradient.policy_delay
+    assert model.policy_delay == config.policy_delay
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])

@@ -28,7 +28,6 @@ from dovetail.learn.progress import read_progress
 from dovetail.learn.run_folder import RunLock
 from dovetail.learn.train import train
 from dovetail.settings import values_of
-from dovetail.tasks.options import TaskOptions
 
 from .conftest import SMALL
 
@@ -74,9 +73,9 @@ def test_a_run_folder_that_is_not_empty_is_refused(small):
     "wrong",
     [
         {"plant": "gazebo"},
-        {"plant": "bullet", "task_options": TaskOptions(peg="triangle")},
-        {"task_options": TaskOptions(peg="star")},
-        {"task_options": TaskOptions(clearance=-1.0)},
+        {"plant": "bullet", "task_options": {"peg": "triangle"}},
+        {"task_options": {"peg": "star"}},
+        {"task_options": {"clearance": -1.0}},
         {"scheme": "hope"},
         {"period": 0.1},
         {"stack": -1},
@@ -112,7 +111,7 @@ def test_resuming_with_other_settings_names_the_field(small):
     small.out.mkdir()
     (small.out / "config.json").write_text(json.dumps(small.to_json()))
     with pytest.raises(ConfigError, match=r"clearance is 0.001, the run was started"):
-        train(replace(small, resume=True, task_options=TaskOptions(clearance=0.001)))
+        train(replace(small, resume=True, task_options={"clearance": 0.001}))
 
 
 def test_two_processes_cannot_train_in_one_folder(tmp_path):

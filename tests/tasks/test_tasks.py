@@ -25,7 +25,6 @@ from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import describe_spaces
 from dovetail.settings import values_of
-from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import ClipStarts, RailClip
 from dovetail.workcell.parts import Part, Primitive
@@ -134,7 +133,7 @@ def test_a_strangers_task_is_found_by_its_module(ring):
     assert options["task"] == "XYZ:force ABC:hold"
     assert options["clearance"] == 0.003
     with pytest.raises(ConfigError, match=r"RingOverPost got .* argument 'peg'"):
-        TrainConfig(env=RING, task_options=TaskOptions(peg="round"))
+        TrainConfig(env=RING, task_options={"peg": "round"})
     with pytest.raises(ConfigError, match=r"Python finds no module 'no_such'"):
         task_class("no_such:Task-v0")
 

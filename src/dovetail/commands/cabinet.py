@@ -181,10 +181,10 @@ def _prepare_process() -> None:
 
 
 def _announce(server: Server, console: Console) -> None:
-    pace = server.config
+    config = server.config
     console.print(
-        f"cabinet: FRI {server.config.version}, {pace.period_ms} ms, clock {pace.clock}; "
-        f"UDP {server.address} to client {server.config.client}; control "
+        f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
+        f"UDP {server.address} to client {config.client}; control "
         f"{server.control_address or 'none'}; Ctrl-C ends it",
         soft_wrap=True,
         highlight=False,

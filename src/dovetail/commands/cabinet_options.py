@@ -2,7 +2,7 @@
 
 from dataclasses import field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -10,7 +10,6 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.options import Period
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import settings
-from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 
@@ -26,7 +25,7 @@ class CellOptions:
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     env: str = DEFAULT_ENV
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
 
 

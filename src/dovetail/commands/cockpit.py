@@ -17,7 +17,6 @@ from dovetail.errors import ConfigError
 from dovetail.files import dated_folder, require_writable
 from dovetail.options import Period, Placement
 from dovetail.settings import settings
-from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_POLICY
 
 
@@ -29,7 +28,7 @@ class ShownPolicyOptions:
     """Policy: the name of a shipped one, a file, or none."""
     env: str | None = None
     """Environment of the policy; needed for one of your own, MODULE:ID."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     tare: bool | None = None
     """Measure at each reset the weight that gravity compensation misses. Default as in

@@ -22,9 +22,8 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
-from dovetail.settings import names_in
+from dovetail.settings import names_in, values_of
 from dovetail.tasks.options import (
-    TaskOptions,
     option_types,
     own_options,
     require_apart,
@@ -120,11 +119,15 @@ class _Page:
         if not self._common:
             return None
         more = sum(1 for name in names_in(command) if name not in self._common)
-        return f"{inspect.getdoc(command)}\n\n{more} more options: {HELP_ALL}."
+        first = (inspect.getdoc(command) or "").partition("\n\n")[0]
+        return f"{first}\n\n{more} more options: {HELP_ALL}."
 
     def _read(self, info: StructTypeInfo) -> StructConstructorSpec | None:
         """Return the options of a record: the rule that tyro asks of each type."""
-        kind, default = info.type, info.default
+        kind = info.type
+        default = (
+            values_of(info.default) if is_dataclass(info.default) else info.default
+        )
         if kind in self._commands and self._common:
             listed = [o for r in _records(kind) for o in self._options(r, default)]
             listed.sort(key=lambda option: self._rank(option.name))
@@ -149,7 +152,7 @@ class _Page:
             own = {n: flat.pop(n) for n in of_task if n in flat}
             if own:
                 own = {n: value for n, value in own.items() if value is not None}
-                flat["task_options"] = TaskOptions(own)
+                flat["task_options"] = own
             return kind(**flat)
 
         return make
@@ -160,9 +163,8 @@ class _Page:
         for f in fields(kind):
             if f.name not in self._own[kind]:
                 continue
-            value = getattr(default, f.name, None) if is_dataclass(default) else None
-            given = _default(f) if value is None else value
-            if f.type is TaskOptions:
+            given = default[f.name] if isinstance(default, dict) else _default(f)
+            if f.name == "task_options":
                 yield from self._of_task(given)
             else:
                 yield self._option(f.name, f.type, given, said.get(f.name, ""))
@@ -183,7 +185,7 @@ class _Page:
         name = "task_options" if name in own else name
         return self._common.index(name) if name in self._common else len(self._common)
 
-    def _of_task(self, given: TaskOptions) -> Iterator[StructFieldSpec]:
+    def _of_task(self, given: dict[str, Any]) -> Iterator[StructFieldSpec]:
         """Yield the options that are the chosen task's own."""
         assert self._task is not None
         said, own = field_words(self._task), own_options(self._task)

@@ -24,7 +24,6 @@ from dovetail.options import Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.settings import settings
-from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ class OfferedCellOptions:
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
 
 

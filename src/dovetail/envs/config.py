@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any, Self, TypeAlias
 
 import numpy as np
+import tyro
 from pydantic import BeforeValidator, model_validator
 
 from dovetail.control.limits import DeclaredErrors
@@ -35,7 +36,11 @@ def _as_tuple(value: Any) -> Any:
     return (value,) if np.ndim(value) == 0 else value
 
 
-PerAxis: TypeAlias = Annotated[tuple[float, ...], BeforeValidator(_as_tuple)]
+PerAxis: TypeAlias = Annotated[
+    tuple[float, ...] | float,
+    BeforeValidator(_as_tuple),
+    tyro.conf.arg(metavar="FLOAT [FLOAT FLOAT]"),
+]
 """Type of a setting of X Y Z: three numbers, or one that holds for all."""
 
 

@@ -19,7 +19,6 @@ from dovetail.plants.twin import list_twins, load_twin
 from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.settings import names_in, settings
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.options import TaskOptions
 
 
 @settings()
@@ -29,7 +28,7 @@ class TriedTaskConfig:
     env: str | None = None
     """Environment of the policy; needed for one of your own, MODULE:ID. A policy's file
     alone lets no module be imported."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     fixture: Placement = None
     """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes. Default

@@ -43,7 +43,7 @@ from dovetail.plants.plant import COLUMN
 from dovetail.robots.find import find_robot
 from dovetail.settings import settings
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.options import TaskOptions, option_types, require_apart
+from dovetail.tasks.options import option_types, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
@@ -89,7 +89,7 @@ class RecordedTaskConfig:
 
     env: str = DEFAULT_ENV
     """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     fixture: Placement = None
     """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes. Left out,

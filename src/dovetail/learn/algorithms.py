@@ -74,8 +74,8 @@ def make_vec_env(config: TrainConfig) -> Any:
     from dovetail.envs.registered import make as make_one
 
     options: dict[str, Any] = {}
-    arm, returns = config.arm, config.returns
-    options["reward"] = RewardConfig(force_weight=returns.force_weight)
+    arm = config.arm
+    options["reward"] = RewardConfig(force_weight=config.force_weight)
     if arm is not None:
         approaches = config.approach
         options["arm"] = parse_address(arm).with_approach() if approaches else arm
@@ -90,7 +90,7 @@ def make_vec_env(config: TrainConfig) -> Any:
             env = RandomDynamics(env, config.ranges)
         if (place := config.fixed_place) is not None:
             env = FixedFixture(env, place.pose())
-        return TransformReward(Monitor(env), lambda r: returns.reward_scale * float(r))
+        return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
     makers = [partial(make, index) for index in range(config.num_envs)]
     if config.is_batch:
@@ -126,7 +126,6 @@ def make_model(
         LogError: A demonstration cannot be learned from; says which, and what to do.
     """
     teaching = config
-    gradient = config.gradient
     logs, script = teaching.logs, config.script
     demos = load_demonstrations(logs, env.envs[0]) if logs else None
     sbx = import_sbx()
@@ -142,17 +141,17 @@ def make_model(
     }[config.algorithm]
 
     def rate(remaining: float) -> float:
-        falling = falling_rate(actor_rate, gradient.final_rate, remaining)
+        falling = falling_rate(actor_rate, config.final_rate, remaining)
         settling = actor_rate * share(round(config.steps * (1.0 - remaining)))
         return min(falling, settling)
 
     is_good = teaching.from_policy is not None or script is not None
     is_careful = is_good and config.algorithm != "ppo"
-    actor_rate = (ACTOR_SHARE if is_careful else 1.0) * gradient.full_rate
+    actor_rate = (ACTOR_SHARE if is_careful else 1.0) * config.full_rate
     settings: dict[str, Any] = {
         "learning_rate": rate,
-        "gamma": config.returns.gamma,
-        "batch_size": gradient.batch_size,
+        "gamma": config.gamma,
+        "batch_size": config.batch_size,
         "seed": derive_seed(config.seed),
         "policy_kwargs": {"net_arch": list(config.net)},
     }
@@ -170,9 +169,9 @@ def make_model(
             actor = partial(Actor, num_seen=num_seen)
             kinds = {"actor_class": actor, "vector_critic_class": Critics}
             settings["policy_kwargs"] |= kinds
-            settings["policy_delay"] = gradient.policy_delay
+            settings["policy_delay"] = config.policy_delay
         if is_careful:
-            settings["qf_learning_rate"] = gradient.full_rate
+            settings["qf_learning_rate"] = config.full_rate
     model = kind("MlpPolicy", env, **settings)
     if script is not None:
         from dovetail.learn.fine_tune import start_still
@@ -182,7 +181,7 @@ def make_model(
         seed = derive_seed(config.seed, 3)
         model.teacher = Teacher(env.envs, teaching.teacher_noise, seed)
     if demos is not None:
-        fill(model.replay_buffer, demos, config.returns.reward_scale)
+        fill(model.replay_buffer, demos, config.reward_scale)
     return model
 
 
@@ -205,12 +204,12 @@ def _off_policy_settings(
     settings: dict[str, Any] = {
         "buffer_size": own + shown * num_envs,
         "learning_starts": config.learning_starts,
-        "n_steps": config.returns.n_steps,
+        "n_steps": config.n_steps,
         "train_freq": 1,
         "gradient_steps": config.gradient_steps,
     }
     if config.algorithm != "crossq":  # has no target
-        settings["tau"] = config.gradient.tau
+        settings["tau"] = config.tau
     if config.has_teacher or num_demos:
         from dovetail.learn.taught_replay import TaughtReplay
 
@@ -219,8 +218,8 @@ def _off_policy_settings(
 
         settings["replay_buffer_class"] = TaughtReplay
         settings["replay_buffer_kwargs"] = {
-            "n_steps": config.returns.n_steps,
-            "gamma": config.returns.gamma,
+            "n_steps": config.n_steps,
+            "gamma": config.gamma,
             "taught": shown,
             "share": config.teacher_share,
         }

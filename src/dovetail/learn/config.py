@@ -193,7 +193,7 @@ class TrainConfig(
     @property
     def gradient_steps(self) -> int:
         """Gradient steps after a step of all environments."""
-        ratio = self.gradient.updates_per_step or 0.0
+        ratio = self.updates_per_step or 0.0
         return max(1, round(self.num_envs * ratio))
 
     def _require_arm(self, text: str) -> None:
@@ -207,7 +207,7 @@ class TrainConfig(
                 f"seeds is {self.seeds}, but there is one arm at {text}; train "
                 "one seed after the other, each with its own --out"
             )
-        weight = self.returns.force_weight
+        weight = self.force_weight
         if weight > 0.0 and not arm.measures_contact:
             raise ConfigError(
                 f"force_weight is {weight:g}, but FRI does not measure "

@@ -8,7 +8,7 @@ from dovetail.control.proven import DECLARED
 from dovetail.envs.config import EnvOptions
 from dovetail.envs.registered import task_class
 from dovetail.settings import names_in, settings
-from dovetail.tasks.options import TaskOptions, own_options, require_apart
+from dovetail.tasks.options import own_options, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.trackers.find import without_images
@@ -20,7 +20,7 @@ class EnvSettings(EnvOptions):
 
     env: str = DEFAULT_ENV
     """Task: a Gymnasium id, or MODULE:ID of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
     task: str | None = None
     """Mode of each axis, as "XYZ:force A:pose BC:hold"; free is a fourth mode. Default

@@ -1,6 +1,5 @@
 """The learning algorithm of a training and its settings."""
 
-from dataclasses import field
 from typing import Annotated, Literal, Self, get_args
 
 from pydantic import model_validator
@@ -56,7 +55,7 @@ class ReturnConfig:
 
 
 @settings()
-class LearnerConfig:
+class LearnerConfig(GradientConfig, ReturnConfig):
     """Learning algorithm."""
 
     algorithm: Algorithm = "sac"
@@ -71,10 +70,6 @@ class LearnerConfig:
     """Standard deviation of the actions' noise (ddpg, td3) [1]."""
     rollout_steps: Annotated[int, Range(2, 1e6, "steps")] = 512
     """Steps per environment between two updates (ppo)."""
-    gradient: GradientConfig = field(default_factory=GradientConfig)
-    """Gradient steps of the networks."""
-    returns: ReturnConfig = field(default_factory=ReturnConfig)
-    """Return that the critics estimate."""
 
     @model_validator(mode="after")
     def _check_learner_config(self) -> Self:

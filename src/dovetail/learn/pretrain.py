@@ -33,5 +33,5 @@ def pretrain(
     waiting = {name: states[name] for name in states if name == ENTROPY}
     for _ in range(math.ceil(config.first_updates / config.gradient_steps)):
         check()
-        model.train(config.gradient_steps, config.gradient.batch_size)
+        model.train(config.gradient_steps, config.batch_size)
         put_states(model, trained_states(model) | waiting)

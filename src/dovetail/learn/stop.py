@@ -68,7 +68,7 @@ class Stop:
         high, fallen = 1.0, self._settled(step)
         if self._tested is not None:
             high, fallen = AGAIN, min(1.0, (step - self._tested) / self._pause)
-        return high - (high - self._config.gradient.final_rate) * fallen
+        return high - (high - self._config.final_rate) * fallen
 
     def is_due(self, step: int) -> bool:
         """Say whether a test is to be made now."""

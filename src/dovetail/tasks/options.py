@@ -15,13 +15,6 @@ from dovetail.tasks.task import Task
 _PLAIN = (str, float, int, bool)
 
 
-class TaskOptions(dict[str, Any]):
-    """Details of the task.
-
-    Options of it that are given, by name; the others are the task's own.
-    """
-
-
 def option_types(task: type[Task]) -> dict[str, type]:
     """Return the type of each option of a task: str, float, int or bool.
 
@@ -76,7 +69,7 @@ def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, A
     names = option_types(task)
     own = {k: v for k, v in settings.items() if k in names and v is not None}
     rest = {k: v for k, v in settings.items() if k not in names}
-    return rest | {"task_options": TaskOptions(own)}
+    return rest | {"task_options": own}
 
 
 def parse_values(text: str, task: type[Task]) -> tuple[str, tuple[Any, ...]]:
