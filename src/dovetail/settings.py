@@ -28,7 +28,10 @@ from dovetail.errors import ConfigError, did_you_mean
 T = TypeVar("T")
 
 _CHECKS = ConfigDict(
-    extra="forbid", arbitrary_types_allowed=True, validate_default=True
+    extra="forbid",
+    arbitrary_types_allowed=True,
+    validate_default=True,
+    allow_inf_nan=False,
 )
 
 

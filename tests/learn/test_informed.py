@@ -11,6 +11,7 @@ from dovetail.envs.observation import POSITION_SCALE, THETA_SCALE
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.variation import env_kinds
 from dovetail.poses import theta_about_vertical
 
 CONFIG = TrainConfig(
@@ -37,7 +38,7 @@ def env():
     from dovetail.learn.algorithms import make_vec_env
     from dovetail.learn.informed import Informed
 
-    kinds = CONFIG.kinds(CONFIG.environment, 3)
+    kinds = env_kinds(replace(CONFIG, num_envs=3))
     made = Informed(make_vec_env(CONFIG), kinds)
     yield made
     made.close()

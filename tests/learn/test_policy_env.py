@@ -8,7 +8,7 @@ from dovetail.arms.fri_address import FriAddress
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy, find_policy, list_policies
 from dovetail.learn.policy_env import (
-    TAKEN,
+    CHOSEN,
     lax_contact,
     make_policy_env,
     policy_settings,
@@ -31,7 +31,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
     settings = policy_settings(policy.metadata)
     # Settings that an older file does not have.
     later = {"also", "recall", "script", "correction", "fall_back"}
-    assert set(settings) | later == {*TAKEN, "peg", "clearance"}
+    assert set(settings) | later == {*CHOSEN, "peg", "clearance"}
     # What searches is faster near contact; nothing else is laxer than usual.
     fast = {"search_square": 0.05, "peg_near": 0.022}.get(name)
     said = [] if fast is None else [("near_speed", fast, 0.02, "m/s")]

@@ -75,10 +75,7 @@ def check_period(period: float) -> float:
 class OscConfig(
     AxisGains, ClampConfig, SagConfig, NullSpaceGains, TaskInertiaConfig, JointGains
 ):
-    """The operational-space law (Khatib 1987), axes in twist order X Y Z C B A.
-
-    `OscConfig.of(stiffness=200.0)` takes the settings of every section by their names.
-    """
+    """The operational-space law (Khatib 1987), axes in twist order X Y Z C B A."""
 
     use_jdot: bool = False
     """Subtract dJ dq from f*; off as in the paper."""
@@ -111,11 +108,7 @@ class LimitConfig(
     PredictionConfig,
     SaturationConfig,
 ):
-    """Every limit of the motion; each one is enforced in C++ and has a flag.
-
-    `for_period` takes the settings of every section by their names, and so does
-    `limits.having(walls=False)`.
-    """
+    """Every limit of the motion; each one is enforced in C++ and has a flag."""
 
     @classmethod
     def for_period(

@@ -18,6 +18,9 @@ from dovetail.types import JOINTS, Array, Vec3, Vec7
 SCHEMES = ("qp", "paper")
 BOUNDS = ("viability", "paper-corrected", "paper-printed")
 
+NEAR_SPEED = Range(1e-4, 10.0, "m/s")
+NEAR_PRESS = Range(1e-3, 1e3, "m/s2")
+
 _XYZ = ("X", "Y", "Z")
 
 
@@ -83,11 +86,11 @@ class ToolLimits:
 class ApproachLimits:
     """Limits of the TCP below a Target's near plane."""
 
-    near_speed: Annotated[float, Range(1e-4, 10.0, "m/s")] = 0.5
+    near_speed: Annotated[float, NEAR_SPEED] = 0.5
     """TCP speed limit per axis below a Target's near plane [m/s]: contact at this
     speed is what the tool must bear. It holds for force, pose and hold axes with walls
     on; not on a free axis, nor for a joint target."""
-    near_press: Annotated[float, Range(1e-3, 1e3, "m/s2")] = 1e3
+    near_press: Annotated[float, NEAR_PRESS] = 1e3
     """Largest f* there against the plane's normal, a Target's tare not counted [m/s2]:
     times the effective mass, about 10 kg, it is the force of standing on a rim. It
     acts from 2 mm above the plane on, more and more, and whole below it."""

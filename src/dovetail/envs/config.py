@@ -8,7 +8,7 @@ import numpy as np
 import tyro
 from pydantic import BeforeValidator, model_validator
 
-from dovetail.control.limits import DeclaredErrors
+from dovetail.control.limits import NEAR_PRESS, NEAR_SPEED, DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.errors import ConfigError
 from dovetail.options import Period
@@ -90,9 +90,9 @@ class ActionConfig:
 class ApproachConfig:
     """Limits near contact, for every policy."""
 
-    near_speed: float = 0.02
+    near_speed: Annotated[float, NEAR_SPEED] = 0.02
     """Speed limit of the tool there, per axis [m/s]."""
-    near_press: float = 1.5
+    near_press: Annotated[float, NEAR_PRESS] = 1.5
     """Largest f* towards the fixture there [m/s2], tare not counted. Times the
     effective mass, about 10 kg, it is the force of standing on the rim."""
     near_distance: Annotated[float, Range(0.0, 1.0, "m")] = 0.01

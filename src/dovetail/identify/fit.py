@@ -74,11 +74,7 @@ class SimulatedLogsConfig:
 
 @settings()
 class FitConfig(FitSearchConfig, SimulatedLogsConfig):
-    """Settings of a fit: parameters, log and budget.
-
-    `FitConfig.of(log=..., plant="bullet")` takes the settings by the names of the
-    command line's options.
-    """
+    """Settings of a fit: parameters, log and budget."""
 
     log: Path
     """Recording to fit, made by `dovetail identify record`."""

@@ -102,11 +102,7 @@ class RecordedTaskConfig:
 class RecordConfig(
     RecordedArmConfig, DeclaredErrors, MotionsConfig, RecordedTaskConfig
 ):
-    """Settings of a recording: motions, arm, task and folder.
-
-    `RecordConfig.of(out=..., arm="twin:hard")` takes the settings by the names of the
-    command line's options.
-    """
+    """Settings of a recording: motions, arm, task and folder."""
 
     out: Path
     """Folder for the recording; one that was cut short is continued."""

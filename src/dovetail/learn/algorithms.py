@@ -12,6 +12,7 @@ from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.demonstrations import fill, load_demonstrations, rows_of
 from dovetail.learn.teacher import Teacher, taught
+from dovetail.learn.variation import env_kinds, varied_options
 from dovetail.tasks.reward import RewardConfig
 
 ACTOR_SHARE = 0.1
@@ -74,17 +75,15 @@ def make_vec_env(config: TrainConfig) -> Any:
     from dovetail.envs.registered import make as make_one
 
     options: dict[str, Any] = {}
-    arm = config.arm
     options["reward"] = RewardConfig(force_weight=config.force_weight)
-    if arm is not None:
-        approaches = config.approach
-        options["arm"] = parse_address(arm).with_approach() if approaches else arm
+    if config.arm is not None:
+        address = parse_address(config.arm)
+        options["arm"] = address.with_approach() if config.approach else config.arm
     if config.model_file is not None:
-        plant = config.plant
-        options |= {"twin": config.model_file.twin, "engine": plant}
+        options |= {"twin": config.model_file.twin, "engine": config.plant}
 
     def make(index: int) -> Any:
-        given = config.options(config, index) | options
+        given = varied_options(config, index) | options
         env = make_one(config.env, **given)
         if config.randomise_dynamics:
             env = RandomDynamics(env, config.ranges)
@@ -125,8 +124,7 @@ def make_model(
         MissingDependencyError: The extra `learn` is not installed.
         LogError: A demonstration cannot be learned from; says which, and what to do.
     """
-    teaching = config
-    logs, script = teaching.logs, config.script
+    logs, script = config.logs, config.script
     demos = load_demonstrations(logs, env.envs[0]) if logs else None
     sbx = import_sbx()
     num_seen = env.observation_space.shape[0]
@@ -145,7 +143,7 @@ def make_model(
         settling = actor_rate * share(round(config.steps * (1.0 - remaining)))
         return min(falling, settling)
 
-    is_good = teaching.from_policy is not None or script is not None
+    is_good = config.from_policy is not None or script is not None
     is_careful = is_good and config.algorithm != "ppo"
     actor_rate = (ACTOR_SHARE if is_careful else 1.0) * config.full_rate
     settings: dict[str, Any] = {
@@ -155,7 +153,7 @@ def make_model(
         "seed": derive_seed(config.seed),
         "policy_kwargs": {"net_arch": list(config.net)},
     }
-    if teaching.has_teacher:
+    if config.has_teacher:
         kind = taught(kind)
     if config.algorithm == "ppo":
         settings["n_steps"] = config.rollout_steps
@@ -177,9 +175,9 @@ def make_model(
         from dovetail.learn.fine_tune import start_still
 
         start_still(model)
-    if teaching.has_teacher:
+    if config.has_teacher:
         seed = derive_seed(config.seed, 3)
-        model.teacher = Teacher(env.envs, teaching.teacher_noise, seed)
+        model.teacher = Teacher(env.envs, config.teacher_noise, seed)
     if demos is not None:
         fill(model.replay_buffer, demos, config.reward_scale)
     return model
@@ -191,7 +189,7 @@ def _informed(env: Any, config: TrainConfig) -> Any:
         return env
     from dovetail.learn.informed import Informed
 
-    kinds = config.kinds(config, config.num_envs)
+    kinds = env_kinds(config)
     return Informed(env, kinds)
 
 

@@ -18,7 +18,7 @@ from dovetail.learn.learner_settings import LearnerConfig
 from dovetail.learn.place_settings import ArmPlaceConfig, SimulatedDynamicsConfig
 from dovetail.learn.run_settings import LengthConfig, RunsConfig
 from dovetail.learn.teaching_settings import TeachingConfig
-from dovetail.learn.variation import VariationConfig
+from dovetail.learn.variation import VariationConfig, require_variation
 from dovetail.options import option_words
 from dovetail.robots.find import find_robot
 from dovetail.search.script import SCRIPT_SETTINGS
@@ -52,12 +52,10 @@ class TrainConfig(
         """Refuse what cannot be trained, by name and range."""
         find_task(self.env, type(self))
         self._fill_in()
-        period = self.period
-        fill_in(self, period=require_period(period, "period"))
-        config = self
+        fill_in(self, period=require_period(self.period, "period"))
         split_settings(self.task_class, self.given())
-        find_robot(config.robot)
-        require_tracker(config.tracker)
+        find_robot(self.robot)
+        require_tracker(self.tracker)
         if self.fixture is not None and not self.fixed_goal:
             raise ConfigError("fixture is given, which needs --fixed-goal")
         if self.from_policy is not None and self.algorithm == "crossq":
@@ -73,10 +71,10 @@ class TrainConfig(
         self._require_batch()
         self._require_dynamics()
         self._require_teacher()
-        self.require_possible(self, self.num_envs)
-        if config.tare:  # a policy must not ask for what it cannot be given
+        require_variation(self)
+        if self.tare:  # a policy must not ask for what it cannot be given
             task = TaskSpec.parse(self.env_options()["task"])
-            tared_axes(task, config.force_damping)
+            tared_axes(task, self.force_damping)
         return self
 
     def _fill_in(self) -> None:

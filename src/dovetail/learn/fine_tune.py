@@ -61,20 +61,19 @@ def _refused(config: TrainConfig, error: PolicyError) -> PolicyError:
 
 
 def _require_settings(policy: Policy, config: TrainConfig) -> None:
-    learner = config
     policy.require_env(config.env, config.env_options())
     hidden = tuple(int(weight.shape[1]) for weight, _ in policy.layers[:-1])
-    if hidden != learner.net:
+    if hidden != config.net:
         raise PolicyError(
-            f"its hidden layers have widths {hidden}, this run's {learner.net}; add "
+            f"its hidden layers have widths {hidden}, this run's {config.net}; add "
             f"--net {' '.join(map(str, hidden))}"
         )
     network = policy.metadata["network"]
-    kind = ("tanh", "clip") if learner.algorithm == "ppo" else ("relu", "tanh")
+    kind = ("tanh", "clip") if config.algorithm == "ppo" else ("relu", "tanh")
     if (network["activation"], network["output"]) != kind:
         raise PolicyError(
             f"its layers use {network['activation']} and its output "
-            f"{network['output']}, those of {learner.algorithm} {kind[0]} and "
+            f"{network['output']}, those of {config.algorithm} {kind[0]} and "
             f"{kind[1]}; policies of ppo go on with ppo, the others with sac, tqc, "
             "td3 or ddpg"
         )

@@ -16,7 +16,7 @@ __all__ = ["TrainConfig", "TrainResult", "train"]
 def train(config: TrainConfig, console: Console | None = None) -> list[TrainResult]:
     """Train, evaluate and export one policy per seed.
 
-    The run folder gets config.json (and model.toml), progress.csv (a row per episode),
+    The run folder gets config.toml (and model.toml), progress.csv (a row per episode),
     tensorboard/, checkpoints/, policy.safetensors with policy.json, and
     evaluation.json. Several seeds each have such a folder, `seed-<n>`, inside it.
 

@@ -97,11 +97,7 @@ class ContactDynamics:
 
 @settings(owner=_OWNER)
 class DynamicsConfig(JointDynamics, ContactDynamics):
-    """The physics behind the torque: everything here may differ from the model.
-
-    `DynamicsConfig.of(damping=(0.0,) * 7)` takes the settings of both sections by their
-    names.
-    """
+    """The physics behind the torque: everything here may differ from the model."""
 
     inertia: str = "drake"
     """Published inertia set of the simulated arm; the iiwa 14's controller has drake,

@@ -42,11 +42,7 @@ class RobustnessBudget:
 
 @settings()
 class Budget(IdentificationBudget, RobustnessBudget):
-    """Sizes of the experiments; what is not here is the default of its command.
-
-    `Budget.of(name="mine", seeds=2, tries=5)` takes them by their own names, which are
-    those in a results folder.
-    """
+    """Sizes of the experiments; what is not here is the default of its command."""
 
     name: str
     """Name of the budget."""

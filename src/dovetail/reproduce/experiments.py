@@ -5,6 +5,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dovetail.learn.config_file import CONFIG
 from dovetail.learn.policy import RUN_POLICY
 from dovetail.page import finite
 from dovetail.reproduce.settings import as_config
@@ -115,7 +116,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
     from dovetail.learn.train import train
 
     out = sitting.folder / RUN
-    resume = _is_begun(out, "config.json")
+    resume = _is_begun(out, CONFIG)
     config = TrainConfig(out=out, resume=resume, **as_config(settings))
     (result,) = train(config, sitting.console)
     return {

@@ -48,10 +48,7 @@ class FreeAirConfig:
 
 @settings()
 class RandomisationConfig(HoleRangeConfig, StartRangeConfig, FreeAirConfig):
-    """Ranges of the start pose and the hole pose (uniform).
-
-    `RandomisationConfig.of(hole_yaw=0.1)` takes them by their own names.
-    """
+    """Ranges of the start pose and the hole pose (uniform)."""
 
     @property
     def is_hole_fixed(self) -> bool:
