@@ -90,7 +90,7 @@ class Attacked:
 
     def room(self, q: Array) -> float:
         """Return how far inside a start's allowed region q is, negative outside."""
-        joints, tool = self.limits.joints, self.limits.tool
+        joints, tool = self.limits, self.limits
         turn = np.minimum(q - joints.q_min, joints.q_max - q).min() - JOINT_ROOM
         if not tool.walls:
             return float(turn)
@@ -100,7 +100,7 @@ class Attacked:
 
     def start(self, rng: np.random.Generator) -> Array:
         """Return a random posture inside joint limits and walls [rad]."""
-        joints = self.limits.joints
+        joints = self.limits
         while True:
             q = rng.uniform(joints.q_min, joints.q_max)
             if self.room(q) > 0.0:

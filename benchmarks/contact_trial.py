@@ -263,7 +263,7 @@ class Trial:
             pose.position + rng.normal(0.0, 0.02, 3),
             quat_multiply(turn, pose.quat_wxyz),
         )
-        limits = self.limits.joints
+        limits = self.limits
         near_q = np.clip(q + rng.normal(0.0, 0.1, 7), limits.q_min, limits.q_max)
         self.latched, self.latched_q = pose, q
         kind = CHANGES[rng.integers(len(CHANGES))]
@@ -390,7 +390,7 @@ def _oscillations(vibration: Array) -> tuple[float, float]:
 
 def _true_chain(choices: Choices) -> _core.Chain:
     """Return the twin's chain, whose gravity is the true one."""
-    twin = choices.twin().arm
+    twin = choices.twin()
     robot, scale = find_cell().loaded_robot(twin.inertia), np.array(twin.mass_scale)
     inertia = robot.links.inertia * scale[:, None, None]
     links = replace(robot.links, mass=robot.links.mass * scale, inertia=inertia)

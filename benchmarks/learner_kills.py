@@ -66,7 +66,7 @@ def count_outside(rows: Array, limits: LimitConfig) -> int:
     q = rows[:, COLUMN["q1"] : COLUMN["q7"] + 1]
     dq = rows[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]
     x = rows[:, COLUMN["x"] : COLUMN["z"] + 1]
-    joints, tool = limits.joints, limits.tool
+    joints, tool = limits, limits
     outside = (
         ((q < joints.q_min) | (q > joints.q_max)).any(axis=1)
         | (np.abs(dq) > joints.dq_max).any(axis=1)

@@ -141,7 +141,8 @@ def _rebuild(env: Any, cell: Cell) -> None:
             x_min=limits.x_min,
             x_max=limits.x_max,
             dx_max=limits.dx_max,
-            **vars(limits.approach),
+            near_speed=limits.near_speed,
+            near_press=limits.near_press,
         )
     osc, limits = having(facts.osc, limits, cell.others)
     plant: Any = old.plant

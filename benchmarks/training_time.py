@@ -119,30 +119,28 @@ def make_peer(name: str, config: TrainConfig, env: Any, stop: Stop) -> Any:
     import sbx
     import stable_baselines3
 
-    learner, gradient = config.learner, config.gradient
-
     def rate(remaining: float) -> float:
         share = stop.rate(round(config.steps * (1.0 - remaining)))
-        falling = falling_rate(gradient.full_rate, gradient.final_rate, remaining)
-        return min(falling, gradient.full_rate * share)
+        falling = falling_rate(config.full_rate, config.final_rate, remaining)
+        return min(falling, config.full_rate * share)
 
-    networks: dict[str, Any] = {"net_arch": list(learner.net)}
+    networks: dict[str, Any] = {"net_arch": list(config.net)}
     if name != "sb3":
-        networks["layer_norm"] = learner.layer_norm
+        networks["layer_norm"] = config.layer_norm
     kind = stable_baselines3.SAC if name == "sb3" else sbx.SAC
     return kind(
         "MlpPolicy",
         env,
         learning_rate=rate,
-        gamma=learner.gamma,
-        batch_size=gradient.batch_size,
-        tau=gradient.tau,
+        gamma=config.gamma,
+        batch_size=config.batch_size,
+        tau=config.tau,
         buffer_size=config.steps + config.num_envs,
         learning_starts=config.learning_starts,
-        n_steps=learner.n_steps,
+        n_steps=config.n_steps,
         train_freq=1,
         gradient_steps=config.gradient_steps,
-        ent_coef=learner.entropy_coefficient(),
+        ent_coef=config.entropy_coefficient(),
         policy_kwargs=networks,
         seed=derive_seed(config.seed),
         device="cpu",

@@ -6,11 +6,12 @@ name: in Python, in a TOML file, on the command line and in messages.
 
 import operator
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import wraps
 from typing import (
     Annotated,
     Any,
+    Literal,
     TypeVar,
     cast,
     dataclass_transform,
@@ -58,6 +59,8 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
                 raise _as_config_error(error, made, owner) from None
 
         made.__init__ = init
+        if not eq:  # not the comparison that a base makes of its own fields
+            made.__eq__, made.__hash__ = object.__eq__, object.__hash__
         return cast(type[T], made)
 
     return make
@@ -65,7 +68,7 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
 
 def values_of(config: Any) -> dict[str, Any]:
     """Return every setting of a record by its name."""
-    return {f.name: getattr(config, f.name) for f in fields(config)}
+    return {name: vars(config)[name] for name in names_in(type(config))}
 
 
 def defaults_of(kind: type) -> dict[str, Any]:
@@ -80,8 +83,10 @@ def defaults_of(kind: type) -> dict[str, Any]:
 
 
 def names_in(kind: type) -> list[str]:
-    """Return the names of the settings of a record."""
-    return [f.name for f in fields(kind)]
+    """Return the names of a record's settings, those that it inherits first."""
+    bases = filter(is_dataclass, kind.__bases__)
+    inherited = [name for base in bases for name in names_in(base)]
+    return list(dict.fromkeys([*inherited, *(f.name for f in fields(kind))]))
 
 
 def fill_in(config: Any, **values: Any) -> None:
@@ -230,9 +235,19 @@ def _as_config_error(
     name = str(first["loc"][0]) if first["loc"] else kind.__name__
     if first["type"].startswith("missing"):
         return ConfigError(f"{owner} {name} is missing".strip(), name=name)
-    return ConfigError(
-        _describe(found, f"{owner} {name}".strip()), name=name, value=first["input"]
-    )
+    said, value = f"{owner} {name}".strip(), first["input"]
+    if first["type"] == "literal_error":
+        known = _words(next(f.type for f in fields(kind) if f.name == name))
+        text = f"{said} is {value!r}; known: {', '.join(map(str, known))}"
+        return ConfigError(text, name=name, value=value, allowed=known)
+    return ConfigError(_describe(found, said), name=name, value=value)
+
+
+def _words(kind: Any) -> tuple[Any, ...]:
+    """Return the words of a Literal, however it is annotated."""
+    if get_origin(kind) is Literal:
+        return get_args(kind)
+    return tuple(word for part in get_args(kind) for word in _words(part))
 
 
 def _describe(found: list[Any], name: str) -> str:

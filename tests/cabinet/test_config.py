@@ -48,7 +48,7 @@ def test_a_port_out_of_range_is_refused():
 
 @pytest.mark.parametrize("period_ms", [1, 2, 5, 10, 100])
 def test_whole_milliseconds_are_periods(period_ms):
-    pace = CabinetConfig(period=1e-3 * period_ms).pace
+    pace = CabinetConfig(period=1e-3 * period_ms)
     assert pace.period_ms == period_ms
     assert pace.period == 1e-3 * period_ms
 

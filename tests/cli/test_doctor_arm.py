@@ -206,7 +206,7 @@ def test_the_controller_is_made_with_what_is_declared(monkeypatch):
     assert next(c for c in checks if c.name == "rest")
     checks.close()
     ((_, limits),) = made
-    assert vars(limits.declared) == declared
+    assert limits.declared_errors() == declared
 
 
 def test_margins_of_an_exact_arm_are_warned_of(monkeypatch, capsys):

@@ -2,14 +2,15 @@
 
 import errno
 import io
-import json
 import os
 import subprocess
 import sys
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import tomlkit
 
 from dovetail.cli import make_console, run
 from dovetail.commands.evaluate import print_files
@@ -17,7 +18,8 @@ from dovetail.commands.twin import TwinShow
 from dovetail.errors import ConfigError
 from dovetail.evaluation.evaluate import Evaluation
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.run_folder import settings_of
+from dovetail.learn.config_file import to_toml
+from dovetail.learn.run_folder import run_config
 from dovetail.plants.twin import load_twin
 
 STRANGE = 'Prüfstand \x1b[31m \x9b1m "1" \\ \U0001f600'
@@ -114,20 +116,23 @@ def test_a_folder_in_brackets_is_printed_whole(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        *[("gamma", "much"), ("gamma", None), ("gamma", True), ("steps", 1e30)],
+        *[("gamma", "much"), ("gamma", True), ("steps", 1e30)],
         *[("fixture", ["a", 0, 0, 0]), ("fixture", [0, 0]), ("net", ["x"]), ("env", 5)],
         *[("random_mass", 5), ("tare", "no"), ("algorithm", "guess"), ("peg", 1)],
     ],
 )
 def test_a_runs_settings_of_another_kind_are_named(name, value, tmp_path):
-    file = tmp_path / "config.json"
-    file.write_text(json.dumps(TrainConfig().to_json() | {name: value}))
-    with pytest.raises(ConfigError, match=f"config.json is damaged: {name} is"):
-        settings_of(tmp_path)
+    file = tmp_path / "config.toml"
+    table = tomllib.loads(to_toml(TrainConfig())) | {name: value}
+    file.write_text(tomlkit.dumps(table))
+    with pytest.raises(ConfigError) as caught:
+        run_config(tmp_path)
+    assert caught.value.name.partition("[")[0] in (name, "")
+    assert f"{name} is" in str(caught.value) or f"{name}[" in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, "[1]"])
+@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "[1", "steps"])
 def test_a_runs_settings_that_are_no_table_are_damaged(text, tmp_path):
-    (tmp_path / "config.json").write_text(text)
-    with pytest.raises(ConfigError, match=r"config\.json is damaged: "):
-        settings_of(tmp_path)
+    (tmp_path / "config.toml").write_text(text)
+    with pytest.raises(ConfigError, match=r"config\.toml"):
+        run_config(tmp_path)

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import gymnasium as gym
 import pytest
-from dovetail.commands.task_flags import parse
 from rich.console import Console
 
 from dovetail.cli import run
 from dovetail.commands.cockpit import Cockpit
+from dovetail.commands.command_line import parse
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ConfigError, UnprovenWarning

@@ -38,7 +38,7 @@ def test_limits_at_a_tabulated_period_are_the_table(
     robot, period, kappa, delta_q, delta_v, delta_x
 ):
     limits = LimitConfig.for_period(robot, period, hardware=False)
-    joints, disturbance = limits.joints, limits.disturbance
+    joints, disturbance = limits, limits
     assert limits.kappa == pytest.approx(kappa)
     assert (joints.delta_q, joints.delta_v) == (delta_q, delta_v)
     assert (joints.eta, limits.delta_x) == (0.6, delta_x)
@@ -65,9 +65,9 @@ def test_an_arm_that_nothing_is_said_of_gets_all_that_is_declared(
     robot, period, interval, rate, delta_q, delta_v, delta_x
 ):
     limits = LimitConfig.for_period(robot, period)
-    assert vars(limits.declared) == DECLARED
+    assert limits.declared_errors() == DECLARED
     assert limits.kappa * period == pytest.approx(interval)
-    disturbance, flat = limits.disturbance, values_of(limits)
+    disturbance, flat = limits, values_of(limits)
     assert disturbance.estimate_rate == disturbance.brake_rate == pytest.approx(rate)
     margins = [flat[name] for name in ("delta_q", "delta_v", "delta_x")]
     assert margins == pytest.approx([delta_q, delta_v, delta_x])
@@ -91,7 +91,7 @@ def test_less_than_the_table_is_declared_for_nothing(robot, period, share):
     for hardware in kinds:
         for given in arms:
             limits = LimitConfig.for_period(robot, period, hardware=hardware, **given)
-            assert given.items() <= vars(limits.declared).items()
+            assert given.items() <= limits.declared_errors().items()
             for name in MADE_FOR_ERRORS:
                 assert values_of(limits)[name] == table[name], name
 
@@ -161,7 +161,7 @@ def test_motors_can_give_the_derived_acceleration_everywhere(rng):
     robot = iiwa14().with_tool(heavy, np.array([0.0, 0.0, 0.2]))
     limits = LimitConfig.for_period(robot, 1e-3)
     assert limits.ddq_max[5] < 20.0
-    chain, model = robot.chain(), limits.prediction
+    chain, model = robot.chain(), limits
     for _ in range(5000):
         q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
         dq = rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)

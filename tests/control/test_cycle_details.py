@@ -119,7 +119,7 @@ def test_a_joint_target_is_flagged_for_what_bounds_it_on_its_side(
     """Beyond a limit the position bounds it; the other side has the acceleration."""
     q = q_home.copy()
     open_space = replace(open_space, delta_v=0.0)  # no speed bounds an arm at rest
-    joints = open_space.joints
+    joints = open_space
     end = joints.q_max if side > 0 else joints.q_min
     q[joint] = end[joint] - side * (joints.delta_q + 0.01)
     target = _core.Target(joint_mode=True, q_d=q)
@@ -150,7 +150,7 @@ def test_bounds_are_those_of_the_measured_state(robot, q_home, limits, rng):
         box = replace(limits, x_min=p - low, x_max=p + high)
         loop = Loop(robot, q, box, dq=dq)
         terms = loop.controller.osc_terms(q, dq)
-        joints, tool = box.joints, box.tool
+        joints = tool = box
         shape = {"dt": PERIOD, "kappa": box.kappa}
         shape["authority"] = box.authority
         for low, high, x, speed, lowest, highest, most, a, eta, margin in (

@@ -235,7 +235,7 @@ def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, pe
     # A posture would keep the joints from their limits: it was not reached by 18 mm.
     osc = OscConfig.for_period(period, posture_stiffness=0.0, k_null=5.0)
     chain = robot.chain()
-    model = limits.prediction
+    model = limits
     plant = _core.RigidPlant(chain, damping=model.damping, armature=model.armature)
     controller = make_controller(robot, osc, limits, TASK, period)
     steps, episode, hold = 100_000, round(5.0 / period), round(0.05 / period)
@@ -264,7 +264,7 @@ def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, pe
         worst = np.maximum(worst, excess)
     assert (worst <= 0.0).all(), f"position, speed, wall exceeded by {worst}"
     # The adversary did reach them: nothing but the margins was left.
-    joints, tool = limits.joints, limits.tool
+    joints, tool = limits, limits
     fastest = (joints.delta_v * joints.dq_max).max()
     assert (worst > [-joints.delta_q - 1e-3, -fastest, -tool.delta_x - 1e-4]).all()
     assert at_wall.min() > 1000  # each of the six; 1574 is the least seen

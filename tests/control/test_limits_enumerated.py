@@ -337,7 +337,7 @@ def check_mid_interval(bench):
         bench.loose, estimate_rate=0.0, damping=0.0, armature=0.0, walls=False
     )
     rng, errors = np.random.default_rng(0), {True: [], False: []}
-    joints = limits.joints
+    joints = limits
     for _ in range(40):
         state = {
             "q": rng.uniform(0.7 * joints.q_min, 0.7 * joints.q_max),

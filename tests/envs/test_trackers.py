@@ -161,7 +161,7 @@ def test_lost_looks_let_the_estimate_grow_old():
 def test_the_tracker_twin_is_what_the_twins_file_says(twin):
     env = make_env(PegInHole, tracker="twin", twin=twin)
     camera = load_twin(twin).camera
-    sight, rate = camera.sight, camera.rate
+    sight, rate = camera, camera.rate
     assert env.tracker.bias == sight.bias > 0.0
     assert (env.tracker.turn, env.tracker.rate) == (sight.turn, rate)
     env.reset(seed=1)

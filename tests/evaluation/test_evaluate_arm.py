@@ -103,7 +103,7 @@ def test_the_one_arm_is_opened_once(config, blind_arm):
         ({"twin": "easy"}, "either a plant or a twin or an arm"),
         ({"arm": "fri://0.0.0.0"}, "say where it is with --fixture"),
         ({"arm": FRI, "workers": 2}, "there is one arm"),
-        ({"fixture": (0.6, 0.0, float("nan"), 0.0)}, "four finite numbers"),
+        ({"fixture": (0.6, 0.0, float("nan"), 0.0)}, "finite number"),
         ({"fixture": (0.6, 0.25, 0.1, 0.0)}, "outside the workspace"),
         ({"fixture": (2.0, 0.0, 0.1, 0.0)}, "too far"),
     ],

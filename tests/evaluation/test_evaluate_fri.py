@@ -83,7 +83,7 @@ def test_a_hidden_hole_is_found_over_a_link_that_loses(policy, search, tmp_path)
                 arm=f"fri://127.0.0.1:{port}?clock=lockstep"
                 f"&control={cabinet.control_address}",
                 fixture=(0.6, 0.0, 0.1, 0.0),
-                cover=20.0,
+                fixture_shift=0.02,
                 tries=1,
                 accept_contact=True,
                 out=tmp_path / "out",

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from dovetail.commands.task_flags import parse
 from rich.console import Console
 
 from dovetail.arms.local_arm import LocalArm
+from dovetail.commands.command_line import parse
 from dovetail.commands.evaluate import Evaluate
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError, DovetailError, LogError, PolicyError
@@ -154,7 +154,7 @@ CHANGES = [
     {"tare": False, "fixture": (0.6, 0.0, 0.1, 0.2), "tries": 5},
     {"twin": None, "arm": "grpc://localhost:50051", "approach": True},
     {"twin": None, "plant": "bullet", "env": "dovetail/RailClip-v0", "robot": "fr3"},
-    {"cover": 20.0, "accept_contact": True, "period": 0.0025},
+    {"fixture_shift": 0.02, "accept_contact": True, "period": 0.0025},
     {"delay": 0.0125, "mass_error": 0.3, "payload_error": 1.5},
     {"fall_back": 0.0, "tracker": "late?bias=0.002", "video": True},
 ]
@@ -230,7 +230,7 @@ def test_a_policy_cut_short_is_refused(config, policy_file, tmp_path):
         ("task", "XYZ:force ABC:hold", "task|action"),
         ("arm", "fri://127.0.0.1:30299", "sets 'arm'.*not a policy's to choose"),
         ("theta_range", 0.4, "axis A means 0.4 at 1 here and 0.2"),
-        ("wheels", 4, "sets 'wheels'.*not a policy's to choose.*known: peg"),
+        ("wheels", 4, "sets 'wheels'.*not a policy's to choose.*known: task"),
     ],
 )
 def test_a_policy_of_another_task_or_size_is_refused(

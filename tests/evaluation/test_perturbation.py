@@ -45,7 +45,7 @@ def make():
 
 
 def test_nothing_perturbed_is_the_plain_environment(make):
-    assert not Perturbation()
+    assert not Perturbation().is_any
     assert not isinstance(make(), Perturbed)
 
 

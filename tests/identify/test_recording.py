@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from dovetail.control.limits import TABLE
+from dovetail.control.proven import DECLARED
 from dovetail.control.target_columns import TARGET_UNITS
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.episode import Episode
@@ -252,12 +252,12 @@ def test_a_log_without_its_targets_is_refused(copy, told):
 
 def test_a_replay_has_the_limits_of_what_was_declared(copy):
     one = Recording.load(copy)
-    assert one.settings()[1].declared == TABLE
+    assert one.settings()[1].declared_errors() == DECLARED
     given = {"delay": 0.012, "mass_error": 0.3, "payload_error": 2.0}
     change_description(copy, controller=one.metadata["controller"] | given)
     with pytest.warns(UnprovenWarning):
         limits = Recording.load(copy).settings()[1]
-    assert vars(limits.declared) == given
+    assert limits.declared_errors() == given
 
 
 def test_two_files_in_each_others_place_are_found(copy):

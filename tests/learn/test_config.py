@@ -4,8 +4,8 @@ import shlex
 from dataclasses import dataclass, fields, replace
 
 import pytest
-from dovetail.commands.task_flags import parse
 
+from dovetail.commands.command_line import parse
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import register_task
 from dovetail.errors import ConfigError

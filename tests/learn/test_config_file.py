@@ -79,7 +79,7 @@ def test_what_is_said_later_goes_before(tmp_path):
         ("doubt = 6.0", "doubt"),
         ("also = 'tilt'", "also"),
         ("near_speed = '20 mm/s'", "near_speed"),
-        ("out = 'elsewhere'", "out"),
+        ("resume = true", "resume"),
         ("algorithm = 'dqn'", "algorithm"),
     ],
 )

@@ -175,7 +175,7 @@ def test_a_missing_policy_is_refused_before_the_learning_stack_is_imported(
         "import sys\n"
         "from dovetail.cli import run\n"
         "if __name__ == '__main__':\n"
-        f"    code = run(['train', '--from', 'missing', '--seeds', '{seeds}'])\n"
+        f"    code = run(['train', '--from-policy', 'missing', '--seeds', '{seeds}'])\n"
         "    print(code, sorted({'jax', 'torch', 'sbx'} & set(sys.modules)))\n"
     )
     script = tmp_path / "train.py"

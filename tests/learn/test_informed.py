@@ -4,19 +4,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dovetail.learn.searching import SEARCHING
 from tests.extras import need
 
 from dovetail.envs.observation import POSITION_SCALE, THETA_SCALE
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import find_recipe, read_settings
 from dovetail.learn.variation import env_kinds
 from dovetail.poses import theta_about_vertical
 
 CONFIG = TrainConfig(
     **{
-        **SEARCHING,
+        **read_settings(find_recipe("search")),
         "doubt": 0.02,
         "doubt_turn": 0.05,
         "vary": "peg=square,triangle",

@@ -85,7 +85,7 @@ def test_what_the_training_had_is_told_and_not_taken(policy, name):
     ],
 )
 def test_a_setting_that_is_none_is_named(policy, name, value):
-    with pytest.raises(PolicyError, match=f"gives {name} as"):
+    with pytest.raises(PolicyError, match=rf"damaged: {name}(\[.*\])? (is|must be) "):
         policy_settings(changed(policy, "env", **{name: value}).metadata)
 
 

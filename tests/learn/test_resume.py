@@ -6,10 +6,12 @@ import shlex
 import shutil
 import signal
 import time
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import tomlkit
 from rich.console import Console
 
 from dovetail.cli import run
@@ -17,13 +19,14 @@ from dovetail.commands.train import defaults
 from dovetail.errors import ConfigError, PlantError
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import to_toml
 from dovetail.learn.one_run import resume_command
 from dovetail.learn.run_folder import (
     CHECKPOINTS,
     RunLock,
     open_run,
     require_run,
-    settings_of,
+    run_config,
 )
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
@@ -135,7 +138,7 @@ def test_a_run_on_a_model_has_the_model_in_its_folder(small, tmp_path):
     read = defaults(again)
     assert read is not None
     assert read.model == small.out / "model.toml"
-    read.require_same(json.loads(json.dumps(config.to_json())))
+    read.require_same(config)
 
 
 def test_no_run_to_resume_is_one_message(tmp_path, capsys):
@@ -194,13 +197,13 @@ OUTSIDE = ("fri://127.0.0.1:30299", "grpc://127.0.0.1:50999")
 
 @pytest.fixture
 def sent(tmp_path):
-    """A run folder from someone else, whose config.json names an arm."""
+    """A run folder from someone else, whose config.toml names an arm."""
 
     def make(arm, **more):
         place = (0.6, 0.0, 0.1, 0.0)
         config = TrainConfig(arm=arm, fixed_goal=True, fixture=place, steps=100)
-        facts = config.to_json() | more
-        (tmp_path / "config.json").write_text(json.dumps(facts))
+        table = tomllib.loads(to_toml(config)) | more
+        (tmp_path / "config.toml").write_text(tomlkit.dumps(table))
         return tmp_path
 
     return make
@@ -215,9 +218,9 @@ def test_a_run_folder_does_not_choose_an_arm(sent, monkeypatch, capsys, arm):
     assert arm in said
     assert "--arm" in said
     with pytest.raises(ConfigError):
-        settings_of(folder)
+        run_config(folder)
     with pytest.raises(ConfigError):
-        settings_of(folder, "grpc://127.0.0.1:1")
+        run_config(folder, "grpc://127.0.0.1:1")
     assert asked == []
 
 
@@ -231,7 +234,7 @@ def test_a_run_goes_on_with_its_arm_that_is_given_again(sent, arm):
 
 
 def test_a_run_goes_on_with_a_simulated_arm_of_its_folder(sent):
-    assert settings_of(sent("twin:easy"))["arm"] == "twin:easy"
+    assert run_config(sent("twin:easy")).arm == "twin:easy"
 
 
 def test_the_printed_command_names_the_arm_again_without_its_token(tmp_path):
@@ -251,10 +254,9 @@ def test_a_run_on_a_service_goes_on_with_a_new_token(sent):
     require_run(replace(read, arm=f"{arm}second"))
 
 
-@pytest.mark.parametrize("name", ["out", "resume", "threads"])
-def test_a_run_folder_does_not_choose_where_it_is(sent, name):
-    value = {"out": "/elsewhere", "resume": False, "threads": 7}[name]
-    assert name not in settings_of(sent("twin:easy", **{name: value}))
+def test_a_run_folder_does_not_choose_where_it_is(sent):
+    folder = sent("twin:easy", out="/elsewhere")
+    assert run_config(folder).out == folder
 
 
 @pytest.mark.parametrize("kind", ["link", "pipe"])

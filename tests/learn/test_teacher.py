@@ -1,26 +1,21 @@
 """A teacher fills the start of the buffer, and stays in every batch."""
 
-import json
-
 import numpy as np
 import pytest
-from dovetail.learn.searching import SEARCHING
 from rich.console import Console
 from tests.extras import need
 
-from dovetail.commands.train import defaults
 from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import find_recipe, read_settings
 from dovetail.learn.policy import Policy
 from dovetail.learn.teacher import Teacher
-from dovetail.learn.teaching_settings import TeachingConfig
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
-from dovetail.settings import values_of
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 TINY = {
-    **SEARCHING,
+    **read_settings(find_recipe("search")),
     "doubt": 0.02,
     "steps": 32,  # the teacher alone: an update would be compiled for seconds
     "learning_starts": 32,
@@ -173,20 +168,8 @@ def test_a_run_with_doubt_learns_from_its_teacher_and_its_policy_knows_no_doubt(
     assert policy.observation_size == 14 + 2 + 6 + 4 * 5
     command = policy.metadata["provenance"]["command"]
     assert "--doubt 0.02" in command
-    assert "--recall" not in command  # what --doubt begins with is not repeated
-    content = json.loads((tmp_path / "run" / "config.json").read_text())
-    assert content["teacher"] == "corner"
-
-
-def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
-    found = defaults(["--doubt", "0.02"])
-    assert found is not None
-    assert {name: values_of(found)[name] for name in SEARCHING} == dict(SEARCHING)
-    assert defaults(["--steps", "5"]) is None
-    logs = defaults(["--doubt", "0.02", "--teacher", "logs"])
-    assert logs is not None
-    assert logs.learning_starts == TeachingConfig.learning_starts
-    assert values_of(logs)["recall"] == values_of(found)["recall"]
+    assert "--recall 4 8 12 16" in command
+    assert read_settings(tmp_path / "run")["teacher"] == "corner"
 
 
 @pytest.mark.parametrize(

@@ -23,6 +23,7 @@ from dovetail.errors import (
 )
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import to_toml
 from dovetail.learn.policy import Policy
 from dovetail.learn.progress import read_progress
 from dovetail.learn.run_folder import RunLock
@@ -37,7 +38,7 @@ def test_a_training_leaves_policy_evaluation_progress_and_settings(small):
     (result,) = train(small, Console(file=output))
     names = {path.name for path in small.out.iterdir()}
     assert names >= {
-        "config.json",
+        "config.toml",
         "progress.csv",
         "tensorboard",
         "checkpoints",
@@ -64,7 +65,7 @@ def test_a_run_folder_that_is_not_empty_is_refused(small):
         train(small)
     with pytest.raises(ConfigError, match="no run to resume"):
         train(replace(small, resume=True))
-    (small.out / "config.json").write_text(json.dumps(small.to_json()))
+    (small.out / "config.toml").write_text(to_toml(small))
     with pytest.raises(ConfigError, match=r"already holds a run.*--resume"):
         train(small)
 
@@ -109,7 +110,7 @@ def test_without_pybullet_there_is_no_run_folder(small, monkeypatch):
 
 def test_resuming_with_other_settings_names_the_field(small):
     small.out.mkdir()
-    (small.out / "config.json").write_text(json.dumps(small.to_json()))
+    (small.out / "config.toml").write_text(to_toml(small))
     with pytest.raises(ConfigError, match=r"clearance is 0.001, the run was started"):
         train(replace(small, resume=True, task_options={"clearance": 0.001}))
 
@@ -152,7 +153,7 @@ def start_process(config: TrainConfig) -> subprocess.Popen[bytes]:
     code = (
         "from dovetail.learn.train import train, TrainConfig\n"
         "if __name__ == '__main__':\n"
-        f"    train(TrainConfig.of(out={str(config.out)!r}, **{settings!r}))\n"
+        f"    train(TrainConfig(out={str(config.out)!r}, **{settings!r}))\n"
     )
     script = config.out.with_suffix(".py")
     script.write_text(code)

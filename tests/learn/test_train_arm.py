@@ -1,18 +1,18 @@
 """Training directly on one arm that an address names."""
 
-import json
 import shlex
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from dovetail.commands.task_flags import parse
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.cli import run
+from dovetail.commands.command_line import parse
 from dovetail.errors import ArmError, ConfigError
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import read_settings
 from dovetail.learn.progress import read_progress
 from dovetail.learn.train import train
 from dovetail.poses import quat_about_z
@@ -56,7 +56,7 @@ def test_the_noted_command_trains_on_the_same_arm():
         from_policy="peg_square",
     )
     command = config.command()
-    assert "--from peg_square" in command
+    assert "--from-policy peg_square" in command
     again = parse(TrainConfig, shlex.split(command)[2:])
     assert again.to_json() == config.to_json()
 
@@ -75,7 +75,7 @@ def test_every_episode_has_the_hole_where_it_was_said_to_be(on_arm, monkeypatch)
     for hole in holes:
         np.testing.assert_array_equal(hole.position, [0.6, -0.02, 0.11])
         np.testing.assert_allclose(hole.quat_wxyz, quat_about_z(0.1))
-    settings = json.loads((on_arm.out / "config.json").read_text())
+    settings = read_settings(on_arm.out)
     assert settings["arm"] == "twin:easy"
     assert settings["num_envs"] == 1
 
@@ -140,6 +140,6 @@ def test_force_that_is_not_measured_is_null_not_zero(on_arm, monkeypatch):
 def test_the_command_says_on_what_it_trained(tmp_path, capsys):
     words = ["train", "--arm", "twin:easy", "--fixed-goal", "--steps", "30"]
     words += ["--max-steps", "10", "--eval-episodes", "1", "--learning-starts", "20"]
-    words += ["--fixture", "0.6", "-0.01", "0.1", "0.0", "--from", "peg_square"]
+    words += ["--fixture", "0.6", "-0.01", "0.1", "0.0", "--from-policy", "peg_square"]
     assert run([*words, "--out", str(tmp_path / "run")]) == 0
     assert "inserted on twin:easy" in capsys.readouterr().out

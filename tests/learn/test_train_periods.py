@@ -3,9 +3,9 @@
 from io import StringIO
 
 import pytest
-from dovetail.commands.task_flags import parse
 from rich.console import Console
 
+from dovetail.commands.command_line import parse
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
 from dovetail.evaluation.evaluate import EvaluationConfig, evaluate

@@ -51,7 +51,7 @@ def test_walls_and_tcp_speed_are_those_of_the_true_tool(judge, robot, limits):
     dq = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     look(judge, dq=dq)
     v = robot.chain().jacobian(HOME)[:3] @ dq
-    tool = limits.tool
+    tool = limits
     room = np.minimum(pose.position - tool.x_min, tool.x_max - pose.position)
     assert judge.wall.value == pytest.approx(-room.min())
     assert judge.tcp_speed.value == pytest.approx((np.abs(v) - tool.dx_max).max())

@@ -115,7 +115,7 @@ def test_what_cannot_be_is_refused():
 
 def test_a_training_is_of_the_policy_alone_and_its_file_says_when_it_ends():
     config = TrainConfig(task=SEARCH_AXES, fall_back=6.0)
-    env = config.environment
+    env = config
     assert "fall_back" not in env.env_options()
     assert env.policy_env()["fall_back"] == 6.0
     assert "fall_back" not in TrainConfig().policy_env()

@@ -75,18 +75,17 @@ def parse(
         ConfigError: The task has an option that means something else to the command.
     """
     commands = list(_commands(command))
-    names = {f.name: f.type for one in commands for f in fields(one)}
+    names = {name for one in commands for name in names_in(one)}
     if "task_options" in names:
         task = task or find_task(words)
         require_apart(task, names, "options of the command")
     is_help = any(word in (*HELP, HELP_ALL) for word in words)
     is_short = is_help and HELP_ALL not in words
-    switches = _switches(names)
     page = _Page(commands, task, common if is_short else ())
     marks = (tyro.conf.FlagCreatePairsOff,) if is_help else ()
     return tyro.cli(
         command,
-        args=["--help" if w == HELP_ALL else switches.get(w, w) for w in words],
+        args=["--help" if word == HELP_ALL else word for word in words],
         prog=prog,
         description=page.description(command),
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone, *marks),
@@ -250,15 +249,4 @@ def field_words(kind: type) -> Mapping[str, str]:
             if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr):
                 words = ast.literal_eval(text.value)
                 found[ast.unparse(field.target)] = " ".join(words.split())
-    return found
-
-
-def _switches(kinds: Mapping[str, Any]) -> dict[str, str]:
-    """Return --NAME and --no-NAME as tyro reads a switch that may be left out."""
-    found = {}
-    for name, kind in kinds.items():
-        if set(get_args(kind)) == {bool, type(None)}:
-            option = name.replace("_", "-")
-            found |= {f"--{option}": f"--{option}=True"}
-            found |= {f"--no-{option}": f"--{option}=False"}
     return found

@@ -119,7 +119,7 @@ class ObservationConfig:
     recall: tuple[int, ...] = ()
     """Ages [steps] of past tool positions that the policy sees. Past tilts are added if
     the tilt is shown; with any age the last action is added, too."""
-    stack: int = 0
+    stack: Annotated[int, Range(0, 100, "pairs")] = 0
     """Past (observation, action) pairs in the observation."""
     tracker: str = DEFAULT_TRACKER
     """Source of the fixture's pose: truth, late or a camera's file.

@@ -61,7 +61,7 @@ def compare(
     Each cell's own report lies in a folder of its name.
 
     Args:
-        actors: Name and evaluation of each; its `cover` and `out` are set here.
+        actors: Name and evaluation of each; its `fixture_shift` and `out` are set here.
         folder: Where to, new or empty.
         console: Where bar and table go.
         shifts: Distances by which the fixture is moved [mm].
@@ -82,7 +82,7 @@ def compare(
         for who, config, shift in jobs:
             progress.update(bar, description=f"{who}, moved by {shift:g} mm")
             out = folder / f"{who.replace(' ', '-')}-{shift:g}-mm"
-            asked = replace(config, cover=shift, out=out)
+            asked = replace(config, fixture_shift=1e-3 * shift, out=out)
             found = evaluate(asked, Console(file=StringIO()))
             cells.append(Cell(who, shift, found.rows[-1]))
             progress.advance(bar)

@@ -255,7 +255,7 @@ class TrainConfig(
         Raises:
             ConfigError: Names the setting and both values.
         """
-        mine, theirs = self.to_json(), other.to_json()
+        mine, theirs = _flat(self.to_json()), _flat(other.to_json())
         for name in {**mine, **theirs}:
             if mine.get(name) != theirs.get(name):
                 raise ConfigError(
@@ -275,6 +275,13 @@ class TrainConfig(
                 continue
             words += option_words(name, str(self.model) if name == "model" else value)
         return shlex.join(words)
+
+
+def _flat(settings: dict[str, Any]) -> dict[str, Any]:
+    """Return settings with a model's entries beside the others, as model.KEY."""
+    flat = {name: value for name, value in settings.items() if name != "model"}
+    model = settings["model"] or {}
+    return flat | {f"model.{key}": value for key, value in model.items()}
 
 
 def _short(value: Any) -> str:

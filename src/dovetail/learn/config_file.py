@@ -13,7 +13,7 @@ import tomlkit
 from dovetail.arms.address import parse_address
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, did_you_mean
-from dovetail.learn.config import NOT_COMPARED, TrainConfig
+from dovetail.learn.config import TrainConfig
 from dovetail.reading import read_toml
 from dovetail.settings import names_in, unknown_settings
 from dovetail.strangers import OPTIONS, require_trusted
@@ -76,11 +76,9 @@ def read_settings(path: Path, arm: str | None = None) -> dict[str, Any]:
         if name in table:
             require_trusted(path, name, table[name], is_option=True)
     task = task_class(table.get("env", DEFAULT_ENV))
-    known = {*names_in(TrainConfig), *option_types(task)} - {"task_options"}
-    known -= set(NOT_COMPARED)
+    known = {*names_in(TrainConfig), *option_types(task)} - {"task_options", "resume"}
     if unknown := set(table) - known:
-        error = unknown_settings(unknown, sorted(known), str(path))
-        raise error
+        raise unknown_settings(unknown, sorted(known), str(path))
     if (named := table.get("arm")) is not None:
         _require_given(str(named), arm, path)
     if isinstance(model := table.get("model"), str):

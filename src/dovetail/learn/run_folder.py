@@ -93,7 +93,13 @@ def run_config(folder: Path, arm: str | None = None) -> TrainConfig:
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
             "start one"
         )
-    return load_config(folder / CONFIG, arm, out=folder, resume=True)
+    try:
+        return load_config(folder / CONFIG, arm, out=folder, resume=True)
+    except ConfigError as error:
+        if error.name:
+            again = "if another version of dovetail began this run, start a new one"
+            error.args = (f"{error}; {again}",)
+        raise
 
 
 class RunLock:

@@ -10,20 +10,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import model_validator
+from pydantic import field_validator
 
 from dovetail.control.proven import unproven
 from dovetail.errors import ConfigError, UnprovenWarning, did_you_mean
 from dovetail.plants.find import make_plant
-from dovetail.plants.plant import DrivenPlant, DynamicsConfig, Engine
+from dovetail.plants.plant import DrivenPlant, DynamicsConfig
 from dovetail.plants.twin_camera import TwinCamera
-from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact
+from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact, TwinRun
 from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.reading import read_toml
 from dovetail.settings import (
     Range,
     defaults_of,
-    fill_in,
     names_in,
     ranges_of,
     settings,
@@ -41,30 +40,19 @@ TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 
 
 @settings(owner="twin")
-class Twin(TwinArm, TwinChannel, TwinContact):
+class Twin(TwinRun, TwinArm, TwinChannel, TwinContact):
     """Everything in which a twin differs from the model. No number has a default."""
 
-    description: str
-    """Description of the twin, one line."""
-    engine: Engine
-    """Physics engine: another one than the policy was trained in."""
-    seed: Annotated[int, Range(0, 2**63 - 1, "1")]
-    """Seed of the noise, >= 0."""
     clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
     camera: TwinCamera | None = None
     """Errors of its camera; None if the twin's file gives none."""
 
-    @model_validator(mode="after")
-    def _check_twin(self) -> Self:
-        """Refuse a number out of range, by name."""
-        if not isinstance(self.description, str):
-            raise ConfigError(
-                f"twin description is {self.description!r}; give one line of text"
-            )
-        if self.camera is not None and not isinstance(self.camera, TwinCamera):
-            fill_in(self, camera=_camera(self.camera))
-        return self
+    @field_validator("camera", mode="before")
+    @classmethod
+    def _read_camera(cls, table: Any) -> Any:
+        """Return what a table of a file says."""
+        return TwinCamera(**table) if isinstance(table, dict) else table
 
     def table(self) -> dict[str, Any]:
         """Return what its file holds by key, the camera's as a table of its own."""
@@ -189,20 +177,6 @@ def load_twin(name_or_path: Twin | str | Path) -> Twin:
         return Twin(**table)
     except ConfigError as error:
         raise ConfigError(f"twin file {path}: {error}") from error
-
-
-def _camera(table: object) -> TwinCamera:
-    """Return what a table of a file says."""
-    known = names_in(TwinCamera)
-    if not isinstance(table, dict):
-        raise ConfigError("camera is no table; give [camera] and its keys below it")
-    if unknown := [str(key) for key in table if key not in known]:
-        raise ConfigError(
-            f"[camera] has unknown keys: "
-            f"{', '.join(key + did_you_mean(key, known) for key in unknown)}; known: "
-            f"{', '.join(known)}"
-        )
-    return TwinCamera(**{str(key): value for key, value in table.items()})
 
 
 class TwinPlant(WrappedPlant[DrivenPlant]):

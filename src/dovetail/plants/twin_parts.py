@@ -12,9 +12,22 @@ from dovetail.plants.plant import (
     DAMPING,
     GRAVITY_RESIDUAL,
     MASS_SCALE,
+    Engine,
     require_inertia_set,
 )
 from dovetail.settings import Range, settings
+
+
+@settings(owner="twin")
+class TwinRun:
+    """Description of a twin, its engine and its random numbers."""
+
+    description: str
+    """Description of the twin, one line."""
+    engine: Engine
+    """Physics engine: another one than the policy was trained in."""
+    seed: Annotated[int, Range(0, 2**63 - 1, "1")]
+    """Seed of the noise, >= 0."""
 
 
 @settings(owner="twin")
