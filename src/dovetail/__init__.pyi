@@ -42,6 +42,9 @@ from .identify.recorder import RecordConfig as RecordConfig
 from .identify.recorder import record as record
 from .identify.recording import Recording as Recording
 from .learn.config import TrainConfig as TrainConfig
+from .learn.config_file import find_recipe as find_recipe
+from .learn.config_file import list_recipes as list_recipes
+from .learn.config_file import load_config as load_config
 from .learn.foreign import import_model as import_model
 from .learn.one_run import TrainResult as TrainResult
 from .learn.policy import Policy as Policy

@@ -6,7 +6,7 @@ name: in Python, in a TOML file, on the command line and in messages.
 
 import operator
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import wraps
 from typing import (
     Annotated,
@@ -44,11 +44,14 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
 
     Args:
         eq: Compare by value; False for a record with arrays.
-        owner: Owner of the settings, put before their names in messages.
+        owner: Owner of the settings, put before their names in messages; empty is that
+            of the records that it inherits.
     """
 
     def make(kind: type[T]) -> type[T]:
-        made = checked_dataclass(frozen=True, kw_only=True, eq=eq, config=_CHECKS)(kind)
+        made: Any = checked_dataclass(frozen=True, kw_only=True, eq=eq, config=_CHECKS)(
+            kind
+        )
         check: Any = made.__init__
 
         @wraps(check)
@@ -56,9 +59,10 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
             try:
                 check(self, **given)
             except ValidationError as error:
-                raise _as_config_error(error, made, owner) from None
+                raise _as_config_error(error, made, made.settings_owner) from None
 
         made.__init__ = init
+        made.settings_owner = owner or getattr(kind, "settings_owner", "")
         if not eq:  # not the comparison that a base makes of its own fields
             made.__eq__, made.__hash__ = object.__eq__, object.__hash__
         return cast(type[T], made)
@@ -74,11 +78,12 @@ def values_of(config: Any) -> dict[str, Any]:
 def defaults_of(kind: type) -> dict[str, Any]:
     """Return the default of every setting of a record that has one."""
     found = {}
-    for f in fields(kind):
-        if callable(f.default_factory):
-            found[f.name] = f.default_factory()
-        elif f.default is not f.default_factory:  # both MISSING: it must be given
-            found[f.name] = f.default
+    by_name = {f.name: f for f in fields(kind)}
+    for field_ in (by_name[name] for name in names_in(kind)):
+        if field_.default_factory is not MISSING:
+            found[field_.name] = field_.default_factory()
+        elif field_.default is not MISSING:
+            found[field_.name] = field_.default
     return found
 
 
@@ -254,9 +259,12 @@ def _describe(found: list[Any], name: str) -> str:
     """Return what is wrong with a value that has another type than its setting."""
     first = found[0]
     same = [e for e in found if e["loc"][:1] == first["loc"][:1]]
-    wanted = " or ".join(
-        dict.fromkeys(
-            e["msg"].partition(",")[0].removeprefix("Input should be ") for e in same
-        )
-    )
-    return f"{name} is {first['input']!r}; needed: {wanted}"
+    wanted = dict.fromkeys(map(_wanted, same))
+    return f"{name} is {first['input']!r}; needed: {' or '.join(wanted)}"
+
+
+def _wanted(error: Any) -> str:
+    """Return the value that pydantic wanted, in words."""
+    if error["type"] == "value_error":
+        return str(error["ctx"]["error"])
+    return error["msg"].partition(",")[0].removeprefix("Input should be ")

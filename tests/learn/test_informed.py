@@ -11,7 +11,6 @@ from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.config_file import find_recipe, read_settings
-from dovetail.learn.variation import env_kinds
 from dovetail.poses import theta_about_vertical
 
 CONFIG = TrainConfig(
@@ -38,7 +37,7 @@ def env():
     from dovetail.learn.algorithms import make_vec_env
     from dovetail.learn.informed import Informed
 
-    kinds = env_kinds(replace(CONFIG, num_envs=3))
+    kinds = CONFIG.kinds(3)
     made = Informed(make_vec_env(CONFIG), kinds)
     yield made
     made.close()

@@ -80,7 +80,7 @@ def test_what_the_training_had_is_told_and_not_taken(policy, name):
         ("near_press", {"x": 1}),
         ("f_scale", [1.0, 2.0]),
         ("force_damping", [[1.0]]),
-        ("tare", "no"),
+        ("tare", "perhaps"),
         ("task", None),
     ],
 )

@@ -7,7 +7,6 @@ from tests.extras import need
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.variation import env_kinds, varied_options
 
 SEARCH = {
     "task": "XYZ:force ABC:pose",
@@ -37,16 +36,16 @@ def test_each_environment_has_the_next_value_and_the_policy_the_tasks_own():
 def test_of_several_options_every_pair_is_there():
     vary = "peg=square,triangle&clearance=0.001,0.0005,0.0001"
     config = TrainConfig(**{**SEARCH, "vary": vary, "num_envs": 7})
-    made = [varied_options(config, i) for i in range(7)]
+    made = [config.varied_options(i) for i in range(7)]
     pairs = [(options["peg"], options["clearance"]) for options in made]
     assert len(set(pairs[:6])) == 6
     assert pairs[:3] == [("square", 0.001), ("triangle", 0.001), ("square", 0.0005)]
     assert pairs[6] == pairs[0]
-    kinds = env_kinds(config)
+    kinds = config.kinds(7)
     np.testing.assert_array_equal(kinds[:6], np.eye(6))
     np.testing.assert_array_equal(kinds[6], kinds[0])
     alike = TrainConfig(doubt=0.01, num_envs=3)
-    assert env_kinds(alike).shape == (3, 0)
+    assert alike.kinds(3).shape == (3, 0)
 
 
 @pytest.mark.parametrize(

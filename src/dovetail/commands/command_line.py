@@ -81,7 +81,8 @@ def parse(
         require_apart(task, names, "options of the command")
     is_help = any(word in (*HELP, HELP_ALL) for word in words)
     is_short = is_help and HELP_ALL not in words
-    page = _Page(commands, task, common if is_short else ())
+    before = {} if default is None else values_of(default)
+    page = _Page(commands, task, common if is_short else (), before)
     marks = (tyro.conf.FlagCreatePairsOff,) if is_help else ()
     return tyro.cli(
         command,
@@ -90,7 +91,6 @@ def parse(
         description=page.description(command),
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone, *marks),
         registry=page.registry(),
-        **({} if default is None else {"default": default}),
     )
 
 
@@ -98,11 +98,16 @@ class _Page:
     """The options of a command, in groups: one for each record that it inherits."""
 
     def __init__(
-        self, commands: list[type], task: type[Task] | None, common: tuple[str, ...]
+        self,
+        commands: list[type],
+        task: type[Task] | None,
+        common: tuple[str, ...],
+        before: Mapping[str, Any],
     ) -> None:
         self._commands = commands
         self._task = task
         self._common = common
+        self._before = before
         self._own = {record: set[str]() for c in commands for record in _records(c)}
         for command in commands:
             for name in names_in(command):
@@ -124,20 +129,19 @@ class _Page:
     def _read(self, info: StructTypeInfo) -> StructConstructorSpec | None:
         """Return the options of a record: the rule that tyro asks of each type."""
         kind = info.type
-        default = (
-            values_of(info.default) if is_dataclass(info.default) else info.default
-        )
         if kind in self._commands and self._common:
-            listed = [o for r in _records(kind) for o in self._options(r, default)]
+            listed = [o for r in _records(kind) for o in self._options(r)]
             listed.sort(key=lambda option: self._rank(option.name))
             return StructConstructorSpec(self._make(kind), tuple(listed))
         if kind in self._commands:
             groups = [g for g in _records(kind) if g is not kind and self._own[g]]
-            options = [*self._options(kind, default)]
-            options += [StructFieldSpec(_title(g), g, default) for g in groups]
+            options = [*self._options(kind)]
+            options += [
+                StructFieldSpec(_title(g), g, tyro.MISSING_NONPROP) for g in groups
+            ]
             return StructConstructorSpec(self._make(kind), tuple(options))
         if kind in self._own:
-            return StructConstructorSpec(dict, tuple(self._options(kind, default)))
+            return StructConstructorSpec(dict, tuple(self._options(kind)))
         return None
 
     def _make(self, kind: type) -> Callable[..., Any]:
@@ -156,13 +160,13 @@ class _Page:
 
         return make
 
-    def _options(self, kind: type, default: Any) -> Iterator[StructFieldSpec]:
+    def _options(self, kind: type) -> Iterator[StructFieldSpec]:
         """Yield the options that a record itself adds."""
         said = field_words(kind)
         for f in fields(kind):
             if f.name not in self._own[kind]:
                 continue
-            given = default[f.name] if isinstance(default, dict) else _default(f)
+            given = self._before[f.name] if self._before else _default(f)
             if f.name == "task_options":
                 yield from self._of_task(given)
             else:

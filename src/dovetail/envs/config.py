@@ -32,8 +32,12 @@ SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
 
 
 def _as_tuple(value: Any) -> Any:
-    """Return one number as a tuple of it, and numbers as they are."""
-    return (value,) if np.ndim(value) == 0 else value
+    """Return one number as a tuple of it, and three as they are."""
+    if np.ndim(value) == 0:
+        return (value,)
+    if len(value) not in (1, 3):
+        raise ValueError("one number, or three: X Y Z")
+    return value
 
 
 PerAxis: TypeAlias = Annotated[

@@ -19,6 +19,7 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.proven import DECLARED
 from dovetail.control.target_columns import TARGET_UNITS, target_row
 from dovetail.distribution import installed_version
+from dovetail.envs.commands import per_axis
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.registered import make_task
@@ -197,13 +198,13 @@ def _describe(
         "arm": parse_address(config.arm).text,
         "tare": env.is_tared,
         "commands": {
-            "f_scale": env.config.f_scale,
+            "f_scale": list(per_axis("f_scale", env.config.f_scale)),
             "f_scale_angular": env.config.f_scale_angular,
             "theta_range": env.config.theta_range,
             "position_range": env.config.position_range,
         },
         "controller": {
-            "force_damping": env.config.force_damping,
+            "force_damping": list(per_axis("", env.config.force_damping)),
             "near_speed": env.config.near_speed,
             "walls": [list(side) for side in env.cell.walls],
             "scheme": env.config.scheme,

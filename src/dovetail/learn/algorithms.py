@@ -12,7 +12,6 @@ from dovetail.errors import MissingDependencyError, install_command
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.demonstrations import fill, load_demonstrations, rows_of
 from dovetail.learn.teacher import Teacher, taught
-from dovetail.learn.variation import env_kinds, varied_options
 from dovetail.tasks.reward import RewardConfig
 
 ACTOR_SHARE = 0.1
@@ -83,7 +82,7 @@ def make_vec_env(config: TrainConfig) -> Any:
         options |= {"twin": config.model_file.twin, "engine": config.plant}
 
     def make(index: int) -> Any:
-        given = varied_options(config, index) | options
+        given = config.varied_options(index) | options
         env = make_one(config.env, **given)
         if config.randomise_dynamics:
             env = RandomDynamics(env, config.ranges)
@@ -189,7 +188,7 @@ def _informed(env: Any, config: TrainConfig) -> Any:
         return env
     from dovetail.learn.informed import Informed
 
-    kinds = env_kinds(config)
+    kinds = config.kinds(config.num_envs)
     return Informed(env, kinds)
 
 

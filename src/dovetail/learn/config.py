@@ -13,16 +13,16 @@ from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.evaluation.transfer import wilson_interval
-from dovetail.learn.env_settings import EnvSettings, find_task
+from dovetail.learn.env_settings import find_task
 from dovetail.learn.learner_settings import LearnerConfig
 from dovetail.learn.place_settings import ArmPlaceConfig, SimulatedDynamicsConfig
 from dovetail.learn.run_settings import LengthConfig, RunsConfig
 from dovetail.learn.teaching_settings import TeachingConfig
-from dovetail.learn.variation import VariationConfig, require_variation
+from dovetail.learn.variation import VariationConfig
 from dovetail.options import option_words
 from dovetail.robots.find import find_robot
 from dovetail.search.script import SCRIPT_SETTINGS
-from dovetail.settings import defaults_of, fill_in, settings, values_of
+from dovetail.settings import defaults_of, fill_in, names_in, settings, values_of
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.trackers.find import require_tracker
@@ -35,10 +35,9 @@ NOT_COMPARED = ("out", "resume", "threads")
 class TrainConfig(
     LengthConfig,
     RunsConfig,
-    EnvSettings,
+    VariationConfig,
     ArmPlaceConfig,
     SimulatedDynamicsConfig,
-    VariationConfig,
     TeachingConfig,
     LearnerConfig,
 ):
@@ -71,7 +70,7 @@ class TrainConfig(
         self._require_batch()
         self._require_dynamics()
         self._require_teacher()
-        require_variation(self)
+        self.require_possible(self.num_envs)
         if self.tare:  # a policy must not ask for what it cannot be given
             task = TaskSpec.parse(self.env_options()["task"])
             tared_axes(task, self.force_damping)
@@ -234,7 +233,7 @@ class TrainConfig(
 
         A model is given by its table: the same content in another file is the same.
         """
-        values = values_of(self)
+        values = {name: vars(self)[name] for name in names_in(TrainConfig)}
         values |= values.pop("task_options") | self.own()
         if self.arm is not None:
             values["arm"] = parse_address(self.arm).text  # without its token

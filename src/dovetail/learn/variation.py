@@ -1,22 +1,20 @@
 """Differences between the episodes of a training that the policy does not know."""
 
 from itertools import product
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import ConfigError
+from dovetail.learn.env_settings import EnvSettings
 from dovetail.settings import Range, settings
 from dovetail.tasks.options import parse_values
 from dovetail.trackers.find import DEFAULT_TRACKER
 
-if TYPE_CHECKING:
-    from dovetail.learn.config import TrainConfig
-
 
 @settings()
-class VariationConfig:
+class VariationConfig(EnvSettings):
     """Differences between episodes."""
 
     vary: str | None = None
@@ -34,63 +32,54 @@ class VariationConfig:
     """Tell the critics where the fixture truly is, and which values it has.
     The actor does not see them, so the policy runs as any other; for sac."""
 
+    def kinds(self, num_envs: int) -> NDArray[np.float32]:
+        """Return which values each environment has, a one among zeros in each row."""
+        count = len(self._varied())
+        kinds = np.eye(count, dtype=np.float32)[np.arange(num_envs) % count]
+        return kinds if count > 1 else kinds[:, :0]
 
-def env_kinds(config: "TrainConfig") -> NDArray[np.float32]:
-    """Return which values each environment has, a one among zeros in each row."""
-    count = len(_varied(config))
-    kinds = np.eye(count, dtype=np.float32)[np.arange(config.num_envs) % count]
-    return kinds if count > 1 else kinds[:, :0]
+    def require_possible(self, num_envs: int) -> None:
+        """Refuse a doubt beside a tracker, a turn without one, and too many values.
 
+        Raises:
+            ConfigError: Says what to give.
+        """
+        if self.doubt > 0.0 and self.tracker != DEFAULT_TRACKER:
+            raise ConfigError(
+                f"doubt and the tracker {self.tracker} exclude each other: with a "
+                "doubt the camera is covered; leave one of them out"
+            )
+        if self.doubt_turn > 0.0 and self.doubt == 0.0:
+            raise ConfigError(
+                f"doubt_turn is {self.doubt_turn:g} rad and doubt 0 m: give the "
+                "largest distance, too, --doubt 0.005 for example"
+            )
+        varied = self._varied()
+        if len(varied) > num_envs:
+            names = " and ".join(varied[0])
+            raise ConfigError(
+                f"vary gives {len(varied)} values of {names} to {num_envs} "
+                f"environments; needed: --num-envs {len(varied)} or more"
+            )
 
-def require_variation(config: "TrainConfig") -> None:
-    """Refuse a doubt beside a tracker, a turn without one, and too many values.
+    def varied_options(self, index: int) -> dict[str, Any]:
+        """Return the keyword arguments of one of the environments, by its number."""
+        options = self.env_options()
+        if self.doubt > 0.0:
+            doubt = f"doubt={self.doubt}&turn={self.doubt_turn}"
+            options["tracker"] = f"covered?{doubt}"
+        values = self._varied()
+        return options | values[index % len(values)]
 
-    Raises:
-        ConfigError: Says what to give.
-    """
-    if config.doubt > 0.0 and config.tracker != DEFAULT_TRACKER:
-        raise ConfigError(
-            f"doubt and the tracker {config.tracker} exclude each other: with a doubt "
-            "the camera is covered; leave one of them out"
-        )
-    if config.doubt_turn > 0.0 and config.doubt == 0.0:
-        raise ConfigError(
-            f"doubt_turn is {config.doubt_turn:g} rad and doubt 0 m: give the largest "
-            "distance, too, --doubt 0.005 for example"
-        )
-    varied = _varied(config)
-    if len(varied) > config.num_envs:
-        names = " and ".join(varied[0])
-        raise ConfigError(
-            f"vary gives {len(varied)} values of {names} to {config.num_envs} "
-            f"environments; needed: --num-envs {len(varied)} or more"
-        )
-
-
-def varied_options(config: "TrainConfig", index: int) -> dict[str, Any]:
-    """Return the keyword arguments of one of a training's environments.
-
-    Args:
-        config: The training's.
-        index: Number of the environment.
-    """
-    options = config.env_options()
-    if config.doubt > 0.0:
-        doubt = f"doubt={config.doubt}&turn={config.doubt_turn}"
-        options["tracker"] = f"covered?{doubt}"
-    values = _varied(config)
-    return options | values[index % len(values)]
-
-
-def _varied(config: "TrainConfig") -> list[dict[str, Any]]:
-    """Return every set of values; the option that is given first changes first."""
-    given = [] if config.vary is None else config.vary.split("&")
-    parts = [parse_values(text, config.task_class) for text in given]
-    names = [name for name, _ in reversed(parts)]
-    if len(set(names)) < len(names):
-        raise ConfigError(
-            f"vary names an option twice: {config.vary!r}; give all its values to one, "
-            "NAME=A,B,C"
-        )
-    values = product(*(values for _, values in reversed(parts)))
-    return [dict(zip(names, each, strict=True)) for each in values]
+    def _varied(self) -> list[dict[str, Any]]:
+        """Return every set of values; the option that is given first changes first."""
+        given = [] if self.vary is None else self.vary.split("&")
+        parts = [parse_values(text, self.task_class) for text in given]
+        names = [name for name, _ in reversed(parts)]
+        if len(set(names)) < len(names):
+            raise ConfigError(
+                f"vary names an option twice: {self.vary!r}; give all its values to "
+                "one, NAME=A,B,C"
+            )
+        values = product(*(values for _, values in reversed(parts)))
+        return [dict(zip(names, each, strict=True)) for each in values]

@@ -5,11 +5,12 @@ middle has whole coordinates. ``T_mount_camera`` maps camera coordinates into th
 what it is mounted on, the world or the arm's flange.
 """
 
-from dataclasses import field, fields, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 import numpy as np
+import tomlkit
 from pydantic import model_validator
 
 from dovetail.errors import ConfigError
@@ -17,7 +18,7 @@ from dovetail.perceive.board import Board
 from dovetail.perceive.camera_parts import CameraOrigin, CameraPictures, CameraPlace
 from dovetail.poses import Pose
 from dovetail.reading import read_toml
-from dovetail.settings import Range, defaults_of, names_in, settings
+from dovetail.settings import Range, defaults_of, names_in, settings, values_of
 from dovetail.types import Array, Mat33
 
 PIXELS = Range(16, 20_000, "pixels")
@@ -166,35 +167,11 @@ class Camera(CameraPlace, CameraPictures, CameraOrigin):
 
     def to_toml(self) -> str:
         """Write the camera as the text of a file that `load_camera` reads."""
-        parts = (self, self, self)
-        lines = [line for part in parts for line in _lines(part)]
-        for name, table in (("lens", self.lens), ("board", self.board)):
-            lines += ["", f"[{name}]", *_lines(table)]
-        return "\n".join(lines) + "\n"
-
-
-def _lines(config: Any) -> list[str]:
-    lines = []
-    for f in fields(config):
-        value = vars(config)[f.name]
-        if value in ("", ()):
-            continue
-        note = f'"{_escaped(value)}"' if isinstance(value, str) else _numbers(value)
-        lines.append(f"{f.name} = {note}")
-    return lines
-
-
-def _numbers(value: Any) -> str:
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(_numbers, value)) + "]"
-    return repr(value)
-
-
-def _escaped(text: str) -> str:
-    return "".join(
-        f"\\{c}" if c in '"\\' else c if c.isprintable() else f"\\u{ord(c):04x}"
-        for c in text
-    )
+        table = values_of(self) | {
+            "lens": values_of(self.lens),
+            "board": values_of(self.board),
+        }
+        return tomlkit.dumps({n: v for n, v in table.items() if v not in ("", ())})
 
 
 def load_camera(path: str | Path) -> Camera:

@@ -5,11 +5,14 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 "robot".
 """
 
+import re
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
+import tomlkit
 from pydantic import field_validator
 
 from dovetail.control.proven import unproven
@@ -100,36 +103,34 @@ class Twin(TwinRun, TwinArm, TwinChannel, TwinContact):
         Args:
             is_ascii: Escape every other character, for a terminal that has none.
         """
-        lines = _keys(self, is_ascii)
+        document = tomlkit.document()
+        for name, value in _items(self):
+            document.add(name, value)
         if self.camera is not None:
-            lines += ["", "[camera]", *_keys(self.camera, is_ascii)]
-        return "\n".join(lines) + "\n"
+            camera = tomlkit.table()
+            for name, value in _items(self.camera):
+                camera.add(name, value)
+            document.add(tomlkit.nl())
+            document.add("camera", camera)
+        text = tomlkit.dumps(document)
+        return re.sub(r"[^\0-~]", _escaped, text) if is_ascii else text
 
 
-def _keys(config: "Twin | TwinCamera", is_ascii: bool) -> list[str]:
-    """Return a line for each key that is no table."""
-    lines, ranges = [], ranges_of(type(config))
+def _items(config: "Twin | TwinCamera") -> Iterator[tuple[str, Any]]:
+    """Yield each number and text with its unit beside it, as TOML."""
+    ranges = ranges_of(type(config))
     for name, value in values_of(config).items():
-        if isinstance(value, TwinCamera) or value is None:
+        if name == "camera":
             continue
-        if isinstance(value, str):
-            text = f'"{"".join(_escaped(c, is_ascii) for c in value)}"'
-        elif isinstance(value, tuple):
-            text = "[" + ", ".join(repr(v) for v in value) + "]"
-        else:
-            text = repr(value)
-        unit = ranges[name].unit if name in ranges else "1"
-        lines.append(f"{name} = {text}" + (f"  # {unit}" if unit != "1" else ""))
-    return lines
+        item = tomlkit.item(value)
+        if name in ranges and ranges[name].unit != "1":
+            item.comment(ranges[name].unit)
+        yield name, item
 
 
-def _escaped(c: str, is_ascii: bool) -> str:
-    """Return a character of a TOML string; what steers a terminal is escaped, too."""
-    if c in '"\\':
-        return f"\\{c}"
-    if c.isprintable() and (c.isascii() or not is_ascii):
-        return c
-    return f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}"
+def _escaped(match: re.Match[str]) -> str:
+    code = ord(match[0])
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
 def list_twins() -> tuple[str, ...]:
