@@ -36,6 +36,10 @@ _CHECKS = ConfigDict(
 )
 
 
+_OWNERS: dict[type, str] = {}
+"""Owner of the settings of each record."""
+
+
 @dataclass_transform(
     frozen_default=True, kw_only_default=True, field_specifiers=(field,)
 )
@@ -59,10 +63,11 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
             try:
                 check(self, **given)
             except ValidationError as error:
-                raise _as_config_error(error, made, made.settings_owner) from None
+                raise _as_config_error(error, made, _OWNERS[made]) from None
 
         made.__init__ = init
-        made.settings_owner = owner or getattr(kind, "settings_owner", "")
+        inherited = (_OWNERS[base] for base in kind.__mro__ if base in _OWNERS)
+        _OWNERS[made] = owner or next(inherited, "")
         if not eq:  # not the comparison that a base makes of its own fields
             made.__eq__, made.__hash__ = object.__eq__, object.__hash__
         return cast(type[T], made)

@@ -53,7 +53,7 @@ class CabinetArm(FriArm):
         self.plant = plant
         self._is_open = True
         options = {"clock": "lockstep", "log_folder": None, **options}
-        names = names_in(FriAddress)
+        names = set(names_in(FriAddress))
         where = {name: options.pop(name) for name in names & options.keys()}
         port = where.pop("port", None) or free_port()
         settings = {"clock": where["clock"], **(cabinet or {})}

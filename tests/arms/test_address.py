@@ -63,7 +63,7 @@ def test_every_fri_key_is_read():
 
 
 def test_what_public_reports_leave_open_can_be_said():
-    usual = parse_address("fri://0.0.0.0").cabinet
+    usual = parse_address("fri://0.0.0.0")
     assert (usual.measured_sign, usual.commanded_sign, usual.external_sign) == (
         -1,
         -1,
@@ -72,7 +72,7 @@ def test_what_public_reports_leave_open_can_be_said():
     cabinet = parse_address(
         "fri://0.0.0.0?measured_sign=1&commanded_sign=1&external_sign=-1"
         "&commanded_is_total=yes"
-    ).cabinet
+    )
     assert (cabinet.measured_sign, cabinet.commanded_sign) == (1, 1)
     assert (cabinet.external_sign, cabinet.commanded_is_total) == (-1, True)
 

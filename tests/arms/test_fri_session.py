@@ -65,7 +65,7 @@ def make_arm(**options):
 
 def alone(port=0, **options):
     """An arm without a cabinet."""
-    names = names_in(FriAddress)
+    names = set(names_in(FriAddress))
     where = {name: options.pop(name) for name in names & options.keys()}
     address = FriAddress(**{"host": LOOPBACK, "port": port, **where})
     return FriArm(address, CELL.loaded_robot(), SETTINGS, log_folder=None, **options)

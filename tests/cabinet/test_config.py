@@ -60,7 +60,7 @@ def test_whole_milliseconds_are_periods(period_ms):
         ({"period": -0.005}, "send period is -5 ms"),
         ({"period": 0.0025}, "2.5 ms; allowed are whole ms, 1 to 100, as on the wire"),
         ({"period": 0.101}, "send period is 101 ms"),
-        ({"period": float("nan")}, "send period is nan ms"),
+        ({"period": float("nan")}, "period is nan"),
         ({"version": "3.0"}, "'3.0' is unknown; known versions: 1.15, 2.5, 2.7"),
         ({"clock": "sun"}, "known: wall, lockstep"),
         ({"receive_multiplier": 0}, "receive_multiplier is 0; allowed: 1 to"),

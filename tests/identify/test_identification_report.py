@@ -233,7 +233,7 @@ def test_a_fit_without_its_generations_is_refused(copied):
 def test_the_history_counts_simulated_logs(made):
     fitted = Fitted.load(made[0] / "fit")
     counts, errors = zip(*fitted.search.history, strict=True)
-    assert counts[-1] == fitted.evaluations
+    assert counts[-1] == fitted.search.evaluations
     assert list(counts) == sorted(counts)
     assert list(errors) == sorted(errors, reverse=True)
 
