@@ -12,7 +12,6 @@ from dovetail.cockpit.plots import LivePlots
 from dovetail.cockpit.recorded import COLUMNS, Recorded
 from dovetail.cockpit.scene import CellScene
 from dovetail.cockpit.server import PageServer, light
-from dovetail.cockpit.slow_browser import DRAW_LESS
 
 _FRAME = 1.0 / 30.0  # [s]
 _APART = 0.9  # [m] between two cells
@@ -49,7 +48,7 @@ class ReplayPage:
                 log.cell,
                 name=f"/log{i}",
                 shift=np.array([0.0, shift, 0.0]),
-                has_believed=bool(log.changes.believed),
+                has_believed=bool(log.believed),
             )
             for i, (log, shift) in enumerate(zip(logs, shifts, strict=True))
         ]
@@ -69,7 +68,6 @@ class ReplayPage:
 
     def _add_controls(self) -> None:
         gui = self._server.gui
-        gui.add_html(DRAW_LESS)
         self._play = gui.add_button("Play / pause  (P)")
         self._play.on_click(lambda _: self.play(not self._is_playing))
         key = gui.add_command("Play / pause", hotkey="P")
@@ -146,12 +144,12 @@ class ReplayPage:
         words = []
         for log, scene in zip(self._logs, self.scenes, strict=True):
             q, force, fixture = log.at(now)
-            scene.place(q, fixture, log.seen(now))
-            scene.point(force, log.pull(now))
+            scene.place(q, fixture, log.believed_at(now))
+            scene.point(force, log.pull_at(now))
             scene.trace(log.path(now))
             size = float(np.linalg.norm(force))
             told = "no force known" if np.isnan(size) else f"{size:.1f} N"
-            is_estimated = log.motion.is_estimated and not np.isnan(size)
+            is_estimated = log.is_estimated and not np.isnan(size)
             told += " (estimated)" if is_estimated else ""
             words.append(f"<div><b>{html.escape(log.name)}</b> {told}</div>")
         self._words.content = f"<div style='padding:0 .8em'>{''.join(words)}</div>"

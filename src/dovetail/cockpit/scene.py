@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.cockpit.slow_browser import fewer_triangles
+from dovetail.cockpit.software_rendering import fewer_triangles
 from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix
 from dovetail.types import Array, Mat33, Vec3, Vec7
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
