@@ -20,6 +20,30 @@ _WAITING_MAX = 100  # records that wait for the terminal; more are dropped
 _PAUSE = 1.0  # [s] between two faults in sockets: a flood must not fill the terminal
 
 
+class _InALine(logging.Filter):
+    """Makes a line of a fault in a socket, such as a port scan, without traceback."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._last = 0.0  # time of the last fault that passed [s]
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Shorten a fault, or leave it out."""
+        if not record.exc_info:
+            return True
+        if record.created < self._last + _PAUSE:
+            return False
+        self._last = record.created
+        error = record.exc_info[1]
+        why = printable(f"{type(error).__name__}: {error}".strip().splitlines()[0])
+        record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
+        record.exc_info = None
+        return True
+
+
+_IN_A_LINE = _InALine()  # one for good: viser adds a filter that hides what is behind
+
+
 class PageLog(logging.Handler):
     """Takes the records of both loggers until it is closed."""
 
@@ -27,7 +51,7 @@ class PageLog(logging.Handler):
         """Take the records from now on."""
         super().__init__()
         self._waiting: queue.Queue[logging.LogRecord | None] = queue.Queue(_WAITING_MAX)
-        self._faulted = 0.0  # time of the last fault that was logged [s]
+        SOCKETS.addFilter(_IN_A_LINE)
         for logger in (LOG, SOCKETS):
             logger.addHandler(self)
             logger.propagate = False
@@ -35,15 +59,7 @@ class PageLog(logging.Handler):
         self._thread.start()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Queue a record; a fault in a socket, such as a port scan, becomes a line."""
-        if record.name == SOCKETS.name and record.exc_info:
-            if record.created < self._faulted + _PAUSE:
-                return
-            self._faulted = record.created
-            error = record.exc_info[1]
-            why = printable(f"{type(error).__name__}: {error}".strip().splitlines()[0])
-            record.msg, record.args = f"page: {record.getMessage()} ({why})", ()
-            record.exc_info = None
+        """Queue a record; drop it where too many wait."""
         with suppress(queue.Full):
             self._waiting.put_nowait(record)
 
