@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, make_cabinet
-from dovetail.cockpit.choice import NOBODY
+from dovetail.cockpit.choice import NO_POLICY
 from dovetail.cockpit.page import Page
 from dovetail.cockpit.server import open_server
 from dovetail.envs.registered import find_cell
@@ -184,7 +184,7 @@ def test_an_arm_elsewhere_that_was_stopped_before_its_first_reset_goes_on_later(
 
 
 def test_without_a_policy_an_arm_elsewhere_is_led(make_session, service):
-    session = make_session(policy=NOBODY, place=service.url)
+    session = make_session(policy=NO_POLICY, place=service.url)
     session.reset()
     wait_until(lambda: session.status.mode == "held")
     begin = session.snapshot.tool.position

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cockpit.choice import NOBODY
+from dovetail.cockpit.choice import NO_POLICY
 from dovetail.cockpit.space_mouse import DEAD, SpaceMouse, without_rest
 from dovetail.cockpit.teleoperator import Teleoperator
 from dovetail.envs import registered
@@ -129,7 +129,7 @@ def test_after_a_stop_the_gizmo_has_to_be_grabbed_anew():
 
 
 def test_a_person_leads_the_tool_in_without_a_policy_and_the_log_says_so(make_session):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     session.demonstrate()
     wait_until(lambda: session.logger.is_demonstration)
     insert(session)
@@ -162,7 +162,7 @@ def test_a_correction_takes_over_from_a_policy_and_gives_back(session):
 
 
 def test_let_go_the_arm_is_held_and_a_stop_ends_the_lead(make_session):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     begin = session.snapshot.tool.position
     far = Pose(begin + np.array([0.0, 0.1, 0.0]), session.snapshot.tool.quat_wxyz)
     session.teleoperator.grab(far)
@@ -191,7 +191,7 @@ def lead_a_little(session):
 def test_a_demonstration_cut_short_is_marked_and_one_thrown_away_loses_no_other(
     make_session,
 ):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     lead_a_little(session)
     session.end_demonstration(is_kept=True)
     wait_until(lambda: "unfinished" in session.status.note)
@@ -208,7 +208,7 @@ def test_a_demonstration_cut_short_is_marked_and_one_thrown_away_loses_no_other(
 
 
 def test_a_demonstration_that_ended_can_still_be_thrown_away(make_session):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     lead_a_little(session)
     session.end_demonstration(is_kept=True)
     session.end_demonstration(is_kept=False)
@@ -221,7 +221,7 @@ def test_a_demonstration_that_ended_can_still_be_thrown_away(make_session):
 def test_a_cockpit_goes_on_with_the_numbers_of_an_earlier_one(make_session, tmp_path):
     files = []
     for _ in range(2):
-        session = make_session(policy=NOBODY, logs=tmp_path / "same")
+        session = make_session(policy=NO_POLICY, logs=tmp_path / "same")
         lead_a_little(session)
         session.close()
         files += session.logger.demonstrations
@@ -272,7 +272,7 @@ def test_a_cap_that_is_pushed_at_a_stop_leads_again_only_after_a_rest(device):
 
 
 def test_an_unplugged_mouse_holds_the_arm_and_loses_nothing(make_session, device):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     session.demonstrate()
     wait_until(lambda: session.logger.is_demonstration)
     session.teleoperator.take_mouse(SpaceMouse(device))

@@ -8,7 +8,7 @@ from threading import Event
 import numpy as np
 import pytest
 
-from dovetail.cockpit.choice import NOBODY, Choice, build
+from dovetail.cockpit.choice import NO_POLICY, Choice, build
 from dovetail.cockpit.disturbance import DRAG_SPEED, PULL_MAX
 from dovetail.cockpit.recorded import Recorded
 from dovetail.cockpit.replay_page import ReplayPage
@@ -81,7 +81,7 @@ def acts_of(session):
         "reset": session.reset,
         "step": session.step,
         "demonstrate": session.demonstrate,
-        "choose": lambda: session.choose(replace(session.choice, policy=NOBODY)),
+        "choose": lambda: session.choose(replace(session.choice, policy=NO_POLICY)),
         "pull": lambda: session.pull(above),
         "drag": lambda: session.drag(fixture + np.array([0.01, 0.0, 0.0]), 0.0),
         "lead": lambda: session.teleoperator.grab(
@@ -287,7 +287,7 @@ def test_another_choice_is_built_and_the_fixture_stays_where_it_was_dragged(sess
     session.drag(place, 0.0)
     simulate(session, 0.4)
     version = session.version
-    session.choose(Choice(policy=NOBODY, place="twin:easy"))
+    session.choose(Choice(policy=NO_POLICY, place="twin:easy"))
     wait_until(lambda: session.version > version)
     wait_until(lambda: session.status.mode == "held")
     np.testing.assert_allclose(session.snapshot.fixture.position, place, atol=1e-9)
@@ -400,7 +400,7 @@ def test_a_simulated_camera_tells_where_the_fixture_is(opengl, make_session, tmp
     text = (Path(__file__).parents[2] / "examples" / "beside.toml").read_text()
     file = tmp_path / "camera.toml"
     file.write_text(text)
-    session = make_session(policy=NOBODY, settings={**PLAIN, "tracker": str(file)})
+    session = make_session(policy=NO_POLICY, settings={**PLAIN, "tracker": str(file)})
     session.reset()
     simulate(session, 0.2)
     assert session.status.mode == "held"
@@ -412,7 +412,7 @@ def test_a_camera_on_the_arm_looks_from_above_first(opengl, make_session):
     """Its shutter hid that it is on the arm, and a page asked before it had looked."""
     need("cv2")
     file = Path(__file__).parents[2] / "examples" / "flange.toml"
-    session = make_session(policy=NOBODY, settings={**PLAIN, "tracker": str(file)})
+    session = make_session(policy=NO_POLICY, settings={**PLAIN, "tracker": str(file)})
     error = session.snapshot.believed.position - session.snapshot.fixture.position
     assert 0.0 < np.linalg.norm(error) < 0.005
 

@@ -64,3 +64,20 @@ def test_a_page_that_is_loaded_again_draws_as_before(browser, cockpit):
     browser.refresh()
     wait_for(lambda: button(browser, "STOP") and server.viser.get_clients())
     assert "fixedDpr=0.5" in browser.current_url
+
+
+def test_an_animation_that_is_called_off_is_not_drawn(browser, cockpit):
+    """Also one that waits for its turn."""
+    browser.set_script_timeout(10)
+    drawn = browser.execute_async_script(
+        """
+        const done = arguments[0];
+        let drawn = 0, ids = [];
+        requestAnimationFrame(() => {
+          for (let i = 0; i < 20; i++) ids.push(requestAnimationFrame(() => drawn++));
+          setTimeout(() => ids.forEach((id) => cancelAnimationFrame(id)), 8);
+          setTimeout(() => done(drawn), 500);
+        });
+        """
+    )
+    assert drawn in (0, 20)  # all before they were called off, or none

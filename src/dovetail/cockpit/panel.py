@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
-from dovetail.cockpit.choice import NOBODY, SCRIPT, known_places, known_words
+from dovetail.cockpit.choice import NO_POLICY, SCRIPT, known_places, known_words
 from dovetail.cockpit.server import PageServer
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import LoopStatus, Snapshot
+from dovetail.cockpit.software_rendering import FRAME_LIMIT
 from dovetail.learn.policy import list_policies
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ class ControlPanel:
         gui, session = self._gui, self._session
         panel = gui.add_panel(order=-1.0)
         with panel.add_tab("Drive"):
-            gui.add_html(_ON_TOP + _ESCAPE)
+            gui.add_html(_ON_TOP + _ESCAPE + FRAME_LIMIT)
             stop = gui.add_button("STOP  (Esc)", color=_STOP_RED)
             self._resume = gui.add_button("Resume", color="teal", visible=False)
             self._resume.on_click(lambda _: session.resume())
@@ -185,7 +186,7 @@ class ControlPanel:
         choice = session.choice
         words = known_words(choice)
         settings = session.core.config.flat() | vars(session.core.task)
-        known = (choice.policy, *list_policies(), SCRIPT, NOBODY)
+        known = (choice.policy, *list_policies(), SCRIPT, NO_POLICY)
         policies = dict.fromkeys(known)
         with gui.add_folder("What runs", expand_by_default=False):
             policy = gui.add_dropdown(

@@ -1,7 +1,7 @@
 """A recorded episode, ready to be drawn: its cell, and its state at any time.
 
-A log may come from a stranger: it may name one of dovetail's tasks and robots, but no
-module; only the user who replays it may name one.
+A log of unknown origin may name one of dovetail's tasks and robots, but no module: only
+the user who replays it may name one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -66,8 +66,8 @@ class Recorded:
 
         Args:
             path: The Episode log.
-            env: Its environment, where the log does not say it, or says a module's.
-            robot: Its robot, in the same way.
+            env: Its environment, if the log does not name it, or names a module's.
+            robot: Its robot, likewise.
 
         Raises:
             LogError: Damaged, empty, or of another robot than the one given.
@@ -79,9 +79,9 @@ class Recorded:
         facts = episode.metadata.get(CELL, {})
         if not isinstance(facts, Mapping):
             raise LogError(f"the log {path}: its metadata {CELL!r} is no table")
-        told_robot = facts.get("robot", episode.metadata.get("robot"))
+        logged_robot = facts.get("robot", episode.metadata.get("robot"))
         env_id = _named("env", env, facts.get("env_id"), DEFAULT_ENV)
-        robot_name = _named("robot", robot, told_robot, DEFAULT_ROBOT)
+        robot_name = _named("robot", robot, logged_robot, DEFAULT_ROBOT)
         settings = facts.get("task", {})
         task = make_task(env_id, settings if isinstance(settings, Mapping) else {})
         columns = {name: episode[name] for name in episode.columns}
@@ -178,28 +178,28 @@ def _curves(columns: Mapping[str, Array], time: Array) -> Array:
     return np.column_stack(rows)[chosen]
 
 
-def _named(what: str, asked: str | None, told: Any, usual: str) -> str:
-    """Return the name asked for, told by the log, or the usual one.
+def _named(what: str, given: str | None, logged: Any, usual: str) -> str:
+    """Return the name given, the one in the log, or the usual one.
 
     Raises:
-        ConfigError: The log names a module, or another than the one asked for.
+        ConfigError: The log names a module, or another than the one given.
     """
-    if not isinstance(told, str) or not told:
-        return asked or usual
-    if asked is None and ":" in told:
+    if not isinstance(logged, str) or not logged:
+        return given or usual
+    if given is None and ":" in logged:
         raise ConfigError(
-            f"the log's {what} is {told[:80]!r}, of a module; add --{what} "
-            f"{told[:80]} if you trust it"
+            f"the log's {what} is {logged[:80]!r}, of a module; add --{what} "
+            f"{logged[:80]} if you trust it"
         )
-    if asked is not None and asked.rpartition(":")[2] != told.rpartition(":")[2]:
+    if given is not None and given.rpartition(":")[2] != logged.rpartition(":")[2]:
         raise ConfigError(
-            f"{what} is {asked!r}, the log says {told[:80]!r}; leave --{what} out"
+            f"{what} is {given!r}, the log says {logged[:80]!r}; leave --{what} out"
         )
-    return asked or told
+    return given or logged
 
 
 def _rows(path: Path, metadata: Mapping[str, Any], key: str, width: int) -> Array:
-    """Return the rows of a path that a log holds; none where it does not."""
+    """Return the rows of a path in a log; none if it has no such path."""
     try:
         rows = np.array(metadata.get(key, []), dtype=float).reshape(-1, width)
     except (TypeError, ValueError) as error:

@@ -25,6 +25,31 @@ ENTRY_PAGE = """<!doctype html><title>dovetail</title><script>
 """HTML that goes on to viser's page, with its option `fixedDpr` in a browser that
 renders in software: half the pixels each way."""
 
+# viser draws as many pictures as it can, and then the mouse stands in a queue.
+FRAME_LIMIT = """<img alt="" src="data:," style="display: none" onerror="
+(() => {
+  if (window.hasFrameLimit || !location.search.includes('fixedDpr')) return;
+  window.hasFrameLimit = true;
+  const ask = window.requestAnimationFrame.bind(window);
+  const cancel = window.cancelAnimationFrame.bind(window);
+  const again = new Map();
+  let last = 0;
+  window.requestAnimationFrame = (draw) => {
+    const id = ask(function wait(now) {
+      again.delete(id);
+      if (now > last && now - last < 25) { again.set(id, ask(wait)); return; }
+      last = now;
+      draw(now);
+    });
+    return id;
+  };
+  window.cancelAnimationFrame = (id) => {
+    cancel(again.get(id) ?? id);
+    again.delete(id);
+  };
+})()">"""
+"""HTML for a panel: the same browser draws every other picture of 60 a second."""
+
 
 def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
     """Return nearly the same surface with fewer triangles.
@@ -48,7 +73,7 @@ def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
 
 
 def _is_as_large(fewer: Array, vertices: Array) -> bool:
-    """Say whether the box around a surface has stayed: quadrics may pull a tip out."""
+    """Return whether its bounding box has stayed: quadrics may pull a tip out."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     moved = np.abs([fewer.min(axis=0) - low, fewer.max(axis=0) - high])
     return bool(moved.max() <= _SLACK * (high - low).max() / 2.0)

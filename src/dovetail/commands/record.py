@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar
 
 from rich.console import Console
 
-from dovetail.cockpit.choice import NOBODY
+from dovetail.cockpit.choice import NO_POLICY
 from dovetail.commands.cockpit import GROUPS as _OF_COCKPIT
 from dovetail.commands.cockpit import Cockpit, ShownPolicyOptions
 from dovetail.commands.help_page import Groups
@@ -25,7 +25,7 @@ LEROBOT = "lerobot"
 class CorrectedPolicyOptions(ShownPolicyOptions):
     """The policy that runs."""
 
-    policy: str = NOBODY
+    policy: str = NO_POLICY
     """Policy that is corrected: the name of a shipped one, a file, or none."""
 
 
