@@ -165,8 +165,6 @@ class Gate:
         """Token of the address that may drive."""
         self.watch_token = secrets.token_urlsafe(24)
         """Token of the address that sees everything and may stop."""
-        self.stops = 0
-        """STOPs that came by the page."""
         self.refused = 0
         """Messages that did not reach viser."""
         self._entering: dict[Visitor, None] = {}
@@ -245,7 +243,6 @@ class Gate:
             self._pressed.clear()
             if self._is_closed:
                 return
-            self.stops += 1
             try:
                 self._stop()
             except Exception:

@@ -15,8 +15,6 @@ from dovetail.cockpit.server import PageServer, light
 from dovetail.cockpit.session import Session
 from dovetail.cockpit.snapshot import COLUMNS, USED
 
-FRAME = 1.0 / 30.0
-"""Time between two pictures [s]."""
 PATIENCE = 60.0
 """Time without input, while the arm stands, after which another viewer may drive [s].
 A browser may keep a page that was left, and so may a closed laptop."""
@@ -26,6 +24,7 @@ _PLOTS = {
     "reward": ("reward",),
     "time to compute 10 ms [ms]": ("work",),
 }
+_FRAME = 1.0 / 30.0  # [s] between two pictures
 _PAUSE = 1.0  # [s] between two notes that a viewer only watches
 _SELDOM = 6  # pictures between two updates of curves and words
 
@@ -159,7 +158,7 @@ class Page:
     # -- drawing -------------------------------------------------------------------
 
     def _draw(self) -> None:
-        while not self._is_ended.wait(FRAME):
+        while not self._is_ended.wait(_FRAME):
             if self._session.version != self._version:
                 self._build()
             with self._server.atomic():
