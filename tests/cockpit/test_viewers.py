@@ -31,10 +31,21 @@ def test_the_second_viewer_only_watches_until_the_first_has_left(served):
     one.close()
     wait_until(lambda: session.disturbance.pull_to is None)
     wait_until(lambda: not session.snapshot.pull.any())
-    assert session.status.mode == "stopped"
+    wait_until(lambda: session.status.mode == "stopped")
     resume(session)
     two.drag("/pull", down)
     wait_until(lambda: session.snapshot.pull[2] < -1.0)
+    two.close()
+
+
+def test_the_driver_is_not_counted_among_those_who_watch(served):
+    _, page, server = served
+    one, two = Client(server.address), Client(server.address)
+    one.key("Reset")
+    wait_until(lambda: page.driver_lock.driver is not None)
+    said = f"viewer {page.driver_lock.driver} drives &middot; 1 watches"
+    wait_until(lambda: said in page.panel._status.content)
+    one.close()
     two.close()
 
 

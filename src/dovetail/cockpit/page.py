@@ -150,10 +150,10 @@ class Page:
 
     def _leave(self, client: Any) -> None:
         if self.driver_lock.release(client.client_id):
-            self._gizmos.let_go()
-            self._session.use_mouse(False)
             if not self._keeps_running:
                 self._session.stop(is_pressed=False)
+            self._gizmos.let_go()
+            self._session.use_mouse(False)
 
     # -- drawing -------------------------------------------------------------------
 
