@@ -71,7 +71,7 @@ def test_a_camera_that_is_unplugged_while_it_looks_stops_the_arm(monkeypatch):
             pass
 
     env = make_env(PegInHole)
-    env.tracker = MarkerTracker(load_camera(EXAMPLE), Unplugged(), env.robot)
+    env.tracker = MarkerTracker(load_camera(EXAMPLE), Unplugged(), env.cell.robot)
     stopped = []
     monkeypatch.setattr(env.arm, "stop", lambda: stopped.append(True))
     with pytest.raises(TrackerError, match="unplugged"):

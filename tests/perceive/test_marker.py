@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cockpit.shutter import Shutter
+from dovetail.cockpit.occlusion import Occlusion
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.simulated import Simulated
@@ -171,7 +171,7 @@ def test_a_board_where_the_fixture_cannot_stand_stops_the_arm(
     env.close()
 
 
-@pytest.mark.parametrize("wrap", [lambda t: t, Shutter, lambda t: Late(inner=t)])
+@pytest.mark.parametrize("wrap", [lambda t: t, Occlusion, lambda t: Late(inner=t)])
 def test_a_closed_environment_holds_no_camera(picture, wrap):
     source = Shown(picture)
     env = make_env(PegInHole, tracker=wrap(MarkerTracker(beside(), source, CELL.robot)))

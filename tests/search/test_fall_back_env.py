@@ -7,9 +7,9 @@ import pytest
 
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.led import Led
 from dovetail.envs.log_facts import ACTION, describe_cell
 from dovetail.envs.registered import make_batch, make_env
+from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.evaluation.config import EvaluationConfig, environment_options
@@ -84,7 +84,7 @@ def test_a_person_who_leads_is_asked_on():
         def __call__(self, core):
             return NOTHING
 
-    env = Led(made(), Hand())
+    env = TeleopWrapper(made(), Hand())
     core = require_contact_env(env)
     env.reset(seed=1)
     for _ in range(25):

@@ -111,11 +111,11 @@ class Cockpit(
                 server.stop()
         finally:
             session.close()
-        for file in session.diary.files:
+        for file in session.logger.files:
             console.print(f"  {file}", highlight=False, soft_wrap=True)
-        if session.diary.problem:
-            console.print(session.diary.problem, soft_wrap=True)
-        return session.diary.demonstrations
+        if session.logger.problem:
+            console.print(session.logger.problem, soft_wrap=True)
+        return session.logger.demonstrations
 
     def choice(self) -> Choice:
         """Return what runs at first.

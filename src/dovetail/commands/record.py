@@ -6,7 +6,7 @@ from typing import Annotated
 
 from rich.console import Console
 
-from dovetail.cockpit.choice import NOBODY
+from dovetail.cockpit.choice import NO_POLICY
 from dovetail.commands.cockpit import COMMON as _OF_COCKPIT
 from dovetail.commands.cockpit import Cockpit
 from dovetail.errors import LogError
@@ -28,7 +28,7 @@ class Record(Cockpit):
     written: Annotated[tuple[Path, ...], some_paths("--written", Path)] = ()
     """Episode logs of before, or folders of them. They become the data set, and no page
     is shown."""
-    policy: str = NOBODY
+    policy: str = NO_POLICY
     """Policy that is corrected: the name of a shipped one, a file, or none."""
 
     def run(self, console: Console) -> int:

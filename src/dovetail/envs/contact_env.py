@@ -134,7 +134,7 @@ class ContactEnv(
     believed: Pose
     """Believed pose of the fixture: the tracker's last, moved on until now."""
     steps: int  # of the episode so far
-    is_led: bool = False  # whether the next action is a person's; set by `Led`
+    is_led: bool = False  # whether a person acts next; set by `TeleopWrapper`
 
     def __init__(
         self,

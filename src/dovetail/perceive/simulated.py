@@ -16,7 +16,7 @@ from dovetail.plants.plant import COLUMN
 from dovetail.plants.twin_camera import TwinCamera, TwinImage
 from dovetail.poses import Pose, compose, inverse, quat_from_vector, quat_multiply
 from dovetail.types import Array, Vec7
-from dovetail.view.renderer import Plate, Renderer, View
+from dovetail.view.renderer import CameraView, Plate, Renderer
 from dovetail.workcell.workcell import Workcell
 
 _SAMPLES = 4  # of a pixel: edges of markers must be where they are
@@ -255,7 +255,7 @@ class _Studio:
         """Return grey values, not rounded, shape (height, width)."""
         up = Pose(np.array([0.0, 0.0, self._board.thickness]), np.eye(4)[0])
         picture = self._renderer.draw(
-            q, fixture, plate=compose(board, up), view=View(camera, self._edges)
+            q, fixture, plate=compose(board, up), view=CameraView(camera, self._edges)
         )
         grey = self._cv.cvtColor(picture, self._cv.COLOR_RGB2GRAY).astype(np.float32)
         if self._maps is not None:

@@ -1,17 +1,17 @@
-"""Writes down what happens in the cockpit, as Episode logs.
+"""Episode logs of the cockpit, written beside the control loop.
 
-One begins with each reset, and after a rest in which the arm was only held.
+A log begins with each reset, and after a rest in which the arm was only held.
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dovetail.arms.arm import ArmState
-from dovetail.cockpit.snapshot import Moment
+from dovetail.cockpit.snapshot import Snapshot
 from dovetail.envs.log_facts import FIRST, SUCCESS
 from dovetail.episode import OBSERVED, Episode
 from dovetail.errors import LogError
@@ -24,25 +24,21 @@ CYCLES_MAX = 120_000
 FIXTURE = "fixture_path [s, m, wxyz]"
 """Key of the metadata: rows of time, position and rotation where the fixture moved."""
 BELIEVED = "believed_path [s, m, wxyz]"
-"""The same of where it was believed."""
+"""The same of its believed pose."""
 PULL = "pull_path [s, N]"
-"""Key of the metadata: rows of time and force where a hand's pull changed."""
-SHOWN = "demonstration"
-"""Key of the metadata: finished or unfinished, where it is a person's."""
+"""Key of the metadata: rows of time and force where the user's pull changed."""
+DEMONSTRATION = "demonstration"
+"""Key of the metadata: finished or unfinished, in a demonstration."""
 DEMONSTRATIONS = "demonstrations"
 """Folder of demonstrations, in that of the logs."""
 
 
-def _no_paths() -> dict[str, list[list[float]]]:
-    return {FIXTURE: [], BELIEVED: [], PULL: []}
-
-
-class Diary:
-    """Keeps the episode that runs, and writes it beside the control loop.
+class EpisodeLogger:
+    """Collects the episode that runs, and writes it in a thread of its own.
 
     A file is whole or absent. A failed write is reported once, in `problem`. A
     demonstration has a file of its own in `demonstrations`, from its first motion to
-    its end; it stays unless its maker throws it away.
+    its end; it stays unless its user throws it away.
     """
 
     def __init__(self, folder: Path | None) -> None:
@@ -54,11 +50,11 @@ class Diary:
         """Reason why a log could not be written; empty if all could."""
         self.is_demonstration = False
         """True while a demonstration runs."""
-        self._writer = ThreadPoolExecutor(1, thread_name_prefix="diary")
+        self._writer = ThreadPoolExecutor(1, thread_name_prefix="episode logger")
         self._episode: Episode | None = None
         self._about: dict[str, Any] = {}
         self._observed: Sequence[str] = OBSERVED
-        self._paths = _no_paths()
+        self._paths: dict[str, list[list[float]]] = {}
         self._idle = self._number = 0
         self._is_worth = False
         self._newest: Path | None = None
@@ -69,7 +65,7 @@ class Diary:
         return [file for file in self.files if file.parent.name == DEMONSTRATIONS]
 
     def describe_demonstrations(self) -> str:
-        """Say how many there are, and whether one runs; empty for none."""
+        """Return how many there are, and whether one runs, in words; empty for none."""
         count = len(self.demonstrations)
         words = [f"{count} demonstration{'s' if count != 1 else ''}"] if count else []
         return ", ".join(words + ["one runs"] * self.is_demonstration)
@@ -80,17 +76,17 @@ class Diary:
         """End the log that runs, and start one.
 
         Args:
-            about: What runs where, plain data.
+            about: Metadata: plain data.
             observed: Names of the observation's columns.
         """
         self.end()
         self._about, self._observed = dict(about), observed
-        self._paths = _no_paths()
+        self._paths = {FIXTURE: [], BELIEVED: [], PULL: []}
         self._idle = 0
         self._newest = None
         self._open()
 
-    def demonstrate(self) -> None:
+    def begin_demonstration(self) -> None:
         """Make the log that has begun a demonstration."""
         self.is_demonstration = True
 
@@ -107,19 +103,21 @@ class Diary:
         self._is_worth = False
         self._paths = {key: rows[-1:] for key, rows in self._paths.items()}
 
-    def follow(self, stamp: float, fixture: Pose, moment: Moment | None = None) -> None:
-        """Note where the fixture is at a time [s], where that has changed.
+    def follow(
+        self, stamp: float, fixture: Pose, snapshot: Snapshot | None = None
+    ) -> None:
+        """Note the fixture's pose at a time [s], where it has changed.
 
         Args:
-            stamp: Of the episode.
-            fixture: Where it truly is.
-            moment: What the page shows: where it is believed, and the pull.
+            stamp: Time of the episode.
+            fixture: True pose.
+            snapshot: Its believed pose and the pull are noted, too.
         """
         now = {FIXTURE: [*fixture.position, *fixture.quat_wxyz]}
-        if moment is not None:
-            seen = moment.fixture.seen
-            now[BELIEVED] = [*seen.position, *seen.quat_wxyz]
-            now[PULL] = [*moment.load.pull]
+        if snapshot is not None:
+            believed = snapshot.believed
+            now[BELIEVED] = [*believed.position, *believed.quat_wxyz]
+            now[PULL] = [*snapshot.pull]
         for key, values in now.items():
             row, rows = [float(value) for value in values], self._paths[key]
             if not rows or rows[-1][1:] != row:
@@ -137,10 +135,10 @@ class Diary:
         """Add a policy step.
 
         Args:
-            state: What the arm said; its log holds the step's cycles.
+            state: State of the arm; its log holds the step's cycles.
             step: Number of the step in the episode.
             reward: Of the step.
-            info: What `Led` told of it: the action, whose it was, what was seen.
+            info: Info of a `TeleopWrapper`: action, intervention, observation.
             is_idle: Whether the arm was only held: soon, that is not written any more.
         """
         raw = info["observation_raw"]
@@ -169,7 +167,7 @@ class Diary:
             self.end()
 
     def end(self, success: bool = False) -> None:
-        """Have what runs written, if anything happened in it.
+        """End the log; write it if anything happened in it.
 
         Args:
             success: Whether the task was done; a demonstration without is unfinished.
@@ -181,21 +179,21 @@ class Diary:
         episode.metadata |= {**self._paths, SUCCESS: success}
         folder = self.folder
         if is_shown:
-            episode.metadata[SHOWN] = "finished" if success else "unfinished"
+            episode.metadata[DEMONSTRATION] = "finished" if success else "unfinished"
             folder = folder / DEMONSTRATIONS
         file = self._next_file(folder)
         self._newest = file if is_shown else None
         self._writer.submit(self._write, episode, file)
 
     def _next_file(self, folder: Path) -> Path:
-        """Return a place where nothing is yet, of an earlier cockpit either."""
+        """Return a file that does not exist, also not of an earlier cockpit."""
         while True:
             self._number += 1
             file = folder / f"{self._number:03d}.npz"
             if not file.exists():
                 return file
 
-    def decide(self, is_kept: bool) -> str:
+    def end_demonstration(self, is_kept: bool) -> str:
         """End the demonstration that runs, if one does; keep or throw away the newest.
 
         The others stay. One that is kept before it succeeded is unfinished.
@@ -204,12 +202,11 @@ class Diary:
             What was done, in words.
         """
         was_running = self.is_demonstration
+        if was_running and not is_kept:
+            self.is_demonstration, self._episode = False, None
+            return "thrown away"
         if is_kept:
             self.end()
-        elif was_running:
-            self.is_demonstration, self._episode = False, None
-        if was_running and not is_kept:
-            return "thrown away"
         file = self._newest
         if file is None:
             return "there is no demonstration"
@@ -231,10 +228,9 @@ class Diary:
 
     def flush(self) -> None:
         """Wait until everything that ended is written."""
-        done: Future[None] = self._writer.submit(lambda: None)
-        done.result()
+        self._writer.submit(lambda: None).result()
 
     def close(self) -> None:
-        """Write what runs, and wait for it."""
+        """Write the log that runs, and wait for it."""
         self.end()
         self._writer.shutdown(wait=True)

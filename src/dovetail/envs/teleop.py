@@ -1,7 +1,7 @@
-"""An environment in which a person may take over: the tool is led, the rest is as ever.
+"""Teleoperation of an environment: a person leads the tool in place of the policy.
 
-What leads is a pose that the tool is to follow; it becomes an action of the
-environment, so that the same controller and the same limits act on it.
+The person sets a pose for the tool to follow. It becomes an action of the environment,
+so that the same controller and the same limits act on it.
 """
 
 import math
@@ -22,7 +22,7 @@ from dovetail.types import Array
 GAIN = 6.0
 """Gain from the distance to the led pose to the tool's speed [1/s]."""
 LEAD_SPEED = 0.1
-"""Fastest that it is led [m/s]; the controller's own limits are lower near contact."""
+"""Largest speed of the lead [m/s]; the controller's limits are lower near contact."""
 _BRAKE = 8.0  # [1/s] damping, where the environment has less
 _TURN, _TURN_BRAKE = 100.0, 20.0  # [1/s2, 1/s] of force axes A B C: critically damped
 
@@ -31,12 +31,12 @@ def action_towards(core: ContactEnv, to: Pose) -> NDArray[np.float32]:
     """Return the action by which the tool follows a pose.
 
     Force axes X Y Z become a velocity towards it of `GAIN` times what is missing, pose
-    axes the displacement or turn from the goal. What the environment does not command
-    is left out.
+    axes the displacement or turn from the goal. Axes that the environment does not
+    command are left out.
 
     Args:
         core: The environment, after a reset.
-        to: Where the tool is to go, world axes.
+        to: Pose for the tool to follow, world axes.
     """
     state, commands = core.state, core.commands
     goal = core.task.goal(core.tracker.estimate().pose)
@@ -76,17 +76,17 @@ def resting_action(
 
     Args:
         axes: Mode of each axis.
-        action: That was taken last.
+        action: The last action.
         commanded: The action's axes.
     """
     is_force = [axes.modes[AXES.index(axis)] == FORCE for axis in commanded]
     return np.where(is_force, 0.0, action).astype(np.float32)
 
 
-class Led(gymnasium.Wrapper):
+class TeleopWrapper(gymnasium.Wrapper):
     """Takes a person's action in place of the policy's whenever there is one.
 
-    `info["is_intervention"]` says whether it did, and `info["action"]` what was taken.
+    `info["is_intervention"]` is True then, and `info["action"]` is the action taken.
     """
 
     def __init__(
@@ -98,8 +98,8 @@ class Led(gymnasium.Wrapper):
 
         Args:
             env: An environment of dovetail, wrapped or not.
-            lead: Returns the person's action, or None while no person leads; asked once
-                per step.
+            lead: Returns the person's action, or None while no person leads; called
+                once per step.
 
         Raises:
             ConfigError: It is no environment of dovetail.

@@ -6,7 +6,7 @@ import pytest
 
 from dovetail.cockpit.scene import triangles
 from dovetail.cockpit.session import Session
-from dovetail.cockpit.slow_browser import fewer_triangles
+from dovetail.cockpit.software_rendering import fewer_triangles
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
 from extras import need
 
@@ -14,7 +14,8 @@ from .conftest import from_benchmarks
 
 need("fast_simplification")
 trimesh = need("trimesh")
-wait_for = from_benchmarks("cockpit_browser").wait_for
+driven = from_benchmarks("cockpit_browser")
+button, wait_for = driven.button, driven.wait_for
 
 
 def test_a_sphere_of_fewer_triangles_is_nearly_the_same():
@@ -52,13 +53,17 @@ def test_the_whole_cell_is_few_triangles_and_no_vertex_moves_far(session: Sessio
     assert drawn < 8000
 
 
-def test_a_browser_without_a_gpu_draws_half_the_points_each_way(browser, cockpit):
+def test_a_browser_without_a_gpu_draws_half_the_pixels_each_way(browser, cockpit):
     drawn = "const c = document.querySelector('canvas[data-engine]');"
     ratio = f"{drawn} return c.width / c.getBoundingClientRect().width"
     wait_for(lambda: abs(browser.execute_script(ratio) - 0.5) < 0.02)
-    assert not browser.execute_script(
-        "return window.__viserMutable.backgroundMaterial.visible"
-    )
+
+
+def test_a_page_that_is_loaded_again_draws_as_before(browser, cockpit):
+    _, server = cockpit
+    browser.refresh()
+    wait_for(lambda: button(browser, "STOP") and server.viser.get_clients())
+    assert "fixedDpr=0.5" in browser.current_url
 
 
 def test_an_animation_that_is_called_off_is_not_drawn(browser, cockpit):

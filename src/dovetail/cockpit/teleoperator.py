@@ -1,4 +1,4 @@
-"""Lead of the tool by a person: with the gizmo at it, or with a 3D mouse.
+"""Teleoperation of the tool: with the gizmo at it, or with a 3D mouse.
 
 The gizmo goes first. After a stop, both have to be let go before they lead again.
 """
@@ -10,34 +10,34 @@ from numpy.typing import NDArray
 
 from dovetail.cockpit.space_mouse import SpaceMouse
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.led import GAIN, LEAD_SPEED, action_towards, resting_action
+from dovetail.envs.teleop import GAIN, LEAD_SPEED, action_towards, resting_action
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, quat_normalized
 from dovetail.types import Vec3, Vec4
 
 TURN_RATE = 0.5
 """Turning speed of the tool with a 3D mouse at full deflection [rad/s]."""
-_FAR = 100.0  # [m] to which no mouse leads anything
+_FAR = 100.0  # [m] limit of a pose that the tool is led to
 _STEP = 0.05  # [s] of the environment
 
 
-class Guide:
-    """Gives the action that leads the tool; the page sets the goal, from its threads.
+class Teleoperator:
+    """Computes the action that leads the tool; the page sets the goal, in its threads.
 
     The goal is one reference that is replaced as a whole, so that no thread waits.
     """
 
     def __init__(self) -> None:
-        """Begin without a person who leads."""
+        """Begin with a user who does not lead."""
         self._to: Pose | None = None
         self._mouse: SpaceMouse | None = None
         self._is_armed = False
         self._quat: Vec4 | None = None  # to which the 3D mouse has turned the tool
         self._last: NDArray[np.float32] | None = None
         self.heading = math.pi / 2.0
-        """Direction away from the person: an angle from the world's x [rad]."""
+        """Direction away from the user: an angle from the world's x [rad]."""
         self.is_teaching = False
-        """True if rests are the person's, too: a demonstration without a policy."""
+        """True if rests are the user's, too: a demonstration without a policy."""
 
     # -- from any thread -----------------------------------------------------------
 
@@ -46,7 +46,7 @@ class Guide:
         self._to = _usable(to)
 
     def move(self, to: Pose) -> None:
-        """Lead on; nothing where the gizmo was not grabbed, or a stop came between."""
+        """Lead on; ignored where the gizmo was not grabbed, or a stop came between."""
         if self._to is not None:
             self._to = _usable(to)
 
@@ -56,7 +56,7 @@ class Guide:
         self._is_armed = False
 
     def take_mouse(self, mouse: SpaceMouse | None) -> None:
-        """Lead by this 3D mouse from now on, and close the one before; None is none."""
+        """Lead by this 3D mouse from now on, close the one before; None takes none."""
         before, self._mouse = self._mouse, mouse
         self._is_armed = False
         if before is not None:
@@ -67,8 +67,8 @@ class Guide:
         """True while a 3D mouse is switched on."""
         return self._mouse is not None
 
-    def lost(self) -> str:
-        """Let go of a 3D mouse that cannot be read any more, and say why."""
+    def drop_lost_mouse(self) -> str:
+        """Close a 3D mouse that cannot be read any more; return why, empty if none."""
         problem = "" if self._mouse is None else self._mouse.problem
         if problem:
             self.take_mouse(None)
@@ -76,7 +76,7 @@ class Guide:
 
     @property
     def is_leading(self) -> bool:
-        """True while a person leads."""
+        """True while the user leads."""
         return self._to is not None or self._is_pushed()
 
     def _is_pushed(self) -> bool:
@@ -94,7 +94,7 @@ class Guide:
         self._last = self._quat = None
 
     def action(self, core: ContactEnv) -> NDArray[np.float32] | None:
-        """Return the person's action of this step; None leaves it to the policy."""
+        """Return the user's action of this step; None leaves it to the policy."""
         to = self._to or self._pushed_to(core)
         if to is not None:
             self._last = action_towards(core, to)
@@ -121,7 +121,7 @@ class Guide:
 
 
 def _turned(vector: Vec3, heading: float) -> Vec3:
-    """Return right, away, up as world axes, for who looks along a heading [rad]."""
+    """Return right, away, up in world axes, for a view along a heading [rad]."""
     right, away, up = vector
     c, s = math.cos(heading), math.sin(heading)
     return np.array([c * away + s * right, s * away - c * right, up])

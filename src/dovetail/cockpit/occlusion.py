@@ -1,4 +1,4 @@
-"""A tracker whose camera a person covers and uncovers while the arm moves."""
+"""A camera that a user covers and uncovers while the arm moves."""
 
 from dovetail.arms.arm import ArmState
 from dovetail.poses import Pose
@@ -6,11 +6,11 @@ from dovetail.trackers.covered import Covered
 from dovetail.trackers.tracker import Estimate, Tracker, close_tracker, is_on_arm
 
 
-class Shutter:
-    """Passes on what a tracker sees; covered, what it saw last."""
+class Occlusion:
+    """Wraps a tracker: covered, its estimate is the last one, and grows old."""
 
     def __init__(self, tracker: Tracker) -> None:
-        """Take the tracker that sees while the camera is free."""
+        """Wrap the tracker that looks while the camera is free."""
         self._tracker = tracker
         self._covered: Covered | None = None
         self._is_up = False  # a camera on the arm looks from above, covered later
@@ -31,7 +31,7 @@ class Shutter:
         return is_on_arm(self._tracker)
 
     def rewind(self, fixture: Pose) -> None:
-        """Go on in an episode, with what was seen from above."""
+        """Start the episode again, with the estimate from above."""
         if is_on_arm(self._tracker):
             self._tracker.rewind(fixture)
         self._is_up = False
@@ -42,10 +42,7 @@ class Shutter:
             self._cover()
         elif not self.is_covered:
             self._covered = None
-        if self._covered is None:
-            self._tracker.update(fixture, state)
-        else:
-            self._covered.update(fixture, state)
+        (self._covered or self._tracker).update(fixture, state)
 
     def _cover(self) -> None:
         self._covered = Covered()
@@ -53,10 +50,8 @@ class Shutter:
 
     def estimate(self) -> Estimate:
         """Return the newest estimate."""
-        if self._covered is None:
-            return self._tracker.estimate()
-        return self._covered.estimate()
+        return (self._covered or self._tracker).estimate()
 
     def close(self) -> None:
-        """Give the tracker back; harmless when repeated."""
+        """Release the tracker; harmless when repeated."""
         close_tracker(self._tracker)

@@ -1,4 +1,4 @@
-"""Hand of a person on a simulated arm: pulls it by a spring, drags the fixture."""
+"""Disturbance of a simulated arm by a user: a pull at the tool, a dragged fixture."""
 
 import math
 
@@ -10,21 +10,21 @@ from dovetail.poses import Pose, quat_about_z, quat_multiply, theta_about_vertic
 from dovetail.types import Vec3
 
 STIFFNESS = 400.0
-"""Of the spring by which the tool is pulled [N/m]."""
+"""Stiffness of the spring that pulls the tool [N/m]."""
 PULL_MAX = 30.0
 """Largest force of the spring [N]: for pushes of that size the limits are made."""
 DRAG_SPEED, DRAG_RATE = 0.1, 0.5
 """Speed at which the fixture follows the mouse [m/s, rad/s]."""
 
 
-class Hand:
+class UserDisturbance:
     """Acts on an arm slice by slice; the page sets the goals, from its threads.
 
     Each goal is one reference that is replaced as a whole, so that no thread waits.
     """
 
     def __init__(self) -> None:
-        """Begin with a hand that touches nothing."""
+        """Begin with nothing that disturbs."""
         self.pull_to: Vec3 | None = None
         """Position of the spring's other end, world axes [m]; None is no spring."""
         self.fixture_to: Pose | None = None
@@ -34,32 +34,29 @@ class Hand:
         self._reached: Pose | None = None
 
     @property
-    def is_busy(self) -> bool:
+    def is_active(self) -> bool:
         """True while it pulls the tool or drags the fixture."""
         wanted = self.fixture_to
         is_dragging = wanted is not None and wanted is not self._reached
         return self.pull_to is not None or is_dragging
 
     def let_go(self) -> None:
-        """Touch nothing any more."""
+        """Stop to pull and to drag."""
         self.pull_to = self.fixture_to = None
 
     def act(
         self, arm: SimulatedArm, tool: Vec3, fixture: Pose, duration: float
     ) -> Pose:
-        """Pull and drag for one slice to come.
+        """Pull and drag during the next slice; return the fixture's pose after it.
 
         Args:
-            arm: That is about to step.
-            tool: Where its TCP is [m], world axes.
-            fixture: Where the fixture is.
-            duration: Of the slice [s].
-
-        Returns:
-            Where the fixture is at the slice's end.
+            arm: The arm, before its step.
+            tool: Position of its TCP [m], world axes.
+            fixture: Pose of the fixture now.
+            duration: Duration of the slice [s].
 
         Raises:
-            ArmError: Nothing at this end can push the arm or move its fixture.
+            ArmError: The arm is elsewhere and cannot be disturbed from here.
         """
         pull_to, wanted = self.pull_to, self.fixture_to
         self.force = np.zeros(3)

@@ -1,7 +1,7 @@
-"""Less drawing for a browser without a GPU, so that it keeps up.
+"""Less to draw for a browser without a GPU, so that it keeps up.
 
-It draws by the processor: the time of a picture grows with its triangles and its
-points, and the mouse waits until it is drawn.
+It renders in software: the time of a picture grows with its triangles and its pixels,
+and the mouse waits until it is drawn.
 """
 
 from typing import Any
@@ -15,26 +15,21 @@ _SHARE, _FEW = 0.14, 200
 _SLACK = 0.028
 """Largest shift of a bounding box side, over half its longest side [1]."""
 
-# Asks the page's own store for half the points each way, takes out a quad that fills
-# the window for a background which nothing sets, and leaves out every other picture of
-# 60 a second: viser draws as many as it can, and then the mouse stands in a queue.
-# Another version of viser may have no such store: then pictures are fewer, no more.
-DRAW_LESS = """<img alt="" src="data:," style="display: none" onerror="
-(function draw_less(tries) {
-  const settings = window.__viserTestpoints?.devSettings;
-  const background = window.__viserMutable?.backgroundMaterial;
-  const canvas = document.querySelector('canvas[data-engine]');
-  if (!settings || !background || !canvas) {
-    if (tries > 0) setTimeout(draw_less, 200, tries - 1);
-    return;
-  }
-  const gl = canvas.getContext('webgl2');
+ENTRY_PAGE = """<!doctype html><title>dovetail</title><script>
+  const gl = document.createElement('canvas').getContext('webgl2');
   const names = gl?.getExtension('WEBGL_debug_renderer_info');
   const name = names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : '';
-  if (!/SwiftShader|llvmpipe|softpipe|Basic Render/i.test(name)) return;
-  background.visible = false;
-  if (settings.get().fixedDpr === null)
-    settings.set({fixedDpr: 0.5 * window.devicePixelRatio});
+  const isSoftware = /SwiftShader|llvmpipe|softpipe|Basic Render/i.test(name);
+  location.replace(isSoftware ? `?fixedDpr=${0.5 * devicePixelRatio}` : '?gpu');
+</script>"""
+"""HTML that goes on to viser's page, with its option `fixedDpr` in a browser that
+renders in software: half the pixels each way."""
+
+# viser draws as many pictures as it can, and then the mouse stands in a queue.
+FRAME_LIMIT = """<img alt="" src="data:," style="display: none" onerror="
+(() => {
+  if (window.hasFrameLimit || !location.search.includes('fixedDpr')) return;
+  window.hasFrameLimit = true;
   const ask = window.requestAnimationFrame.bind(window);
   const cancel = window.cancelAnimationFrame.bind(window);
   const again = new Map();
@@ -52,8 +47,8 @@ DRAW_LESS = """<img alt="" src="data:," style="display: none" onerror="
     cancel(again.get(id) ?? id);
     again.delete(id);
   };
-})(300)">"""
-"""HTML for any panel; a browser with a GPU draws as before."""
+})()">"""
+"""HTML for a panel: the same browser draws every other picture of 60 a second."""
 
 
 def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
@@ -78,7 +73,7 @@ def fewer_triangles(vertices: Array, faces: Array) -> tuple[Array, Array]:
 
 
 def _is_as_large(fewer: Array, vertices: Array) -> bool:
-    """Say whether the box around a surface has stayed: quadrics may pull a tip out."""
+    """Return whether its bounding box has stayed: quadrics may pull a tip out."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     moved = np.abs([fewer.min(axis=0) - low, fewer.max(axis=0) - high])
     return bool(moved.max() <= _SLACK * (high - low).max() / 2.0)
