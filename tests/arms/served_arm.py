@@ -6,8 +6,7 @@ from dovetail.errors import install_command
 
 pytest.importorskip("grpc", reason=install_command("rpc"))
 
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.arms.remote_arm import RemoteArm
+from dovetail.arms.remote_arm import GrpcAddress, RemoteArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.rpc.builders import LocalBuilder

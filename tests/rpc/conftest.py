@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.arms.remote_arm import RemoteArm
+from dovetail.arms.remote_arm import GrpcAddress, RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec

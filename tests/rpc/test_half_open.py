@@ -10,7 +10,7 @@ import grpc
 import numpy as np
 import pytest
 
-from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.errors import ArmError
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.rpc import dovetail_pb2 as pb

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, make_cabinet
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.plants.find import make_plant

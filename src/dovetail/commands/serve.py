@@ -12,7 +12,7 @@ from rich.text import Text
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.from_address import arm_from_address
+from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.ended_by_signal import End, ended_by_signal
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
@@ -163,13 +163,13 @@ def _builder(
     from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
 
     cell = find_cell(around.env, around.robot, **around.task_options)
-    plant = address.make_plant(cell)
-    if plant is not None:
+    if isinstance(address, LocalAddress):
+        plant = address.make_plant(cell)
         return LocalBuilder(address.text, plant, address.period, declared)
 
     def make(learner: ControllerSettings) -> Arm:
         require_offered(address.text, address.period, declared, learner)
-        return arm_from_address(address, cell, learner)
+        return address.build(cell, learner)
 
     return RebuiltArm(
         address.text,
