@@ -37,7 +37,7 @@ from dovetail.durations import parse_duration
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.types import Array
 
@@ -73,7 +73,7 @@ class Recorder:
         if name in ("mujoco", "bullet"):
             self._plant: Any = make_plant(name, cell, DynamicsConfig())
         else:
-            self._plant = TwinPlant(load_twin(name), cell)
+            self._plant = make_twin(load_twin(name), cell)
         self.samples: list[Sample] = []
 
     def __getattr__(self, name: str) -> Any:

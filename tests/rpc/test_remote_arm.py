@@ -13,7 +13,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError, PlantError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc import version
 from dovetail.rpc.builders import LocalBuilder
@@ -37,7 +37,7 @@ def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
 ):
     def plant():
         if kind == "twin":
-            return TwinPlant(load_twin("medium"), cell)
+            return make_twin(load_twin("medium"), cell)
         return make_plant("mujoco", cell, DynamicsConfig())
 
     local = LocalArm(plant(), cell.loaded_robot(), *settings)

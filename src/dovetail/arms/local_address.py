@@ -11,7 +11,7 @@ from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig
-from dovetail.plants.twin import Twin, TwinPlant, load_twin
+from dovetail.plants.twin import Twin, load_twin, make_twin
 
 if TYPE_CHECKING:
     from dovetail.workcell.workcell import Workcell
@@ -106,7 +106,7 @@ class TwinAddress(LocalAddress):
 
     def make_plant(self, cell: "Workcell") -> DrivenPlant:
         """Build the simulation."""
-        return TwinPlant(load_twin(self.config), cell, engine=self.engine)
+        return make_twin(self.config, cell, engine=self.engine)
 
 
 def local_address(
