@@ -255,7 +255,7 @@ class RemoteArm:
         from dovetail.rpc.version import own_version
 
         with self._connection.words("the log cannot be read"):
-            request = pb.LogRequest(version=own_version())
+            request = pb.LogRequest(version=own_version(), lease=self._lease)
             chunks = list(self._stub.get_log(request, timeout=self._timeout))
         blocks = [rows_from_bytes(chunk.rows) for chunk in chunks if chunk.rows]
         return np.vstack([np.empty((0, len(CYCLE_COLUMNS))), *blocks])

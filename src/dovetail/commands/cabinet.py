@@ -222,7 +222,7 @@ def _show_status(server: Server, console: Console, end: End) -> None:
                     live.update(Text(describe_status(status), no_wrap=True))
     else:
         _print_status(server, console, end)
-    if end.is_told():
+    if end.is_requested():
         console.print("cabinet: ends, says IDLE to the client")
 
 

@@ -10,7 +10,6 @@ from rich.console import Console
 from rich.text import Text
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.ended_by_signal import End, ended_by_signal
@@ -19,7 +18,6 @@ from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import format_period
 from dovetail.control.period_option import Period
 from dovetail.control.sections import Section, Sectioned
-from dovetail.control.settings import ControllerSettings
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.printable import printable
@@ -28,7 +26,7 @@ from dovetail.tasks.options import TaskOptions
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from dovetail.rpc.arm_host import ArmBuilder
+    from dovetail.rpc.offered_arm import OfferedArm
 
 _STATUS_PERIOD = 0.5  # s
 
@@ -114,22 +112,18 @@ class Serve(Sectioned):
 
         offered = self.offered
         address = _address(offered)
-        builder = _builder(self.cell, address, self.declared)
+        arm = _offered(self.cell, address, self.declared)
         robot = self.cell.robot
         warn_of_arm(console, offered.twin, offered.arm, robot, self.declared)
         _allow_many_connections()
-        try:
-            server = ArmServer(builder, service.listen, files, notify)
-        except BaseException:
-            builder.close()
-            raise
+        server = ArmServer(arm, service.listen, files, notify)
         with ended_by_signal() as end, server:
             how = "mutual TLS" if files else "this machine only, no TLS"
             learners = server.url
             if address.period is not None:
                 mark = "&" if "?" in learners else "?"
                 learners += f"{mark}period={format_period(address.period)}"
-            notify(f"{builder.name} is served at {learners} ({how})")
+            notify(f"{address.text} is served at {learners} ({how})")
             _show_status(console, server, end)
             notify("closing: the arm is held")
         notify(f"closed after {server.service.steps} steps")
@@ -157,27 +151,15 @@ def _show_status(console: Console, server: Any, end: End) -> None:
                 return
 
 
-def _builder(
+def _offered(
     around: OfferedCellOptions, address: ArmAddress, declared: DeclaredErrors
-) -> "ArmBuilder":
-    from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
+) -> "OfferedArm":
+    from dovetail.rpc.offered_arm import OfferedArm
 
     cell = find_cell(around.env, around.robot, **around.task_options)
     if isinstance(address, LocalAddress):
-        plant = address.make_plant(cell)
-        return LocalBuilder(address.text, plant, address.period, declared)
-
-    def make(learner: ControllerSettings) -> Arm:
-        require_offered(address.text, address.period, declared, learner)
-        return address.build(cell, learner)
-
-    return RebuiltArm(
-        address.text,
-        cell,
-        make,
-        is_real_time=address.is_real_time,
-        places_fixture=address.places_fixture,
-    )
+        address.make_plant(cell).close()  # what is wrong is said now, not to a learner
+    return OfferedArm(address, cell, declared)
 
 
 def _address(settings: OfferedArmOptions) -> ArmAddress:
