@@ -33,7 +33,7 @@ class Stop(NamedTuple):
 
 
 class StatusReport(NamedTuple):
-    """What a watcher is sent."""
+    """State of the arm, as it is sent to watchers."""
 
     serial: int
     """Grows with every report."""
