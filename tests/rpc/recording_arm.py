@@ -37,7 +37,8 @@ class RecordingArm:
         return self._state(round(duration / self.period))
 
     def stop(self):
-        self.calls.append("stop")
+        if not self._stop.is_set():  # the service may repeat it after a reset
+            self.calls.append("stop")
         self.stopped_at = time.monotonic()
         self._stop.set()
 
