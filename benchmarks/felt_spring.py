@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from dovetail.arm_checks import run_arm_checks
-from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.fri_arm import FriAddress
 from dovetail.doctor import Check
 
 SPRING = "cabinet's spring"

@@ -23,8 +23,7 @@ from bad_samples import ACTION, AFTER, HOLE, IN_AIR, Q_SEED, TASK, TOOL_DOWN
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.wire import Wire

@@ -26,8 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.realtime import request_realtime
@@ -38,7 +37,7 @@ from dovetail.durations import parse_duration
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.types import Array
 
@@ -74,7 +73,7 @@ class Recorder:
         if name in ("mujoco", "bullet"):
             self._plant: Any = make_plant(name, cell, DynamicsConfig())
         else:
-            self._plant = TwinPlant(load_twin(name), cell)
+            self._plant = make_twin(load_twin(name), cell)
         self.samples: list[Sample] = []
 
     def __getattr__(self, name: str) -> Any:
@@ -212,7 +211,7 @@ def _lose(
         if client.poll() is not None or time.monotonic() > end:
             raise NoMotionError(cabinet.status())
         time.sleep(0.0005)
-    time.sleep(cabinet.period * rng.random())
+    time.sleep(cabinet.config.period * rng.random())
     speed, lost = plant.speed(), time.monotonic()
     if cause == "cable":
         cabinet.request({"do": "fault", "text": "loss=1"})
@@ -228,7 +227,7 @@ def _lose(
     if len(stops) != 1 or samples[-1].clock < lost:
         raise NoMotionError(cabinet.status())
     (stop,) = stops
-    period = cabinet.period
+    period = cabinet.config.period
     begin = stop["time"] - (cabinet.config.stop_misses - 1) * period
     first = _index(samples, begin)  # the arm, as the first command is missing
     if cabinet.config.clock == "wall":

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec

@@ -5,10 +5,10 @@ from ._core import Flags as Flags
 from ._core import RigidPlant as RigidPlant
 from ._core import StepResult as StepResult
 from ._core import Target as Target
+from .arms.address import parse_address as parse_address
 from .arms.arm import Arm as Arm
 from .arms.arm import ArmState as ArmState
 from .arms.fri_arm import FriArm as FriArm
-from .arms.from_address import arm_from_address as arm_from_address
 from .arms.local_arm import LocalArm as LocalArm
 from .arms.remote_arm import RemoteArm as RemoteArm
 from .cabinet.cabinet import Cabinet as Cabinet

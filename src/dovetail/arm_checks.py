@@ -18,9 +18,7 @@ from dovetail.arm_feel import (
     feel_checks,
     last_words,
 )
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
-from dovetail.arms.fri_transport import build_arm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import DEFAULT_PERIOD
@@ -149,7 +147,7 @@ def _build(
     timeout = address.target_timeout
     watchdog = WatchdogConfig(target_timeout=timeout, torque_error=math.inf)
     settings = ControllerSettings(osc=osc, limits=limits, task=task, period=period)
-    return build_arm(address, cell, settings, watchdog)
+    return address.build(cell, settings, watchdog)
 
 
 def _checks_in_motion(

@@ -6,8 +6,7 @@ import numpy as np
 
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.arms.local_address import PlantAddress
 from dovetail.camera_checks import (
     AMPLITUDE,

@@ -97,7 +97,7 @@ def _tokens_aside(words: list[str]) -> Iterator[list[str]]:
     if not any("token=" in word for word in words):
         yield words
         return
-    from dovetail.arms.grpc_address import split_token
+    from dovetail.arms.remote_arm import split_token
     from dovetail.rpc.token import TOKEN
 
     before, kept = os.environ.get(TOKEN), []

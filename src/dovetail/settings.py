@@ -94,8 +94,7 @@ def defaults_of(kind: type) -> dict[str, Any]:
 
 def names_in(kind: type) -> list[str]:
     """Return the names of a record's settings, those that it inherits first."""
-    bases = filter(is_dataclass, kind.__bases__)
-    inherited = [name for base in bases for name in names_in(base)]
+    inherited = [n for b in kind.__bases__ if is_dataclass(b) for n in names_in(b)]
     return list(dict.fromkeys([*inherited, *(f.name for f in fields(kind))]))
 
 

@@ -3,8 +3,7 @@
 import socket
 from contextlib import contextmanager
 
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.control.settings import ControllerSettings

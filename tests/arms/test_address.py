@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms import fri_transport
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress, parse_endpoint
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.fri_arm import FriAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
 from dovetail.arms.local_arm import LocalArm
-from dovetail.arms.transport import list_schemes, part_of_transport
+from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.control.task_spec import TaskSpec
 from dovetail.durations import parse_time
 from dovetail.envs.arm_setup import build_arm
@@ -203,23 +201,23 @@ def test_what_an_address_names_cannot_be_given_twice():
         build_arm("fri://0.0.0.0", find_cell(), TASK, physics)
 
 
-def test_a_transport_is_found_by_its_file():
-    assert list_schemes() == ("fri", "grpc")
-    addresses = {name: parse_address(f"{name}://127.0.0.1") for name in list_schemes()}
-    addresses["local"] = parse_address("mujoco")
-    assert {name: a.transport for name, a in addresses.items()} == {
-        name: name for name in addresses
-    }
-    assert all(callable(part_of_transport(name, "build_arm")) for name in addresses)
-    with pytest.raises(ConfigError, match="transport 'local' has no parse"):
-        part_of_transport("local", "parse")
+def test_an_address_of_ones_own_builds_the_arm_of_an_environment():
+    class OwnAddress(PlantAddress):
+        built = 0
+
+        def build(self, cell, settings):
+            type(self).built += 1
+            return super().build(cell, settings)
+
+    build_arm(OwnAddress(engine="mujoco"), find_cell(), TASK).close()
+    assert OwnAddress.built == 1
 
 
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
-        fri_transport,
-        "build_arm",
+        FriAddress,
+        "build",
         lambda address, cell, s: built.append((s.limits.delta_v, s.period)),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
@@ -292,6 +290,9 @@ def test_what_may_be_a_robot(text, may_be_robot):
 
 def test_an_arm_of_a_new_kind_may_be_a_robot_until_it_says_no():
     class NewAddress(ArmAddress):
+        def build(self, cell, settings):
+            raise AssertionError
+
         def describe_ground(self):
             return "somewhere"
 

@@ -17,7 +17,7 @@ from dovetail.plants.plant import (
     FLAG_MASK,
     DynamicsConfig,
 )
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
 from extras import need
 
@@ -35,7 +35,7 @@ def build(kind, task="XYZ:force A:pose BC:hold", period=0.005):
     cell = find_cell()
     robot = cell.loaded_robot()
     if kind == "twin":
-        plant = TwinPlant(load_twin("easy"), cell)
+        plant = make_twin(load_twin("easy"), cell)
     else:
         engine = "mujoco" if kind in ("remote", "fri") else kind
         plant = make_plant(engine, cell, DynamicsConfig())

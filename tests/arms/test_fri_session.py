@@ -9,10 +9,8 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm, servo_params
 from dovetail.arms.fri_errors import socket_error
-from dovetail.arms.servo_params import servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.from_address import arm_from_address
 from dovetail.arms.reset_motion import TICK, plan_reset
 from dovetail.arms.start_distance import require_near
 from dovetail.control.config import LimitConfig, OscConfig
@@ -61,7 +60,7 @@ def test_on_a_robot_all_axes_together_keep_the_speed_of_t1():
 
     def speed(keys):
         address = parse_address(f"fri://127.0.0.1:{free_port()}{keys}")
-        arm = arm_from_address(address, CELL, settings)
+        arm = address.build(CELL, settings)
         arm.close()
         return arm.facts.limits.dx_max
 

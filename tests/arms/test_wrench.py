@@ -13,7 +13,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 from extras import need
 
@@ -39,7 +39,7 @@ def build(place, period, kind=LocalArm):
     if place in ("mujoco", "bullet"):
         plant = make_plant(place, cell, DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(place), cell)
+        plant = make_twin(load_twin(place), cell)
     settings = make_settings(cell, EnvConfig(period=period))
     if kind is not LocalArm:
         return kind(plant, *settings, TASK, period)

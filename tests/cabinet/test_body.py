@@ -13,7 +13,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose
 
 from .conftest import FIXTURE, Q_START, LightPlant
@@ -153,7 +153,7 @@ def test_free_motion_is_no_external_torque(plant):
 
 
 def test_a_twins_noise_stays_small_in_the_external_torque():
-    plant = TwinPlant(load_twin("medium"), find_cell())
+    plant = make_twin(load_twin("medium"), find_cell())
     plant.reset(Q_START, FIXTURE)
     body = released(plant, stiffness=(500.0,) * 7, damping=(1.0,) * 7)
     readings = []
@@ -265,7 +265,7 @@ def test_the_commanded_torque_of_a_motion_is_the_clients_without_impedance(plant
 def test_every_twin_follows_a_joint_sine_as_late_as_its_wire_is(
     twin, period, amplitude
 ):
-    plant = TwinPlant(load_twin(twin), find_cell())
+    plant = make_twin(load_twin(twin), find_cell())
     plant.reset(Q_START, FIXTURE)
     config = CabinetConfig(mode="position", period=period)
     body = released(plant, mode="position", period=period)
@@ -300,7 +300,7 @@ def test_a_late_path_is_the_commanded_one_so_much_later():
 
 
 def test_a_twins_delay_is_on_the_wire_and_not_inside_the_drives():
-    plant = TwinPlant(load_twin("hard"), find_cell())
+    plant = make_twin(load_twin("hard"), find_cell())
     plant.reset(Q_START, FIXTURE)
     zero, pull = np.zeros(7), np.array([20.0, *[0.0] * 6])
     plant.apply(zero, 0.005, pull)

@@ -10,7 +10,7 @@ from dovetail.cabinet.stops import DECELERATION, Ramp, StopCategory
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from extras import need
 
 from .conftest import FIXTURE, Q_START, LightPlant
@@ -29,7 +29,7 @@ def build(name):
         need("pybullet")
         plant = make_plant("bullet", find_cell(), DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(name), find_cell())
+        plant = make_twin(load_twin(name), find_cell())
     plant.reset(Q_START, FIXTURE)
     return plant
 

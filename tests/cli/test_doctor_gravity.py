@@ -16,7 +16,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.feel.missed_load import load_torques
 from dovetail.feel_checks import check_gravity_error
 from dovetail.local_arm_checks import run_local_checks
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
@@ -34,7 +34,7 @@ def at_start(robot):
 
 
 def gravity_check(twin):
-    plant = TwinPlant(twin, find_cell())
+    plant = make_twin(twin, find_cell())
     found = run_local_checks(plant, 0.005, DECLARED)
     return next(check for check in found if check.name == "gravity error")
 
@@ -67,7 +67,7 @@ def test_every_shipped_twin_passes(twin, period, capsys):
 
 def test_a_shipped_twin_behind_a_cabinet_is_held_for_good():
     """The external torque is the same gravity error, and was allowed 5 % as well."""
-    plant = TwinPlant(load_twin("hard"), find_cell())
+    plant = make_twin(load_twin("hard"), find_cell())
     plant.reset(at_start(plant.robot), HOLE)
     with lockstep_address(plant) as address:
         found = run_arm_checks(parse_address(f"{address}&reset=move"), None)

@@ -14,7 +14,7 @@ from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import Replay
 from dovetail.learn.config import TrainConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.strangers import trust
 from dovetail.tasks.shipped import DEFAULT_ENV
@@ -104,7 +104,7 @@ def test_in_python_it_is_a_warning():
     robot = replace(robot, links=links)
     cell = make_task(DEFAULT_ENV, {}).workcell(robot)
     with pytest.warns(UnprovenWarning, match="'nominal' of"):
-        plant = TwinPlant(load_twin("medium"), cell)
+        plant = make_twin(load_twin("medium"), cell)
     assert plant.dynamics.inertia == "nominal"
     plant.close()
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, make_cabinet
+from dovetail.arms.address import parse_address
 from dovetail.cockpit.choice import NO_POLICY
 from dovetail.cockpit.page import Page
 from dovetail.cockpit.server import open_server
@@ -25,11 +26,11 @@ Q_NEAR = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 def service():
     """A simulation behind gRPC."""
     need("grpc")
-    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.offered_arm import OfferedArm
     from dovetail.rpc.server import ArmServer
 
-    plant = make_plant("mujoco", find_cell(), DynamicsConfig())
-    with ArmServer(LocalBuilder("mujoco", plant), "127.0.0.1:0") as server:
+    arm = OfferedArm(parse_address("mujoco"), find_cell())
+    with ArmServer(arm, "127.0.0.1:0") as server:
         yield server
 
 

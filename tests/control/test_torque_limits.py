@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import dovetail
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.control.available import largest_gravity
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig

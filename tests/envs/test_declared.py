@@ -5,7 +5,7 @@ import warnings
 import gymnasium as gym
 import pytest
 
-from dovetail.arms import fri_transport
+from dovetail.arms.fri_arm import FriAddress
 from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm, make_settings
@@ -72,7 +72,7 @@ def test_errors_of_an_arm_that_is_its_model_are_refused():
 def test_margins_of_an_exact_arm_are_warned_of_on_what_may_be_a_robot(
     monkeypatch, keys, is_warned
 ):
-    monkeypatch.setattr(fri_transport, "build_arm", lambda *_: None)
+    monkeypatch.setattr(FriAddress, "build", lambda *_: None)
     cell = find_cell()
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")

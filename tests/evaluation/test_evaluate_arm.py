@@ -48,7 +48,7 @@ class BlindArm(LocalArm):
 @pytest.fixture
 def blind_arm(monkeypatch):
     """Puts a `BlindArm` in the place of every arm."""
-    monkeypatch.setattr("dovetail.arms.local_transport.LocalArm", BlindArm)
+    monkeypatch.setattr("dovetail.arms.local_address.LocalArm", BlindArm)
     monkeypatch.setattr(BlindArm, "opened", 0)
     monkeypatch.setattr(
         "dovetail.envs.contact_env.build_arm", build_instead_of_connecting
@@ -126,7 +126,7 @@ def test_an_arm_that_turns_out_unable_to_move_the_hole_is_not_tried(
             traits = replace(self.facts.traits, places_fixture=False)
             self.facts = replace(self.facts, traits=traits)
 
-    monkeypatch.setattr("dovetail.arms.local_transport.LocalArm", FixedArm)
+    monkeypatch.setattr("dovetail.arms.local_address.LocalArm", FixedArm)
     with pytest.raises(ConfigError, match="say where it is with --fixture"):
         run(config)
     assert not config.out.exists()

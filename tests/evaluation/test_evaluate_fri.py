@@ -13,7 +13,7 @@ from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 from extras import need
 
@@ -68,7 +68,7 @@ def test_pushes_and_a_moving_hole_are_the_same_over_fri(policy_file, tmp_path):
     ("policy", "search"), [("peg_square", "corner"), ("search_square", "none")]
 )
 def test_a_hidden_hole_is_found_over_a_link_that_loses(policy, search, tmp_path):
-    plant = TwinPlant(load_twin("medium"), find_cell(clearance=0.0005))
+    plant = make_twin(load_twin("medium"), find_cell(clearance=0.0005))
     plant.reset(Q_START, HOLE)
     # Twice 5 % of 100 answers are missing now and then in more than 20.
     port = free_port()

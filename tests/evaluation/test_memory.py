@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from arms.loopback import lockstep_address
+from dovetail.arms.address import parse_address
 from dovetail.envs.registered import find_cell
 from dovetail.evaluation.job import Job
 from dovetail.evaluation.trials import run_trials
@@ -53,11 +54,10 @@ def cabinet():
 @contextmanager
 def service():
     need("grpc")
-    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.offered_arm import OfferedArm
     from dovetail.rpc.server import ArmServer
 
-    plant = make_plant("mujoco", find_cell(), DynamicsConfig())
-    server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
+    server = ArmServer(OfferedArm(parse_address("mujoco"), find_cell()), "127.0.0.1:0")
     server.start()
     try:
         yield f"{server.url}&margins=model"

@@ -20,7 +20,7 @@ from dovetail.feel.missed_load import explain_by_load
 from dovetail.feel.spring import LEAN_RATE, Side, feel_spring, leaned
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 
 CELL = find_cell()
@@ -51,7 +51,7 @@ def over_fri(plant, period, clock="lockstep", **cabinet):
 
 
 def twin(name, delay):
-    return TwinPlant(replace(load_twin(name), command_delay=delay), CELL)
+    return make_twin(replace(load_twin(name), command_delay=delay), CELL)
 
 
 def feel(arm, seconds=1.5):

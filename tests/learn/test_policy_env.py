@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.fri_arm import FriAddress
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy, find_policy, list_policies
 from dovetail.learn.policy_env import (
@@ -141,10 +141,10 @@ def test_laxer_contact_is_said_and_needs_a_yes_on_what_may_be_a_robot(
 def test_whether_it_may_be_a_robot_is_a_fact_and_no_text(policy, monkeypatch):
     """What cannot be disturbed may still be a simulation, and the other way round."""
     settings = policy_settings(changed(policy, "env", near_speed=5.0).metadata)
-    monkeypatch.setattr(FriAddress, "undisturbed", "")
+    monkeypatch.setattr(FriAddress, "can_be_disturbed", True)
     with pytest.raises(ConfigError):
         require_yes(settings, ROBOT, is_given=False)
-    monkeypatch.setattr(FriAddress, "undisturbed", "not today")
+    monkeypatch.setattr(FriAddress, "can_be_disturbed", False)
     require_yes(settings, CABINET, is_given=False)
 
 

@@ -18,7 +18,7 @@ from dovetail.perceive.detect import Detector, Sight
 from dovetail.perceive.rehearsal import FIXTURE
 from dovetail.perceive.simulated import Simulated
 from dovetail.plants.find import make_plant
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 
 from .scene import beside
 
@@ -38,7 +38,7 @@ def hand_eye(*words):
 def cabinet():
     """The address of a simulated cabinet whose robot is a twin."""
     cell = find_cell()
-    plant = TwinPlant(load_twin("medium"), cell)
+    plant = make_twin(load_twin("medium"), cell)
     plant.reset(cell.robot.posture("down"), FIXTURE)
     with lockstep_address(plant) as address:
         yield address

@@ -12,7 +12,7 @@ from dovetail.perceive.camera import Camera, Lens, load_camera
 from dovetail.perceive.simulated import Simulated
 from dovetail.plants.twin import load_twin
 from dovetail.poses import quat_from_vector
-from dovetail.trackers.find import Site, find_tracker
+from dovetail.trackers.find import TrackerContext, find_tracker
 
 from .scene import PLACE, beside
 
@@ -157,7 +157,7 @@ def test_a_calibration_knows_the_twin_that_it_was_made_with(calibrated, capsys):
         )
         assert abs(x - 600.0) < 1.0  # 20 mm beside without the twin
         assert abs(y) < 1.0
-    tracker = find_tracker(str(calibrated), Site(cell=find_cell()))
+    tracker = find_tracker(str(calibrated), TrackerContext(cell=find_cell()))
     tracker.reset(PLACE, 0)
     seen = tracker.estimate().pose.position
     tracker.close()

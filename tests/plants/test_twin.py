@@ -10,7 +10,7 @@ from dovetail.control.period import PERIODS
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.identify.parameters import nominal_model
-from dovetail.plants.twin import Twin, TwinPlant, list_twins, load_twin
+from dovetail.plants.twin import Twin, list_twins, load_twin, make_twin
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.settings import names_in
 from extras import need
@@ -22,7 +22,7 @@ DT = 0.005
 
 def play(config, steps=80):
     """Wave the arm in free air, then drag the peg inside the hole; measured states."""
-    twin = TwinPlant(config, find_cell())
+    twin = make_twin(config, find_cell())
     chain = twin.robot.chain()
     rng = np.random.default_rng(11)
     twin.reset(Q_BENT, HOLE)
@@ -85,7 +85,7 @@ def test_noise_follows_the_seed_and_can_start_again():
     noisy = replace(IDEAL, torque_noise=0.1, velocity_noise=1e-3)
     np.testing.assert_array_equal(play(noisy)[0], play(noisy)[0])
     assert not np.array_equal(play(noisy)[0], play(replace(noisy, seed=1))[0])
-    twin = TwinPlant(noisy, find_cell())
+    twin = make_twin(noisy, find_cell())
     readings = []
     for _ in range(2):
         twin.seed(5)
@@ -98,7 +98,7 @@ def test_noise_follows_the_seed_and_can_start_again():
 def test_delay_holds_the_command_back_by_its_time(engine):
     if engine == "bullet":
         need("pybullet")
-    twin = TwinPlant(replace(IDEAL, command_delay=0.0075), find_cell(), engine=engine)
+    twin = make_twin(replace(IDEAL, command_delay=0.0075), find_cell(), engine=engine)
     twin.reset(Q_BENT, HOLE)
     tau = 5.0 * np.eye(7)[1]
     speeds = []
@@ -112,7 +112,7 @@ def test_delay_holds_the_command_back_by_its_time(engine):
 
 
 def test_noise_has_the_deviation_it_names():
-    twin = TwinPlant(
+    twin = make_twin(
         replace(IDEAL, position_noise=1e-4, velocity_noise=2e-3), find_cell()
     )
     readings = []
@@ -201,7 +201,7 @@ def test_a_twins_delay_is_the_same_at_every_period(name, period):
     def gained(delay, slope):
         """Return the speed of A7 after 50 ms of a torque that rises [rad/s]."""
         moved = replace(twin, command_delay=delay, damping=(0.0,) * 7)
-        plant = TwinPlant(moved, find_cell())
+        plant = make_twin(moved, find_cell())
         plant.reset(Q_BENT, HOLE)
         for k in range(round(0.05 / period)):
             plant.apply(slope * period * (k + 0.5) * np.eye(7)[6], period)
@@ -222,4 +222,4 @@ def test_unknown_twin_lists_the_shipped_ones():
 
 def test_negative_true_clearance_is_refused():
     with pytest.raises(ConfigError, match=r"clearance of 0\.5 mm negative"):
-        TwinPlant(replace(IDEAL, clearance_offset=-0.001), find_cell())
+        make_twin(replace(IDEAL, clearance_offset=-0.001), find_cell())

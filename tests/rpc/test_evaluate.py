@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.evaluation.config import EvaluationConfig
 from dovetail.evaluation.evaluate import evaluate
 

@@ -32,7 +32,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
 from dovetail.printable import printable
 from dovetail.robots.find import find_robot
@@ -66,11 +66,9 @@ class Cabinet(
         if self.realtime:
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
-        if cell.plant is None:
-            lack = load_twin(cell.twin or "medium").lacks(find_robot(cell.robot))
-            if lack:
-                console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
-        twin = plant.config if isinstance(plant, TwinPlant) else None
+        twin = None if cell.plant else load_twin(cell.twin or "medium")
+        if twin is not None and (lack := twin.lacks(find_robot(cell.robot))):
+            console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
         for text in find_unproven(config, faults, twin):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         with ended_by_signal() as end:
@@ -137,8 +135,7 @@ class Cabinet(
         if given.plant is not None:
             plant = make_plant(given.plant, cell)
         else:
-            twin = load_twin(given.twin or "medium")
-            plant = TwinPlant(twin, cell)
+            plant = make_twin(given.twin or "medium", cell)
         above = _FIXTURE.position + np.array([0.0, 0.0, _ABOVE])
         robot = plant.robot
         pose = Pose(above, TOOL_DOWN)
@@ -219,7 +216,7 @@ def _show_status(server: Server, console: Console, end: End) -> None:
                     live.update(Text(describe_status(status), no_wrap=True))
     else:
         _print_status(server, console, end)
-    if end.is_told():
+    if end.is_requested():
         console.print("cabinet: ends, says IDLE to the client")
 
 

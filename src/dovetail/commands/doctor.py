@@ -6,7 +6,8 @@ from dataclasses import dataclass, fields
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.fri_arm import FriAddress
+from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.asking import ask
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
@@ -100,12 +101,12 @@ class Doctor:
             asks = None if self.yes else ask
             return run_arm_checks(address, asks, declared, self.robot)
         period = require_period(self.period, "--period")
-        plant = address.make_plant(find_cell(robot=self.robot))
-        if plant is None:
+        if not isinstance(address, LocalAddress):
             raise ConfigError(
                 f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
+        plant = address.make_plant(find_cell(robot=self.robot))
         return run_local_checks(plant, period, declared)
 
     def _check_camera(self, file: str) -> Iterator[Check]:

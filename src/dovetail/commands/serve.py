@@ -10,13 +10,11 @@ from rich.console import Console
 from rich.text import Text
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.from_address import arm_from_address
+from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.ended_by_signal import End, ended_by_signal
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
-from dovetail.control.settings import ControllerSettings
 from dovetail.durations import format_ms
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
@@ -27,7 +25,7 @@ from dovetail.settings import settings
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from dovetail.rpc.arm_host import ArmBuilder
+    from dovetail.rpc.offered_arm import OfferedArm
 
 _STATUS_PERIOD = 0.5  # s
 
@@ -102,22 +100,18 @@ class Serve(OfferedArmOptions, DeclaredErrors, OfferedCellOptions, ServiceOption
 
         offered = self
         address = _address(offered)
-        builder = _builder(self, address, self)
+        arm = _offered(self, address, self)
         robot = self.robot
         warn_of_arm(console, offered.twin, offered.arm, robot, self)
         _allow_many_connections()
-        try:
-            server = ArmServer(builder, service.listen, files, notify)
-        except BaseException:
-            builder.close()
-            raise
+        server = ArmServer(arm, service.listen, files, notify)
         with ended_by_signal() as end, server:
             how = "mutual TLS" if files else "this machine only, no TLS"
             learners = server.url
             if address.period is not None:
                 mark = "&" if "?" in learners else "?"
                 learners += f"{mark}period={format_ms(address.period)}"
-            notify(f"{builder.name} is served at {learners} ({how})")
+            notify(f"{address.text} is served at {learners} ({how})")
             _show_status(console, server, end)
             notify("closing: the arm is held")
         notify(f"closed after {server.service.steps} steps")
@@ -145,27 +139,15 @@ def _show_status(console: Console, server: Any, end: End) -> None:
                 return
 
 
-def _builder(
+def _offered(
     around: OfferedCellOptions, address: ArmAddress, declared: DeclaredErrors
-) -> "ArmBuilder":
-    from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
+) -> "OfferedArm":
+    from dovetail.rpc.offered_arm import OfferedArm
 
     cell = find_cell(around.env, around.robot, **around.task_options)
-    plant = address.make_plant(cell)
-    if plant is not None:
-        return LocalBuilder(address.text, plant, address.period, declared)
-
-    def make(learner: ControllerSettings) -> Arm:
-        require_offered(address.text, address.period, declared, learner)
-        return arm_from_address(address, cell, learner)
-
-    return RebuiltArm(
-        address.text,
-        cell,
-        make,
-        is_real_time=address.is_real_time,
-        places_fixture=address.places_fixture,
-    )
+    if isinstance(address, LocalAddress):
+        address.make_plant(cell).close()  # what is wrong is said now, not to a learner
+    return OfferedArm(address, cell, declared)
 
 
 def _address(settings: OfferedArmOptions) -> ArmAddress:

@@ -35,13 +35,13 @@ def warn_of_arm(
         twin = address.twin or twin
         if doubt := address.unproven_margins:
             said.append(f"warning: {doubt}")
+    own = None if robot is None else find_robot(robot)
     if twin is not None:
         config = load_twin(twin)
         said += [f"warning: twin {twin}: {t}" for t in config.unproven().values()]
-        if robot is not None and (lack := config.lacks(find_robot(robot))):
+        if own is not None and (lack := config.lacks(own)):
             said.append(f"note: {lack}")
-    if robot is not None:
-        own = find_robot(robot)
+    if own is not None:
         said += [f"note: {text}" for text in (*own.notes, *own.motors.notes)]
     for text in said:
         console.print(text, soft_wrap=True, highlight=False)

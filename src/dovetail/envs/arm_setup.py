@@ -6,7 +6,6 @@ from dataclasses import replace
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm, ArmFacts
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.from_address import arm_from_address
 from dovetail.arms.local_address import TwinAddress, local_address
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
@@ -77,7 +76,7 @@ def build_arm(
         cell, replace(config, period=period), is_hardware=is_hardware
     )
     settings = ControllerSettings(osc=osc, limits=limits, task=axes, period=period)
-    return arm_from_address(address, cell, settings)
+    return address.build(cell, settings)
 
 
 def _require_as_built(facts: ArmFacts, config: EnvConfig) -> None:

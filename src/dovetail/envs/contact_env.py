@@ -36,7 +36,7 @@ from dovetail.errors import ConfigError
 from dovetail.poses import Pose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Progress, Task
-from dovetail.trackers.find import Site, find_tracker
+from dovetail.trackers.find import TrackerContext, find_tracker
 from dovetail.trackers.tracker import Tracker, close_tracker
 from dovetail.types import Array, Vec3, Vec6, Vec7
 
@@ -153,8 +153,8 @@ class ContactEnv(
         self.axes = TaskSpec.parse(task.axes)
         given = self.config.arm if arm is None else arm
         self.arm = build_arm(given, self.cell, self.axes, self.config)
-        site = Site.of(self.cell, self.config.twin, self.arm)
-        self.tracker = tracker or find_tracker(self.config.tracker, site)
+        at = TrackerContext.for_arm(self.cell, self.config.twin, self.arm)
+        self.tracker = tracker or find_tracker(self.config.tracker, at)
         self.commands = CommandMap(
             self.axes,
             f_scale=action.f_scale,

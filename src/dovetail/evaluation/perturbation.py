@@ -79,8 +79,13 @@ class Perturbation:
             ConfigError: Names the option and what would make it possible.
         """
         for name, size in (("push", self.push), ("fixture-speed", self.fixture_speed)):
-            if size and arm.undisturbed:
-                raise ConfigError(f"--{name} {arm.undisturbed}")
+            if size and not arm.can_be_disturbed:
+                raise ConfigError(
+                    f"--{name} needs a simulation at this end: --plant, --twin, or "
+                    "fri:// with the control port of a simulated cabinet "
+                    "(control=HOST:PORT). It is not offered over gRPC; a real arm is "
+                    "pushed by hand"
+                )
 
 
 class Push(NamedTuple):

@@ -15,7 +15,7 @@ from dovetail.errors import PlantError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording, Sequence
 from dovetail.plants.plant import COLUMN
-from dovetail.plants.twin import Twin, TwinPlant
+from dovetail.plants.twin import Twin, make_twin
 from dovetail.types import Array
 
 DIVERGED = 10.0
@@ -40,7 +40,7 @@ class Replay:
         self.engine = engine
         cell = recording.cell
         self._robot = cell.loaded_robot()
-        self._plant = TwinPlant(nominal_model(), cell, engine=engine)
+        self._plant = make_twin(nominal_model(), cell, engine=engine)
         self._controller = make_controller(
             self._robot, *recording.settings(), recording.task, recording.period
         )

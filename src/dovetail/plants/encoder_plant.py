@@ -6,10 +6,9 @@ import numpy as np
 
 from dovetail.control.observer import observer_gain
 from dovetail.plants.cycle_loop import run_cycles
-from dovetail.plants.plant import Plant
-from dovetail.plants.wrapped_plant import WrappedPlant
+from dovetail.plants.plant import DynamicsConfig, Plant
 from dovetail.poses import Pose
-from dovetail.types import Array, Vec6, Vec7
+from dovetail.types import Array, Vec3, Vec6, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -40,7 +39,7 @@ class _Watched:
         return self._controller.wrench
 
 
-class EncoderPlant(WrappedPlant[Plant]):
+class EncoderPlant:
     """Any plant without its velocity: what `read` gives is `VelocityObserver`'s.
 
     The observer is the class that the FRI servo loop uses, so that a `LocalArm` over an
@@ -57,7 +56,7 @@ class EncoderPlant(WrappedPlant[Plant]):
         """
         from dovetail import _core
 
-        super().__init__(plant)
+        self.plant, self.cell, self.robot = plant, plant.cell, plant.robot
         gain = observer_gain(period) if gain is None else gain
         self._observer = _core.VelocityObserver(period, gain)
         self._q = np.zeros(7)
@@ -66,7 +65,7 @@ class EncoderPlant(WrappedPlant[Plant]):
 
     def reset(self, q: Vec7, fixture: Pose) -> None:
         """Put the arm at rest at q [rad], the fixture at its pose; time becomes 0."""
-        super().reset(q, fixture)
+        self.plant.reset(q, fixture)
         self._q, _ = self.plant.read()
         self._observer.reset(self._q)
         self._a = np.zeros(7)
@@ -109,6 +108,49 @@ class EncoderPlant(WrappedPlant[Plant]):
         """
         self._a = a
         self.apply(tau, dt)
+
+    # -- handed on to the plant inside -----------------------------------------
+
+    @property
+    def dynamics(self) -> DynamicsConfig:
+        """Return the physics of the plant inside."""
+        return self.plant.dynamics
+
+    def configure(self, dynamics: DynamicsConfig) -> None:
+        """Change the dynamics; delay and noise stay. Call `reset` before a torque."""
+        self.plant.configure(dynamics)
+
+    def attach_channel(self, channel: "_core.Channel") -> None:
+        """Put another delay and noise between controller and joints."""
+        self.plant.attach_channel(channel)
+
+    def seed(self, seed: int) -> None:
+        """Start the noise again."""
+        self.plant.seed(seed)
+
+    def move_fixture(self, fixture: Pose) -> None:
+        """Put the fixture at a pose at once, the arm's motion untouched."""
+        self.plant.move_fixture(fixture)
+
+    def push(self, force: Vec3) -> None:
+        """Push the TCP with a force [N], world axes, until the next push or `reset`."""
+        self.plant.push(force)
+
+    def contact_force(self) -> Vec3:
+        """Return the force on the tool in the last physics step [N], world."""
+        return self.plant.contact_force()
+
+    def contact_force_peak(self) -> Vec3:
+        """Return the largest such force during the last `apply` [N], world."""
+        return self.plant.contact_force_peak()
+
+    def tool_pose(self) -> Pose:
+        """Return the true pose of the TCP in the world."""
+        return self.plant.tool_pose()
+
+    def close(self) -> None:
+        """Release the plant inside; harmless when repeated."""
+        self.plant.close()
 
 
 class _Seen:

@@ -21,7 +21,6 @@ from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact, TwinRun
-from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.reading import read_toml
 from dovetail.settings import (
     Range,
@@ -31,10 +30,8 @@ from dovetail.settings import (
     settings,
     values_of,
 )
-from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
-    from dovetail import _core
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
@@ -180,77 +177,35 @@ def load_twin(name_or_path: Twin | str | Path) -> Twin:
         raise ConfigError(f"twin file {path}: {error}") from error
 
 
-class TwinPlant(WrappedPlant[DrivenPlant]):
-    """A plant with a twin's dynamics, and its delay and noise at the joints."""
+def make_twin(
+    config: Twin | str | Path, cell: "Workcell", *, engine: str | None = None
+) -> DrivenPlant:
+    """Build a plant with a twin's dynamics, and its delay and noise at the joints.
 
-    def __init__(
-        self, config: Twin, cell: "Workcell", *, engine: str | None = None
-    ) -> None:
-        """Build the engine with the twin's dynamics.
+    Args:
+        config: The twin, its name, or its file.
+        cell: As the policy knows it; the twin's clearance differs.
+        engine: Another engine than the twin's.
 
-        Args:
-            config: The twin.
-            cell: As the policy knows it; the twin's clearance differs.
-            engine: Another engine than the file's.
+    Raises:
+        ConfigError: The twin's clearance would be negative.
+        MissingDependencyError: The engine is not installed.
+    """
+    from dovetail import _core
 
-        Raises:
-            ConfigError: The twin's clearance would be negative.
-            MissingDependencyError: The engine is not installed.
-        """
-        from dovetail import _core
-
-        if lack := config.lacks(cell.robot):
-            warnings.warn(lack, UnprovenWarning, stacklevel=2)
-        self.config = config = config.on(cell.robot)
-        name, widened = engine or config.engine, cell.widened(config.clearance_offset)
-        super().__init__(make_plant(name, widened, config.dynamics()))
-        self.plant.attach_channel(
-            _core.Channel(
-                delay=config.command_delay,
-                torque_noise=config.torque_noise,
-                position_noise=config.position_noise,
-                velocity_noise=config.velocity_noise,
-                seed=config.seed,
-            )
+    config = load_twin(config)
+    if lack := config.lacks(cell.robot):
+        warnings.warn(lack, UnprovenWarning, stacklevel=2)
+    config = config.on(cell.robot)
+    name, widened = engine or config.engine, cell.widened(config.clearance_offset)
+    plant = make_plant(name, widened, config.dynamics())
+    plant.attach_channel(
+        _core.Channel(
+            delay=config.command_delay,
+            torque_noise=config.torque_noise,
+            position_noise=config.position_noise,
+            velocity_noise=config.velocity_noise,
+            seed=config.seed,
         )
-
-    def read(self) -> tuple[Vec7, Vec7]:
-        """Return the measured configuration [rad] and velocity [rad/s], with noise."""
-        return self.plant.read()
-
-    @property
-    def command_delay(self) -> float:
-        """Delay until an overlay torque acts [s]."""
-        return self.plant.command_delay
-
-    def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:
-        """Hold the overlay torque [Nm] for dt [s], late and noisy as configured.
-
-        Args:
-            tau: Overlay torque [Nm].
-            dt: Time [s].
-            drive: Torque of the arm's own drives [Nm], which acts at once.
-        """
-        self.plant.apply(tau, dt, drive)
-
-    def drop_commands(self) -> None:
-        """Forget overlay torques that are still on their way."""
-        self.plant.drop_commands()
-
-    def close_brakes(self, torque: Vec7) -> None:
-        """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
-        self.plant.close_brakes(torque)
-
-    def open_brakes(self) -> None:
-        """Take the brakes' friction away, the arm at rest."""
-        self.plant.open_brakes()
-
-    def run_cycles(
-        self,
-        controller: "_core.Controller",
-        target: "_core.Target",
-        cycles: int,
-        period: float,
-    ) -> tuple[Array, Vec7, Vec7]:
-        """Run the controller against the twin; see `Plant.run_cycles`."""
-        return self.plant.run_cycles(controller, target, cycles, period)
+    )
+    return plant
