@@ -34,12 +34,13 @@ LAYERS = (
     {"control", "plants"},
     {"arms", "cabinet", "episode", "gripper", "rpc"},
     {"perceive", "tasks", "trackers", "view"},
-    {"envs", "feel", "identify"},
+    {"envs"},
     {"search"},
     {"learn", "evaluation"},
+    {"doctor"},
+    {"identify"},
     {"cockpit", "reproduce"},
-    {"arm_checks", "arm_feel", "commands", "doctor", "feel_checks", "local_arm_checks"}
-    | {"camera_checks", "camera_doctor"},
+    {"commands"},
     {"cli", "__main__"},
 )
 """Modules and folders of the package; each imports from its own layer or from above."""

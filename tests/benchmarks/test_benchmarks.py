@@ -63,8 +63,8 @@ TINY = {
         "--cycles 400 --searches 1 --workers 1 --periods 0.005",
         "worst",
     ),
-    "felt_delay": ("--twins easy --periods 0.005 --delays 0.005", "worst error"),
-    "felt_spring": (
+    "loop_delay": ("--twins easy --periods 0.005 --delays 0.005", "worst error"),
+    "cabinet_spring": (
         "--clock lockstep --periods 5 --stiffness 200 --damping 0.7 --repeats 1",
         "5 ms 200 Nm/rad 0.7: cabinet's spring",
     ),

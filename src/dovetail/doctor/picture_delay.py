@@ -16,7 +16,7 @@ LONGEST = 0.4
 _STEP = 0.001
 
 
-class FeltDelay(NamedTuple):
+class PictureDelay(NamedTuple):
     """Fitted delay of the pictures, and the quality of the fit."""
 
     delay: float
@@ -30,7 +30,7 @@ class FeltDelay(NamedTuple):
     """Residual of the fit, RMS [m]."""
 
 
-def fit_delay(time: Array, way: Array, arrival: Array, seen: Array) -> FeltDelay:
+def fit_delay(time: Array, way: Array, arrival: Array, seen: Array) -> PictureDelay:
     """Find the delay.
 
     Args:
@@ -59,4 +59,4 @@ def fit_delay(time: Array, way: Array, arrival: Array, seen: Array) -> FeltDelay
     variance = least / max(3 * len(seen) - 7, 1)
     deviation = float(np.sqrt(2.0 * variance / max(bend, 1e-30)))
     rms = float(np.sqrt(least / len(seen)))
-    return FeltDelay(delay, deviation, float(np.linalg.norm(slope)), rms)
+    return PictureDelay(delay, deviation, float(np.linalg.norm(slope)), rms)

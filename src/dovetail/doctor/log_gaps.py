@@ -7,16 +7,17 @@ position is put on the straight line between its neighbours.
 
 import numpy as np
 
+from dovetail.doctor.torque_balance import WINDOW
 from dovetail.plants.plant import COLUMN
 from dovetail.types import Array
 
-LONGEST = 0.02
-"""A longer gap cannot be filled [s]: the balances are averaged over as much."""
 _HELD = [COLUMN[f"tau{i}"] for i in range(1, 8)] + [COLUMN["flags"]]
 
 
 def longest_filled(log: Array, period: float) -> Array:
     """Return the longest part without a long gap, a row for every cycle of it.
+
+    A gap longer than the torque balance's `WINDOW` cannot be filled.
 
     Args:
         log: Cycle log, columns CYCLE_COLUMNS first.
@@ -26,7 +27,7 @@ def longest_filled(log: Array, period: float) -> Array:
         return log
     cycles = np.rint((log[:, 0] - log[0, 0]) / period).astype(int)
     missing = np.diff(cycles)
-    ends = [0, *np.flatnonzero(missing * period > LONGEST + 0.5 * period) + 1, len(log)]
+    ends = [0, *np.flatnonzero(missing * period > WINDOW + 0.5 * period) + 1, len(log)]
     starts = np.array(ends[:-1])
     lasts = np.array(ends[1:]) - 1
     longest = int(np.argmax(cycles[lasts] - cycles[starts]))

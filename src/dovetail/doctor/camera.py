@@ -1,4 +1,4 @@
-"""Checks of a camera: does it see, how well, how often, and how late."""
+"""Checks of a camera: pictures, board, exposure, sharpness, rate and delay."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,16 +9,27 @@ from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState, ToolState
-from dovetail.doctor import Check
-from dovetail.errors import TrackerError
+from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.local_address import PlantAddress
+from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.check import Check
+from dovetail.doctor.picture_delay import LONGEST, fit_delay
+from dovetail.envs.arm_setup import build_arm
+from dovetail.envs.config import EnvConfig
+from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.camera import Camera
 from dovetail.perceive.detect import Blind, Detector, Sight, explain
 from dovetail.perceive.edges import edge_width
-from dovetail.perceive.felt_delay import LONGEST, fit_delay
+from dovetail.perceive.open_source import open_source
+from dovetail.perceive.rehearsal import FIXTURE, board_of, viewpoint
 from dovetail.perceive.sources import Frame, ImageSource
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.plants.twin import load_twin
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec7
+from dovetail.workcell.workcell import Workcell
 
 TASK = "XYZABC:pose"
 """Axes of an arm that is moved for a camera."""
@@ -43,6 +54,10 @@ AMPLITUDE = 0.006
 _FREQUENCIES = (1.1, 1.9)  # [1/s]
 _WAY = np.array([0.0, 1.0, 0.0])  # world axes
 _PAUSE, _MOTION = 0.5, 1.2  # [s]
+_MOVED = (
+    "The arm will be held where it stands and its tool moved by up to "
+    f"{2e3 * AMPLITUDE:g} mm to and fro, the board in sight"
+)
 _STILL = 20  # pictures of a camera without an arm
 _PATIENCE = 5.0  # [s]
 
@@ -58,6 +73,90 @@ class Watched:
     """Time of each control cycle of the arm [s], by the same clock."""
     way: list[float] = field(default_factory=list)
     """Distance that the arm had moved along its line in each cycle [m]."""
+
+
+def run_camera_checks(
+    camera: Camera,
+    address: ArmAddress | None,
+    cell: Workcell,
+    ask: Callable[[str], bool] | None,
+    period: float,
+) -> Iterator[Check]:
+    """Yield every check of a camera.
+
+    Args:
+        camera: What its file says.
+        address: The arm that is moved for its delay; None is a simulated one for a
+            simulated camera, and none for any other.
+        cell: What stands there.
+        ask: Asks before a real arm is moved; after a no the delay is not measured. With
+            None the arm is moved without asking.
+        period: Control period of a simulated arm [s].
+
+    Raises:
+        ConfigError: A recording, which has no time; or an arm that cannot be moved.
+        DovetailError: Camera or arm cannot be had.
+    """
+    if camera.pictures.source.startswith("folder:"):
+        raise ConfigError(
+            f"{camera.pictures.source} is a recording: it has no rate and no delay; "
+            "give the file the source device:NUMBER"
+        )
+    if address is None and camera.is_simulated:
+        address = PlantAddress(engine="mujoco")
+    if address is not None:
+        _require_movable(camera, address)
+    twin = load_twin(address.twin).camera if address and address.twin else None
+    source = open_source(camera, cell, twin)
+    try:
+        if address is not None and (address.is_here or ask is None or ask(_MOVED)):
+            yield from check_camera(
+                camera, _watch_with_arm(camera, address, cell, period, source)
+            )
+            return
+        watched = watch_still(source, FIXTURE, standing(cell.robot.posture("down")))
+        yield from check_camera(camera, watched)
+        lacks = "give --arm ADDRESS: " if address is None else "the arm was not moved: "
+        words = f"{lacks}it is measured by moving the arm"
+        yield Check("delay", "missing", words, is_essential=False)
+    finally:
+        source.close()
+
+
+def _require_movable(camera: Camera, address: ArmAddress) -> None:
+    if not (address.is_here or isinstance(address, FriAddress)):
+        raise ConfigError(
+            "the doctor moves arms behind FRI and simulated ones; run it where the arm "
+            "is served, with --arm fri://HOST:PORT?KEY=VALUE&..."
+        )
+    if camera.is_simulated and not address.is_here:
+        raise ConfigError(
+            "the pictures of this camera are simulated, and the arm is elsewhere: give "
+            "--arm twin:NAME, or a camera file with the source device:NUMBER"
+        )
+
+
+def _watch_with_arm(
+    camera: Camera,
+    address: ArmAddress,
+    cell: Workcell,
+    period: float,
+    source: ImageSource,
+) -> Watched:
+    arm = build_arm(address, cell, TaskSpec.parse(TASK), EnvConfig.of(period=period))
+    try:
+        q = _begin(arm, camera, cell)
+        return watch_moving(arm, source, q, lambda q: board_of(camera, cell, q))
+    finally:
+        arm.close()
+
+
+def _begin(arm: Arm, camera: Camera, cell: Workcell) -> np.ndarray:
+    """Return where the motion begins [rad]: a real arm stays where it stands."""
+    if isinstance(arm, FriArm):
+        arm.connect()
+        return arm.monitoring().q
+    return viewpoint(camera, cell)
 
 
 def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
@@ -160,24 +259,24 @@ def check_delay(
     """Say how late pictures are, by the arm's motion."""
     if len(places) < 8:
         return Check("delay", "broken", "the board was seen too seldom to tell")
-    felt = fit_delay(np.array(watched.time), np.array(watched.way), arrival, places)
-    if not MOVED[0] <= felt.moved <= MOVED[1]:
+    found = fit_delay(np.array(watched.time), np.array(watched.way), arrival, places)
+    if not MOVED[0] <= found.moved <= MOVED[1]:
         is_beside = camera.place.mount == "world"
         carries = "the tool is to hold the board" if is_beside else ""
         return Check(
             "delay",
             "broken",
-            f"what is seen moved {felt.moved:.2f} times as far as the arm "
+            f"what is seen moved {found.moved:.2f} times as far as the arm "
             f"({MOVED[0]:g} to {MOVED[1]:g}): {carries or 'the board is to lie still'}",
         )
     words = (
-        f"{1e3 * felt.delay:.1f} +- {1.96e3 * felt.deviation:.1f} ms (95 %), the file "
-        f"says {1e3 * camera.pictures.delay:g} +- {1e3 * DELAY_OFF:g}"
+        f"{1e3 * found.delay:.1f} +- {1.96e3 * found.deviation:.1f} ms (95 %), "
+        f"the file says {1e3 * camera.pictures.delay:g} +- {1e3 * DELAY_OFF:g}"
     )
-    if felt.deviation > UNSURE or felt.delay >= LONGEST - 0.002:
+    if found.deviation > UNSURE or found.delay >= LONGEST - 0.002:
         return Check("delay", "broken", f"{words}: not sure; more light, and again")
-    is_ok = abs(felt.delay - camera.pictures.delay) <= DELAY_OFF
-    advice = "" if is_ok else f": write delay = {felt.delay:.3f} into the file"
+    is_ok = abs(found.delay - camera.pictures.delay) <= DELAY_OFF
+    advice = "" if is_ok else f": write delay = {found.delay:.3f} into the file"
     return _check("delay", is_ok, words + advice)
 
 

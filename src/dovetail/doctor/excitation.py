@@ -1,4 +1,4 @@
-"""Small pushes that measure an arm: one joint at a time, to and fro."""
+"""Excitation of an arm for its diagnosis: one joint at a time, to and fro."""
 
 from collections.abc import Iterator
 
@@ -6,14 +6,34 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm
+from dovetail.control.config import LimitConfig, OscConfig
+from dovetail.plants.plant import DynamicsConfig, physics_steps
 from dovetail.types import Array, Vec7
 
 STIFFNESS = 200.0
-"""Stiffness of joint targets that it is made for [1/s2]."""
+"""Stiffness of joint targets during a diagnosis [1/s2]."""
+ESTIMATE_RATE = 20.0
+"""Bandwidth of the disturbance estimate during a diagnosis [1/s]; it bears a delay of
+40 ms."""
 AMPLITUDE = 0.025
 """Distance of the targets from rest [rad]; the arm turns before it is there."""
 TICK = 0.02
 """Targets change sides after one to four of these [s]."""
+
+
+def excitation_gains(
+    osc: OscConfig, limits: LimitConfig
+) -> tuple[OscConfig, LimitConfig]:
+    """Return settings that bear any delay of the loop, at any place of the tool."""
+    return (
+        osc.having(joint_stiffness=STIFFNESS),
+        limits.having(walls=False, estimate_rate=ESTIMATE_RATE),
+    )
+
+
+def simulated_step(period: float) -> float:
+    """Return the physics step [s] of a simulated arm at a control period [s]."""
+    return period / physics_steps(period, DynamicsConfig().physics_dt)
 
 
 def excite(

@@ -1,4 +1,4 @@
-"""Checks of the installation: what is there, what agrees, how fast it runs here."""
+"""Checks of the installation: packages, agreement with the engines, cycle time."""
 
 import importlib.metadata
 import importlib.util
@@ -6,10 +6,10 @@ import platform
 import sys
 import time
 from collections.abc import Callable, Iterator
-from typing import Literal, NamedTuple
 
 import numpy as np
 
+from dovetail.doctor.check import Check
 from dovetail.errors import DovetailError, install_command
 from dovetail.types import Vec7
 
@@ -35,15 +35,6 @@ EXTRAS = {
     "cluster": ("ray", "fits and experiments on several machines"),
 }
 """Optional packages by the extra that brings them, and what for."""
-
-
-class Check(NamedTuple):
-    """The answer to one question about this installation."""
-
-    name: str
-    status: Literal["ok", "missing", "broken"]
-    detail: str
-    is_essential: bool = True
 
 
 def run_checks() -> Iterator[Check]:
@@ -109,7 +100,7 @@ def _check_extra(extra: str) -> Check:
 
 
 def _check_pictures() -> str:
-    """Say what draws, and draw."""
+    """Draw a picture, and name the library that draws."""
     from dovetail.mujoco_gl import LIBRARIES
     from dovetail.view.gl_context import find_backend, open_context
 

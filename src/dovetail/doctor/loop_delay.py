@@ -5,10 +5,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dovetail.feel.torque_balance import TorqueBalance
+from dovetail.control.proven import DECLARED, unproven
+from dovetail.doctor.check import Check
+from dovetail.doctor.torque_balance import TorqueBalance
 
 EARLIEST, LATEST = -0.003, 0.04
 """Range of delays that are tried [s]; below zero the noise's share can be seen."""
+TOLERANCE = 5e-4
+"""Accuracy of a measured delay [s]."""
 _GRID = 2.5e-4
 
 
@@ -50,3 +54,35 @@ def estimate_delay(
         delay += 0.5 * _GRID * (before - after) / bend
         spread = _GRID * float(np.sqrt(2.0 / bend))
     return LoopDelay(delay + 0.5 * integration_step, spread, is_bracketed)
+
+
+def check_delay(delay: LoopDelay, turned: float, declared: float) -> Check:
+    """Compare the measured delay with a declared one.
+
+    Args:
+        delay: The measured delay.
+        turned: Largest turn of a joint that it was measured by [rad].
+        declared: Largest declared delay [s].
+    """
+    name = "delay"
+    text = (
+        f"{1e3 * delay.delay:.1f} ms from torque to motion (+-"
+        f"{max(1e3 * delay.spread, 0.1):.1f} ms; joints turned by "
+        f"{turned:.3f} rad)"
+    )
+    if not delay.is_bracketed:
+        return Check(
+            name,
+            "broken",
+            f"{text}: outside what can be measured; something else than a delay is "
+            "wrong: friction, brakes, or torques that do not arrive",
+        )
+    if delay.delay <= declared + TOLERANCE:
+        return Check(name, "ok", f"{text}; declared: {1e3 * declared:g} ms")
+    (problem,) = unproven(delay=delay.delay, declared=DECLARED | {"delay": declared})
+    if delay.delay <= DECLARED["delay"]:
+        problem += (
+            f", or declare at least {1e3 * delay.delay:.1f} ms (allowed: 0 to "
+            f"{1e3 * DECLARED['delay']:g} ms)"
+        )
+    return Check(name, "broken", f"{text}: {problem}")

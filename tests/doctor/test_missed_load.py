@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.feel.missed_load import explain_by_load, load_torques
+from dovetail.doctor.gravity_error import explain_by_load, load_torques
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.robots.robot import Payload
 

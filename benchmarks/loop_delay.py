@@ -1,6 +1,6 @@
 """The delay that the doctor measures on twins whose delay is known.
 
-    python benchmarks/felt_delay.py
+    python benchmarks/loop_delay.py
 
 Each joint is pushed for two seconds; a line for each twin and period.
 """
@@ -9,12 +9,12 @@ import argparse
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.diagnosis import diagnose_arm
+from dovetail.doctor.excitation import excitation_gains, simulated_step
+from dovetail.doctor.simulated_arm import FIXTURE, START
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
-from dovetail.feel.feeling import feel_arm
-from dovetail.feel.gains import quiet, simulated_step
-from dovetail.local_arm_checks import FIXTURE, START
 from dovetail.plants.twin import load_twin
 
 PERIODS = (0.001, 0.002, 0.0025, 0.005)
@@ -29,16 +29,15 @@ def measure(twin: str, period: float, delay: float, seed: int) -> tuple[float, f
         TaskSpec.parse("XYZABC:hold"),
         EnvConfig.of(twin=config, period=period, force_damping=0.0),
     )
-    osc, limits = quiet(arm.facts.osc, arm.facts.limits)
+    osc, limits = excitation_gains(arm.facts.osc, arm.facts.limits)
     robot = arm.facts.robot
-    felt = LocalArm(arm.plant, robot, osc, limits, arm.facts.task, period)
+    held = LocalArm(arm.plant, robot, osc, limits, arm.facts.task, period)
     q = robot.inverse_kinematics(START, robot.posture("rest"))
-    felt.reset(q, FIXTURE)
+    held.reset(q, FIXTURE)
     step = simulated_step(period)
-    rotors = limits.prediction.armature
-    feeling = feel_arm(felt, q, rotors, integration_step=step, seed=seed)
-    felt.close()
-    return config.channel.command_delay, feeling.delay.delay
+    found = diagnose_arm(held, q, integration_step=step, seed=seed)
+    held.close()
+    return config.channel.command_delay, found.delay.delay
 
 
 def main() -> None:

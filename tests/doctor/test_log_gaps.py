@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from dovetail.feel.filled import LONGEST, longest_filled
+from dovetail.doctor.log_gaps import longest_filled
+from dovetail.doctor.torque_balance import WINDOW
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 
 PERIOD = 0.002
@@ -31,7 +32,7 @@ def test_missing_cycles_hold_the_torque_and_lie_on_the_way_of_the_position():
 
 
 def test_of_a_log_with_a_long_gap_the_longest_part_is_taken():
-    missing = round(LONGEST / PERIOD) + 1
+    missing = round(WINDOW / PERIOD) + 1
     log = np.delete(log_of(100), range(30, 30 + missing), axis=0)
     part = longest_filled(log, PERIOD)
     np.testing.assert_array_equal(part[:, COLUMN["q3"]], np.arange(30 + missing, 100.0))

@@ -14,8 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dovetail.feel.held_torque import held_torque
-from dovetail.types import Array
+from dovetail.arms.arm import Arm
+from dovetail.doctor.held_torque import held_torque
+from dovetail.plants.plant import COLUMN
+from dovetail.types import Array, Vec7
 
 WINDOW = 0.02
 """Length of the averaging window [s]: what is faster than about 50 Hz is left out."""
@@ -143,6 +145,25 @@ class TorqueBalance:
 
     def _filter(self, values: Array) -> Array:
         return _average(values, self._width)
+
+
+def inertia_with_rotors(arm: Arm, q: Vec7) -> Array:
+    """Return the model's inertia at q with the assumed rotors [kg m2], shape (7, 7)."""
+    rotors = np.diag(arm.facts.limits.prediction.armature)
+    return np.asarray(arm.facts.robot.chain().inertia_matrix(q)) + rotors
+
+
+def balance_of(
+    log: Array,
+    joint: int,
+    inertia: Array,
+    period: float,
+    lean: Array | None = None,
+) -> TorqueBalance:
+    """Return the torque balance of a cycle log without gaps."""
+    q = log[:, COLUMN["q1"] : COLUMN["q7"] + 1]
+    tau = log[:, COLUMN["tau1"] : COLUMN["tau7"] + 1]
+    return TorqueBalance(q, tau, joint, inertia, period, lean)
 
 
 def _odd(length: float) -> int:

@@ -1,6 +1,6 @@
 """The stiffness that the doctor finds in simulated cabinets whose stiffness is known.
 
-    python benchmarks/felt_spring.py --clock wall --busy 1
+    python benchmarks/cabinet_spring.py --clock wall --busy 1
 
 Cabinet and doctor are processes of their own, as on a robot's network; by the clock,
 `--busy` processes that never rest run beside them. A line for each cabinet.
@@ -14,9 +14,9 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from dovetail.arm_checks import run_arm_checks
 from dovetail.arms.fri_address import FriAddress
-from dovetail.doctor import Check
+from dovetail.doctor.check import Check
+from dovetail.doctor.fri_arm import run_fri_checks
 
 SPRING = "cabinet's spring"
 _TRIES = 5
@@ -58,11 +58,11 @@ def cabinet(
 def find_spring(
     options: argparse.Namespace, stiffness: float, damping: float, period: int
 ) -> Check:
-    """Return what the doctor says of the spring; a motion that ends is tried again."""
+    """Return the doctor's check of the spring; a motion that ends is tried again."""
     check = Check(SPRING, "broken", "not reached")
     for _ in range(_TRIES):
         with cabinet(options, stiffness, damping, period) as address:
-            for check in run_arm_checks(address, None):
+            for check in run_fri_checks(address, None):
                 if check.name == SPRING:
                     return check
     return check

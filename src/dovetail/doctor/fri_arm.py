@@ -1,7 +1,7 @@
-"""Checks of an arm before it is trusted: connection, gravity, torques, a push.
+"""Checks of an arm behind FRI before it is trusted.
 
 Each check moves the arm little and slowly; between them it is held where it is. The
-checks of delay, springs and gravity error are in `arm_feel`.
+checks of delay, springs and gravity error are in `diagnosis`.
 """
 
 import math
@@ -11,12 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from dovetail import _core
-from dovetail.arm_feel import (
-    check_as_configured,
-    check_period_proven,
-    feel_checks,
-    last_words,
-)
 from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_arm import FriArm
 from dovetail.arms.fri_transport import build_arm
@@ -26,17 +20,24 @@ from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.control.proven import DECLARED
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
-from dovetail.doctor import Check
+from dovetail.doctor.check import Check, signed
+from dovetail.doctor.diagnosis import (
+    check_dynamics,
+    check_period_proven,
+    overload_hint,
+)
+from dovetail.doctor.excitation import excitation_gains, simulated_step
+from dovetail.doctor.gravity_error import allowed_gravity_error
+from dovetail.doctor.standstill import (
+    check_as_configured,
+    check_standstill,
+    last_words,
+    measure_standstill,
+)
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
-from dovetail.feel.busy import busy_words
-from dovetail.feel.declared_gravity import allowed_gravity_error
-from dovetail.feel.gains import quiet, simulated_step
-from dovetail.feel.resting import measure_rest
-from dovetail.feel.spring import feel_spring
-from dovetail.feel_checks import check_rest
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 from dovetail.workcell.workcell import Workcell
@@ -68,7 +69,7 @@ Ask = Callable[[str], bool]
 """Asks the person at the arm and waits; False ends the checks."""
 
 
-class Rest(NamedTuple):
+class HeldState(NamedTuple):
     """State of the arm while it was held."""
 
     q: Vec7
@@ -83,7 +84,7 @@ class Rest(NamedTuple):
     """Cycle log."""
 
 
-def run_arm_checks(
+def run_fri_checks(
     address: FriAddress,
     ask: Ask | None,
     declared: dict[str, float] | None = None,
@@ -92,11 +93,11 @@ def run_arm_checks(
     """Yield every check of an arm behind a cabinet as soon as it is done.
 
     Args:
-        address: Where the cabinet sends to.
+        address: Own address that the cabinet sends to.
         ask: Asks before the arm is moved; with None the arm is moved without asking,
             and only a simulated cabinet is pushed.
-        declared: What the arm's owner says of it; None is `proven.DECLARED`.
-        robot: Which arm it is, see `robots.find`.
+        declared: Largest declared errors of model and loop; None is `proven.DECLARED`.
+        robot: Robot model of the arm, see `robots.find`.
 
     Raises:
         DovetailError: The arm cannot be had.
@@ -111,7 +112,7 @@ def run_arm_checks(
     cell = find_cell(robot=robot)
     config = EnvConfig.of(period=period, force_damping=0.0, **declared)
     osc, limits = make_settings(cell, config, is_hardware=address.margins == "hardware")
-    arm = _build(address, cell, *quiet(osc, limits), period)
+    arm = _build(address, cell, *excitation_gains(osc, limits), period)
     try:
         arm.connect()
         yield check_connection(arm, address)
@@ -122,7 +123,7 @@ def run_arm_checks(
                 yield check
         except ArmError as error:
             last = last_words(arm, is_resting=name in _RESTING)
-            text = f"{error} {last} {'' if error.reason == 'gaps' else busy_words()}"
+            text = f"{error} {last} {'' if error.reason == 'gaps' else overload_hint()}"
             yield Check("end of the motion", "broken", text.strip())
         if name != _LAST:
             return
@@ -156,22 +157,15 @@ def _checks_in_motion(
 ) -> Iterator[Check]:
     yield check_period_proven(arm.facts.period)
     rest = hold(arm, arm.monitoring().q, HOLD_TIME)
-    yield check_rest(measure_rest(rest.log, arm.facts.period))
+    yield check_standstill(measure_standstill(rest.log, arm.facts.period))
     yield check_gravity(arm, rest, address)
     yield check_drift(arm, rest, declared)
     turns = f"turned by {TURN:g} rad and back"
     if not _may(ask, f"Every joint will be pushed to and fro, and {turns}"):
         return
-    limits, is_simulated = arm.facts.limits, arm.facts.traits.is_simulated
-    rotors = limits.prediction.armature
-    yield from feel_checks(
-        arm,
-        rest.q,
-        limits,
-        declared,
-        spring=lambda delay: feel_spring(arm, rest.q, rotors, delay),
-        integration_step=simulated_step(arm.facts.period) if is_simulated else 0.0,
-    )
+    is_simulated = arm.facts.traits.is_simulated
+    step = simulated_step(arm.facts.period) if is_simulated else 0.0
+    yield from check_dynamics(arm, rest.q, declared, integration_step=step)
     yield check_turns(arm, rest.q)
     yield check_push(arm, rest.q, address, ask)
     yield check_messages(arm)
@@ -194,7 +188,7 @@ def _hold_as_configured(
 
 
 def check_connection(arm: FriArm, address: FriAddress) -> Check:
-    """Say what is connected, and how."""
+    """Describe the connection: FRI version, peer, period, mode and quality."""
     state, statistics = arm.monitoring(), arm.statistics()
     return Check(
         "connection",
@@ -205,7 +199,7 @@ def check_connection(arm: FriArm, address: FriAddress) -> Check:
     )
 
 
-def hold(arm: FriArm, q: Vec7, seconds: float) -> Rest:
+def hold(arm: FriArm, q: Vec7, seconds: float) -> HeldState:
     """Hold the arm at q [rad] and look at it; the first half second is not counted."""
     target = _core.Target(joint_mode=True, q_d=q)
     positions, states, logs = [], [], []
@@ -222,10 +216,10 @@ def hold(arm: FriArm, q: Vec7, seconds: float) -> Rest:
             *((s.q, s.tau_measured, s.tau_external) for s in states), strict=True
         )
     )
-    return Rest(q_mean, float(drift), measured, external, np.vstack(logs))
+    return HeldState(q_mean, float(drift), measured, external, np.vstack(logs))
 
 
-def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
+def check_gravity(arm: FriArm, rest: HeldState, address: FriAddress) -> Check:
     """Compare the measured torque at rest with the model's gravity: sign and scale."""
     name = "gravity, measured torque"
     gravity = arm.facts.robot.chain().gravity(rest.q)
@@ -240,7 +234,9 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
             is_essential=False,
         )
     scale = float(rest.measured @ gravity / (gravity @ gravity))
-    detail = f"{scale:+.2f} times the model's ({_list(rest.measured - gravity)} Nm off)"
+    detail = (
+        f"{scale:+.2f} times the model's ({signed(rest.measured - gravity)} Nm off)"
+    )
     low, high = GRAVITY_SCALE
     if scale < 0.0:
         other = -address.cabinet.measured_sign
@@ -255,8 +251,8 @@ def check_gravity(arm: FriArm, rest: Rest, address: FriAddress) -> Check:
     return Check(name, "ok", detail)
 
 
-def check_drift(arm: FriArm, rest: Rest, declared: dict[str, float]) -> Check:
-    """Look at drift and external torque, which is missed gravity, of the held arm."""
+def check_drift(arm: FriArm, rest: HeldState, declared: dict[str, float]) -> Check:
+    """Check drift and external torque, which is missed gravity, of the held arm."""
     allowed = allowed_gravity_error(arm.facts.robot, rest.q, declared)
     share = np.abs(rest.external) / allowed
     worst = int(np.argmax(share))
@@ -276,7 +272,7 @@ def check_drift(arm: FriArm, rest: Rest, declared: dict[str, float]) -> Check:
 
 
 def check_turns(arm: FriArm, q: Vec7) -> Check:
-    """Turn every joint a little each way and see that it goes where it was asked."""
+    """Turn every joint a little each way and check that it follows."""
     reached = np.zeros((2, 7))
     for joint in range(7):
         for side, sign in enumerate((1.0, -1.0)):
@@ -294,7 +290,7 @@ def check_turns(arm: FriArm, q: Vec7) -> Check:
     stuck = [
         name for name, share in zip(JOINTS, worst, strict=True) if share < TURN_MIN
     ]
-    detail = f"turned {_list(100.0 * worst, 0)} % of {TURN:g} rad"
+    detail = f"turned {signed(100.0 * worst, 0)} % of {TURN:g} rad"
     if stuck:
         return Check(
             "torques",
@@ -322,7 +318,7 @@ def turn(arm: FriArm, q: Vec7, joint: int, sign: float) -> float:
 
 
 def check_push(arm: FriArm, q: Vec7, address: FriAddress, ask: Ask | None) -> Check:
-    """See that a push away from the base is felt as one."""
+    """Check that a push away from the base is estimated in that direction."""
     name = "push, external torque"
     before = hold(arm, q, 1.0).external
     if address.cabinet.control is not None:
@@ -335,10 +331,10 @@ def check_push(arm: FriArm, q: Vec7, address: FriAddress, ask: Ask | None) -> Ch
     force, largest = np.zeros(3), 0.0
     for _ in range(round(PUSH_TIME / _STEP)):
         state = arm.step(target, _STEP)
-        felt = estimate_force(arm, state.q, arm.monitoring().tau_external - before)
-        if (size := float(np.linalg.norm(felt))) > largest:
-            force, largest = felt, size
-    detail = f"felt {_list(force)} N"
+        pushed = estimate_force(arm, state.q, arm.monitoring().tau_external - before)
+        if (size := float(np.linalg.norm(pushed))) > largest:
+            force, largest = pushed, size
+    detail = f"felt {signed(force)} N"
     if largest < PUSH_MIN:
         return Check(name, "missing", f"{detail}: no push was felt", is_essential=False)
     if force[0] < -0.5 * largest:
@@ -361,7 +357,7 @@ def estimate_force(arm: FriArm, q: Vec7, tau: Vec7) -> Vec3:
 
 
 def check_messages(arm: FriArm) -> Check:
-    """Look at how many messages were lost, and how fast they were answered."""
+    """Check the share of lost messages, and the time of the answers."""
     statistics = arm.statistics()
     counts, times = statistics["counts"], statistics["times"]
     lost, received = counts["missed"], max(1, counts["received"])
@@ -392,7 +388,3 @@ def _push_simulated(control: str) -> None:
 
 def _may(ask: Ask | None, question: str, without: bool = True) -> bool:
     return without if ask is None else ask(question)
-
-
-def _list(values: Array, digits: int = 1) -> str:
-    return " ".join(f"{value:+.{digits}f}" for value in values)

@@ -9,9 +9,9 @@ from typing import cast
 import numpy as np
 import pytest
 
-from dovetail.arm_feel import check_as_configured
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.standstill import check_as_configured
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dovetail.feel.held_torque import held_torque
-from dovetail.feel.loop_delay import estimate_delay
-from dovetail.feel.torque_balance import TorqueBalance
+from dovetail.doctor.held_torque import held_torque
+from dovetail.doctor.loop_delay import estimate_delay
+from dovetail.doctor.torque_balance import TorqueBalance
 
 from .single_joint import move
 

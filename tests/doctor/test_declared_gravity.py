@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dovetail.control.proven import DECLARED
+from dovetail.doctor.gravity_error import allowed_gravity_error
 from dovetail.envs.registered import find_cell
-from dovetail.feel.declared_gravity import allowed_gravity_error
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 FLOOR = 0.05  # of the motor's torque

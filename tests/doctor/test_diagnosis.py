@@ -1,4 +1,4 @@
-"""Arms that are felt, from here and over FRI: what was planted is found."""
+"""Diagnosis of arms, in this process and over FRI, finds what was planted."""
 
 import time
 from dataclasses import replace
@@ -9,15 +9,14 @@ import pytest
 from arms.loopback import CabinetArm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.cabinet_spring import LEAN_RATE, Side, measure_spring, reached
+from dovetail.doctor.diagnosis import diagnose_arm, overload_hint
+from dovetail.doctor.excitation import excitation_gains, simulated_step
+from dovetail.doctor.gravity_error import explain_by_load
 from dovetail.envs.arm_setup import make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError
-from dovetail.feel.busy import busy_words
-from dovetail.feel.feeling import feel_arm
-from dovetail.feel.gains import quiet, simulated_step
-from dovetail.feel.missed_load import explain_by_load
-from dovetail.feel.spring import LEAN_RATE, Side, feel_spring, leaned
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import TwinPlant, load_twin
@@ -33,7 +32,9 @@ HOLD = TaskSpec.parse("XYZABC:hold")
 
 
 def settings(period):
-    return quiet(*make_settings(CELL, EnvConfig.of(period=period, force_damping=0.0)))
+    return excitation_gains(
+        *make_settings(CELL, EnvConfig.of(period=period, force_damping=0.0))
+    )
 
 
 def local(plant, period):
@@ -54,12 +55,11 @@ def twin(name, delay):
     return TwinPlant(load_twin(name).having(command_delay=delay), CELL)
 
 
-def feel(arm, seconds=1.5):
+def diagnose(arm, seconds=1.5):
     step = simulated_step(arm.facts.period)
-    return feel_arm(
+    return diagnose_arm(
         arm,
         START,
-        arm.facts.limits.prediction.armature,
         integration_step=step,
         seconds=seconds,
     )
@@ -76,10 +76,10 @@ def feel(arm, seconds=1.5):
 )
 def test_the_delay_of_a_twin_is_found(name, period, delay_ms):
     arm = local(twin(name, 1e-3 * delay_ms), period)
-    feeling = feel(arm)
-    assert feeling.delay.delay == pytest.approx(1e-3 * delay_ms, abs=5e-4)
-    assert feeling.delay.is_bracketed
-    assert 0.005 < feeling.turned < 0.03
+    found = diagnose(arm)
+    assert found.delay.delay == pytest.approx(1e-3 * delay_ms, abs=5e-4)
+    assert found.delay.is_bracketed
+    assert 0.005 < found.turned < 0.03
     arm.close()
 
 
@@ -104,7 +104,7 @@ def test_a_stiff_spring_is_leaned_on_by_little():
 
 
 def spring_of(arm, delay):
-    fits = feel_spring(arm, START, arm.facts.limits.prediction.armature, delay)
+    fits = measure_spring(arm, START, delay)
     return [fit.sent_spring for fit in fits]
 
 
@@ -129,7 +129,7 @@ def test_a_lean_is_counted_from_its_cycle_on_and_not_while_the_arm_is_held():
     log = np.zeros((300, len(CYCLE_COLUMNS)))
     log[:, 0] = period * np.arange(1.0, 301.0)
     log[250:, COLUMN["flags"]] = FLAG_MASK["target_late"]
-    share = leaned(log, [Side(0.0, 1.0), Side(1.0, -1.0)], period)
+    share = reached(log, [Side(0.0, 1.0), Side(1.0, -1.0)], period)
     rate = 1.0 - LEAN_RATE * period
     np.testing.assert_allclose(share[:100], 1.0 - rate ** np.arange(1, 101))
     assert share[99] > 0.99
@@ -140,7 +140,7 @@ def test_a_lean_is_counted_from_its_cycle_on_and_not_while_the_arm_is_held():
 
 def test_a_cabinet_without_a_spring_has_none_whatever_its_friction():
     arm = over_fri(twin("hard", 0.01), 0.005)
-    assert feel(arm).delay.delay == pytest.approx(0.01, abs=5e-4)
+    assert diagnose(arm).delay.delay == pytest.approx(0.01, abs=5e-4)
     assert max(map(abs, spring_of(arm, 0.01))) < 10.0
     arm.close()
 
@@ -152,11 +152,11 @@ def test_a_gravity_error_is_measured_and_its_load_found():
     mass = robot.links.mass * np.array([1.0] * 6 + [1.5])
     planted = replace(robot, links=replace(robot.links, mass=mass))
     error = planted.chain().gravity(START) - robot.chain().gravity(START)
-    feeling = feel(arm)
-    found = np.array([fit.offset for fit in feeling.fits])
-    np.testing.assert_allclose(found, error, atol=0.15)
-    spread = np.array([fit.spread_of("offset") for fit in feeling.fits])
-    load = explain_by_load(robot, START, found, spread)
+    found = diagnose(arm)
+    missed = np.array([fit.offset for fit in found.fits])
+    np.testing.assert_allclose(missed, error, atol=0.15)
+    spread = np.array([fit.spread_of("offset") for fit in found.fits])
+    load = explain_by_load(robot, START, missed, spread)
     assert load.explained > 0.98
     assert load.mass == pytest.approx(0.5 * robot.links.mass[6], abs=0.1)
     arm.close()
@@ -172,7 +172,7 @@ def test_logs_with_too_many_gaps_are_refused():
 
     arm.step = lossy
     with pytest.raises(ArmError, match="A1 was pushed, 5 times, no more than"):
-        feel(arm)
+        diagnose(arm)
     arm.close()
 
 
@@ -186,14 +186,14 @@ def test_a_push_that_lost_cycles_is_done_again():
         return state._replace(log=state.log[-1:] if next(lossy) else state.log)
 
     arm.step = step_with_gaps
-    assert feel(arm).delay.delay == pytest.approx(0.005, abs=5e-4)
+    assert diagnose(arm).delay.delay == pytest.approx(0.005, abs=5e-4)
     arm.close()
 
 
 def test_a_busy_machine_is_named_and_an_idle_one_is_not(monkeypatch):
     monkeypatch.setattr("os.cpu_count", lambda: 2)
     monkeypatch.setattr("os.getloadavg", lambda: (1.9, 9.0, 9.0))
-    assert busy_words() == ""
+    assert overload_hint() == ""
     monkeypatch.setattr("os.getloadavg", lambda: (14.8, 0.0, 0.0))
-    assert "busy (load 14.8 on 2 cores)" in busy_words()
-    assert "clock=lockstep" in busy_words()
+    assert "busy (load 14.8 on 2 cores)" in overload_hint()
+    assert "clock=lockstep" in overload_hint()
