@@ -23,12 +23,14 @@ def move(
     """Push the joint to and fro about 0; return its cycle log's q and tau, (n, 7).
 
     A hidden controller (a PD law with random targets) makes the torques, as on an arm.
+    Torque and lean act after the delay.
     """
     rng = np.random.default_rng(seed)
     fine = period / SUBSTEPS
     late = round(delay / fine)
     sent = np.zeros(cycles * SUBSTEPS + late + 1)
     sent[:] = gravity
+    leaned = np.zeros(len(sent))
     q, dq, target, left = 0.0, 0.0, 0.025, 0
     qs, taus = np.empty(cycles), np.empty(cycles)
     for i in range(cycles):
@@ -38,10 +40,11 @@ def move(
         qs[i] = q + noise * rng.standard_normal()
         taus[i] = inertia * (200.0 * (target - q) - 28.0 * dq) + gravity
         sent[i * SUBSTEPS + late : (i + 1) * SUBSTEPS + late] = taus[i]
-        away = 0.0 if lean is None else lean[i]
+        if lean is not None:
+            leaned[i * SUBSTEPS + late : (i + 1) * SUBSTEPS + late] = lean[i]
         for k in range(i * SUBSTEPS, (i + 1) * SUBSTEPS):
             pull = damping * dq + coulomb * np.tanh(dq / 0.005) + stiffness * q
-            ddq = (sent[k] - gravity - pull + spring * away) / inertia
+            ddq = (sent[k] - gravity - pull + spring * leaned[k]) / inertia
             q += fine * dq + 0.5 * fine**2 * ddq
             dq += fine * ddq
     return _seven(qs), _seven(taus)

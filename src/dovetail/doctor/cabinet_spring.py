@@ -66,15 +66,9 @@ def measure_spring(arm: FriArm, q: Vec7, delay: float) -> tuple[JointFit, ...]:
     for share in ROUNDS:
         log, share_reached = _lean(arm, q, share * LEAN)
         rows = longest_filled(np.column_stack([log, share_reached]), period)
-        late = round(delay / period)  # the sent position acts as late as the torque
+        leans = share * np.outer(LEAN, rows[:, -1])
         fits = [
-            balance_of(
-                rows[late:],
-                joint,
-                inertia,
-                period,
-                share * LEAN[joint] * rows[: len(rows) - late, -1],
-            ).solve(delay)
+            balance_of(rows, joint, inertia, period, leans[joint]).solve(delay)
             for joint in range(7)
         ]
         if max(fit.sent_spring for fit in fits) > STIFF:

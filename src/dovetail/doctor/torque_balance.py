@@ -1,13 +1,13 @@
 r"""One joint's torque balance, fitted to a log of its motion.
 
 .. math:: \tau(t - d) = \alpha M_i \ddot q + b \dot q + c\, \mathrm{sgn}\, \dot q
-    + k (q_i - q_{i,0}) - k_s \Delta q_{i,s} + g_e
+    + k (q_i - q_{i,0}) - k_s \Delta q_{i,s}(t - d) + g_e
 
 Every term is averaged over 20 ms by the same window, which takes the encoders' noise
 off and leaves the delay where it is. M is the model's inertia with rotors at the mean
 configuration. The position that an FRI client sends follows the measured one, so that
 a spring to it shows as friction, unless the client leans it by a known
-:math:`\Delta q_s`.
+:math:`\Delta q_s`, which arrives as late as the torque.
 """
 
 from typing import NamedTuple
@@ -52,6 +52,9 @@ class JointFit(NamedTuple):
         return float(self.spread[self._fields.index(name)])
 
 
+_LEAN = JointFit._fields.index("sent_spring")
+
+
 class TorqueBalance:
     """The balance of one joint over one log without gaps."""
 
@@ -72,10 +75,11 @@ class TorqueBalance:
             joint: Index of the joint.
             inertia: The model's inertia with rotors [kg m2], shape (7, 7).
             period: Control period [s].
-            lean: How far the sent position was off [rad], shape (n,), if it was.
+            lean: Offset of the sent position, held as the torque is [rad], shape (n,).
         """
         self._period = period
         self._tau = tau[:, joint]
+        self._lean = lean
         self._width = _odd(WINDOW / period)
         own = q[:, joint]
         width = _odd(SPEED_WINDOW / period)
@@ -87,7 +91,7 @@ class TorqueBalance:
             speed,
             np.tanh(speed / SLOW),
             own[1:-1] - own.mean(),
-            np.zeros_like(speed) if lean is None else -lean[1:-1],
+            np.zeros_like(speed),  # of the lean, see `solve`
             np.ones_like(speed),
         )
         self._terms = np.stack([self._filter(term) for term in terms], axis=1)
@@ -97,18 +101,21 @@ class TorqueBalance:
     def left_over(self, delays: Array) -> Array:
         """Return the mean square that each delay [s] leaves [Nm2]."""
         skip = self._skip(float(np.max(delays)))
-        Q, _ = np.linalg.qr(self._scaled(skip)[0])
+        Q, _ = np.linalg.qr(_scaled(self._terms[skip:])[0])
         left = np.empty(len(delays))
         for i, delay in enumerate(delays):
-            y = self._torque(float(delay))[skip:]
+            y = self._delayed(self._tau, float(delay))[skip:]
             left[i] = (y @ y - np.sum((Q.T @ y) ** 2)) / len(y)
         return np.maximum(left, 1e-12)
 
     def solve(self, delay: float) -> JointFit:
         """Return the terms' factors with a delay [s] known."""
         skip = self._skip(delay)
-        X, scale = self._scaled(skip)
-        y = self._torque(delay)[skip:]
+        terms = self._terms.copy()
+        if self._lean is not None:
+            terms[:, _LEAN] = -self._delayed(self._lean, delay)
+        X, scale = _scaled(terms[skip:])
+        y = self._delayed(self._tau, delay)[skip:]
         factors = np.linalg.lstsq(X, y, rcond=None)[0]
         left = y - X @ factors
         # Averaged noise repeats itself over the window's length.
@@ -130,21 +137,21 @@ class TorqueBalance:
             float(np.sqrt(square)),
         )
 
-    def _scaled(self, skip: int) -> tuple[Array, Array]:
-        """Return the terms, each of unit size, and their sizes."""
-        terms = self._terms[skip:]
-        scale = np.maximum(np.sqrt(np.mean(terms**2, axis=0)), 1e-9)
-        return terms / scale, scale
-
     def _skip(self, delay: float) -> int:
         """Return how many rows depend on torques of before the log."""
         return int(np.ceil(max(delay, 0.0) / self._period)) + 1
 
-    def _torque(self, delay: float) -> Array:
-        return self._filter(held_torque(self._tau, self._period, delay))
+    def _delayed(self, sent: Array, delay: float) -> Array:
+        return self._filter(held_torque(sent, self._period, delay))
 
     def _filter(self, values: Array) -> Array:
         return _average(values, self._width)
+
+
+def _scaled(terms: Array) -> tuple[Array, Array]:
+    """Return the terms, each of unit size, and their sizes."""
+    scale = np.maximum(np.sqrt(np.mean(terms**2, axis=0)), 1e-9)
+    return terms / scale, scale
 
 
 def inertia_with_rotors(arm: Arm, q: Vec7) -> Array:
