@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attack_episode import (
+from attacks.episode import (
     COLUMNS,
     LOST,
     Array,

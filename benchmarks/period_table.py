@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from contact_trial import having
+from attacks.contact_trial import having
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from contact_choices import Array, Choices
 
 from dovetail.errors import ReachError
 from dovetail.plants.mujoco_plant import MujocoPlant
@@ -17,6 +16,8 @@ from dovetail.tasks.peg_in_hole.starts import (
     tool_down,
 )
 from dovetail.workcell.workcell import WALLS
+
+from .contact_choices import Array, Choices
 
 TABLE_WALL = -0.06  # m: with the shipped one of 0.03 m the tool cannot reach the table
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.6, 0.0, 0.95, 0.0])

@@ -8,7 +8,8 @@ as too fast, or for its limiters' work, had one only if something vibrated befor
 """
 
 import numpy as np
-from contact_choices import Array
+
+from .contact_choices import Array
 
 WINDOW = 5  # actions
 GROWTH, GROWN, SUSTAINED = 1.2, 0.1, 0.3  # 1, rad/s, rad/s

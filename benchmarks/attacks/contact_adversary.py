@@ -7,7 +7,6 @@ try is determined by seed and index; `contact_choices` says what it chooses,
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -17,10 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from contact_attack import Attack, add_case, broken, is_excused, plain
-from contact_choices import POLICIES, RANGES, TASKS
-from contact_growth import SUSTAINED
-from contact_trial import Outcome
+
+from .contact_attack import Attack, add_case, broken, is_excused, plain
+from .contact_choices import POLICIES, RANGES, TASKS
+from .contact_growth import SUSTAINED
+from .contact_trial import Outcome
 
 LISTED = 5
 METRICS: dict[str, tuple[str, float, str]] = {
@@ -260,7 +260,7 @@ def main(arguments: Sequence[str]) -> None:
             add_case(args.cases, attack, case)
         return
     if args.search:
-        from contact_search import search
+        from .contact_search import search
 
         name = f"contact-search-{args.span}-{1e3 * args.period:g}ms-{args.seed}.jsonl"
         file = args.file or Path(name)
@@ -274,7 +274,3 @@ def main(arguments: Sequence[str]) -> None:
             print(line_of(attack, index, outcome), flush=True)
     print_tally(attack, tally, time.perf_counter() - begin)
     print_causes(attack, tally)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

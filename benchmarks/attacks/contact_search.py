@@ -20,9 +20,10 @@ from typing import Any
 
 import numpy as np
 from cmaes import CMA
-from contact_attack import Attack, add_case, broken, plain
-from contact_choices import NUM_KINDS, RANGES, SIZE, Array, choose
-from contact_growth import SUSTAINED
+
+from .contact_attack import Attack, add_case, broken, plain
+from .contact_choices import NUM_KINDS, RANGES, SIZE, Array, choose
+from .contact_growth import SUSTAINED
 
 DRAWS = 40  # of a round
 GENERATIONS = 12  # of a round

@@ -3,8 +3,6 @@
 import math
 
 import numpy as np
-from contact_choices import Array, Choices
-from contact_scene import Start
 
 from dovetail import _core
 from dovetail.control.limits import ApproachLimits
@@ -20,6 +18,9 @@ from dovetail.poses import (
     theta_about_vertical,
 )
 from dovetail.robots.robot import Robot
+
+from .contact_choices import Array, Choices
+from .contact_scene import Start
 
 ACTION = 0.05  # s
 HELD = 20  # actions

@@ -17,10 +17,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from contact_choices import Array, Choices
-from contact_growth import WINDOW, lasts, oscillation
-from contact_policies import ACTION, TASK, Commander, near_press_of
-from contact_scene import EVERYWHERE, NOWHERE, Start, make_start, walls_of
 from numpy.typing import NDArray
 
 from dovetail import _core
@@ -32,6 +28,11 @@ from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK, physics_steps
 from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
+
+from .contact_choices import Array, Choices
+from .contact_growth import WINDOW, lasts, oscillation
+from .contact_policies import ACTION, TASK, Commander, near_press_of
+from .contact_scene import EVERYWHERE, NOWHERE, Start, make_start, walls_of
 
 ACTIONS = 100
 CHANGES = (

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from contact_choices import POLICIES, RANGES, SIZE, TASKS, Array, Choices, choose
-from contact_trial import QUIET, Outcome, Trial
+
+from .contact_choices import POLICIES, RANGES, SIZE, TASKS, Array, Choices, choose
+from .contact_trial import QUIET, Outcome, Trial
 
 LIMITS = {
     "proven": {"position": 0.0, "speed": 1.0, "grown": 0.0, "contact": 5.0},
