@@ -13,6 +13,7 @@ from dovetail.errors import install_command
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 MODULES = {
     *("tracking_report", "cockpit_browser", "cockpit_client", "cockpit_garbage"),
+    "encoder_plant",
 }
 """Files that others import, and that no one starts."""
 NEEDS = {

@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 import pytest
+from encoder_plant import EncoderPlant
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
@@ -15,7 +16,6 @@ from dovetail.doctor.standstill import check_as_configured
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import Plant
 from dovetail.poses import Pose
 

@@ -1,18 +1,14 @@
 """A plant whose velocity is observed from its positions, as an FRI client has to do."""
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from dovetail import _core
 from dovetail.control.observer import observer_gain
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.plant import Plant
 from dovetail.plants.wrapped_plant import WrappedPlant
 from dovetail.poses import Pose
 from dovetail.types import Array, Vec6, Vec7
-
-if TYPE_CHECKING:
-    from dovetail import _core
 
 
 class _Watched:
@@ -22,13 +18,13 @@ class _Watched:
     """
 
     def __init__(
-        self, controller: "_core.Controller", observer: "_core.VelocityObserver"
+        self, controller: _core.Controller, observer: _core.VelocityObserver
     ) -> None:
         self._controller = controller
         self._observer = observer
         self.a: Vec7 = np.zeros(7)
 
-    def step(self, q: Vec7, dq: Vec7, target: "_core.Target") -> "_core.StepResult":
+    def step(self, q: Vec7, dq: Vec7, target: _core.Target) -> _core.StepResult:
         result = self._controller.step(q, dq, target)
         if result.flags.implausible:
             self._observer.doubt()
@@ -55,8 +51,6 @@ class EncoderPlant(WrappedPlant[Plant]):
             period: Control period [s]; the only one that `apply` then takes.
             gain: Gain of the observer, above 0 and at most 1; None is as behind FRI.
         """
-        from dovetail import _core
-
         super().__init__(plant)
         gain = observer_gain(period) if gain is None else gain
         self._observer = _core.VelocityObserver(period, gain)
@@ -89,8 +83,8 @@ class EncoderPlant(WrappedPlant[Plant]):
 
     def run_cycles(
         self,
-        controller: "_core.Controller",
-        target: "_core.Target",
+        controller: _core.Controller,
+        target: _core.Target,
         cycles: int,
         period: float,
     ) -> tuple[Array, Vec7, Vec7]:

@@ -8,11 +8,11 @@ measurements that cannot be, and LastLine, which ends what no Target explains.
 from typing import TYPE_CHECKING
 
 import numpy as np
+from reference_bounds import intervals, under_push, walls
+from reference_qp import solve_qp
 
 from dovetail import poses
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference_bounds import intervals, under_push, walls
-from dovetail.control.reference_qp import solve_qp
 from dovetail.control.task_spec import FORCE, FREE, HOLD, POSE, TaskSpec
 from dovetail.types import Array
 
