@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import _core
+from dovetail import _bench, _core
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
@@ -140,7 +140,7 @@ class Trial:
             list(TaskSpec.parse(TASK).modes),
             period,
         )
-        self.judge = _core.ContactJudge(self.chain, self.limits.params())
+        self.judge = _bench.ContactJudge(self.chain, self.limits.params())
         self.start: Start = make_start(self.rng, plant, choices)
         plant.attach_channel(
             _core.Channel(
@@ -153,7 +153,7 @@ class Trial:
         )
         plant.reset(self.start.q, self.start.hole)
         self.loop = plant._loop
-        self.loop.attach_judge(self.judge, plant._pushed)
+        self.loop.attach_probe(self.judge, plant._pushed)
         self.steps = physics_steps(period, PHYSICS_DT)
         plant.model.opt.timestep = period / self.steps
         self.hold = self.start.hold
@@ -234,7 +234,7 @@ class Trial:
                 break
             done += per_action
             vibration[i] = self.judge.take_vibration()
-        self.loop.attach_judge(None, 0)
+        self.loop.attach_probe(None, 0)
         return trace[:done], vibration, diverged
 
     def _command(self, target: _core.Target, number: int, q: Array, dq: Array) -> None:

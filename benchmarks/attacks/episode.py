@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail import _core
+from dovetail import _bench, _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.observer import observer_gain
@@ -28,7 +28,7 @@ START_ROOM = 0.02  # m from the walls
 JOINT_ROOM = 0.05  # rad from the joints' limits
 LOST = -1  # age of a state that does not arrive
 
-COLUMNS = tuple(name for name, _ in _core.attack_columns())
+COLUMNS = tuple(name for name, _ in _bench.attack_columns())
 """Of a trace, one row per cycle: true state, torque, and excess over the limits."""
 
 Array = NDArray[np.float64]
@@ -107,7 +107,7 @@ class Attacked:
                 return q
 
     def run(self, episode: Episode, *, trace: bool = False) -> tuple[dict, Array]:
-        """Run one episode; see `_core.run_attack`."""
+        """Run one episode; see `_bench.run_attack`."""
         pose = self.robot.tool_pose(episode.q)
         self.controller.reset(episode.q, pose.position, pose.quat_wxyz)
         self.plant.reset(episode.q, np.zeros(7))
@@ -116,7 +116,7 @@ class Attacked:
             quat_multiply(quat_about_z(angle), pose.quat_wxyz)
             for angle in episode.theta
         ]
-        return _core.run_attack(
+        return _bench.run_attack(
             self.controller,
             self.plant,
             f_star,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from attacks import episode
 
-from dovetail import _core
+from dovetail import _bench, _core
 from extras import need
 
 CASES = sorted((Path(__file__).parent / "attack_cases").glob("wall-*.json"))
@@ -106,7 +106,7 @@ def test_no_bad_sample_that_was_found_makes_a_large_step_again(case):
 def test_a_wrong_number_that_is_nowhere_is_named(search, wrong, named):
     attacked = episode.Attacked(search.settings)
     with pytest.raises(ValueError, match=named):
-        _core.run_attack(
+        _bench.run_attack(
             attacked.controller, attacked.plant, np.zeros((1, 6)),
             np.array([[1.0, 0.0, 0.0, 0.0]]), 10, [0] * 10, wrong,
         )  # fmt: skip

@@ -1,4 +1,4 @@
-#include "dovetail/attack_loop.hpp"
+#include "attack_loop.hpp"
 
 #include <algorithm>
 #include <cmath>

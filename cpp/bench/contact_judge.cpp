@@ -1,4 +1,4 @@
-#include "dovetail/contact_judge.hpp"
+#include "contact_judge.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,8 +1,11 @@
-#include "bind_attack.hpp"
-
+/// The Python module dovetail._bench: loops and judges of the benchmarks and tests. It
+/// is not in the wheel.
 #include <nanobind/eigen/dense.h>
+#include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
@@ -10,7 +13,9 @@
 #include <string>
 #include <tuple>
 
-#include "dovetail/attack_loop.hpp"
+#include "attack_loop.hpp"
+#include "column_names.hpp"
+#include "contact_judge.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -73,7 +78,41 @@ nb::dict dict_of(const AttackResult& result) {
   return found;
 }
 
-}  // namespace
+void bind_judge(nb::module_& m) {
+  nb::class_<WorstLook>(m, "WorstLook", "A limit over one try.")
+      .def_ro("value", &WorstLook::value, "Of the worst look.")
+      .def_ro("time", &WorstLook::time, "Of the worst look [s].")
+      .def_ro("axis", &WorstLook::axis, "Joint or TCP axis of the worst look, from 0.")
+      .def_ro("count", &WorstLook::count, "Looks beyond the limit.");
+  nb::class_<ContactJudge, StepProbe>(
+      m, "ContactJudge", "Spring at the TCP, and judge of every physics step.")
+      .def(nb::init<const Chain&, const LimitParams&>(), "chain"_a, "limits"_a)
+      .def("reset", &ContactJudge::reset)
+      .def("set_spring", &ContactJudge::set_spring, "anchor"_a, "stiffness"_a,
+           "damping"_a, "Anchor [m], stiffness [N/m], damping [Ns/m].")
+      .def("set_push", &ContactJudge::set_push, "push"_a, "Force on the TCP [N].")
+      .def("set_resting", &ContactJudge::set_resting, "force"_a,
+           "The contact force that is asked for [N].")
+      .def("force", &ContactJudge::force, "q"_a, "dq"_a,
+           "Push and spring at a true state [N].")
+      .def("look", &ContactJudge::look, "q"_a, "dq"_a, "contact"_a, "h"_a,
+           "Judge a true state, the contact force [N] and h [s] that led to it.")
+      .def("take_vibration", &ContactJudge::take_vibration,
+           "RMS joint velocity above 8 Hz since the last call [rad/s].")
+      .def_prop_ro("position", &ContactJudge::position, "Past a joint limit [rad].")
+      .def_prop_ro("speed", &ContactJudge::speed, "Over the joint's speed limit [1].")
+      .def_prop_ro("wall", &ContactJudge::wall, "Outside a wall [m].")
+      .def_prop_ro("tcp_speed", &ContactJudge::tcp_speed, "Over the limit [m/s].")
+      .def_prop_ro("torque", &ContactJudge::torque, "Over the motor's limit [1].")
+      .def_prop_ro("contact", &ContactJudge::contact,
+                   "20 ms mean of the contact force over the resting push [1].")
+      .def_prop_ro("load", &ContactJudge::load, "The spring's torque, of the motor's.")
+      .def_prop_ro("peak", &ContactJudge::peak, "Largest contact force [N].")
+      .def_prop_ro("touch_speed", &ContactJudge::touch_speed, "[m/s]")
+      .def_prop_ro("looks", &ContactJudge::looks)
+      .def_prop_ro("flagged", &ContactJudge::flagged,
+                   "Cycles flagged unsafe, qp_early, bad_input.");
+}
 
 void bind_attack(nb::module_& m) {
   m.def(
@@ -100,13 +139,22 @@ void bind_attack(nb::module_& m) {
       "age"_a, "wrong"_a = std::vector<Wrong>{}, "observer_gain"_a = 0.0, "looks"_a = 1,
       "trace"_a = false,
       "One episode from the plant's state under an adversary, on copies: targets (n, "
-      "6) "
-      "and (n, 4), each held for cycles_per_target; per cycle the age of the state "
+      "6) and (n, 4), each held for cycles_per_target; per cycle the age of the state "
       "that "
       "arrives in cycles (-1: none arrives); wrong numbers (cycle, element, error) "
       "added to q (0 to 6) or dq (7 to 13). Returns the worst of each limit as (value, "
       "cycle, element), margins not taken off, and with trace one row per cycle.");
   m.def(
-      "copy_controller", [](const Controller& controller) { return controller; },
-      "controller"_a, "A controller that goes on from the same state.");
+      "attack_columns", [] { return names_and_units(kAttackGroups); },
+      "Name and unit of each column of run_attack's trace.");
+}
+
+}  // namespace
+
+NB_MODULE(_bench, m) {
+  m.doc() =
+      "Attacks on the controller and a judge of contact, for benchmarks and tests.";
+  nb::module_::import_("dovetail._core");  // its types are used here
+  bind_judge(m);
+  bind_attack(m);
 }
