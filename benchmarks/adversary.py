@@ -310,7 +310,7 @@ def print_report(settings: Settings, report: Report, seconds: float) -> None:
 def main() -> None:
     """Run the command line."""
     if "--contact" in sys.argv[1:]:
-        import contact_adversary
+        from attacks import contact_adversary
 
         contact_adversary.main([a for a in sys.argv[1:] if a != "--contact"])
         return

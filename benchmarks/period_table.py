@@ -31,7 +31,8 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from contact_trial import having
+from attacks.contact_trial import having
+from encoder_plant import EncoderPlant
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
@@ -42,7 +43,6 @@ from dovetail.evaluation.transfer import wilson_interval
 from dovetail.evaluation.trials import plan_trials
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, policy_settings
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import Twin, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole

@@ -16,6 +16,7 @@ import socket
 from typing import cast
 
 import numpy as np
+from encoder_plant import EncoderPlant
 from fri_loop import HOLE, LOOPBACK, Q_SEED, TOOL_DOWN, run_cabinet
 from numpy.typing import NDArray
 
@@ -28,7 +29,6 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm, make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, Plant
 from dovetail.poses import Pose
 from dovetail.workcell.workcell import Workcell

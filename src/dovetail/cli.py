@@ -51,6 +51,8 @@ _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
 def main(argv: Sequence[str] | None = None) -> None:
     """Run `dovetail` with command-line words and leave with its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
+    # Commands draw into files only, and an unknown name ends Matplotlib's import.
+    os.environ["MPLBACKEND"] = "agg"
     try:
         try:
             code = run(words)

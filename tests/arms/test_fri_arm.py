@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from encoder_plant import EncoderPlant
 
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, PLANTS, DynamicsConfig
 from dovetail.plants.twin import load_twin, make_twin

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from arms.loopback import lockstep_address
-from dovetail.arm_checks import run_arm_checks
 from dovetail.arms.address import parse_address
 from dovetail.cli import run
 from dovetail.control.proven import DECLARED
+from dovetail.doctor.fri_arm import run_fri_checks
+from dovetail.doctor.gravity_error import check_gravity_error, load_torques
+from dovetail.doctor.simulated_arm import run_simulated_checks
 from dovetail.envs.registered import find_cell
-from dovetail.feel.missed_load import load_torques
-from dovetail.feel_checks import check_gravity_error
-from dovetail.local_arm_checks import run_local_checks
 from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 
@@ -35,15 +34,14 @@ def at_start(robot):
 
 def gravity_check(twin):
     plant = make_twin(twin, find_cell())
-    found = run_local_checks(plant, 0.005, DECLARED)
+    found = run_simulated_checks(plant, 0.005, DECLARED)
     return next(check for check in found if check.name == "gravity error")
 
 
 def judge(robot, error):
     """The doctor's word on errors [Nm] that were measured to 0.05 Nm."""
     fits = [SimpleNamespace(offset=e, spread_of=lambda name: 0.05) for e in error]
-    feeling = SimpleNamespace(fits=fits)
-    return check_gravity_error(robot, at_start(robot), feeling, DECLARED)
+    return check_gravity_error(robot, at_start(robot), fits, DECLARED)
 
 
 def heavier(name, kilograms):
@@ -70,7 +68,7 @@ def test_a_shipped_twin_behind_a_cabinet_is_held_for_good():
     plant = make_twin(load_twin("hard"), find_cell())
     plant.reset(at_start(plant.robot), HOLE)
     with lockstep_address(plant) as address:
-        found = run_arm_checks(parse_address(f"{address}&reset=move"), None)
+        found = run_fri_checks(parse_address(f"{address}&reset=move"), None)
         check = next(check for check in found if check.name == "hold")
     assert check.status == "ok"
     assert "at A2" in check.detail

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from reference import NEAR_TIME
 
 from dovetail import _core, poses
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference import NEAR_TIME
 from dovetail.envs.registered import find_cell
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.mujoco_plant import MujocoPlant

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reference import ReferenceController
 
 from dovetail import _core
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference import ReferenceController
 from dovetail.envs.registered import find_cell
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "07_golden_vectors.py"

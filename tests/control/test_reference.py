@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from reference import ReferenceController
 
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference import ReferenceController
 from dovetail.control.task_spec import MODES, TaskSpec
 from dovetail.poses import quat_normalized
 

@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 
 from dovetail.arms.address import parse_address
-from dovetail.camera_checks import (
+from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.camera import (
     TASK,
     Watched,
     check_camera,
     check_exposure,
     check_rate,
     check_sharpness,
+    run_camera_checks,
     watch_moving,
 )
-from dovetail.camera_doctor import run_camera_checks
-from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.picture_delay import fit_delay
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
 from dovetail.perceive.edges import edge_width
-from dovetail.perceive.felt_delay import fit_delay
 from dovetail.perceive.opencv import opencv
 from dovetail.perceive.rehearsal import board_of, viewpoint
 from dovetail.perceive.simulated import Simulated
@@ -151,7 +151,7 @@ def test_without_an_arm_or_a_yes_the_delay_is_not_told(monkeypatch, arm, why):
         def close(self):
             pass
 
-    monkeypatch.setattr("dovetail.camera_doctor.open_source", lambda *_: Shown())
+    monkeypatch.setattr("dovetail.doctor.camera.open_source", lambda *_: Shown())
     camera = replace(beside(), source="device:0")
     address = None if arm is None else parse_address(arm)
     asked = []

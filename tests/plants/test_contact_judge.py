@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dovetail import _core
+from dovetail import _bench
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import find_cell
 
@@ -23,7 +23,7 @@ def limits(robot):
 
 @pytest.fixture
 def judge(robot, limits):
-    return _core.ContactJudge(robot.chain(), limits.params())
+    return _bench.ContactJudge(robot.chain(), limits.params())
 
 
 def look(judge, q=HOME, dq=None, force=0.0, h=H):

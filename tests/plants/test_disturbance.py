@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from encoder_plant import EncoderPlant
 
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose

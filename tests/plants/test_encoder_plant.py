@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from encoder_plant import EncoderPlant
 
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
@@ -9,7 +10,6 @@ from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import PERIODS
 from dovetail.envs.registered import find_cell
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.plants.twin import load_twin, make_twin
 from plants.conftest import HOLE, Q_BENT

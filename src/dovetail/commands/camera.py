@@ -9,9 +9,9 @@ import tyro
 from rich.console import Console
 from rich.progress import track
 
-from dovetail.camera_checks import standing
 from dovetail.commands.camera_result import decide, now
 from dovetail.commands.hand_eye import CameraHandEye
+from dovetail.doctor.camera import standing
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.files import require_new, write_atomic

@@ -13,7 +13,8 @@ from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
 from dovetail.control.proven import DECLARED
-from dovetail.doctor import Check, run_checks
+from dovetail.doctor.check import Check
+from dovetail.doctor.installation import run_checks
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.options import Delay, Period
@@ -92,14 +93,14 @@ class Doctor:
                 raise ConfigError(f"--{name.replace('_', '-')} would be ignored: {why}")
 
     def _check_arm(self, text: str) -> Iterator[Check]:
-        from dovetail.arm_checks import run_arm_checks
-        from dovetail.local_arm_checks import run_local_checks
+        from dovetail.doctor.fri_arm import run_fri_checks
+        from dovetail.doctor.simulated_arm import run_simulated_checks
 
         address = parse_address(text)
         declared = self._declared()
         if isinstance(address, FriAddress):
             asks = None if self.yes else ask
-            return run_arm_checks(address, asks, declared, self.robot)
+            return run_fri_checks(address, asks, declared, self.robot)
         period = require_period(self.period, "--period")
         if not isinstance(address, LocalAddress):
             raise ConfigError(
@@ -107,10 +108,10 @@ class Doctor:
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
         plant = address.make_plant(find_cell(robot=self.robot))
-        return run_local_checks(plant, period, declared)
+        return run_simulated_checks(plant, period, declared)
 
     def _check_camera(self, file: str) -> Iterator[Check]:
-        from dovetail.camera_doctor import run_camera_checks
+        from dovetail.doctor.camera import run_camera_checks
         from dovetail.perceive.camera import load_camera
 
         return run_camera_checks(

@@ -253,12 +253,12 @@ def _begin(
     place: FixturePose,
     console: Console,
 ) -> None:
-    """Measure and say the arm's delay, and write the description."""
+    """Measure and print the arm's delay, and write the description."""
     q_start = np.array(metadata["q_start"][0])
     delay = measure_delay(env, q_start, place.pose())
-    colour, status = ("green", "ok") if delay.judged.is_within else ("red", "broken")
+    colour = "green" if delay.check.status == "ok" else "red"
     console.print(
-        f"[{colour}]{status}[/] delay {delay.judged.text}",
+        f"[{colour}]{delay.check.status}[/] delay {delay.check.detail}",
         markup=True,
         highlight=False,
         soft_wrap=True,
