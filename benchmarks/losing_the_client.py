@@ -21,7 +21,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -163,7 +163,11 @@ class NoMotionError(RuntimeError):
 
 
 def lose(
-    name: str, period: float, clock: str, cause: str, rng: np.random.Generator
+    name: str,
+    period: float,
+    clock: Literal["wall", "lockstep"],
+    cause: str,
+    rng: np.random.Generator,
 ) -> Loss:
     """Start cabinet and client, lose the client, and see the arm come to rest."""
     plant = Recorder(name)
@@ -256,7 +260,11 @@ def _index(samples: list[Sample], time: float) -> int:
 
 
 def lose_once(
-    name: str, period: float, clock: str, cause: str, rng: np.random.Generator
+    name: str,
+    period: float,
+    clock: Literal["wall", "lockstep"],
+    cause: str,
+    rng: np.random.Generator,
 ) -> Loss:
     """Lose a client, again where a busy machine has ended the motion before."""
     for _ in range(_ATTEMPTS):
