@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from dovetail.envs.registered import find_cell
 from dovetail.perceive.board import Board
 from dovetail.perceive.camera import Camera, Lens, load_camera
-from dovetail.perceive.detect import Blind, Detector, Sight
-from dovetail.perceive.hand_eye import View, calibrate
+from dovetail.perceive.detect import Detection, DetectionFailure, Detector
+from dovetail.perceive.hand_eye import HandEyeSample, calibrate
 from dovetail.perceive.opencv import opencv
 from dovetail.perceive.projection import Projection
 from dovetail.perceive.rehearsal import shoot
@@ -113,7 +113,7 @@ def measure_pose(width: int, count: int) -> None:
     detector, errors, inside, blind = Detector(Board(), lens), [], [], 0
     for picture, true in pictures(lens, count):
         seen = detector.find(picture)
-        if isinstance(seen, Blind):
+        if isinstance(seen, DetectionFailure):
             blind += 1
             continue
         gap = seen.pose.position - true.position
@@ -145,9 +145,9 @@ def found_by_hand_eye(camera: Camera, cell: Workcell, seed: int) -> Camera:
     views = []
     for shot in shoot(camera, cell, twin, 20, seed):
         sight = detector.find(shot.picture)
-        if isinstance(sight, Sight):
+        if isinstance(sight, Detection):
             flange = cell.robot.tool_pose(shot.q)
-            views.append(View(flange, sight.pose, sight.corners, sight.points))
+            views.append(HandEyeSample(flange, sight.pose, sight.corners, sight.points))
     found = calibrate(views, camera.lens, camera.mount)
     deviation = np.sqrt(np.diag(found.covariance))
     correlation = found.covariance / np.outer(deviation, deviation)
@@ -186,7 +186,7 @@ def measure_axes(width: int, count: int, calibrations: int) -> None:
             fixture = Pose(at, quat_about_z(rng.uniform(-0.5, 0.5)))
             picture = source.still(q, fixture, fixture, 1000 * part + number)
             sight = detector.find(picture)
-            if isinstance(sight, Blind):
+            if isinstance(sight, DetectionFailure):
                 continue
             pose, _, covariance = locate(camera, sight, cell.robot)
             assert covariance is not None
@@ -211,7 +211,7 @@ def _row(values: Array, digits: int) -> str:
 
 def plant(
     rng: np.random.Generator, mount: str, poses: int
-) -> tuple[Pose, Lens, list[View]]:
+) -> tuple[Pose, Lens, list[HandEyeSample]]:
     """Return a camera's true place, its lens and what it sees."""
     board, lens = Board(), Lens.ideal(1280, 960, 1200.0)
     projection = Projection(lens)
@@ -228,7 +228,7 @@ def plant(
         corners = projection.place(seen, board.corners) + noise
         guess, _ = projection.flat_poses(board.corners, corners, board.thickness)
         flange = moving if mount == "flange" else inverse(moving)
-        views.append(View(flange, guess, corners, board.corners))
+        views.append(HandEyeSample(flange, guess, corners, board.corners))
     return camera, lens, views
 
 

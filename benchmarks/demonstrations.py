@@ -35,7 +35,7 @@ from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import EpisodeRow
-from dovetail.learn.run_settings import LengthConfig
+from dovetail.learn.run_config import LengthConfig
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Vec3

@@ -37,7 +37,7 @@ from encoder_plant import EncoderPlant
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ArmError, ConfigError, PlantError
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.perturbation import Perturbation, make_perturbed
 from dovetail.evaluation.transfer import wilson_interval
 from dovetail.evaluation.trials import plan_trials
@@ -153,7 +153,7 @@ def _rebuild(env: Any, cell: Cell) -> None:
     env._tare._arm = arm  # there is no option for this
 
 
-def attempt(cell: Cell, job: Job) -> Try:
+def attempt(cell: Cell, job: TrialJob) -> Try:
     """Run one try from reset to success, time-out or the arm's stop."""
     policy, env = prepare(cell)
     core: Any = env.unwrapped

@@ -18,7 +18,7 @@ from rich.console import Console
 
 import dovetail  # noqa: F401  (registers the environments)
 from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.trials import plan_trials
 from dovetail.plants.twin import Twin, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -31,7 +31,7 @@ def without_friction(twin: Twin) -> Twin:
     return replace(twin, coulomb=(0.0,) * 7, **silent)
 
 
-def tares(twin: Twin, jobs: list[Job]) -> Array:
+def tares(twin: Twin, jobs: list[TrialJob]) -> Array:
     """Return the tare before each try [m/s2], shape (tries, 3)."""
     env = gym.make("dovetail/PegInHole-v0", twin=twin, tare=True)
     found = []

@@ -47,8 +47,8 @@ from dovetail.learn.algorithms import (
 )
 from dovetail.learn.assess import assess, play
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.early_stopping import EarlyStopping
 from dovetail.learn.progress import EpisodeLog, Stopwatch
-from dovetail.learn.stop import Stop
 
 PEERS = {
     "sbx": {
@@ -114,7 +114,7 @@ def settings(options: argparse.Namespace, seed: int) -> TrainConfig:
     )
 
 
-def make_peer(name: str, config: TrainConfig, env: Any, stop: Stop) -> Any:
+def make_peer(name: str, config: TrainConfig, env: Any, stop: EarlyStopping) -> Any:
     """Build a peer's algorithm as its library has it."""
     import sbx
     import stable_baselines3
@@ -155,7 +155,7 @@ def train_peer(name: str, config: TrainConfig, folder: Path) -> dict[str, Any]:
     from dovetail.learn.recorder import Recorder
     from dovetail.learn.tester import stage_of
 
-    stop, stage = Stop(config), stage_of(exam)
+    stop, stage = EarlyStopping(config), stage_of(exam)
     model = make_peer(name, config, env, stop)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
     env._seeds = [derive_seed(config.seed, 0, 2, i) for i in range(env.num_envs)]

@@ -28,7 +28,7 @@ from dovetail.evaluation.evaluate import evaluate
 from dovetail.files import write_atomic
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.plants.twin import Twin, load_twin
 from dovetail.settings import values_of
 
@@ -83,7 +83,7 @@ def measure(
     recording = record(
         RecordConfig(arm=f"twin:{path}", out=folder / "recording"), quiet
     )
-    rms = Replay(recording).rms(nominal_model())
+    rms = LogReplay(recording).rms(nominal_model())
     config = EvaluationConfig(
         policy=args.policy,
         twin=str(path),

@@ -28,7 +28,7 @@ LAYERS = (
         "printable",
         "durations",
         "robots",
-        "strangers",
+        "plugins",
         "zoomable",
     },
     {"workcell"},

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from dovetail.errors import ConfigError
-from dovetail.strangers import TRUSTED, require_trusted, trust, trust_typed
+from dovetail.plugins import TRUSTED, require_trusted, trust, trust_typed
 
 
 @pytest.fixture(autouse=True)

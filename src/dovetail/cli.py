@@ -15,8 +15,8 @@ from rich.text import Text
 import dovetail
 from dovetail.errors import ConfigError, DovetailError, UnprovenWarning, did_you_mean
 from dovetail.interrupt import INTERRUPTED
+from dovetail.plugins import trust_typed
 from dovetail.printable import printable
-from dovetail.strangers import trust_typed
 
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),

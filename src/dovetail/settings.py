@@ -70,7 +70,7 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
         _OWNERS[made] = owner or next(inherited, "")
         if not eq:  # not the comparison that a base makes of its own fields
             made.__eq__, made.__hash__ = object.__eq__, object.__hash__
-        return cast(type[T], made)
+        return cast(type[T], made)  # pydantic names a type of its own
 
     return make
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cabinet.body import Body
+from dovetail.cabinet.body import ArmBody
 from dovetail.cabinet.command_policy import CommandPolicy
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.late_path import LatePath
@@ -30,7 +30,7 @@ def plant():
 
 
 def released(plant, **changes):
-    body = Body(plant, CabinetConfig(**changes))
+    body = ArmBody(plant, CabinetConfig(**changes))
     body.release()
     return body
 
@@ -86,7 +86,7 @@ def test_damping_is_a_share_of_critical_damping(plant):
 
 def test_behind_closed_brakes_nothing_moves():
     plant = LightPlant()
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     for _ in range(10):
         body.hold()
     assert plant.applied == []
@@ -109,7 +109,7 @@ def test_the_brakes_stop_a_moving_arm(plant, joint):
 
 def test_the_arm_on_the_wire_leans_as_the_real_one_does(plant):
     """A2 > 0 leans forward: measured torque reads positive there, gravity included."""
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     body.hold()
     assert Q_START[1] > 0.0
     assert body.gravity[1] < -10.0  # the motor holds with a negative torque
@@ -118,7 +118,7 @@ def test_the_arm_on_the_wire_leans_as_the_real_one_does(plant):
 
 @pytest.mark.parametrize("state", ["braked", "held"])
 def test_an_external_push_is_seen_in_its_own_direction(plant, state):
-    body = Body(plant, CabinetConfig(stiffness=(2000.0,) * 7, damping=(1.0,) * 7))
+    body = ArmBody(plant, CabinetConfig(stiffness=(2000.0,) * 7, damping=(1.0,) * 7))
     force = np.array([0.0, 20.0, 0.0])
     wanted = plant.robot.chain().jacobian(Q_START)[:3].T @ force
     body.push(force, 10.0)
@@ -201,7 +201,7 @@ def test_the_fixture_moves_during_a_motion(plant):
 
 def test_a_fixture_with_a_velocity_moves_on_while_the_arm_does():
     plant = LightPlant()
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     there = Pose(np.array([0.62, 0.0, 0.1]), FIXTURE.quat_wxyz)
     velocity = np.array([0.0, 0.02, 0.0])
     body.move_fixture(there, velocity)
@@ -224,7 +224,7 @@ def test_a_fixture_with_a_velocity_moves_on_while_the_arm_does():
 
 def test_a_moving_fixture_stops_at_the_end_of_the_reach_and_the_cabinet_goes_on():
     plant = LightPlant()
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     body.release()
     body.move_fixture(FIXTURE, np.array([100.0, 0.0, 0.0]))
     body.drive(Q_START.tolist(), [0.0] * 7)

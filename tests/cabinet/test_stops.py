@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dovetail.cabinet.body import Body
+from dovetail.cabinet.body import ArmBody
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.protocol import Quality, SafetyState, SessionState
 from dovetail.cabinet.stops import DECELERATION, Ramp, StopCategory
@@ -36,7 +36,7 @@ def build(name):
 
 def moving(plant, period):
     """A body whose TCP moves along y at SPEED."""
-    body = Body(plant, CabinetConfig(period=period))
+    body = ArmBody(plant, CabinetConfig(period=period))
     body.release()
     chain, last = plant.robot.chain(), plant.tool_pose().position
     for i in range(round(2.0 / period)):

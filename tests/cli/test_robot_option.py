@@ -12,11 +12,11 @@ from dovetail.envs.registered import make_task
 from dovetail.errors import UnprovenWarning
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.twin import load_twin, make_twin
+from dovetail.plugins import trust
 from dovetail.robots.iiwa14 import iiwa14
-from dovetail.strangers import trust
 from dovetail.tasks.shipped import DEFAULT_ENV
 from extras import need
 
@@ -87,7 +87,7 @@ def test_it_is_said_where_the_arm_is_recorded_and_the_fit_takes_it_too(
     assert run([*words, "--sequences", "1", "--out", "log"]) == 0
     assert LACK in capsys.readouterr().out
     trust("cli_own_arm")
-    replay = Replay(Recording.load("log"))
+    replay = LogReplay(Recording.load("log"))
     assert np.isfinite(replay.rms(nominal_model()))
     replay.close()
 

@@ -9,7 +9,7 @@ import pytest
 from arms.loopback import lockstep_address
 from dovetail.arms.address import parse_address
 from dovetail.envs.registered import find_cell
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.trials import run_trials
 from dovetail.learn.policy import Policy
 from dovetail.plants.find import make_plant
@@ -67,7 +67,7 @@ def service():
 
 def paths(address, load):
     """Return the paths of three tries of which two have the same seed."""
-    jobs = [Job(0, i, seed) for i, seed in enumerate((5, 6, 5))]
+    jobs = [TrialJob(0, i, seed) for i, seed in enumerate((5, 6, 5))]
     make = lambda: gym.make(ID, arm=address, max_episode_steps=STEPS)  # noqa: E731
     outcomes = run_trials(make, load, jobs, poses=PegInHole.trial_poses)
     return [outcome.course.path for outcome in outcomes]

@@ -19,7 +19,7 @@ from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.report import Comparison, write_identification_report
 from dovetail.identify.transfer_limit import (
     DELAY_LIMIT,
@@ -28,9 +28,9 @@ from dovetail.identify.transfer_limit import (
 )
 from dovetail.identify.uncertainty import (
     Confounding,
-    Estimate,
     Identifiability,
     Judgement,
+    ParameterEstimate,
     Uncertainty,
 )
 from dovetail.plants.twin import load_twin
@@ -75,7 +75,7 @@ def test_the_errors_are_those_of_a_replay(made):
     fitted = Fitted.load(folder / "fit")
     model = fitted.parameters.to_model(fitted.vector)
     for log, name in (("fitting log", "log"), ("held-out log", "other")):
-        replay = Replay(Recording.load(folder / name))
+        replay = LogReplay(Recording.load(folder / name))
         assert written[log]["rms_before"] == pytest.approx(replay.rms(nominal_model()))
         assert written[log]["rms_after"] == pytest.approx(replay.rms(model))
         assert written[log]["max_after"] >= written[log]["rms_after"]
@@ -283,13 +283,13 @@ def test_a_delay_that_the_model_lacks_is_found(tmp_path, of_model):
     (tmp_path / "late.toml").write_text(twin.to_toml())
     arm = f"twin:{tmp_path / 'late.toml'}"
     config = RecordConfig(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
-    replay = Replay(record(config, QUIET))
+    replay = LogReplay(record(config, QUIET))
     model = replace(nominal_model(), command_delay=of_model)
     assert hidden_delay(replay, model) == pytest.approx(0.02 - of_model, abs=0.003)
 
 
 def test_a_parameter_without_an_interval_can_be_drawn():
-    dead = Estimate(
+    dead = ParameterEstimate(
         name="armature_7",
         unit="kg m2",
         value=0.1,

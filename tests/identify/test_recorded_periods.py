@@ -11,7 +11,7 @@ from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.report import write_identification_report
 from dovetail.plants.twin import load_twin
 from extras import need
@@ -45,7 +45,7 @@ def test_a_replay_is_at_the_period_of_the_recording(planted):
     recording, file, _ = planted
     cycles = round(0.05 / recording.period)
     assert {len(s.log) for s in recording.sequences} == {STEPS * cycles}
-    replay = Replay(recording)
+    replay = LogReplay(recording)
     assert replay.rms(load_twin(file)) < 1e-12
     assert replay.rms(nominal_model()) > 2e-4  # m
     replay.close()
@@ -53,7 +53,7 @@ def test_a_replay_is_at_the_period_of_the_recording(planted):
 
 def test_the_delay_is_found_at_every_period(planted):
     recording, file, _ = planted
-    replay = Replay(recording)
+    replay = LogReplay(recording)
     punctual = replace(load_twin(file), command_delay=0.0)
     assert hidden_delay(replay, punctual) == pytest.approx(DELAY, abs=1.1e-3)
     assert hidden_delay(replay, load_twin(file)) == 0.0

@@ -14,7 +14,7 @@ from dovetail.errors import ConfigError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording, usual_place
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.starts import ELBOW, plan_starts, start_box
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z, tool_down
@@ -76,7 +76,7 @@ def test_every_task_is_recorded_and_replayed(tmp_path, quiet, env):
     assert (moved > 0.02).all()  # m, on every axis
     force = recording.sequences[0].log[:, COLUMN["fx"] : COLUMN["fz"] + 1]
     assert not np.abs(force).any()
-    replay = Replay(recording)
+    replay = LogReplay(recording)
     assert replay.rms(late) < 1e-12
     assert replay.rms(nominal_model()) > 2e-4  # m
     replay.close()

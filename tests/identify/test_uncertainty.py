@@ -12,7 +12,7 @@ from dovetail.errors import ConfigError
 from dovetail.identify.linearise import Linearisation, half_width, linearise
 from dovetail.identify.parameters import KNOWN, Parameter, ParameterSet
 from dovetail.identify.recorder import RecordConfig, record
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.student import student_t
 from dovetail.identify.uncertainty import KNOWN_SHARE, analyse, judge
 
@@ -278,7 +278,7 @@ def recording(tmp_path_factory):
 def test_a_real_log_names_what_it_cannot_tell_apart(recording):
     """A scale of all masses weighs as gravity does; only inertia tells them apart."""
     parameters = ParameterSet.parse("gravity,mass_scale,damping")
-    replay = Replay(recording)
+    replay = LogReplay(recording)
     result = analyse(replay, parameters, parameters.start)
     by_name = {e.name: e for e in result.estimates}
     assert by_name["gravity_z"].confounding.partner == "mass_scale"

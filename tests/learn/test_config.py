@@ -11,8 +11,8 @@ from dovetail.envs.registered import register_task
 from dovetail.errors import ConfigError
 from dovetail.learn.algorithms import make_vec_env
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.env_settings import EnvSettings
-from dovetail.learn.learner_settings import LearnerConfig
+from dovetail.learn.learner_config import LearnerConfig
+from dovetail.learn.policy_env_config import PolicyEnvConfig
 from dovetail.settings import names_in, ranges_of, values_of
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import RailClip
@@ -160,7 +160,7 @@ def test_the_command_says_only_what_was_asked_for(change):
 
 def test_every_number_of_a_training_has_a_range_with_its_unit():
     """Written beside the field; those of the environment are the environment's."""
-    others = {*names_in(EnvSettings), "random_gravity"}
+    others = {*names_in(PolicyEnvConfig), "random_gravity"}
     own = {f.name: f.type for f in fields(TrainConfig) if f.name not in others}
     assert [name for name in own if own[name] in _NUMBERS] == []
     assert len(own.keys() & ranges_of(TrainConfig).keys()) == 28

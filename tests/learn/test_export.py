@@ -9,9 +9,9 @@ from dovetail.control.proven import DECLARED
 from dovetail.learn.algorithms import make_model, make_vec_env
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.export import export_policy
-from dovetail.learn.learner_settings import ALGORITHMS
+from dovetail.learn.learner_config import ALGORITHMS
 from dovetail.learn.policy import Policy
-from dovetail.learn.policy_env import TOLD, policy_settings
+from dovetail.learn.policy_env import TRAINED_IN, policy_settings
 
 TOLERANCE = 1e-5
 """Largest difference of an action, of a range of 2."""
@@ -42,7 +42,7 @@ def test_the_sidecar_says_what_is_needed_to_use_and_repeat_the_policy(small):
     options = config.env_options()
     # What is declared is of the arm that was trained on, not of the next one.
     assert metadata["env"] == {k: v for k, v in options.items() if k not in DECLARED}
-    assert policy_settings(metadata).keys() >= metadata["env"].keys() - set(TOLD)
+    assert policy_settings(metadata).keys() >= metadata["env"].keys() - set(TRAINED_IN)
     assert metadata["observation"]["size"] == 14 + 14 + 4
     assert metadata["action"]["axes"] == ["X", "Y", "Z", "A"]
     assert metadata["action"]["scale"] == [4.0, 4.0, 4.0, 0.2]

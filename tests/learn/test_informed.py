@@ -35,10 +35,10 @@ TOLD = 4 + 2
 def env():
     need("sbx")
     from dovetail.learn.algorithms import make_vec_env
-    from dovetail.learn.informed import Informed
+    from dovetail.learn.privileged_critic import PrivilegedCritic
 
     kinds = CONFIG.kinds(3)
-    made = Informed(make_vec_env(CONFIG), kinds)
+    made = PrivilegedCritic(make_vec_env(CONFIG), kinds)
     yield made
     made.close()
 

@@ -12,7 +12,7 @@ from dovetail.learn.policy_env import (
     lax_contact,
     make_policy_env,
     policy_settings,
-    require_yes,
+    require_contact_accepted,
 )
 
 ROBOT = "fri://127.0.0.1:30200"
@@ -130,10 +130,10 @@ def test_laxer_contact_is_said_and_needs_a_yes_on_what_may_be_a_robot(
     settings = policy_settings(lax.metadata)
     for arm in (ROBOT, "grpc://localhost:50051"):
         with pytest.raises(ConfigError, match=f"{words}.*--accept-contact"):
-            require_yes(settings, arm, is_given=False)
-        assert "laxer" in require_yes(settings, arm, is_given=True)
+            require_contact_accepted(settings, arm, is_given=False)
+        assert "laxer" in require_contact_accepted(settings, arm, is_given=True)
     for arm in (None, "mujoco", "twin:easy", CABINET):
-        assert "laxer" in require_yes(settings, arm, is_given=False)
+        assert "laxer" in require_contact_accepted(settings, arm, is_given=False)
     with pytest.raises(ConfigError, match=words):
         make_policy_env(lax, arm=ROBOT)
 
@@ -143,15 +143,15 @@ def test_whether_it_may_be_a_robot_is_a_fact_and_no_text(policy, monkeypatch):
     settings = policy_settings(changed(policy, "env", near_speed=5.0).metadata)
     monkeypatch.setattr(FriAddress, "can_be_disturbed", True)
     with pytest.raises(ConfigError):
-        require_yes(settings, ROBOT, is_given=False)
+        require_contact_accepted(settings, ROBOT, is_given=False)
     monkeypatch.setattr(FriAddress, "can_be_disturbed", False)
-    require_yes(settings, CABINET, is_given=False)
+    require_contact_accepted(settings, CABINET, is_given=False)
 
 
 def test_stricter_contact_needs_no_yes():
     strict = {"near_speed": 0.01, "near_press": 1.0, "near_distance": 0.02}
-    assert require_yes(strict, ROBOT, is_given=False) == ""
-    assert require_yes({}, ROBOT, is_given=False) == ""
+    assert require_contact_accepted(strict, ROBOT, is_given=False) == ""
+    assert require_contact_accepted({}, ROBOT, is_given=False) == ""
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ from dovetail.learn.run_folder import (
 )
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
-from dovetail.strangers import TRUSTED, trust_typed
+from dovetail.plugins import TRUSTED, trust_typed
 
 from .conftest import SMALL
 

@@ -14,7 +14,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import TrackerError
 from dovetail.perceive.arm_shots import TASK, take_shots
 from dovetail.perceive.camera import load_camera
-from dovetail.perceive.detect import Detector, Sight
+from dovetail.perceive.detect import Detection, Detector
 from dovetail.perceive.rehearsal import FIXTURE
 from dovetail.perceive.simulated import Simulated
 from dovetail.plants.find import make_plant
@@ -123,5 +123,5 @@ def test_an_arm_behind_a_service_goes_through_its_poses(opengl, monkeypatch):
     shots = list(take_shots(camera, arm, cell, None, 2, 0))
     arm.close()
     detector = Detector(camera.board, camera.lens)
-    assert all(isinstance(detector.find(shot.picture), Sight) for shot in shots)
+    assert all(isinstance(detector.find(shot.picture), Detection) for shot in shots)
     assert np.abs(shots[0].q - shots[1].q).max() > 0.1

@@ -10,9 +10,9 @@ from dovetail.cli import run
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ConfigError, TorqueError, UnprovenWarning
 from dovetail.plants.plant import DynamicsConfig
+from dovetail.plugins import trust
 from dovetail.robots.motors import Motors
 from dovetail.robots.robot import Robot
-from dovetail.strangers import trust
 
 HINGES = [f"axis{i}" for i in range(1, 8)]
 BALANCED = '<mujoco><compiler balanceinertia="true" discardvisual="false"/></mujoco>'

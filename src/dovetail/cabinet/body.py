@@ -24,7 +24,7 @@ _REST_TIMES = 0.02, 0.1
 """Shortest and longest time that the brakes take to bring the arm to rest [s]."""
 
 
-class Body:
+class ArmBody:
     """A plant that a motion drives, drives or brakes stop, and the brakes hold.
 
     At rest behind closed brakes the plant is not stepped: the arm stays exactly where

@@ -12,7 +12,7 @@ _TORQUE_SLACK = 1e-6
 """Torque over the limit that is rounding [Nm]."""
 
 
-class Command(Protocol):
+class CommandFields(Protocol):
     """Fields of a client's command that the policy reads; None where absent."""
 
     q: Sequence[float] | None
@@ -59,7 +59,7 @@ class CommandPolicy:
         self.tau = [0.0] * 7
         self.wrench = [0.0] * 6
 
-    def _missing(self, command: Command) -> str:
+    def _missing(self, command: CommandFields) -> str:
         if command.q is None:
             return "command without joint position"
         if self.mode is CommandMode.TORQUE and command.tau is None:
@@ -68,7 +68,7 @@ class CommandPolicy:
             return "command without wrench, which wrench mode needs every time"
         return ""
 
-    def mirror(self, command: Command | None) -> None:
+    def mirror(self, command: CommandFields | None) -> None:
         """Judge a command in COMMANDING_WAIT; its torque's content does not matter."""
         reason = "no command in time" if command is None else self._missing(command)
         if command is not None and command.q is not None and not reason:
@@ -93,7 +93,10 @@ class CommandPolicy:
         return self.mirrored >= self._config.sync_slots
 
     def act(
-        self, command: Command | None, q: Sequence[float], gravity: Sequence[float]
+        self,
+        command: CommandFields | None,
+        q: Sequence[float],
+        gravity: Sequence[float],
     ) -> str:
         """Judge a command, or its absence, in COMMANDING_ACTIVE.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.cabinet.body import Body
+from dovetail.cabinet.body import ArmBody
 from dovetail.cabinet.command_policy import CommandPolicy
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.protocol import (
@@ -20,7 +20,7 @@ from dovetail.cabinet.protocol import (
     SessionState,
 )
 from dovetail.cabinet.quality import LinkQuality
-from dovetail.cabinet.session import Application, Situation, next_state
+from dovetail.cabinet.session import Application, SessionInputs, next_state
 from dovetail.cabinet.signals import SignalTable
 from dovetail.cabinet.stops import StopCategory
 from dovetail.poses import Pose
@@ -58,7 +58,7 @@ class RobotController:
             report: Called as report(event, **facts) for the log.
         """
         self.config = config
-        self.body = Body(plant, config)
+        self.body = ArmBody(plant, config)
         self.quality = LinkQuality(config)
         delay, period = config.restart_delay, config.period
         self.application = Application(
@@ -113,7 +113,7 @@ class RobotController:
                 self.safety = SafetyState.NORMAL_OPERATION
                 self._report("safety", state=self.safety.name)
         application = self.application
-        situation = Situation(
+        situation = SessionInputs(
             application.is_open,
             self.quality.value,
             application.has_motion,

@@ -17,7 +17,11 @@ from dovetail.envs.registered import make, task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.learn.policy_env import known_env_id, make_policy_env, require_yes
+from dovetail.learn.policy_env import (
+    known_env_id,
+    make_policy_env,
+    require_contact_accepted,
+)
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins
 from dovetail.robots.find import DEFAULT_ROBOT
@@ -68,7 +72,9 @@ def build(
         where["period"] = _period(choice, {})
         if choice.policy == SCRIPT:
             policy, where = CornerScript(), {**SCRIPT_SETTINGS, **where}
-            require_yes(where, choice.place, is_given=choice.accept_contact)
+            require_contact_accepted(
+                where, choice.place, is_given=choice.accept_contact
+            )
         env = make(env_id, **where)
     else:
         policy = Policy.load(find_policy(choice.policy))

@@ -21,7 +21,7 @@ from dovetail.settings import in_count
 
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera as CameraFile
-    from dovetail.perceive.detect import Sight
+    from dovetail.perceive.detect import Detection
     from dovetail.plants.twin_camera import TwinCamera
     from dovetail.trackers.tracker import Estimate
 
@@ -74,7 +74,7 @@ class CameraIntrinsics:
         """Fit, and write where it is good enough."""
         from dovetail.perceive.board import Board
         from dovetail.perceive.camera import Camera, Lens
-        from dovetail.perceive.detect import Blind, Detector, explain
+        from dovetail.perceive.detect import DetectionFailure, Detector, explain
         from dovetail.perceive.intrinsics import fit_lens
         from dovetail.perceive.picture import read_picture
         from dovetail.perceive.sources import Folder
@@ -93,7 +93,7 @@ class CameraIntrinsics:
             guess = Lens.ideal(shape[1], shape[0], 1.2 * max(shape))
             detector = Detector(board, guess)
             seen = detector.find_corners(picture)
-            if isinstance(seen, Blind):
+            if isinstance(seen, DetectionFailure):
                 reason = explain(detector, picture, seen)
                 console.print(f"{path.name}: {reason}", soft_wrap=True)
                 continue
@@ -144,7 +144,7 @@ class CameraWatch:
             DovetailError: No such camera or twin, or no simulated one for a twin.
         """
         from dovetail.perceive.camera import load_camera
-        from dovetail.perceive.detect import Blind, Detector, explain
+        from dovetail.perceive.detect import DetectionFailure, Detector, explain
         from dovetail.perceive.open_source import open_source
         from dovetail.perceive.rehearsal import FIXTURE
         from dovetail.trackers.marker import locate
@@ -165,7 +165,7 @@ class CameraWatch:
                 if frame is None:
                     continue
                 sight = detector.find(frame.picture)
-                if isinstance(sight, Blind):
+                if isinstance(sight, DetectionFailure):
                     line = explain(detector, frame.picture, sight)
                 else:
                     seen_once = True
@@ -196,7 +196,7 @@ class CameraWatch:
         return True
 
 
-def describe_sight(sight: "Sight", told: "Estimate | None") -> str:
+def describe_sight(sight: "Detection", told: "Estimate | None") -> str:
     """Return where the fixture is, and how sure, for a person.
 
     Args:

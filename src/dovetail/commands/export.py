@@ -9,14 +9,14 @@ from rich.console import Console
 
 from dovetail.envs.registered import make
 from dovetail.errors import ConfigError
-from dovetail.learn.env_settings import EnvSettings, find_task
 from dovetail.learn.foreign import import_file
 from dovetail.learn.policy import policy_files
+from dovetail.learn.policy_env_config import PolicyEnvConfig, find_task
 from dovetail.settings import settings
 
 
 @settings()
-class Export(EnvSettings):
+class Export(PolicyEnvConfig):
     """Write a model.zip of Stable-Baselines3 or SBX as a policy.
 
     The model does not say how its environment was set: give the settings that differ

@@ -26,7 +26,7 @@ from dovetail.settings import in_count, settings
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera
     from dovetail.perceive.detect import Detector
-    from dovetail.perceive.hand_eye import HandEye, View
+    from dovetail.perceive.hand_eye import HandEye, HandEyeSample
     from dovetail.perceive.rehearsal import Shot
 
 _PICTURES_MAX = 1000
@@ -189,19 +189,19 @@ class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
 
     def _views(
         self, detector: "Detector", shots: "Iterable[Shot]", console: Console
-    ) -> "list[View]":
-        from dovetail.perceive.detect import Blind, explain
-        from dovetail.perceive.hand_eye import View
+    ) -> "list[HandEyeSample]":
+        from dovetail.perceive.detect import DetectionFailure, explain
+        from dovetail.perceive.hand_eye import HandEyeSample
 
         robot, views = find_robot(self.robot), []
         for number, shot in enumerate(shots, 1):
             seen = detector.find(shot.picture)
-            if isinstance(seen, Blind):
+            if isinstance(seen, DetectionFailure):
                 reason = explain(detector, shot.picture, seen)
                 console.print(f"picture {number}: {reason}", soft_wrap=True)
                 continue
             flange = robot.tool_pose(shot.q)
-            views.append(View(flange, seen.pose, seen.corners, seen.points))
+            views.append(HandEyeSample(flange, seen.pose, seen.corners, seen.points))
         return views
 
     def _elsewhere(self, camera: "Camera", found: "HandEye") -> list[str]:

@@ -14,8 +14,8 @@ from dovetail.learn.config_file import find_recipe, read_settings
 from dovetail.learn.run_folder import run_config
 from dovetail.learn.train import TrainResult, train
 from dovetail.options import option_words
+from dovetail.plugins import named_modules
 from dovetail.settings import defaults_of, names_in, settings, values_of
-from dovetail.strangers import named_modules
 
 
 @settings()

@@ -19,7 +19,7 @@ from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.camera import Camera
-from dovetail.perceive.detect import Blind, Detector, Sight, explain
+from dovetail.perceive.detect import Detection, DetectionFailure, Detector, explain
 from dovetail.perceive.edges import edge_width
 from dovetail.perceive.open_source import open_source
 from dovetail.perceive.rehearsal import FIXTURE, board_of, viewpoint
@@ -176,9 +176,9 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
     yield check_rate(camera, watched.arrival)
     detector = Detector(camera.board, lens, camera.edge_noise)
     sights = [detector.find(frame.picture) for frame in frames]
-    seen = [i for i, sight in enumerate(sights) if isinstance(sight, Sight)]
+    seen = [i for i, sight in enumerate(sights) if isinstance(sight, Detection)]
     looks = zip(frames, sights, strict=True)
-    blind = ((f.picture, s) for f, s in looks if isinstance(s, Blind))
+    blind = ((f.picture, s) for f, s in looks if isinstance(s, DetectionFailure))
     reason = next((explain(detector, *look) for look in blind), "")
     share = len(seen) / len(frames)
     words = f"seen in {len(seen)} of {len(frames)} pictures, at least {SEEN:.0%}"
@@ -188,7 +188,7 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
         return
     last = seen[-1]
     corners = sights[last]
-    assert isinstance(corners, Sight)
+    assert isinstance(corners, Detection)
     yield check_exposure(frames[last].picture, corners.corners)
     yield check_sharpness(
         [edge_width(frames[i].picture, _corners(sights[i])) for i in seen]
@@ -199,13 +199,13 @@ def check_camera(camera: Camera, watched: Watched) -> Iterator[Check]:
         yield check_delay(camera, watched, arrival, places)
 
 
-def _corners(sight: Sight | Blind) -> Array:
-    assert isinstance(sight, Sight)
+def _corners(sight: Detection | DetectionFailure) -> Array:
+    assert isinstance(sight, Detection)
     return sight.corners
 
 
-def _place(sight: Sight | Blind) -> Array:
-    assert isinstance(sight, Sight)
+def _place(sight: Detection | DetectionFailure) -> Array:
+    assert isinstance(sight, Detection)
     return sight.pose.position
 
 

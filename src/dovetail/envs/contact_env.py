@@ -18,10 +18,10 @@ from dovetail.envs.contract import read_pose, read_progress, read_reward, requir
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
 from dovetail.envs.free_start import OVERLAP_MAX, Overlap, OverlapError, StartCheck
-from dovetail.envs.lookout import look_from_above
+from dovetail.envs.history_features import HistoryFeatures
 from dovetail.envs.observation import Layout, sight
 from dovetail.envs.pictures import EpisodePictures
-from dovetail.envs.recall import Recall
+from dovetail.envs.pre_grasp_view import look_from_above
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare, can_tare
 from dovetail.envs.violations import BAD_INPUT, ViolationCounter, count_bad_input
@@ -196,7 +196,7 @@ class ContactEnv(
         self.places_fixture = facts.traits.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
-        self._recall = Recall(seen.recall, self.scaling, size)
+        self._recall = HistoryFeatures(seen.recall, self.scaling, size)
         self.columns = (*self.scaling.columns, *self._recall.columns)
         self._history = History(seen.stack, len(self.columns), size)
         self.remembers = bool(seen.recall or seen.stack)  # what was, see `remember`

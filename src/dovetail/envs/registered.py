@@ -20,9 +20,9 @@ from dovetail.envs.config import ENDLESS, FALL_BACK, SCRIPTS, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.contract import build_task, require_class
 from dovetail.errors import ConfigError, did_you_mean
+from dovetail.plugins import import_names
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
 from dovetail.settings import names_in
-from dovetail.strangers import import_names
 from dovetail.tasks.shipped import DEFAULT_ENV, EPISODE_STEPS
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker

@@ -39,7 +39,7 @@ from dovetail.evaluation.transfer import Row, summarise
 from dovetail.evaluation.trials import film_name, plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.learn.policy_env import known_env_id, require_yes
+from dovetail.learn.policy_env import known_env_id, require_contact_accepted
 from dovetail.learn.spaces import require_spaces
 from dovetail.robots.robot import Robot
 from dovetail.search.script import CornerScript
@@ -78,7 +78,7 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
     jobs = plan_trials(len(poses), config.tries, config.seed)
     options = environment_options(config, policy.metadata)
     perturbation = config.perturbation
-    lax = require_yes(options, config.arm, is_given=config.accept_contact)
+    lax = require_contact_accepted(options, config.arm, is_given=config.accept_contact)
     said = "; ".join(filter(None, (lax, outside_measured(file, config, options))))
     if said:
         console.print(f"note: {said}", soft_wrap=True)  # before anything moves

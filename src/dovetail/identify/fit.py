@@ -22,12 +22,6 @@ from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
 from dovetail.identify.fit_folder import MODEL, SUMMARY, FitFolder
-from dovetail.identify.outset import (
-    NO_EFFECT,
-    Outset,
-    describe_sensitivity,
-    measure_outset,
-)
 from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.population import (
     Population,
@@ -36,6 +30,12 @@ from dovetail.identify.population import (
 )
 from dovetail.identify.recording import Recording
 from dovetail.identify.search import Search, space_of
+from dovetail.identify.warm_start import (
+    NO_EFFECT,
+    WarmStart,
+    describe_sensitivity,
+    measure_warm_start,
+)
 from dovetail.options import option_words
 from dovetail.plants.find import find_engine
 from dovetail.plants.twin import Twin
@@ -160,26 +160,26 @@ def _fit(config: FitConfig, console: Console) -> FitResult:
     population = make_population(recording, config.plant, workers, config.cluster)
     begin = time.monotonic()
     with closing(population):
-        outset = _begin(folder, settings, parameters, population, config)
-        search = _Fit(config, parameters, outset, folder, population)
+        warm_start = _begin(folder, settings, parameters, population, config)
+        search = _Fit(config, parameters, warm_start, folder, population)
         search.repeat()
         earlier = folder.generations[-1]["time"] if folder.generations else 0.0
         search.run(budget, begin - earlier, console)
         vector, after = search.conclude()
     wall_time = time.monotonic() - begin + earlier
-    warnings = _warnings(parameters, outset, vector, population.deaths)
+    warnings = _warnings(parameters, warm_start, vector, population.deaths)
     model = parameters.to_model(vector, config.plant)
     result = FitResult(
         _describe(model, recording, after),
         vector,
-        outset.before,
+        warm_start.before,
         after,
-        search.search.evaluations + outset.evaluations,
+        search.search.evaluations + warm_start.evaluations,
         wall_time,
         parameters,
         warnings,
     )
-    _write(folder, parameters, outset, result, search.search.history, config)
+    _write(folder, parameters, warm_start, result, search.search.history, config)
     for warning in warnings:
         console.print(f"warning: {warning}", soft_wrap=True, highlight=False)
     return result
@@ -209,17 +209,17 @@ def _begin(
     parameters: ParameterSet,
     population: Population,
     config: FitConfig,
-) -> Outset:
+) -> WarmStart:
     """Measure where the search begins, or read it where it is known."""
     if folder.summary is not None:
-        return Outset.from_dict(folder.summary["outset"])
+        return WarmStart.from_dict(folder.summary["warm_start"])
     plant, warm = config.plant, config.warm_start
-    outset = measure_outset(parameters, population, plant, warm=warm)
+    warm_start = measure_warm_start(parameters, population, plant, warm=warm)
     folder.write_summary(
-        {"state": "running", "settings": settings, "outset": outset.to_dict()}
+        {"state": "running", "settings": settings, "warm_start": warm_start.to_dict()}
     )
     folder.begin_generations()
-    return outset
+    return warm_start
 
 
 class _Fit:
@@ -229,18 +229,18 @@ class _Fit:
         self,
         config: FitConfig,
         parameters: ParameterSet,
-        outset: Outset,
+        warm_start: WarmStart,
         folder: FitFolder,
         population: Population,
     ) -> None:
         self._config = config
         self._parameters = parameters
-        self._active = list(outset.active)
+        self._active = list(warm_start.active)
         self._folder = folder
         self._population = population
-        space = space_of(parameters, outset.active)
+        space = space_of(parameters, warm_start.active)
         self.search = Search(
-            space, outset.mean, outset.covariance, outset.start, config.seed
+            space, warm_start.mean, warm_start.covariance, warm_start.start, config.seed
         )
 
     def _whole(self, vector: Array) -> Array:
@@ -308,18 +308,18 @@ class _Fit:
 
 
 def _warnings(
-    parameters: ParameterSet, outset: Outset, vector: Array, deaths: int
+    parameters: ParameterSet, warm_start: WarmStart, vector: Array, deaths: int
 ) -> tuple[str, ...]:
     """Return what a reader of the result has to know."""
     lines = [
         f"{describe_sensitivity(p, size)}: it has no effect on this log and stays at "
         f"{p.start:g} {p.unit}"
-        for p, size in zip(parameters.parameters, outset.sensitivity, strict=True)
+        for p, size in zip(parameters.parameters, warm_start.sensitivity, strict=True)
         if size < NO_EFFECT
     ]
     shares = space_of(parameters).to_shares(vector)
     for i, p in enumerate(parameters.parameters):
-        if i not in outset.active or AT_BOUND < shares[i] < 1.0 - AT_BOUND:
+        if i not in warm_start.active or AT_BOUND < shares[i] < 1.0 - AT_BOUND:
             continue
         name, bound = ("lower", p.low) if shares[i] <= AT_BOUND else ("upper", p.high)
         lines.append(
@@ -342,7 +342,7 @@ def _describe(model: Twin, recording: Recording, after: float) -> Twin:
 def _write(
     folder: FitFolder,
     parameters: ParameterSet,
-    outset: Outset,
+    warm_start: WarmStart,
     result: FitResult,
     history: list[float],
     config: FitConfig,
@@ -370,10 +370,15 @@ def _write(
             "start": p.start,
             "value": float(value),
             "sensitivity_mm": 1e3 * size,
-            "has_effect": i in outset.active,
+            "has_effect": i in warm_start.active,
         }
         for i, (p, value, size) in enumerate(
-            zip(parameters.parameters, result.vector, outset.sensitivity, strict=True)
+            zip(
+                parameters.parameters,
+                result.vector,
+                warm_start.sensitivity,
+                strict=True,
+            )
         )
     ]
     folder.write_summary(

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.plants.plant import DynamicsConfig, physics_steps
 from dovetail.plants.twin import Twin
 
@@ -11,7 +11,7 @@ LONGEST = 0.03
 """Longest delay that is tried [s], the bound of the parameter `command_delay`."""
 
 
-def hidden_delay(replay: Replay, model: Twin) -> float:
+def hidden_delay(replay: LogReplay, model: Twin) -> float:
     """Return by how much later than the model the arm obeys [s].
 
     It is the one of all whole physics steps, to a delay of 0 to `LONGEST` in all, with

@@ -32,11 +32,11 @@ from dovetail.identify.log_checks import (
     require_same_facts,
 )
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.plugins import require_trusted
 from dovetail.poses import Pose
 from dovetail.reading import read_json
 from dovetail.robots.find import find_robot
 from dovetail.robots.robot import Robot
-from dovetail.strangers import require_trusted
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import option_types
 from dovetail.tasks.task import Task

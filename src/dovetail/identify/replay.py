@@ -22,7 +22,7 @@ DIVERGED = 10.0
 """Error of a model whose simulation diverges [m]: worse than anything in reach."""
 
 
-class Replay:
+class LogReplay:
     """The recording's controller, Targets and starts, over any model."""
 
     def __init__(self, recording: Recording, engine: str = "mujoco") -> None:

@@ -161,9 +161,9 @@ def make_model(
         settings |= _off_policy_settings(config, env.action_space.shape[0], count)
         settings["policy_kwargs"]["layer_norm"] = config.layer_norm
         if config.algorithm == "sac":
-            from dovetail.learn.networks import Actor, Critics
+            from dovetail.learn.networks import Critics, SbxActor
 
-            actor = partial(Actor, num_seen=num_seen)
+            actor = partial(SbxActor, num_seen=num_seen)
             kinds = {"actor_class": actor, "vector_critic_class": Critics}
             settings["policy_kwargs"] |= kinds
             settings["policy_delay"] = config.policy_delay
@@ -186,10 +186,10 @@ def _informed(env: Any, config: TrainConfig) -> Any:
     """Return environments that show the truth, where critics are to be told it."""
     if not config.informed:
         return env
-    from dovetail.learn.informed import Informed
+    from dovetail.learn.privileged_critic import PrivilegedCritic
 
     kinds = config.kinds(config.num_envs)
-    return Informed(env, kinds)
+    return PrivilegedCritic(env, kinds)
 
 
 def _off_policy_settings(

@@ -13,11 +13,11 @@ from dovetail.envs.registered import split_settings
 from dovetail.envs.tare import tared_axes
 from dovetail.errors import ConfigError
 from dovetail.evaluation.transfer import wilson_interval
-from dovetail.learn.env_settings import find_task
-from dovetail.learn.learner_settings import LearnerConfig
-from dovetail.learn.place_settings import ArmPlaceConfig, SimulatedDynamicsConfig
-from dovetail.learn.run_settings import LengthConfig, RunsConfig
-from dovetail.learn.teaching_settings import TeachingConfig
+from dovetail.learn.arm_config import ArmPlaceConfig, SimulatedDynamicsConfig
+from dovetail.learn.learner_config import LearnerConfig
+from dovetail.learn.policy_env_config import find_task
+from dovetail.learn.run_config import LengthConfig, RunsConfig
+from dovetail.learn.teaching_config import TeachingConfig
 from dovetail.learn.variation import VariationConfig
 from dovetail.options import option_words
 from dovetail.robots.find import find_robot

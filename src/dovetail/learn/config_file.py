@@ -14,9 +14,9 @@ from dovetail.arms.address import parse_address
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.learn.config import TrainConfig
+from dovetail.plugins import OPTIONS, require_trusted
 from dovetail.reading import read_toml
 from dovetail.settings import names_in, unknown_settings
-from dovetail.strangers import OPTIONS, require_trusted
 from dovetail.tasks.options import gather_options, option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 

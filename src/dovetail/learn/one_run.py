@@ -12,7 +12,7 @@ from dovetail.errors import ArmError, PlantError
 from dovetail.files import write_atomic
 from dovetail.interrupt import Interrupt, ends_whole
 from dovetail.learn.algorithms import make_model, make_vec_env
-from dovetail.learn.assess import Stage, assess
+from dovetail.learn.assess import TestEnvs, assess
 from dovetail.learn.best_actor import BestActor
 from dovetail.learn.checkpoint import (
     list_checkpoints,
@@ -21,6 +21,7 @@ from dovetail.learn.checkpoint import (
     seed_run,
 )
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.early_stopping import EarlyStopping
 from dovetail.learn.fine_tune import load_start, require_fit, start_from
 from dovetail.learn.policy import RUN_POLICY, Policy
 from dovetail.learn.pretrain import pretrain
@@ -41,10 +42,9 @@ from dovetail.learn.run_folder import (
     require_run,
 )
 from dovetail.learn.sbx_model import num_updates
-from dovetail.learn.stop import Stop
 from dovetail.learn.tester import Tester, stage_of
+from dovetail.plugins import named_modules
 from dovetail.settings import values_of
-from dovetail.strangers import named_modules
 
 
 class TrainResult(NamedTuple):
@@ -116,7 +116,7 @@ class Prepared(NamedTuple):
     """The algorithm with its environments."""
     best: BestActor | None
     """The judge of a run that starts from a policy."""
-    stop: Stop
+    stop: EarlyStopping
     """Says when it has learned."""
 
 
@@ -133,7 +133,7 @@ def prepared(config: TrainConfig) -> Iterator[Prepared]:
     start = load_start(config)  # and before the learning stack is, which takes seconds
     env = make_vec_env(config)
     try:
-        stop = Stop(config)
+        stop = EarlyStopping(config)
         model = make_model(config, env, stop.rate)
         teaching = config
         if start is not None or (teaching.pretrain and not teaching.has_teacher):
@@ -218,7 +218,7 @@ def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> 
 
 
 def _evaluate(
-    policy: Policy, config: TrainConfig, folder: Path, stage: Stage
+    policy: Policy, config: TrainConfig, folder: Path, stage: TestEnvs
 ) -> dict[str, Any] | None:
     if config.eval_episodes == 0:
         return None

@@ -19,9 +19,12 @@ from dovetail.learn.spaces import require_spaces
 from dovetail.settings import names_in, values_of
 from dovetail.tasks.options import option_types
 
-TOLD = ("plant", "robot", "tracker")
+TRAINED_IN = ("plant", "robot", "tracker")
 """Settings that say where the policy was trained: read, and never taken."""
-CHOSEN = ("task", *(n for n in names_in(EnvOptions) if n not in (*TOLD, *DECLARED)))
+CHOSEN = (
+    "task",
+    *(n for n in names_in(EnvOptions) if n not in (*TRAINED_IN, *DECLARED)),
+)
 """Settings of the environment that a policy's file chooses, beside the task's own."""
 
 
@@ -74,7 +77,7 @@ def policy_settings(
     options = option_types(task_class(known_env_id(metadata, said)))
     known = [*CHOSEN, *options]
     for name in env:
-        if name not in (*known, *TOLD):
+        if name not in (*known, *TRAINED_IN):
             raise PolicyError(
                 f"the policy's JSON file sets {name!r} of its environment, which is "
                 f"not a policy's to choose; known: {', '.join(known)}. Where a policy "
@@ -138,7 +141,9 @@ def lax_contact(settings: Mapping[str, Any]) -> list[LaxSetting]:
     return lax
 
 
-def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool) -> str:
+def require_contact_accepted(
+    settings: Mapping[str, Any], arm: str | None, *, is_given: bool
+) -> str:
     """Refuse laxer contact than usual on what may be a robot, unless it is wanted.
 
     Args:
@@ -191,7 +196,7 @@ def make_policy_env(
     """
     settings = policy_settings(policy.metadata, env_id) | where
     env_id = known_env_id(policy.metadata, env_id)
-    require_yes(settings, where.get("arm"), is_given=accept_contact)
+    require_contact_accepted(settings, where.get("arm"), is_given=accept_contact)
     env = make(env_id, **settings)
     try:
         require_spaces(policy.metadata, env)

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.errors import ConfigError
-from dovetail.learn.env_settings import EnvSettings
+from dovetail.learn.policy_env_config import PolicyEnvConfig
 from dovetail.settings import Range, settings
 from dovetail.tasks.options import parse_values
 from dovetail.trackers.find import DEFAULT_TRACKER
 
 
 @settings()
-class VariationConfig(EnvSettings):
+class VariationConfig(PolicyEnvConfig):
     """Differences between episodes."""
 
     vary: str | None = None

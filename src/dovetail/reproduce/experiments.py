@@ -9,7 +9,7 @@ from dovetail.learn.config_file import CONFIG
 from dovetail.learn.policy import RUN_POLICY
 from dovetail.page import finite
 from dovetail.reproduce.settings import as_config
-from dovetail.reproduce.stage import Sitting
+from dovetail.reproduce.stage import StageContext
 
 TWINS = "twins"
 """Folder of the twins in the results folder: copies, so that a change of the original
@@ -23,7 +23,7 @@ def twin_file(root: Path, twin: str) -> Path:
     return root / TWINS / f"{twin}.toml"
 
 
-def record_log(sitting: Sitting) -> dict[str, Any]:
+def record_log(sitting: StageContext) -> dict[str, Any]:
     """Play the scripted sequences on the twin and log them."""
     from dovetail.identify.recorder import RecordConfig, record
 
@@ -41,7 +41,7 @@ def record_log(sitting: Sitting) -> dict[str, Any]:
     return {"cycles": sum(len(sequence.log) for sequence in recording.sequences)}
 
 
-def fit_model(sitting: Sitting) -> dict[str, Any]:
+def fit_model(sitting: StageContext) -> dict[str, Any]:
     """Fit the simulation to a log."""
     from dovetail.identify.fit import FitConfig, fit
 
@@ -71,7 +71,7 @@ def fit_model(sitting: Sitting) -> dict[str, Any]:
     }
 
 
-def report_fit(sitting: Sitting) -> dict[str, Any]:
+def report_fit(sitting: StageContext) -> dict[str, Any]:
     """Judge a fit by a log that it has not seen: figures, intervals, go or no-go."""
     from dovetail.identify.recording import Recording
     from dovetail.identify.report import write_identification_report
@@ -89,7 +89,7 @@ def report_fit(sitting: Sitting) -> dict[str, Any]:
     return finite(result)
 
 
-def train_policy(sitting: Sitting) -> dict[str, Any]:
+def train_policy(sitting: StageContext) -> dict[str, Any]:
     """Train one policy of one seed; a sitting that was cut short is gone on with."""
     settings = dict(sitting.settings)
     model_of = settings.pop("model_of", None)
@@ -98,7 +98,7 @@ def train_policy(sitting: Sitting) -> dict[str, Any]:
     return _train(sitting, settings)
 
 
-def train_on_twin(sitting: Sitting) -> dict[str, Any]:
+def train_on_twin(sitting: StageContext) -> dict[str, Any]:
     """Train on the twin itself over FRI, as the paper does on the robot, one pose."""
     from dovetail.reproduce.served_twin import serve_twin
 
@@ -111,7 +111,7 @@ def train_on_twin(sitting: Sitting) -> dict[str, Any]:
         return _train(sitting, settings | {"arm": address})
 
 
-def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
+def _train(sitting: StageContext, settings: dict[str, Any]) -> dict[str, Any]:
     from dovetail.learn.config import TrainConfig
     from dovetail.learn.train import train
 
@@ -127,7 +127,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
+def evaluate_policy(sitting: StageContext) -> dict[str, Any]:
     """Try a policy on a twin and keep its table."""
     from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 

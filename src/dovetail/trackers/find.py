@@ -16,7 +16,7 @@ from urllib.parse import parse_qsl
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.twin import Twin, load_twin
 from dovetail.plants.twin_camera import TwinCamera
-from dovetail.strangers import import_names
+from dovetail.plugins import import_names
 from dovetail.trackers.covered import Covered
 from dovetail.trackers.late import Late
 from dovetail.trackers.tracker import Tracker

@@ -23,7 +23,7 @@ _FARTHEST = 7.0
 """Bound of the scaled numbers, see `envs.observation`."""
 
 
-class Informed(VecEnvWrapper):
+class PrivilegedCritic(VecEnvWrapper):
     """Appends to each observation how far the fixture is from where it is believed.
 
     These are x, y, z in world axes and the turn about the vertical, scaled as where

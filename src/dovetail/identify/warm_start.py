@@ -50,7 +50,7 @@ TRUSTS = (10.0, 3.0, 1.0, 0.3, 0.1, 0.03)
 
 
 @dataclass(frozen=True)
-class Outset:
+class WarmStart:
     """Start of a search, measured on the log."""
 
     before: float
@@ -118,9 +118,9 @@ def covariance_of(sensitivity: Array, error: float) -> Array:
     return 0.5 * (covariance + covariance.T)
 
 
-def measure_outset(
+def measure_warm_start(
     parameters: ParameterSet, population: Population, engine: str, *, warm: bool
-) -> Outset:
+) -> WarmStart:
     """Measure sensitivities, and with `warm` step towards the log.
 
     Args:
@@ -153,7 +153,7 @@ def measure_outset(
         share = rms_of(error) / len(active) ** 0.5
         spread = covariance_of(jacobian[:, active], share)
     sensitivity = tuple(sizes.tolist())
-    return Outset(
+    return WarmStart(
         before, rms_of(error), sensitivity, tuple(active), mean, spread, errors.count
     )
 

@@ -15,7 +15,7 @@ from dovetail.trackers.find import without_images
 
 
 @settings()
-class EnvSettings(EnvOptions):
+class PolicyEnvConfig(EnvOptions):
     """The task and its environment, as a policy has to know them."""
 
     env: str = DEFAULT_ENV

@@ -34,7 +34,7 @@ PORTION = 50
 _STREAM = 0x57E9
 
 
-class Stop:
+class EarlyStopping:
     """The stage of a run, and the judgement of its tests."""
 
     def __init__(self, config: TrainConfig) -> None:

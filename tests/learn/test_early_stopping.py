@@ -11,12 +11,12 @@ from dovetail.errors import ConfigError
 from dovetail.evaluation.transfer import wilson_interval
 from dovetail.learn import tester
 from dovetail.learn.algorithms import make_vec_env
-from dovetail.learn.assess import Episode, Stage, assess
+from dovetail.learn.assess import EpisodeResult, TestEnvs, assess
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.early_stopping import PORTION, EarlyStopping
 from dovetail.learn.policy import Policy
 from dovetail.learn.progress import WINDOW, EpisodeRow
-from dovetail.learn.stop import PORTION, Stop
 from dovetail.learn.train import train
 from extras import need
 
@@ -39,12 +39,12 @@ def told(stop, first, successes):
 
 def learned(config=CONFIG):
     """Return a stop whose rate began to fall, and the step where that was."""
-    stop = Stop(config)
+    stop = EarlyStopping(config)
     return stop, told(stop, START + 10, [True] * WINDOW)
 
 
 def test_the_rate_falls_once_nine_of_ten_tries_succeed():
-    stop = Stop(CONFIG)
+    stop = EarlyStopping(CONFIG)
     step = told(stop, START + 10, [True] * 44 + [False] * 6)
     step = told(stop, step + 10, [True] * 44)  # 44 of 50 all the time
     assert stop.rate(step) == stop.rate(step + 10 * SETTLE) == 1.0
@@ -59,7 +59,7 @@ def test_the_rate_falls_once_nine_of_ten_tries_succeed():
 
 
 def test_tries_of_chance_or_a_teacher_are_not_the_learners():
-    stop = Stop(CONFIG)
+    stop = EarlyStopping(CONFIG)
     step = told(stop, START - 10 * (WINDOW - 1), [True] * WINDOW)
     assert step == START
     step = told(stop, START + 10, [True] * (WINDOW - 1))
@@ -95,11 +95,11 @@ def test_a_test_is_passed_where_wilsons_bound_is_reached(count, until):
         successes = np.ones(count, dtype=bool)
         successes[:failures] = False
         portions, taken = [], 0
-        for seeds in Stop(config).seeds(7):
+        for seeds in EarlyStopping(config).seeds(7):
             portions.append(successes[taken : taken + len(seeds)].tolist())
             taken += len(seeds)
         assert taken == count
-        passed = Stop(config).is_passed(7, portions)
+        passed = EarlyStopping(config).is_passed(7, portions)
         assert passed == (wilson_interval(count - failures, count)[0] >= until)
 
 
@@ -130,11 +130,11 @@ def test_after_a_failed_test_the_rate_falls_from_half_to_the_next():
 
 
 def test_every_test_has_tries_of_its_own():
-    stop, other = Stop(CONFIG), Stop(replace(CONFIG, seed=1))
+    stop, other = EarlyStopping(CONFIG), EarlyStopping(replace(CONFIG, seed=1))
     tests = stop.seeds(1), stop.seeds(2), other.seeds(1)
     tries = {seed for test in tests for portion in test for seed in portion}
     assert len(tries) == 3 * CONFIG.test_episodes
-    assert Stop(CONFIG).seeds(1) == stop.seeds(1)
+    assert EarlyStopping(CONFIG).seeds(1) == stop.seeds(1)
 
 
 def test_all_steps_can_be_asked_for():
@@ -147,10 +147,10 @@ def test_all_steps_can_be_asked_for():
 def test_a_resumed_run_is_in_the_same_stage():
     rng = np.random.default_rng(0)
     rows = [row(20 * i, rng.random() < min(1.0, i / 150)) for i in range(300)]
-    stop, later = Stop(CONFIG), 0
+    stop, later = EarlyStopping(CONFIG), 0
     for i, episode in enumerate(rows):
         stop.note(episode)
-        again = Stop(CONFIG)
+        again = EarlyStopping(CONFIG)
         for before in rows[: i + 1]:
             again.note(before)
         later = episode.step + SETTLE // 2
@@ -185,7 +185,9 @@ def test_how_many_environments_play_changes_nothing(small, policy):
     env, alone = make_vec_env(config), make_vec_env(replace(config, num_envs=1))
     wanted = assess(policy, 7, tester.stage_of(alone))
     assert assess(policy, 7, tester.stage_of(env)) == wanted
-    assert assess(policy, 2, Stage(env.envs)) == assess(policy, 2, Stage(alone.envs))
+    assert assess(policy, 2, TestEnvs(env.envs)) == assess(
+        policy, 2, TestEnvs(alone.envs)
+    )
     env.close()
     alone.close()
 
@@ -194,8 +196,8 @@ def test_how_many_environments_play_changes_nothing(small, policy):
 def eager(small, monkeypatch):
     """A run that thinks that it has learned as soon as 50 tries have ended."""
     need("sbx")
-    monkeypatch.setattr("dovetail.learn.stop.BEGIN", 0.0)
-    monkeypatch.setattr("dovetail.learn.stop.LOST", 0.0)
+    monkeypatch.setattr("dovetail.learn.early_stopping.BEGIN", 0.0)
+    monkeypatch.setattr("dovetail.learn.early_stopping.LOST", 0.0)
     changes = {"algorithm": "ppo", "steps": 900, "max_steps": 5, "settle": 40}
     return replace(small, until=0.3, test_episodes=6, **changes)
 
@@ -206,7 +208,7 @@ def test_a_run_ends_with_the_test_that_it_passes(eager, monkeypatch):
     def play(policy, seeds, stage):
         assert isinstance(policy, Policy)
         assert len(seeds) == 6
-        return [Episode(ok, 1, 0.0, 0) for ok in next(results)]
+        return [EpisodeResult(ok, 1, 0.0, 0) for ok in next(results)]
 
     monkeypatch.setattr(tester, "play", play)
     output = StringIO()

@@ -38,7 +38,7 @@ def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> No
     """
     if not is_on_arm(tracker):
         return
-    q = lookout(arm, task, fixture)
+    q = pre_grasp_view(arm, task, fixture)
     arm.reset(q, fixture)
     target = _core.Target(joint_mode=True, q_d=q)
     try:
@@ -53,7 +53,7 @@ def look_from_above(tracker: Tracker, arm: Arm, task: Task, fixture: Pose) -> No
         raise
 
 
-def lookout(arm: Arm, task: Task, fixture: Pose) -> Vec7:
+def pre_grasp_view(arm: Arm, task: Task, fixture: Pose) -> Vec7:
     """Return the configuration [rad] from which is looked."""
     facts, goal = arm.facts, task.goal(fixture)
     low, high = (np.array(wall) for wall in task.walls)

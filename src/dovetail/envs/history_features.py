@@ -18,7 +18,7 @@ _RECALLED = ("position", "tilt")
 _OLDEST = 200
 
 
-class Recall:
+class HistoryFeatures:
     """Scaled columns of some steps ago, in the order of their ages.
 
     At the start of an episode there is no past: each is what was seen first, and the
