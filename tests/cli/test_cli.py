@@ -44,7 +44,8 @@ def test_help_comes_from_the_settings_docstrings(capsys):
     with pytest.raises(SystemExit):
         run(["evaluate", "--help"])
     text = capsys.readouterr().out
-    assert "Gap between peg and hole on each side [m] (0.0005)" in text
+    words = " ".join(text.replace("│", " ").split())
+    assert "Gap between peg and hole on each side [m] (default: 0.0005)" in words
 
 
 def test_an_unknown_command_lists_the_known_ones(capsys):

@@ -53,7 +53,6 @@ def test_the_plain_plants_engine_is_not_given_beside_another_arm(place):
     [
         ({"approach": True}, "approach"),
         ({"tracker": "late", "fixture_shift": 0.01}, "tracker late"),
-        ({"tracker": "late", "cover": 10.0}, "tracker late"),
     ],
 )
 def test_an_evaluation_refuses_what_another_option_would_override(given, named):

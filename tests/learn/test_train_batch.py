@@ -79,4 +79,4 @@ def test_threads_that_would_do_nothing_are_refused():
 
 def test_another_number_of_threads_resumes_the_same_run():
     config = TrainConfig()
-    replace(config, threads=3).require_same(config.to_json())
+    replace(config, threads=3).require_same(config)

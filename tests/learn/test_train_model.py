@@ -104,7 +104,7 @@ def test_the_evaluation_at_the_end_is_in_the_model(trained):
     _, result, env, model = trained
     assert result.evaluation["episodes"] == SMALL["eval_episodes"]
     twin = env.unwrapped.arm.plant
-    assert twin.command_delay == load_twin(model).channel.command_delay
+    assert twin.command_delay == load_twin(model).command_delay
 
 
 def test_a_training_with_random_dynamics_leaves_a_policy_that_says_so(trained):

@@ -44,7 +44,7 @@ def test_motors_of_an_mjcf_file_are_used(read):
     for name, value in (("damping", 2.5), ("armature", 0.4), ("coulomb", 1.25)):
         np.testing.assert_array_equal(vars(robot.motors)[name], value)
     assert robot.motors.notes == ()
-    physics = DynamicsConfig.of_robot(robot).joints
+    physics = DynamicsConfig.of_robot(robot)
     assert (physics.damping, physics.coulomb) == ((2.5,) * 7, (1.25,) * 7)
     assert physics.armature == (0.4,) * 7
     model = LimitConfig.for_period(robot, 1e-3).prediction

@@ -152,7 +152,7 @@ def test_a_copy_corrects_as_well():
     twin = copy.deepcopy(env)
     assert isinstance(twin, CorrectedEnv)
     np.testing.assert_array_equal(env.reset(seed=2)[0], twin.reset(seed=2)[0])
-    assert twin.correction == 0.4
+    assert twin.config.correction == 0.4
 
 
 def test_it_is_made_by_its_name():

@@ -109,7 +109,11 @@ class FriAddress(ArmAddress):
     """Move to a start that is far away, too."""
 
     def __post_init__(self) -> None:
-        """Choose the reset if none is given; refuse one that the cabinet cannot do."""
+        """Choose the reset if none is given; refuse what the cabinet cannot do."""
+        for name, known in (("clock", CLOCKS), ("reset", (*RESETS, None))):
+            if (word := vars(self)[name]) not in known:
+                words = ", ".join(filter(None, known))
+                raise ConfigError(f"arm {name} is {word!r}; known: {words}")
         control = self.control
         if self.reset is None:
             object.__setattr__(self, "reset", "move" if control is None else "place")

@@ -4,7 +4,7 @@ import resource
 from dataclasses import field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.console import Console
 from rich.text import Text
@@ -18,10 +18,10 @@ from dovetail.control.limits import DeclaredErrors
 from dovetail.durations import format_ms
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
-from dovetail.options import Period
+from dovetail.options import Delay, Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
-from dovetail.settings import settings
+from dovetail.settings import ranges_of, settings
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 if TYPE_CHECKING:
@@ -73,7 +73,20 @@ class ServiceOptions:
 
 
 @settings()
-class Serve(OfferedArmOptions, DeclaredErrors, OfferedCellOptions, ServiceOptions):
+class KnownErrors(DeclaredErrors):
+    """Known differences between the arm and its model, which a learner must declare."""
+
+    delay: Annotated[Delay, ranges_of(DeclaredErrors)["delay"]] = 0.0
+    """Delay from a measurement to the torque it leads to [s], the period not counted.
+    A learner that declares less is refused."""
+    mass_error: Annotated[float, ranges_of(DeclaredErrors)["mass_error"]] = 0.0
+    """Error of a link's mass, as a share [1]."""
+    payload_error: Annotated[float, ranges_of(DeclaredErrors)["payload_error"]] = 0.0
+    """Error of the payload's mass [kg]."""
+
+
+@settings()
+class Serve(OfferedArmOptions, KnownErrors, OfferedCellOptions, ServiceOptions):
     """Offer an arm to one learner at a time, and to watchers, until Ctrl-C."""
 
     def run(self, console: Console) -> int:
@@ -98,11 +111,9 @@ class Serve(OfferedArmOptions, DeclaredErrors, OfferedCellOptions, ServiceOption
                 f"{now:%H:%M:%S} {line}", markup=False, highlight=False, soft_wrap=True
             )
 
-        offered = self
-        address = _address(offered)
+        address = _address(self)
         arm = _offered(self, address, self)
-        robot = self.robot
-        warn_of_arm(console, offered.twin, offered.arm, robot, self)
+        warn_of_arm(console, self.twin, self.arm, self.robot, self)
         _allow_many_connections()
         server = ArmServer(arm, service.listen, files, notify)
         with ended_by_signal() as end, server:

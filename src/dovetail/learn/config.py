@@ -24,6 +24,7 @@ from dovetail.robots.find import find_robot
 from dovetail.search.script import SCRIPT_SETTINGS
 from dovetail.settings import defaults_of, fill_in, names_in, settings, values_of
 from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.options import require_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.trackers.find import require_tracker
 
@@ -53,6 +54,7 @@ class TrainConfig(
         self._fill_in()
         fill_in(self, period=require_period(self.period, "period"))
         split_settings(self.task_class, self.given())
+        require_types(self.task_options, self.task_class)
         find_robot(self.robot)
         require_tracker(self.tracker)
         if self.fixture is not None and not self.fixed_goal:

@@ -17,7 +17,7 @@ from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import require_spaces
 from dovetail.settings import names_in, values_of
-from dovetail.tasks.options import option_types
+from dovetail.tasks.options import option_types, require_types
 
 TRAINED_IN = ("plant", "robot", "tracker")
 """Settings that say where the policy was trained: read, and never taken."""
@@ -74,7 +74,8 @@ def policy_settings(
         raise PolicyError(
             "the policy's JSON file has no section 'env'; export the policy again"
         )
-    options = option_types(task_class(known_env_id(metadata, said)))
+    task = task_class(known_env_id(metadata, said))
+    options = option_types(task)
     known = [*CHOSEN, *options]
     for name in env:
         if name not in (*known, *TRAINED_IN):
@@ -87,20 +88,13 @@ def policy_settings(
     shared = {name: env[name] for name in names_in(EnvOptions) if name in env}
     try:
         checked = values_of(EnvOptions(**shared))
-        own = {n: _checked(n, env[n], kind) for n, kind in options.items() if n in env}
-        if "task" in env:
-            own["task"] = _checked("task", env["task"], str)
+        require_types(env, task)
+        if not isinstance(env.get("task", ""), str):
+            raise ConfigError(f"task is {env['task']!r}; needed: str")
     except ConfigError as error:
         raise PolicyError(f"the policy's JSON file is damaged: {error}") from error
+    own = {name: env[name] for name in ("task", *options) if name in env}
     return own | {name: checked[name] for name in shared if name in CHOSEN}
-
-
-def _checked(name: str, value: Any, kind: type) -> Any:
-    """Return a task's option that is of its type: str, float, int or bool."""
-    is_fine = isinstance(value, (int, float) if kind is float else kind)
-    if not is_fine or isinstance(value, bool) != (kind is bool):
-        raise ConfigError(f"{name} is {str(value)[:80]!r}; needed: {kind.__name__}")
-    return value
 
 
 class LaxSetting(NamedTuple):

@@ -5,7 +5,6 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 "robot".
 """
 
-import re
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -109,8 +108,10 @@ class Twin(TwinRun, TwinArm, TwinChannel, TwinContact):
                 camera.add(name, value)
             document.add(tomlkit.nl())
             document.add("camera", camera)
-        text = tomlkit.dumps(document)
-        return re.sub(r"[^\0-~]", _escaped, text) if is_ascii else text
+        lines = tomlkit.dumps(document).split("\n")
+        return "\n".join(
+            "".join(_escaped(c, is_ascii=is_ascii) for c in line) for line in lines
+        )
 
 
 def _items(config: "Twin | TwinCamera") -> Iterator[tuple[str, Any]]:
@@ -125,8 +126,11 @@ def _items(config: "Twin | TwinCamera") -> Iterator[tuple[str, Any]]:
         yield name, item
 
 
-def _escaped(match: re.Match[str]) -> str:
-    code = ord(match[0])
+def _escaped(c: str, *, is_ascii: bool) -> str:
+    """Return a character of a TOML text; what steers a terminal is escaped, too."""
+    if c.isprintable() and (c.isascii() or not is_ascii):
+        return c
+    code = ord(c)
     return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 

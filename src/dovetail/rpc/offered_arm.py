@@ -52,7 +52,7 @@ class OfferedArm:
                 "grpc://HOST:PORT?period=..."
             )
         own = vars(settings.limits)
-        for key, least in vars(self.declared).items():
+        for key, least in self.declared.declared_errors().items():
             if own[key] < least * (1.0 - 1e-9):
                 word, given = option_words(key, least)
                 raise ConfigError(

@@ -59,6 +59,29 @@ def own_options(task: type[Task]) -> dict[str, Any]:
     return {name: value for name, value in known.items() if value is not MISSING}
 
 
+def require_types(options: Mapping[str, Any], task: type[Task]) -> None:
+    """Refuse options of a task that are not of their types.
+
+    Args:
+        options: By name.
+        task: Whose options they are.
+
+    Raises:
+        ConfigError: Names the option, its value and the type.
+    """
+    for name, kind in option_types(task).items():
+        if name not in options:
+            continue
+        value = options[name]
+        is_fine = isinstance(value, (int, float) if kind is float else kind)
+        if not is_fine or isinstance(value, bool) != (kind is bool):
+            raise ConfigError(
+                f"{name} is {str(value)[:80]!r}; needed: {kind.__name__}",
+                name=name,
+                value=value,
+            )
+
+
 def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, Any]:
     """Return flat settings with those of the task together, as `task_options`.
 
