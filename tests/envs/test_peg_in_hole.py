@@ -288,7 +288,9 @@ def test_the_walls_hold_every_start_and_hole(real):
                 ("near_distance", 2.0, "m"),
             )
             for value in (np.nan, -1.0, largest)
+            if not (name == "f_scale" and np.isnan(value))
         ),
+        ({"f_scale": np.nan}, "f_scale is nan"),
         ({"period": 0.5}, "control period is 500 ms; allowed: 1, 2, 2.5 and 5 ms"),
         ({"twin": "nice"}, "no twin 'nice'; shipped twins: "),
     ],

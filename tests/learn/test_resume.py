@@ -254,6 +254,21 @@ def test_a_run_on_a_service_goes_on_with_a_new_token(sent):
     require_run(replace(read, arm=f"{arm}second"))
 
 
+@pytest.mark.parametrize("name", ["steps", "gamma", "period"])
+def test_a_run_of_another_version_is_refused(sent, name):
+    file = sent("twin:easy") / "config.toml"
+    table = tomllib.loads(file.read_text())
+    del table[name]
+    file.write_text(tomlkit.dumps(table))
+    with pytest.raises(ConfigError, match="start a new one") as caught:
+        run_config(file.parent)
+    assert caught.value.name == name
+    file.write_text(tomlkit.dumps(table | {name: "x", "colour": "red"}))
+    with pytest.raises(ConfigError, match="start a new one") as caught:
+        run_config(file.parent)
+    assert caught.value.name == "colour"
+
+
 def test_a_run_folder_does_not_choose_where_it_is(sent):
     folder = sent("twin:easy", out="/elsewhere")
     assert run_config(folder).out == folder

@@ -47,7 +47,7 @@ def test_motors_of_an_mjcf_file_are_used(read):
     physics = DynamicsConfig.of_robot(robot)
     assert (physics.damping, physics.coulomb) == ((2.5,) * 7, (1.25,) * 7)
     assert physics.armature == (0.4,) * 7
-    model = LimitConfig.for_period(robot, 1e-3).prediction
+    model = LimitConfig.for_period(robot, 1e-3)
     np.testing.assert_array_equal(model.damping, 2.5)
     np.testing.assert_array_equal(model.armature, 0.4)
 

@@ -13,8 +13,15 @@ from dovetail.files import (
     require_empty,
     write_atomic,
 )
-from dovetail.learn.config import TrainConfig
-from dovetail.learn.config_file import CONFIG, MODEL, load_config, to_toml
+from dovetail.learn.config import NOT_COMPARED, TrainConfig
+from dovetail.learn.config_file import (
+    CONFIG,
+    MODEL,
+    load_config,
+    read_settings,
+    to_toml,
+)
+from dovetail.settings import defaults_of
 from dovetail.tasks.options import option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 
@@ -94,6 +101,13 @@ def run_config(folder: Path, arm: str | None = None) -> TrainConfig:
             "start one"
         )
     try:
+        given = read_settings(folder / CONFIG, arm)
+        usual = defaults_of(TrainConfig)
+        written = {name for name, value in usual.items() if value is not None}
+        if missing := sorted(written - given.keys() - set(NOT_COMPARED)):
+            raise ConfigError(
+                f"{folder / CONFIG} lacks {', '.join(missing)}", name=missing[0]
+            )
         return load_config(folder / CONFIG, arm, out=folder, resume=True)
     except ConfigError as error:
         if error.name:

@@ -3,7 +3,7 @@
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.limits import DeclaredErrors
-from dovetail.control.proven import describe
+from dovetail.control.proven import DECLARED, describe
 from dovetail.control.settings import ControllerSettings
 from dovetail.durations import format_ms
 from dovetail.errors import ConfigError
@@ -11,7 +11,7 @@ from dovetail.options import option_words
 from dovetail.robots.robot import Robot
 from dovetail.workcell.workcell import Workcell
 
-NOTHING = DeclaredErrors()
+NOTHING = DeclaredErrors(**dict.fromkeys(DECLARED, 0.0))
 """Errors that a learner has to declare where nothing is known of the arm."""
 
 
