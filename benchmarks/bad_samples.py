@@ -68,7 +68,7 @@ class Case:
         self.arm = build_local_arm(
             find_cell(),
             TaskSpec.parse(TASK),
-            EnvConfig.of(
+            EnvConfig(
                 twin=None if plant == "mujoco" else plant,
                 period=period,
                 force_damping=FORCE_DAMPING,
@@ -172,7 +172,7 @@ class Case:
 
     def is_broken(self) -> bool:
         """Return whether the arm is outside a limit, margins not taken off."""
-        joints, tool = self.arm.facts.limits.joints, self.arm.facts.limits.tool
+        joints, tool = self.arm.facts.limits, self.arm.facts.limits
         q, dq = self.arm.plant.read()
         p = self.chain.pose(q)[0]
         return bool(

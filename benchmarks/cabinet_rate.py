@@ -19,7 +19,7 @@ from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.envs.registered import find_cell
 from dovetail.plants.mujoco_plant import MujocoPlant
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 
 Q_START = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
@@ -60,7 +60,7 @@ def main() -> None:
     here, there = multiprocessing.Pipe()
     client = multiprocessing.Process(target=answer, args=(there,), daemon=True)
     client.start()
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         clock="lockstep",
         period=options.period,
         client=Endpoint("127.0.0.1", here.recv()),
@@ -71,7 +71,7 @@ def main() -> None:
     if options.plant == "mujoco":
         plant = MujocoPlant(cell)
     else:
-        plant = TwinPlant(load_twin(options.plant), cell)
+        plant = make_twin(load_twin(options.plant), cell)
     plant.reset(Q_START, HOLE)
     with Cabinet(plant, config) as cabinet:
         while cabinet.request({"do": "status"})["state"] != "COMMANDING_ACTIVE":

@@ -16,6 +16,7 @@
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +26,8 @@ from numpy.typing import NDArray
 from dovetail.envs.registered import find_cell
 from dovetail.perceive.board import Board
 from dovetail.perceive.camera import Camera, Lens, load_camera
-from dovetail.perceive.detect import Blind, Detector, Sight
-from dovetail.perceive.hand_eye import View, calibrate
+from dovetail.perceive.detect import Detection, DetectionFailure, Detector
+from dovetail.perceive.hand_eye import HandEyeSample, calibrate
 from dovetail.perceive.opencv import opencv
 from dovetail.perceive.projection import Projection
 from dovetail.perceive.rehearsal import shoot
@@ -78,7 +79,7 @@ def scene(
     lens: Lens, camera: Pose, fixture: Pose, number: int, source: Simulated
 ) -> NDArray[np.uint8]:
     """Return a picture with the arm out of the way."""
-    source.camera = Camera.of(
+    source.camera = Camera(
         lens=lens,
         mount="world",
         position=tuple(camera.position.tolist()),
@@ -91,7 +92,7 @@ def scene(
 def pictures(lens: Lens, count: int) -> list[tuple[NDArray[np.uint8], Pose]]:
     """Return pictures, and the fixture in the camera for each."""
     rng = np.random.default_rng(0)
-    first = Camera.of(
+    first = Camera(
         lens=lens, mount="world", position=(1.0, 0, 0), rotation=(1.0, 0, 0, 0)
     )
     source, made = Simulated(first, find_cell(), TwinCamera()), []
@@ -112,7 +113,7 @@ def measure_pose(width: int, count: int) -> None:
     detector, errors, inside, blind = Detector(Board(), lens), [], [], 0
     for picture, true in pictures(lens, count):
         seen = detector.find(picture)
-        if isinstance(seen, Blind):
+        if isinstance(seen, DetectionFailure):
             blind += 1
             continue
         gap = seen.pose.position - true.position
@@ -144,13 +145,14 @@ def found_by_hand_eye(camera: Camera, cell: Workcell, seed: int) -> Camera:
     views = []
     for shot in shoot(camera, cell, twin, 20, seed):
         sight = detector.find(shot.picture)
-        if isinstance(sight, Sight):
+        if isinstance(sight, Detection):
             flange = cell.robot.tool_pose(shot.q)
-            views.append(View(flange, sight.pose, sight.corners, sight.points))
-    found = calibrate(views, camera.lens, camera.place.mount)
+            views.append(HandEyeSample(flange, sight.pose, sight.corners, sight.points))
+    found = calibrate(views, camera.lens, camera.mount)
     deviation = np.sqrt(np.diag(found.covariance))
     correlation = found.covariance / np.outer(deviation, deviation)
-    return camera.having(
+    return replace(
+        camera,
         position=tuple(found.camera.position.tolist()),
         rotation=tuple(found.camera.quat_wxyz.tolist()),
         deviation=tuple(deviation.tolist()),
@@ -169,7 +171,7 @@ def measure_axes(width: int, count: int, calibrations: int) -> None:
     """
     example, cell = load_camera(EXAMPLE), find_cell()
     lens = Lens.ideal(width, 3 * width // 4, 0.9375 * width)
-    believed = example.having(lens=lens)
+    believed = replace(example, lens=lens)
     rng, q = np.random.default_rng(0), cell.robot.posture("down")
     twin = load_twin("medium").camera if calibrations else TwinCamera()
     source, detector = Simulated(believed, cell, twin), Detector(Board(), lens)
@@ -184,7 +186,7 @@ def measure_axes(width: int, count: int, calibrations: int) -> None:
             fixture = Pose(at, quat_about_z(rng.uniform(-0.5, 0.5)))
             picture = source.still(q, fixture, fixture, 1000 * part + number)
             sight = detector.find(picture)
-            if isinstance(sight, Blind):
+            if isinstance(sight, DetectionFailure):
                 continue
             pose, _, covariance = locate(camera, sight, cell.robot)
             assert covariance is not None
@@ -209,7 +211,7 @@ def _row(values: Array, digits: int) -> str:
 
 def plant(
     rng: np.random.Generator, mount: str, poses: int
-) -> tuple[Pose, Lens, list[View]]:
+) -> tuple[Pose, Lens, list[HandEyeSample]]:
     """Return a camera's true place, its lens and what it sees."""
     board, lens = Board(), Lens.ideal(1280, 960, 1200.0)
     projection = Projection(lens)
@@ -226,7 +228,7 @@ def plant(
         corners = projection.place(seen, board.corners) + noise
         guess, _ = projection.flat_poses(board.corners, corners, board.thickness)
         flange = moving if mount == "flange" else inverse(moving)
-        views.append(View(flange, guess, corners, board.corners))
+        views.append(HandEyeSample(flange, guess, corners, board.corners))
     return camera, lens, views
 
 

@@ -108,13 +108,13 @@ def measure_rates(session: Session, browser: Any, seconds: float) -> None:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         session.reset()
-        wait_for(lambda: moment(session).stamp < 2.5)  # the tare takes 2.2 s of it
+        wait_for(lambda: snapshot(session).stamp < 2.5)  # the tare takes 2.2 s of it
         session.start()
         wait_for(lambda: session.status.mode == "running")
-        wall, stamp = time.monotonic(), moment(session).stamp
+        wall, stamp = time.monotonic(), snapshot(session).stamp
         shown = browser.execute_async_script(FRAMES, 2000)
         passed = time.monotonic() - wall
-        factors.append((moment(session).stamp - stamp) / passed)
+        factors.append((snapshot(session).stamp - stamp) / passed)
         pictures.append(shown / passed)
     session.reset()
     print(
@@ -133,10 +133,10 @@ def take_picture(session: Session, browser: Any, file: Path) -> None:
         "document.querySelector('.mantine-Notification-closeButton')?.click()"
     )
     session.reset()
-    wait_for(lambda: moment(session).stamp < 2.5)
+    wait_for(lambda: snapshot(session).stamp < 2.5)
     session.start()
-    wait_for(lambda: moment(session).depth > 0.004)
-    session.pull(moment(session).tool.position + np.array([0.0, 0.06, 0.02]))
+    wait_for(lambda: snapshot(session).depth > 0.004)
+    session.pull(snapshot(session).tool.position + np.array([0.0, 0.06, 0.02]))
     time.sleep(0.8)
     session.pause()
     time.sleep(1.5)
@@ -146,10 +146,10 @@ def take_picture(session: Session, browser: Any, file: Path) -> None:
     print(f"written: {file}")
 
 
-def moment(session: Session) -> Any:
+def snapshot(session: Session) -> Any:
     """Return the newest slice; a simulated arm has one."""
-    assert session.moment is not None
-    return session.moment
+    assert session.snapshot is not None
+    return session.snapshot
 
 
 class Watch:
@@ -166,9 +166,9 @@ class Watch:
     def _look(self) -> None:
         last = None
         while not self._is_ended.wait(0.0005):
-            now = self._session.moment
+            now = self._session.snapshot
             if now is not last and now is not None:
-                self.seen.append((time.monotonic(), float(now.load.pull[2])))
+                self.seen.append((time.monotonic(), float(now.pull[2])))
                 last = now
 
     def close(self) -> None:
@@ -183,20 +183,20 @@ def measure_delay(
     """Print how long a mouse's move takes to be a force on the arm."""
     session.reset()
     time.sleep(1.0)
-    tip = moment(session).tool.position
+    tip = snapshot(session).tool.position
     mouse, watch = Mouse(browser), Watch(session)
     low, high = (on_screen(browser, server, tip + h * UP) for h in (0.085, 0.115))
     begin = on_screen(browser, server, tip + 0.07 * UP)
     mouse.grab(begin)
     mouse.drag(low)
-    wait_for(lambda: moment(session).load.pull[2] > 1.0)
+    wait_for(lambda: snapshot(session).pull[2] > 1.0)
     delays = []
     for i in range(moves):
         time.sleep(0.3)
-        before = moment(session).load.pull[2]
+        before = snapshot(session).pull[2]
         said = time.monotonic()
         mouse.drag(high if i % 2 == 0 else low)
-        wait_for(lambda before=before: abs(moment(session).load.pull[2] - before) > 2.0)
+        wait_for(lambda before=before: abs(snapshot(session).pull[2] - before) > 2.0)
         time.sleep(0.02)
         delays.append(
             next(t for t, force in watch.seen if t > said and abs(force - before) > 2.0)
@@ -229,7 +229,7 @@ def click_about(
             mouse.grab(place)
             mouse.let_go(place)
         elif kind < 0.97:
-            tip = moment(session).tool.position
+            tip = snapshot(session).tool.position
             with suppress(ValueError, ZeroDivisionError):
                 place = on_screen(browser, server, tip + 0.07 * UP)
             mouse.grab(place)
@@ -252,9 +252,9 @@ def verdict(session: Session) -> str:
     session.pace.speed = 1.0
     wait_for(lambda: session.status.mode in ("held", "stopped"))
     time.sleep(1.0)
-    begin = moment(session)
+    begin = snapshot(session)
     time.sleep(0.5)
-    end = moment(session)
+    end = snapshot(session)
     moved = 1e3 * float(np.linalg.norm(end.tool.position - begin.tool.position))
     alive = "goes on" if end.stamp > begin.stamp else "stands still"
     return (
@@ -265,10 +265,10 @@ def verdict(session: Session) -> str:
 
 def send_garbage(session: Session, server: PageServer, count: int) -> None:
     """Send random messages to the page's socket, well formed ones among them."""
-    begin, stamp = time.monotonic(), moment(session).stamp
+    begin, stamp = time.monotonic(), snapshot(session).stamp
     closed = asyncio.run(flood(server.address, count))
     passed = time.monotonic() - begin
-    rate = (moment(session).stamp - stamp) / passed
+    rate = (snapshot(session).stamp - stamp) / passed
     print(
         f"{count} garbage messages in {passed:.1f} s, {closed} connections were "
         f"closed, simulated over wall time meanwhile {rate:.3f}: {verdict(session)}"

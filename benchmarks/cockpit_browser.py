@@ -4,10 +4,14 @@ The tests of the pages use it, too.
 """
 
 import io
+import os
 import shutil
 import socket
+import subprocess
+import sys
 import threading
 import time
+import urllib.request
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
@@ -40,15 +44,18 @@ def missing() -> str:
 
 
 def open_browser() -> Any:
-    """Return a driven Chromium."""
+    """Return a driven Chromium; it ends with this process, also if that is killed."""
     from selenium import webdriver
+
+    class Service(webdriver.ChromeService):
+        def command_line_args(self) -> list[str]:
+            return [__file__, *super().command_line_args()]
 
     options = webdriver.ChromeOptions()
     options.binary_location = shutil.which("chromium") or ""
     for switch in (*SWITCHES, f"window-size={WIDTH},{HEIGHT}"):
         options.add_argument(f"--{switch}")
-    service = webdriver.ChromeService(shutil.which("chromedriver"))
-    browser = webdriver.Chrome(options=options, service=service)
+    browser = webdriver.Chrome(options=options, service=Service(sys.executable))
     set_size(browser, WIDTH, HEIGHT)
     return browser
 
@@ -172,4 +179,24 @@ def _pass(one: socket.socket, other: socket.socket) -> None:
             other.sendall(data)
 
 
+def _run_driver(words: Sequence[str]) -> None:
+    """Run chromedriver until the process that started this one closes the input.
+
+    It does so by its death, too. The driver is then asked to end, and ends its browser.
+    """
+    driver = subprocess.Popen(["chromedriver", *words], stdin=subprocess.DEVNULL)
+    threading.Thread(target=lambda: os._exit(driver.wait()), daemon=True).start()
+    sys.stdin.read()
+    port = next(word for word in words if word.startswith("--port=")).partition("=")[2]
+    with suppress(OSError):
+        urllib.request.urlopen(
+            f"http://127.0.0.1:{port}/shutdown", timeout=10.0
+        ).close()
+    time.sleep(10.0)
+    driver.kill()
+
+
 _LEFT = {"button": "left", "buttons": 1, "clickCount": 1}
+
+if __name__ == "__main__":
+    _run_driver(sys.argv[1:])

@@ -1,6 +1,6 @@
 """STOP in the cockpit's page while hostile clients attack beside it.
 
-One hostile client has the address that drives: it holds the driver's seat, presses
+One hostile client has the address that drives: it holds the driver's lock, presses
 Resume and Start as fast as a page may, and sends garbage in between, such as attributes
 of the STOP button. Another has the address that watches, and only garbage. A third has
 no token and knocks. Each runs in a process of its own. A viewer presses STOP again and
@@ -34,7 +34,7 @@ from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.page import Page
 from dovetail.cockpit.server import PageServer, open_server
 from dovetail.cockpit.session import RESUME_AFTER, Session
-from dovetail.cockpit.snapshot import Moment
+from dovetail.cockpit.snapshot import Snapshot
 
 Words = Sequence[str]
 STOP, ESCAPE = "STOP  (Esc)", "Stop: hold the arm"
@@ -174,13 +174,13 @@ def _stop_once(
     called, was_held = watch.stops[-1]
     if not was_held:
         return "the arm was not held"
-    before = moment(session)
+    before = snapshot(session)
     while time.monotonic() < called + HELD:
         if not is_held(session):
             is_late = time.monotonic() > called + RESUME_AFTER
             return None if is_late else "the arm was held no more"
         time.sleep(0.002)
-    now = moment(session)
+    now = snapshot(session)
     moved = np.linalg.norm(now.tool.position - before.tool.position)
     is_reset = now.stamp < before.stamp  # in a simulation that ends at once
     return "it moved" if moved > MOVED_MAX and not is_reset else called - begin
@@ -205,10 +205,10 @@ def is_held(session: Session) -> bool:
     return session.is_stopped and arm.is_held
 
 
-def moment(session: Session) -> Moment:
+def snapshot(session: Session) -> Snapshot:
     """Return the newest slice; a simulated arm has one."""
-    assert session.moment is not None
-    return session.moment
+    assert session.snapshot is not None
+    return session.snapshot
 
 
 def main() -> None:

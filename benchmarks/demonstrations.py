@@ -27,15 +27,15 @@ import gymnasium as gym
 import numpy as np
 
 import dovetail
-from dovetail.cockpit.diary import DEMONSTRATIONS, Diary
-from dovetail.cockpit.guide import Guide
+from dovetail.cockpit.episode_logger import DEMONSTRATIONS, EpisodeLogger
+from dovetail.cockpit.teleoperator import Teleoperator
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.led import Led
 from dovetail.envs.log_facts import describe_cell, observed_columns
+from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.progress import EpisodeRow
-from dovetail.learn.run_settings import LengthConfig
+from dovetail.learn.run_config import LengthConfig
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.types import Vec3
@@ -135,37 +135,39 @@ class Hand:
 
 def demonstrate(folder: Path, count: int, seed: int) -> dict[str, Any]:
     """Have the script's hand show the task so many times; keep what succeeded."""
-    diary, guide = Diary(folder), Guide()
-    env = Led(gym.make(DEFAULT_ENV, disable_env_checker=True), guide.action)
+    logger, teleoperator = EpisodeLogger(folder), Teleoperator()
+    env = TeleopWrapper(
+        gym.make(DEFAULT_ENV, disable_env_checker=True), teleoperator.action
+    )
     core = require_contact_env(env)
     rng = np.random.default_rng([seed, 0xDE40])
     steps, force, failed = [], [], 0
     while len(steps) < count:
         _, info = env.reset(seed=int(rng.integers(1 << 31)))
-        diary.begin(describe_cell(env), observed_columns(env))
-        diary.demonstrate()
-        diary.see_first(info["observation_raw"])
-        diary.follow(core.state.stamp, core.fixture)
-        guide.reset()
+        logger.begin(describe_cell(env), observed_columns(env))
+        logger.begin_demonstration()
+        logger.see_first(info["observation_raw"])
+        logger.follow(core.state.stamp, core.fixture)
+        teleoperator.reset()
         hand, peak, done = Hand(core, rng), 0.0, False
-        guide.grab(hand.wish())
+        teleoperator.grab(hand.wish())
         for step in range(STEPS_MAX):
             if step % _AT_ONCE == 0:
-                guide.move(hand.wish())
+                teleoperator.move(hand.wish())
             _, reward, done, _, info = env.step(np.zeros(len(core.commands), "f4"))
             peak = max(peak, float(info["contact_force_max"]))
-            diary.add(core.state, step, float(reward), info)
+            logger.add(core.state, step, float(reward), info)
             if done:
                 break
-        guide.let_go()
+        teleoperator.let_go()
         if done:
-            diary.end(success=True)
+            logger.end(success=True)
             steps.append(core.steps)
             force.append(peak)
         else:
             failed += 1
-            diary.decide(is_kept=False)
-    diary.close()
+            logger.end_demonstration(is_kept=False)
+    logger.close()
     env.close()
     return {
         "demonstrations": count,
@@ -220,10 +222,10 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
 
     begin = time.process_time()
     with prepared(config) as run:
-        seed_run(run.model, config.runs.seed, 0)
+        seed_run(run.model, config.seed, 0)
         run.model.set_logger(configure(None, []))
         pretrain(run.model, config)
-        run.model.learn(config.length.steps, callback=Test())
+        run.model.learn(config.steps, callback=Test())
     test.close()
     is_learned = bool(tests) and tests[-1][1] >= 0.99 * episodes
     return {
@@ -263,7 +265,7 @@ def main() -> None:
         for seed in given.seeds:
             print(f"  seed {seed}, {name}", flush=True)
             folder = out / f"{name}-{seed}"
-            config = TrainConfig.of(
+            config = TrainConfig(
                 out=folder,
                 seed=seed,
                 steps=given.steps,

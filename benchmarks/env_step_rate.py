@@ -67,7 +67,7 @@ print(best)
 def build_arm(period: float) -> tuple[MujocoPlant, LocalArm]:
     """Build the paper's task on MuJoCo."""
     plant = MujocoPlant(find_cell())
-    osc = OscConfig.of(force_damping=np.array([16.0, 16.0, 16.0, 0.0, 0.0, 0.0]))
+    osc = OscConfig(force_damping=np.array([16.0, 16.0, 16.0, 0.0, 0.0, 0.0]))
     limits = LimitConfig.for_period(plant.robot, period)
     arm = LocalArm(plant, plant.robot, osc, limits, "XYZ:force A:pose BC:hold", period)
     return plant, arm

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from attack_episode import (
+from attacks.episode import (
     COLUMNS,
     LOST,
     Array,
@@ -41,7 +41,7 @@ from attack_episode import (
     save_episode,
 )
 
-from dovetail import _core
+from dovetail import _bench
 
 SECONDS = 2.0
 ACTIONS = 40
@@ -63,7 +63,7 @@ OBJECTIVES = {
     "speed": ("speed", 1.0, "rad/s"),
     "torque-step": ("step_by_bad", 1.0, "Nm"),
 }
-"""Name, result of `_core.run_attack`, factor and unit."""
+"""Name, result of `_bench.run_attack`, factor and unit."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Search:
 @lru_cache(maxsize=1)
 def build() -> str:
     """Return what tells one build of the control core from another."""
-    return hashlib.sha256(Path(str(_core.__file__)).read_bytes()).hexdigest()[:12]
+    return hashlib.sha256(Path(str(_bench.__file__)).read_bytes()).hexdigest()[:12]
 
 
 def bad_states(

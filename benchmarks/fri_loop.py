@@ -14,8 +14,7 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.realtime import request_realtime
@@ -25,7 +24,7 @@ from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.robots.robot import Robot
 
@@ -43,9 +42,9 @@ def run_cabinet(options: argparse.Namespace, pipe: Connection) -> None:
     if options.plant in ("mujoco", "bullet"):
         plant = make_plant(options.plant, cell, DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(options.plant), cell)
+        plant = make_twin(load_twin(options.plant), cell)
     plant.reset(Q_SEED, HOLE)
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         clock=options.clock,
         period=options.period,
         client=Endpoint(LOOPBACK, pipe.recv()),
@@ -85,7 +84,7 @@ def main() -> None:
     process.start()
     here.send(options.port)
     robot = find_cell().loaded_robot()
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK,
         port=options.port,
         clock=options.clock,

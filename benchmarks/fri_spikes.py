@@ -23,8 +23,7 @@ from bad_samples import ACTION, AFTER, HOLE, IN_AIR, Q_SEED, TASK, TOOL_DOWN
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.wire import Wire
@@ -99,7 +98,7 @@ class Case:
             probe.bind((HOST, 0))
             port = probe.getsockname()[1]
         own = Endpoint(HOST, 0)
-        config = CabinetConfig.of(
+        config = CabinetConfig(
             period=period,
             clock="lockstep",
             client=Endpoint(HOST, port),
@@ -117,7 +116,7 @@ class Case:
             task=TaskSpec.parse(TASK),
             period=period,
         )
-        address = FriAddress.of(
+        address = FriAddress(
             host=HOST,
             port=port,
             clock="lockstep",

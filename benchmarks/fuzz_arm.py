@@ -15,8 +15,7 @@ from fri_loop import HOLE, LOOPBACK, Q_SEED, TOOL_DOWN, run_cabinet
 from fuzz_cabinet import flood
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
@@ -62,7 +61,7 @@ def main() -> None:
         task=TaskSpec.parse("XYZ:force A:pose BC:hold"),
         period=PERIOD,
     )
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK, port=port, clock="lockstep", control=here.recv()
     )
     arm = FriArm(address, robot, settings, log_folder=None)

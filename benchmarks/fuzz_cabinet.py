@@ -83,7 +83,7 @@ def main() -> None:
         link = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     plant = MujocoPlant(find_cell())
     plant.reset(Q_START, HOLE)
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         client=Endpoint("127.0.0.1", port),
         bind=Endpoint("127.0.0.1", 0),
         control=None,

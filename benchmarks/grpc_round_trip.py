@@ -24,8 +24,8 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmState, ToolState
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.arms.remote_arm import RemoteArm
+from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.remote_arm import GrpcAddress, RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
@@ -33,6 +33,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.server import ArmServer
 from dovetail.types import Vec7
 from dovetail.workcell.workcell import Workcell
@@ -76,22 +77,20 @@ class TimedArm:
         """Nothing is counted."""
         return {"notes": []}
 
-
-class Builder:
-    """Makes the arm for the service."""
-
-    name, is_real_time, places_fixture = "timed", False, True
-
-    def __init__(self) -> None:
-        self.cell: Workcell | None = find_cell()
-        self.robot = self.cell.loaded_robot()
-
-    def build(self, settings: ControllerSettings) -> Arm:
-        """Return the arm; the service asks it for no more than it has."""
-        return cast("Arm", TimedArm(self.robot, settings.period))
-
     def close(self) -> None:
         """Nothing is held."""
+
+
+class TimedAddress(ArmAddress):
+    """Makes the arm for the service."""
+
+    def build(self, cell: Workcell, settings: ControllerSettings) -> Arm:
+        """Return the arm; the service asks it for no more than it has."""
+        return cast("Arm", TimedArm(cell.loaded_robot(), settings.period))
+
+    def describe_ground(self) -> str:
+        """Return that nothing moves."""
+        return "nowhere"
 
 
 class Echo(grpc.GenericRpcHandler):
@@ -122,7 +121,9 @@ def serve() -> None:
     echo = grpc.server(ThreadPoolExecutor(4), handlers=[Echo()])
     port = echo.add_insecure_port("127.0.0.1:0")
     echo.start()
-    with ArmServer(Builder(), "127.0.0.1:0") as server:
+    with ArmServer(
+        OfferedArm(TimedAddress(text="timed"), find_cell()), "127.0.0.1:0"
+    ) as server:
         print(server.url, port, flush=True)
         sys.stdin.read()
     echo.stop(0)

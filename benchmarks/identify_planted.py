@@ -10,6 +10,7 @@ The last lines are the largest errors beside what they have to stay below.
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from dovetail.identify.fit import FitConfig, FitResult, fit
 from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.plants.twin import load_twin
+from dovetail.settings import values_of
 
 LIMITS = {"no noise": (0.02, 0.01, 0.05), "noise of medium": (0.1, 0.03, 0.15)}
 """Largest errors: gravity [m/s2], mass scale and damping as shares of the planted."""
@@ -37,15 +39,15 @@ def recover(
 ) -> FitResult:
     """Record on an arm with planted values and fit."""
     parameters = ParameterSet.parse("paper")
-    model = parameters.to_model(planted).having(seed=seed, **noise)
+    model = replace(parameters.to_model(planted), seed=seed, **noise)
     quiet = Console(quiet=True)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         (folder / "arm.toml").write_text(model.to_toml())
         arm = f"twin:{folder / 'arm.toml'}"
-        record(RecordConfig.of(arm=arm, out=folder / "log", seed=seed), quiet)
+        record(RecordConfig(arm=arm, out=folder / "log", seed=seed), quiet)
         return fit(
-            FitConfig.of(
+            FitConfig(
                 log=folder / "log",
                 out=folder / "fit",
                 plant=args.plant,
@@ -71,7 +73,7 @@ def main() -> None:
     medium = load_twin("medium")
     noises = {
         "no noise": {},
-        "noise of medium": {name: medium.flat()[name] for name in NOISE},
+        "noise of medium": {name: values_of(medium)[name] for name in NOISE},
     }
     heads = ("gravity_x", "gravity_y", "gravity_z", "mass", "damping")
     worst = {name: np.zeros(3) for name in noises}

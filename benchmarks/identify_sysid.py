@@ -25,7 +25,7 @@ from dovetail.identify.fit import FitConfig, fit
 from dovetail.identify.parameters import ParameterSet, nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.uncertainty import analyse
 from dovetail.types import Array
 
@@ -58,7 +58,7 @@ def import_sysid() -> Any:
 class Residual:
     """Position error of the replay over the whole log, as sysid asks for it."""
 
-    def __init__(self, replay: Replay, parameters: ParameterSet) -> None:
+    def __init__(self, replay: LogReplay, parameters: ParameterSet) -> None:
         """Keep what is replayed and what is varied."""
         self.replay, self.parameters, self.count = replay, parameters, 0
         self.measured = np.concatenate(replay.recording.positions())
@@ -80,7 +80,7 @@ def with_sysid(
     sysid: Any, optimizer: str, log: Recording, parameters: ParameterSet, plant: str
 ) -> Fit:
     """Fit with one of mujoco.sysid's optimisers."""
-    residual = Residual(Replay(log, plant), parameters)
+    residual = Residual(LogReplay(log, plant), parameters)
     table = sysid.ParameterDict(
         {
             p.name: sysid.Parameter(p.name, p.start, p.low, p.high)
@@ -103,13 +103,11 @@ def with_sysid(
 def with_dovetail(log: Path, parameters: str, plant: str, out: Path, seed: int) -> Fit:
     """Fit with CMA-ES."""
     begin = time.perf_counter()
-    config = FitConfig.of(
-        log=log, plant=plant, parameters=parameters, out=out, seed=seed
-    )
+    config = FitConfig(log=log, plant=plant, parameters=parameters, out=out, seed=seed)
     result = fit(config, QUIET)
     seconds = time.perf_counter() - begin
     chosen = ParameterSet.parse(parameters)
-    judged = analyse(Replay(Recording.load(log), plant), chosen, result.vector)
+    judged = analyse(LogReplay(Recording.load(log), plant), chosen, result.vector)
     half = np.array([e.uncertainty.interval[1] - e.value for e in judged.estimates])
     return Fit(result.vector, result.evaluations, seconds, half)
 
@@ -131,7 +129,7 @@ def main() -> None:
         for name, seed in (("log", 0), ("held_out", 1)):
             if getattr(arguments, name) is None:
                 path, arm = Path(folder) / name, f"twin:{arguments.twin}"
-                record(RecordConfig.of(arm=arm, out=path, seed=seed), QUIET)
+                record(RecordConfig(arm=arm, out=path, seed=seed), QUIET)
                 log, held_out = (path, held_out) if name == "log" else (log, path)
         fits = {
             "dovetail, CMA-ES": with_dovetail(
@@ -158,7 +156,7 @@ def show(
     plant: str,
 ) -> None:
     """Print errors and times, then values and intervals."""
-    replays = Replay(log, plant), Replay(held_out, plant)
+    replays = LogReplay(log, plant), LogReplay(held_out, plant)
     before = [1e3 * r.rms(nominal_model()) for r in replays]
     print("| fit | fitting log [mm RMS] | held-out log [mm RMS] | simulated logs | s |")
     print("|---|---|---|---|---|")

@@ -22,19 +22,19 @@ import time
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.arms.remote_arm import RemoteArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
+from dovetail.arms.remote_arm import GrpcAddress, RemoteArm
+from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.poses import Pose, quat_about_z
-from dovetail.rpc.builders import RebuiltArm
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.server import ArmServer
 from dovetail.types import Array
+from dovetail.workcell.workcell import Workcell
 
 PERIOD, TASK = 0.005, "XYZ:force A:pose BC:hold"
 TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
@@ -42,6 +42,21 @@ HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 AT_REST = 0.01  # rad/s
 _ACTIVE = 4  # session state COMMANDING_ACTIVE
+
+
+class UnloggedAddress(FriAddress):
+    """Of an arm that writes no file when a motion ends."""
+
+    def build(
+        self,
+        cell: Workcell,
+        settings: ControllerSettings,
+        watchdog: WatchdogConfig | None = None,
+    ) -> FriArm:
+        """Listen for the cabinet."""
+        return FriArm(
+            self, cell.loaded_robot(), settings, watchdog=watchdog, log_folder=None
+        )
 
 
 def learn(address: str, seed: int) -> None:
@@ -66,7 +81,7 @@ def count_outside(rows: Array, limits: LimitConfig) -> int:
     q = rows[:, COLUMN["q1"] : COLUMN["q7"] + 1]
     dq = rows[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]
     x = rows[:, COLUMN["x"] : COLUMN["z"] + 1]
-    joints, tool = limits.joints, limits.tool
+    joints, tool = limits, limits
     outside = (
         ((q < joints.q_min) | (q > joints.q_max)).any(axis=1)
         | (np.abs(dq) > joints.dq_max).any(axis=1)
@@ -77,7 +92,7 @@ def count_outside(rows: Array, limits: LimitConfig) -> int:
     return int(outside.sum())
 
 
-def kill_one(server: ArmServer, builder: RebuiltArm, number: int) -> list[float]:
+def kill_one(server: ArmServer, offered: OfferedArm, number: int) -> list[float]:
     """Return time until held and until at rest [s], speed when killed, cycles outside.
 
     Held is not-a-number where the cabinet had ended the motion before.
@@ -92,7 +107,7 @@ def kill_one(server: ArmServer, builder: RebuiltArm, number: int) -> list[float]
     )
     assert learner.stdout is not None
     assert learner.stdout.readline() == "moving\n"
-    arm = builder._arm
+    arm = offered.arm
     assert isinstance(arm, FriArm)
     first = arm.monitoring().rows
     time.sleep(0.3 + 0.7 * np.random.default_rng(number).random())
@@ -133,18 +148,17 @@ def run(kills: int, twin: str, realtime: bool) -> None:
         stdout=subprocess.DEVNULL,
     )
 
-    def make(settings: ControllerSettings) -> FriArm:
-        control = f"127.0.0.1:{port + 2}"
-        address = FriAddress.of(
-            host="127.0.0.1", port=port, control=control, realtime=realtime
-        )
-        return FriArm(address, cell.loaded_robot(), settings, log_folder=None)
-
+    address = UnloggedAddress(
+        host="127.0.0.1",
+        port=port,
+        control=f"127.0.0.1:{port + 2}",
+        realtime=realtime,
+    )
     try:
-        builder = RebuiltArm("fri", cell, make, is_real_time=True, places_fixture=True)
+        offered = OfferedArm(address, cell)
         time.sleep(4.0)
-        with ArmServer(builder, "127.0.0.1:0") as server:
-            results = np.array([kill_one(server, builder, i) for i in range(kills)])
+        with ArmServer(offered, "127.0.0.1:0") as server:
+            results = np.array([kill_one(server, offered, i) for i in range(kills)])
     finally:
         cabinet.send_signal(signal.SIGINT)
         cabinet.wait(timeout=20)

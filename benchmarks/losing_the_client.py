@@ -21,13 +21,12 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
 from dovetail.cabinet.realtime import request_realtime
@@ -38,7 +37,7 @@ from dovetail.durations import parse_duration
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 from dovetail.types import Array
 
@@ -74,7 +73,7 @@ class Recorder:
         if name in ("mujoco", "bullet"):
             self._plant: Any = make_plant(name, cell, DynamicsConfig())
         else:
-            self._plant = TwinPlant(load_twin(name), cell)
+            self._plant = make_twin(load_twin(name), cell)
         self.samples: list[Sample] = []
 
     def __getattr__(self, name: str) -> Any:
@@ -118,7 +117,7 @@ def run_client(
         task=TaskSpec.parse(TASK),
         period=period,
     )
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK,
         port=port,
         clock="wall" if clock == "wall" else "lockstep",
@@ -164,7 +163,11 @@ class NoMotionError(RuntimeError):
 
 
 def lose(
-    name: str, period: float, clock: str, cause: str, rng: np.random.Generator
+    name: str,
+    period: float,
+    clock: Literal["wall", "lockstep"],
+    cause: str,
+    rng: np.random.Generator,
 ) -> Loss:
     """Start cabinet and client, lose the client, and see the arm come to rest."""
     plant = Recorder(name)
@@ -172,7 +175,7 @@ def lose(
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "events.jsonl"
         client_port = 30209
-        config = CabinetConfig.of(
+        config = CabinetConfig(
             period=period,
             clock=clock,
             patience=0.2,
@@ -212,7 +215,7 @@ def _lose(
         if client.poll() is not None or time.monotonic() > end:
             raise NoMotionError(cabinet.status())
         time.sleep(0.0005)
-    time.sleep(cabinet.config.pace.period * rng.random())
+    time.sleep(cabinet.config.period * rng.random())
     speed, lost = plant.speed(), time.monotonic()
     if cause == "cable":
         cabinet.request({"do": "fault", "text": "loss=1"})
@@ -228,10 +231,10 @@ def _lose(
     if len(stops) != 1 or samples[-1].clock < lost:
         raise NoMotionError(cabinet.status())
     (stop,) = stops
-    period = cabinet.config.pace.period
+    period = cabinet.config.period
     begin = stop["time"] - (cabinet.config.stop_misses - 1) * period
     first = _index(samples, begin)  # the arm, as the first command is missing
-    if cabinet.config.pace.clock == "wall":
+    if cabinet.config.clock == "wall":
         # A signal takes its time: a client that still answers is not lost.
         lost = max(lost, samples[_index(samples, begin - period)].clock)
         first = next(i for i, s in enumerate(samples) if s.clock >= lost)
@@ -241,7 +244,7 @@ def _lose(
     times = np.diff([s.time for s in samples])
     rest = 1 + int(np.flatnonzero(steps / times > AT_REST)[-1])
     arm_rest = samples[rest].time - samples[first].time
-    if cabinet.config.pace.clock == "wall":
+    if cabinet.config.clock == "wall":
         duration = samples[rest].clock - lost
     else:
         duration = arm_rest
@@ -257,7 +260,11 @@ def _index(samples: list[Sample], time: float) -> int:
 
 
 def lose_once(
-    name: str, period: float, clock: str, cause: str, rng: np.random.Generator
+    name: str,
+    period: float,
+    clock: Literal["wall", "lockstep"],
+    cause: str,
+    rng: np.random.Generator,
 ) -> Loss:
     """Lose a client, again where a busy machine has ended the motion before."""
     for _ in range(_ATTEMPTS):

@@ -22,6 +22,7 @@ import argparse
 import json
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import cache
 from itertools import groupby, product
 from multiprocessing import get_context
@@ -30,18 +31,18 @@ from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
-from contact_trial import having
+from attacks.contact_trial import having
+from encoder_plant import EncoderPlant
 
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ArmError, ConfigError, PlantError
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.perturbation import Perturbation, make_perturbed
 from dovetail.evaluation.transfer import wilson_interval
 from dovetail.evaluation.trials import plan_trials
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.learn.policy_env import known_env_id, policy_settings
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, FLAG_MASK, DynamicsConfig
 from dovetail.plants.twin import Twin, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -50,7 +51,7 @@ PERIODS = (1.0, 2.0, 2.5, 5.0)
 """Control periods [ms]."""
 IDEAL = {
     "none": None,
-    "stiff": DynamicsConfig.of(contact_time=2e-3),
+    "stiff": DynamicsConfig(contact_time=2e-3),
 }
 """Grounds without a twin: MuJoCo as it is, and with contacts as stiff as at 1 ms."""
 HEAVY = {
@@ -108,7 +109,7 @@ class Try(NamedTuple):
 
 def find_twin(name: str) -> Twin:
     """Return a shipped twin, or `heavy`."""
-    return load_twin("medium").having(**HEAVY) if name == "heavy" else load_twin(name)
+    return replace(load_twin("medium"), **HEAVY) if name == "heavy" else load_twin(name)
 
 
 @cache
@@ -137,10 +138,11 @@ def _rebuild(env: Any, cell: Cell) -> None:
             facts.robot,
             facts.period,
             hardware=False,
-            x_min=limits.tool.x_min,
-            x_max=limits.tool.x_max,
-            dx_max=limits.tool.dx_max,
-            **vars(limits.approach),
+            x_min=limits.x_min,
+            x_max=limits.x_max,
+            dx_max=limits.dx_max,
+            near_speed=limits.near_speed,
+            near_press=limits.near_press,
         )
     osc, limits = having(facts.osc, limits, cell.others)
     plant: Any = old.plant
@@ -151,7 +153,7 @@ def _rebuild(env: Any, cell: Cell) -> None:
     env._tare._arm = arm  # there is no option for this
 
 
-def attempt(cell: Cell, job: Job) -> Try:
+def attempt(cell: Cell, job: TrialJob) -> Try:
     """Run one try from reset to success, time-out or the arm's stop."""
     policy, env = prepare(cell)
     core: Any = env.unwrapped

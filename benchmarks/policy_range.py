@@ -17,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 from dovetail.evaluation.measured import DISTURBANCES, RANGES
@@ -49,7 +50,7 @@ def options_for(name: str, value: float, folder: Path) -> list[str]:
     if name == "clearance":
         return ["--twin", TWIN, "--clearance", str(value)]
     file = folder / f"{name}.toml"
-    file.write_text(load_twin(TWIN).having(**{name: value}).to_toml())
+    file.write_text(replace(load_twin(TWIN), **{name: value}).to_toml())
     is_late = name == "command_delay" and value > 0.01
     more = ["--delay", f"{1e3 * value:g}ms"] if is_late else []
     return ["--twin", str(file), *more]

@@ -16,20 +16,19 @@ import socket
 from typing import cast
 
 import numpy as np
+from encoder_plant import EncoderPlant
 from fri_loop import HOLE, LOOPBACK, Q_SEED, TOOL_DOWN, run_cabinet
 from numpy.typing import NDArray
 
 from dovetail import _core
 from dovetail.arms.arm import Arm
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_local_arm, make_settings
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, Plant
 from dovetail.poses import Pose
 from dovetail.workcell.workcell import Workcell
@@ -53,7 +52,7 @@ def build(
     if path == "fri":
         return build_behind_fri(plant, cell, period)
     twin = None if plant == "mujoco" else plant
-    arm = build_local_arm(cell, TASK, EnvConfig.of(twin=twin, period=period))
+    arm = build_local_arm(cell, TASK, EnvConfig(twin=twin, period=period))
     if path == "measured":
         return arm, None
     body = cast("Plant", EncoderPlant(arm.plant, period))
@@ -77,9 +76,9 @@ def build_behind_fri(
     )
     process.start()
     here.send(port)
-    osc, limits = make_settings(cell, EnvConfig.of(period=period))
+    osc, limits = make_settings(cell, EnvConfig(period=period))
     settings = ControllerSettings(osc=osc, limits=limits, task=TASK, period=period)
-    address = FriAddress.of(
+    address = FriAddress(
         host=LOOPBACK, port=port, clock="lockstep", control=here.recv()
     )
     arm = FriArm(address, cell.loaded_robot(), settings, log_folder=None)

@@ -9,6 +9,7 @@ of +-1 m/s2 per axis, 0 to 3 times its friction and damping, and 0 to 10 ms of d
 """
 
 import argparse
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
@@ -27,11 +28,12 @@ def random_twin(seed: int) -> Twin:
     rng = np.random.default_rng(seed)
     base = load_twin("hard")
     spread, late = DECLARED["mass_error"], DECLARED["delay"]
-    return base.having(
+    return replace(
+        base,
         mass_scale=tuple(1.0 + rng.uniform(-spread, spread, 7)),
         gravity_residual=tuple(rng.uniform(-GRAVITY_ERROR, GRAVITY_ERROR, 3)),
-        coulomb=tuple(rng.uniform(0.0, 3.0) * np.array(base.arm.coulomb)),
-        damping=tuple(rng.uniform(0.0, 3.0) * np.array(base.arm.damping)),
+        coulomb=tuple(rng.uniform(0.0, 3.0) * np.array(base.coulomb)),
+        damping=tuple(rng.uniform(0.0, 3.0) * np.array(base.damping)),
         command_delay=float(rng.uniform(0.0, late)),
     )
 

@@ -9,6 +9,7 @@ a policy with it and without.
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -17,7 +18,7 @@ from rich.console import Console
 
 import dovetail  # noqa: F401  (registers the environments)
 from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.trials import plan_trials
 from dovetail.plants.twin import Twin, list_twins, load_twin
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -27,10 +28,10 @@ from dovetail.types import Array
 def without_friction(twin: Twin) -> Twin:
     """Return the twin without dry friction and noise."""
     silent = {"torque_noise": 0.0, "position_noise": 0.0, "velocity_noise": 0.0}
-    return twin.having(coulomb=(0.0,) * 7, **silent)
+    return replace(twin, coulomb=(0.0,) * 7, **silent)
 
 
-def tares(twin: Twin, jobs: list[Job]) -> Array:
+def tares(twin: Twin, jobs: list[TrialJob]) -> Array:
     """Return the tare before each try [m/s2], shape (tries, 3)."""
     env = gym.make("dovetail/PegInHole-v0", twin=twin, tare=True)
     found = []
@@ -44,7 +45,7 @@ def tares(twin: Twin, jobs: list[Job]) -> Array:
 def successes(policy: str, twin: str, *, tare: bool, tries: int) -> str:
     """Return how many tries of a policy inserted."""
     with tempfile.TemporaryDirectory() as folder:
-        config = EvaluationConfig.of(
+        config = EvaluationConfig(
             policy=policy,
             twin=twin,
             tare=tare,

@@ -52,7 +52,7 @@ def shipped(tries: int) -> dict[str, str]:
     for place in PLACES:
         for period in PERIODS:
             with tempfile.TemporaryDirectory() as folder:
-                config = EvaluationConfig.of(
+                config = EvaluationConfig(
                     policy="peg_square",
                     **place,
                     period=period,

@@ -36,7 +36,7 @@ from dovetail.errors import PlantError
 from dovetail.plants.mjcf import build_mjcf
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import Plant
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
 from dovetail.types import Array, Vec6, Vec7
@@ -107,7 +107,7 @@ class Ours:
         self.controller = make_controller(robot, osc, limits, f"XYZABC:{mode}", period)
         self.chain, self.period = robot.chain(), period
         self.kind, self.lost = kind, np.zeros(6)
-        self.armature = np.diag(limits.prediction.armature)
+        self.armature = np.diag(limits.armature)
 
     def reset(self, q: Vec7) -> None:
         """Begin at rest at q [rad]; that is the pose to hold, too."""
@@ -334,7 +334,7 @@ def measure(plant: Plant, law: Law, held: Law, cycles: Cycles, q: Vec7) -> dict:
 def build_plant(twin: str) -> Plant:
     """Build the arm in MuJoCo: as the model, or one of the shipped twins."""
     cell = find_cell()
-    return MujocoPlant(cell) if twin == "plain" else TwinPlant(load_twin(twin), cell)
+    return MujocoPlant(cell) if twin == "plain" else make_twin(load_twin(twin), cell)
 
 
 def at_least_one(text: str) -> int:

@@ -33,6 +33,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -46,9 +47,8 @@ from dovetail.learn.algorithms import (
 )
 from dovetail.learn.assess import assess, play
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.early_stopping import EarlyStopping
 from dovetail.learn.progress import EpisodeLog, Stopwatch
-from dovetail.learn.stop import Stop
-from dovetail.tasks.options import TaskOptions
 
 PEERS = {
     "sbx": {
@@ -104,8 +104,8 @@ class Predictor:
 def settings(options: argparse.Namespace, seed: int) -> TrainConfig:
     """Return the settings of ours."""
     given = {"clearance": options.clearance}
-    return TrainConfig.of(
-        task_options=TaskOptions(**given),
+    return TrainConfig(
+        task_options=given,
         seed=seed,
         steps=options.steps,
         until=options.until,
@@ -114,37 +114,35 @@ def settings(options: argparse.Namespace, seed: int) -> TrainConfig:
     )
 
 
-def make_peer(name: str, config: TrainConfig, env: Any, stop: Stop) -> Any:
+def make_peer(name: str, config: TrainConfig, env: Any, stop: EarlyStopping) -> Any:
     """Build a peer's algorithm as its library has it."""
     import sbx
     import stable_baselines3
 
-    learner, gradient = config.learner, config.learner.gradient
-
     def rate(remaining: float) -> float:
-        share = stop.rate(round(config.length.steps * (1.0 - remaining)))
-        falling = falling_rate(gradient.full_rate, gradient.final_rate, remaining)
-        return min(falling, gradient.full_rate * share)
+        share = stop.rate(round(config.steps * (1.0 - remaining)))
+        falling = falling_rate(config.full_rate, config.final_rate, remaining)
+        return min(falling, config.full_rate * share)
 
-    networks: dict[str, Any] = {"net_arch": list(learner.net)}
+    networks: dict[str, Any] = {"net_arch": list(config.net)}
     if name != "sb3":
-        networks["layer_norm"] = learner.layer_norm
+        networks["layer_norm"] = config.layer_norm
     kind = stable_baselines3.SAC if name == "sb3" else sbx.SAC
     return kind(
         "MlpPolicy",
         env,
         learning_rate=rate,
-        gamma=learner.returns.gamma,
-        batch_size=gradient.batch_size,
-        tau=gradient.tau,
-        buffer_size=config.length.steps + config.runs.num_envs,
-        learning_starts=config.teaching.learning_starts,
-        n_steps=learner.returns.n_steps,
+        gamma=config.gamma,
+        batch_size=config.batch_size,
+        tau=config.tau,
+        buffer_size=config.steps + config.num_envs,
+        learning_starts=config.learning_starts,
+        n_steps=config.n_steps,
         train_freq=1,
         gradient_steps=config.gradient_steps,
-        ent_coef=learner.entropy_coefficient(),
+        ent_coef=config.entropy_coefficient(),
         policy_kwargs=networks,
-        seed=derive_seed(config.runs.seed),
+        seed=derive_seed(config.seed),
         device="cpu",
     )
 
@@ -157,10 +155,10 @@ def train_peer(name: str, config: TrainConfig, folder: Path) -> dict[str, Any]:
     from dovetail.learn.recorder import Recorder
     from dovetail.learn.tester import stage_of
 
-    stop, stage = Stop(config), stage_of(exam)
+    stop, stage = EarlyStopping(config), stage_of(exam)
     model = make_peer(name, config, env, stop)
     model.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-    env._seeds = [derive_seed(config.runs.seed, 0, 2, i) for i in range(env.num_envs)]
+    env._seeds = [derive_seed(config.seed, 0, 2, i) for i in range(env.num_envs)]
 
     def is_passed() -> bool:
         step, actor = int(model.num_timesteps), Predictor(model)
@@ -173,19 +171,19 @@ def train_peer(name: str, config: TrainConfig, folder: Path) -> dict[str, Any]:
     watch = Stopwatch(0.0, 0, lambda: int(model._n_updates))
     log = EpisodeLog(folder / "progress.csv", 0)
     model.learn(
-        config.length.steps,
+        config.steps,
         callback=Recorder(
             log,
             watch,
             lambda status: None,
             lambda: None,
-            config.runs.checkpoint_interval,
+            config.checkpoint_interval,
             stop,
             is_passed,
         ),
     )
     trained = watch.elapsed()
-    found = assess(Predictor(model), config.runs.eval_episodes, stage)
+    found = assess(Predictor(model), config.eval_episodes, stage)
     for vec in (env, exam):
         vec.close()
     log.close()
@@ -281,7 +279,7 @@ def main() -> None:
     folder = options.out or Path(tempfile.mkdtemp())
     if options.only:
         config = settings(options, options.seeds[0])
-        config = config.having(**PEERS[options.only])
+        config = replace(config, **PEERS[options.only])
         found = train_peer(options.only, config, folder)
         (folder / "figures.json").write_text(json.dumps(found))
         return

@@ -15,6 +15,7 @@ that are done are not done again.
 import argparse
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,9 @@ from dovetail.evaluation.evaluate import evaluate
 from dovetail.files import write_atomic
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.plants.twin import Twin, load_twin
+from dovetail.settings import values_of
 
 NUMBERS = ("damping", "coulomb", "armature", "gravity_residual", "command_delay")
 KINDS = {
@@ -51,19 +53,19 @@ GRADES = [
 def graded(twin: Twin, kind: str, fraction: float) -> Twin:
     """Return the twin at a part of its distance from the controller's model."""
     model, cell = nominal_model(), find_cell()
-    ratio = np.array(cell.loaded_robot(twin.arm.inertia).links.mass) / np.array(
+    ratio = np.array(cell.loaded_robot(twin.inertia).links.mass) / np.array(
         cell.loaded_robot().links.mass
     )
-    masses = np.array(twin.arm.mass_scale) * ratio
+    masses = np.array(twin.mass_scale) * ratio
     weight = fraction if kind in ("all", "weight") else 0.0
     changed: dict[str, Any] = {"mass_scale": tuple((masses**weight).tolist())}
     for name in NUMBERS:
-        start, end = np.array(model.flat()[name]), np.array(twin.flat()[name])
+        start, end = np.array(values_of(model)[name]), np.array(values_of(twin)[name])
         share = fraction if name in KINDS[kind] else 0.0
         value = start + share * (end - start)
         changed[name] = float(value) if value.ndim == 0 else tuple(value.tolist())
     about = f"{fraction:g} of the way from the model ({kind})"
-    return twin.having(description=about, inertia="drake", **changed)
+    return replace(twin, description=about, inertia="drake", **changed)
 
 
 def measure(
@@ -79,10 +81,10 @@ def measure(
     between = graded(load_twin(twin), kind, fraction)
     path.write_text(between.to_toml())
     recording = record(
-        RecordConfig.of(arm=f"twin:{path}", out=folder / "recording"), quiet
+        RecordConfig(arm=f"twin:{path}", out=folder / "recording"), quiet
     )
-    rms = Replay(recording).rms(nominal_model())
-    config = EvaluationConfig.of(
+    rms = LogReplay(recording).rms(nominal_model())
+    config = EvaluationConfig(
         policy=args.policy,
         twin=str(path),
         tries=args.tries,

@@ -16,6 +16,7 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.address import parse_address
+from dovetail.arms.local_address import LocalAddress
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import make_settings
@@ -61,10 +62,11 @@ class Told(NamedTuple):
 def measure(name: str, period: float) -> Told:
     """Push and press one arm."""
     cell = find_cell()
-    plant = parse_address(name).make_plant(cell)
-    assert plant is not None
+    address = parse_address(name)
+    assert isinstance(address, LocalAddress)
+    plant = address.make_plant(cell)
     robot = cell.loaded_robot()
-    settings = make_settings(cell, EnvConfig.of(period=period))
+    settings = make_settings(cell, EnvConfig(period=period))
     task = TaskSpec.parse("XYZ:force A:pose BC:hold")
     arm = LocalArm(plant, robot, *settings, task, period)
 

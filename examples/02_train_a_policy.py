@@ -8,7 +8,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from dovetail import Policy, TaskOptions, TrainConfig, make_policy_env, train
+from dovetail import Policy, TrainConfig, make_policy_env, train
 
 
 def main() -> None:
@@ -19,12 +19,10 @@ def main() -> None:
     args = parser.parse_args()
     out = args.out or Path(tempfile.mkdtemp()) / "run"
 
-    options = TaskOptions(clearance=0.001)
-    config = TrainConfig.of(
-        out=out, task_options=options, steps=20_000, eval_episodes=50
-    )
+    options = {"clearance": 0.001}
+    config = TrainConfig(out=out, task_options=options, steps=20_000, eval_episodes=50)
     if args.quick:
-        config = TrainConfig.of(
+        config = TrainConfig(
             out=out, steps=300, learning_starts=100, eval_episodes=1, max_steps=20
         )
     (result,) = train(config)

@@ -22,7 +22,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="one try per hole pose")
     args = parser.parse_args()
 
-    config = EvaluationConfig.of(
+    config = EvaluationConfig(
         policy=args.policy,
         twin=args.twin,
         tries=1 if args.quick else 20,

@@ -7,6 +7,7 @@ tells the controller, so the arm drifts until its damping balances the error.
 
 import argparse
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -33,7 +34,8 @@ def main() -> None:
     args = parser.parse_args()
     steps = 5 if args.quick else 20
 
-    heavy = load_twin("easy").having(
+    heavy = replace(
+        load_twin("easy"),
         description="as easy, but gravity compensated 5 % short",
         gravity_residual=(0.0, 0.0, -0.5),
     )

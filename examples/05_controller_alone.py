@@ -53,7 +53,7 @@ def main() -> None:
     target = Target()
     target.f_star = np.array([8.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
-    wall, nearest = limits.tool.x_max[0], np.inf
+    wall, nearest = limits.x_max[0], np.inf
     for cycle in range(500 if args.quick else 2000):
         q, dq = plant.read()
         result = controller.step(q, dq, target)

@@ -7,6 +7,7 @@ from elsewhere: a JSON list of 24 lists of 7 numbers [Nm], in the same order.
 
 import argparse
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +98,7 @@ def plain(config: OscConfig | LimitConfig) -> dict[str, Any]:
     """Return settings as JSON knows them."""
     return {
         name: value if isinstance(value, str | bool) else np.asarray(value).tolist()
-        for name, value in config.flat().items()
+        for name, value in asdict(config).items()
     }
 
 

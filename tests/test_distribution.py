@@ -11,7 +11,8 @@ import pytest
 from packaging.requirements import Requirement
 
 import dovetail
-from dovetail import distribution, doctor
+from dovetail import distribution
+from dovetail.doctor import installation
 from dovetail.errors import install_command
 
 ROOT = Path(__file__).parent.parent
@@ -70,7 +71,7 @@ def test_an_unknown_extra_is_refused():
 def test_all_has_every_extra_for_users():
     [requirement] = map(Requirement, EXTRAS["all"])
     assert requirement.name == PROJECT["name"]
-    assert requirement.extras == set(doctor.EXTRAS)
+    assert requirement.extras == set(installation.EXTRAS)
 
 
 def test_every_extra_that_a_message_names_is_for_users():
@@ -81,7 +82,7 @@ def test_every_extra_that_a_message_names_is_for_users():
         for path in (ROOT / "src" / "dovetail").rglob("*.py")
         for found in call.finditer(path.read_text())
     }
-    assert {"learn", "view", "rpc"} < named <= set(doctor.EXTRAS)
+    assert {"learn", "view", "rpc"} < named <= set(installation.EXTRAS)
 
 
 def test_name_and_version_are_those_of_pyproject():

@@ -12,11 +12,10 @@ import pytest
 
 from dovetail.arms.address import parse_address
 from dovetail.cli import COMMANDS
+from dovetail.commands.command_line import parse
 from dovetail.commands.evaluate import Evaluate
 from dovetail.commands.serve import Serve
-from dovetail.commands.task_flags import parse
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.sections import Sectioned
 from dovetail.plants.twin import TWIN_FOLDER
 
 ROOT = Path(__file__).parent.parent
@@ -66,9 +65,8 @@ def test_a_command_in_the_docs_is_understood(line, tmp_path, monkeypatch, capsys
         assert "--help" in words or " -" not in line
         assert "Unrecognized" not in capsys.readouterr().err
         return
-    given = settings.flat() if isinstance(settings, Sectioned) else vars(settings)
-    if given.get("arm"):
-        parse_address(given["arm"])
+    if arm := vars(settings).get("arm"):
+        parse_address(arm)
 
 
 def served_learners():
@@ -90,12 +88,12 @@ def test_a_learner_in_the_docs_fits_its_service(
     for name in CERTIFICATES:
         Path(name).touch()
     words = shlex.split(service, comments=True)[2:]
-    offered = parse_address(parse(Serve, words).offered.arm)
+    offered = parse_address(parse(Serve, words).arm)
     asked = parse(Evaluate, shlex.split(learner, comments=True)[2:])
-    arm = parse_address(asked.place.arm)
-    period = arm.control_period(asked.place.period, DEFAULT_PERIOD)
+    arm = parse_address(asked.arm)
+    period = arm.control_period(asked.period, DEFAULT_PERIOD)
     assert offered.period in (None, period)
-    assert offered.places_fixture or asked.task.fixture is not None
+    assert offered.places_fixture or asked.fixture is not None
 
 
 def program(page):

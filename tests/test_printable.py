@@ -7,7 +7,7 @@ import pytest
 from dovetail.cli import Terminal
 from dovetail.commands.cabinet import describe_status
 from dovetail.commands.doctor import Doctor
-from dovetail.doctor import Check
+from dovetail.doctor.check import Check
 from dovetail.errors import ArmError, ConfigError, LogError
 from dovetail.printable import printable
 

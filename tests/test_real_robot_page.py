@@ -19,7 +19,7 @@ from dovetail.arms.start_distance import FARTHEST, FARTHEST_TURN
 from dovetail.cli import run
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.envs.registered import find_cell
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 
 PAGE = (Path(__file__).parents[1] / "docs" / "real-robot.md").read_text()
@@ -68,16 +68,16 @@ def robot(words):
     index = words.index("--arm") + 1
     address = parse_address(words[index])
     period = address.period or DEFAULT_PERIOD
-    plant = TwinPlant(load_twin("medium"), find_cell())
+    plant = make_twin(load_twin("medium"), find_cell())
     # the hole of the page's commands; a robot's is where it is
     hole = Pose(np.array([0.6, 0.0, 0.1]), quat_about_z(0.0))
     plant.reset(start_pose(), hole)
     port = free_port()
     with make_cabinet(plant, port, period, clock="lockstep") as cabinet:
         text = f"fri://{LOOPBACK}:{port}?period={1e3 * period:g}ms&clock=lockstep"
-        if address.cabinet.control is not None:
+        if address.control is not None:
             text += f"&control={cabinet.control_address}"
-        text += f"&reset={address.start.reset}"
+        text += f"&reset={address.reset}"
         yield [*words[:index], text, *words[index + 1 :]]
     plant.close()
 

@@ -40,7 +40,7 @@ def test_an_unknown_name_lists_the_known():
 def test_a_robot_of_a_stranger_is_named_by_module_and_function(own):
     robot = find_robot("own_arm:strong")
     limits = LimitConfig.for_period(robot, 0.001)
-    np.testing.assert_array_equal(limits.prediction.armature, np.full(7, 0.2))
+    np.testing.assert_array_equal(limits.armature, np.full(7, 0.2))
 
 
 @pytest.mark.parametrize(

@@ -61,7 +61,7 @@ def test_a_cell_of_the_notebook_runs_what_a_block_of_the_page_does():
 
 
 def test_the_program_of_the_tutorial_reads_a_log(tmp_path, monkeypatch, capsys):
-    config = dovetail.EvaluationConfig.of(
+    config = dovetail.EvaluationConfig(
         policy="peg_square", twin="medium", tries=1, out=tmp_path / "on-medium"
     )
     dovetail.evaluate(config, Console(quiet=True))

@@ -1,13 +1,12 @@
 """What a file may not choose: which module is imported."""
 
-import json
 import subprocess
 import sys
 
 import pytest
 
 from dovetail.errors import ConfigError
-from dovetail.strangers import TRUSTED, require_trusted, trust, trust_typed
+from dovetail.plugins import TRUSTED, require_trusted, trust, trust_typed
 
 
 @pytest.fixture(autouse=True)
@@ -49,7 +48,7 @@ def test_an_address_is_no_module():
 @pytest.mark.parametrize("key", ["robot", "env", "tracker"])
 def test_a_run_that_names_code_does_not_run_it(tmp_path, key):
     (tmp_path / "payload.py").write_text("print('it ran')\n")
-    (tmp_path / "config.json").write_text(json.dumps({key: "payload:pwn"}))
+    (tmp_path / "config.toml").write_text(f"{key} = 'payload:pwn'")
     done = subprocess.run(
         [sys.executable, "-m", "dovetail", "train", "--resume", "--out", "."],
         cwd=tmp_path, capture_output=True, text=True, timeout=60,

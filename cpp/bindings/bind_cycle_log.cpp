@@ -13,7 +13,7 @@
 #include <utility>
 #include <vector>
 
-#include "dovetail/attack_loop.hpp"
+#include "column_names.hpp"
 #include "dovetail/cycle_log.hpp"
 #include "new_array.hpp"
 
@@ -23,15 +23,6 @@ using namespace nb::literals;
 using namespace dovetail;
 
 namespace {
-
-std::vector<std::pair<std::string, std::string>> names_and_units(
-    std::span<const ColumnGroup> groups) {
-  std::vector<std::pair<std::string, std::string>> pairs;
-  for (const Column& column : columns_of(groups)) {
-    pairs.emplace_back(column.name, column.unit);
-  }
-  return pairs;
-}
 
 nb::dict flag_bits() {
   nb::dict bits;
@@ -50,9 +41,6 @@ void bind_layout(nb::module_& m) {
       "cycle_columns", [] { return names_and_units(kCycleGroups); },
       "Name and unit of each column of a cycle log.");
   m.def("servo_columns", &servo_columns, "Columns of a servo loop's log.");
-  m.def(
-      "attack_columns", [] { return names_and_units(kAttackGroups); },
-      "Name and unit of each column of run_attack's trace.");
   m.def("flag_bits", &flag_bits,
         "Of each flag in the column `flags`: its lowest bit, and how many it has.");
   m.def(

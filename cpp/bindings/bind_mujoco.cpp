@@ -9,7 +9,6 @@
 
 #include <tuple>
 
-#include "dovetail/contact_judge.hpp"
 #include "dovetail/mujoco_loop.hpp"
 #include "new_array.hpp"
 
@@ -18,48 +17,7 @@ using namespace nb::literals;
 
 using namespace dovetail;
 
-namespace {
-
-void bind_judge(nb::module_& m) {
-  nb::class_<WorstLook>(m, "WorstLook", "A limit over one try.")
-      .def_ro("value", &WorstLook::value, "Of the worst look.")
-      .def_ro("time", &WorstLook::time, "Of the worst look [s].")
-      .def_ro("axis", &WorstLook::axis, "Joint or TCP axis of the worst look, from 0.")
-      .def_ro("count", &WorstLook::count, "Looks beyond the limit.");
-  nb::class_<ContactJudge>(m, "ContactJudge",
-                           "Spring at the TCP, and judge of every physics step.")
-      .def(nb::init<const Chain&, const LimitParams&>(), "chain"_a, "limits"_a)
-      .def("reset", &ContactJudge::reset)
-      .def("set_spring", &ContactJudge::set_spring, "anchor"_a, "stiffness"_a,
-           "damping"_a, "Anchor [m], stiffness [N/m], damping [Ns/m].")
-      .def("set_push", &ContactJudge::set_push, "push"_a, "Force on the TCP [N].")
-      .def("set_resting", &ContactJudge::set_resting, "force"_a,
-           "The contact force that is asked for [N].")
-      .def("force", &ContactJudge::force, "q"_a, "dq"_a,
-           "Push and spring at a true state [N].")
-      .def("look", &ContactJudge::look, "q"_a, "dq"_a, "contact"_a, "h"_a,
-           "Judge a true state, the contact force [N] and h [s] that led to it.")
-      .def("take_vibration", &ContactJudge::take_vibration,
-           "RMS joint velocity above 8 Hz since the last call [rad/s].")
-      .def_prop_ro("position", &ContactJudge::position, "Past a joint limit [rad].")
-      .def_prop_ro("speed", &ContactJudge::speed, "Over the joint's speed limit [1].")
-      .def_prop_ro("wall", &ContactJudge::wall, "Outside a wall [m].")
-      .def_prop_ro("tcp_speed", &ContactJudge::tcp_speed, "Over the limit [m/s].")
-      .def_prop_ro("torque", &ContactJudge::torque, "Over the motor's limit [1].")
-      .def_prop_ro("contact", &ContactJudge::contact,
-                   "20 ms mean of the contact force over the resting push [1].")
-      .def_prop_ro("load", &ContactJudge::load, "The spring's torque, of the motor's.")
-      .def_prop_ro("peak", &ContactJudge::peak, "Largest contact force [N].")
-      .def_prop_ro("touch_speed", &ContactJudge::touch_speed, "[m/s]")
-      .def_prop_ro("looks", &ContactJudge::looks)
-      .def_prop_ro("flagged", &ContactJudge::flagged,
-                   "Cycles flagged unsafe, qp_early, bad_input.");
-}
-
-}  // namespace
-
 void bind_mujoco(nb::module_& m) {
-  bind_judge(m);
   using State = std::tuple<Vec7, Vec7>;
   using Log =
       nb::ndarray<double, nb::shape<-1, kCycleColumns>, nb::c_contig, nb::device::cpu>;
@@ -67,6 +25,7 @@ void bind_mujoco(nb::module_& m) {
   using Faults =
       nb::ndarray<const std::int8_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 
+  nb::class_<StepProbe>(m, "StepProbe", "Force and look between two physics steps.");
   nb::class_<Channel>(m, "Channel",
                       "Delay and noise between a controller and a twin's joints.")
       .def(
@@ -132,14 +91,10 @@ void bind_mujoco(nb::module_& m) {
           "controller"_a, "target"_a, "steps"_a, "faults"_a, "log"_a.noconvert(),
           "run with one fault per cycle: 0 none, 1 to 7 the state of so many cycles "
           "ago, -1 lost and told, -2 lost untold.")
-      .def(
-          "attach_judge",
-          [](MujocoLoop& self, ContactJudge* judge, int body) {
-            self.attach_probe(judge, body);
-          },
-          "judge"_a.none(), "body"_a, nb::keep_alive<1, 2>(),
-          "Let a judge pull and look in every physics step; body: whose centre of "
-          "mass is the TCP.")
+      .def("attach_probe", &MujocoLoop::attach_probe, "probe"_a.none(), "body"_a,
+           nb::keep_alive<1, 2>(),
+           "Let a probe pull and look in every physics step; body: whose centre of "
+           "mass is the TCP.")
       .def(
           "read",
           [](const MujocoLoop& self) {

@@ -7,7 +7,6 @@
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 
-#include "bind_attack.hpp"
 #include "bind_chain.hpp"
 #include "bind_cycle_log.hpp"
 #include "bind_fri.hpp"
@@ -321,7 +320,6 @@ NB_MODULE(_core, m) {
   bind_limits(m);
   bind_controller(m);
   bind_rigid_plant(m);
-  bind_attack(m);
   bind_cycle_log(m);
   bind_mujoco(m);
   bind_thread_pool(m);

@@ -351,7 +351,7 @@ BOOST_AUTO_TEST_CASE(measured_and_commanded_torque_have_the_wires_signs) {
   BOOST_TEST((state().tau_commanded - Vec7::Ones()).norm() < 1e-12);
 }
 
-// src/dovetail/feel/spring.py computes the same
+// src/dovetail/doctor/cabinet_spring.py computes the same
 BOOST_AUTO_TEST_CASE(a_lean_is_reached_softly_and_ends_with_the_hold) {
   order.target.joint_mode = true;  // asks for no motion: this arm makes none
   order.target.q_d = cabinet.q;

@@ -5,10 +5,10 @@ from ._core import Flags as Flags
 from ._core import RigidPlant as RigidPlant
 from ._core import StepResult as StepResult
 from ._core import Target as Target
+from .arms.address import parse_address as parse_address
 from .arms.arm import Arm as Arm
 from .arms.arm import ArmState as ArmState
 from .arms.fri_arm import FriArm as FriArm
-from .arms.from_address import arm_from_address as arm_from_address
 from .arms.local_arm import LocalArm as LocalArm
 from .arms.remote_arm import RemoteArm as RemoteArm
 from .cabinet.cabinet import Cabinet as Cabinet
@@ -42,6 +42,9 @@ from .identify.recorder import RecordConfig as RecordConfig
 from .identify.recorder import record as record
 from .identify.recording import Recording as Recording
 from .learn.config import TrainConfig as TrainConfig
+from .learn.config_file import find_recipe as find_recipe
+from .learn.config_file import list_recipes as list_recipes
+from .learn.config_file import load_config as load_config
 from .learn.foreign import import_model as import_model
 from .learn.one_run import TrainResult as TrainResult
 from .learn.policy import Policy as Policy
@@ -68,7 +71,6 @@ from .robots.robot import Robot as Robot
 from .search.corner import SEARCH_AXES as SEARCH_AXES
 from .search.corner import CornerSearch as CornerSearch
 from .tasks.fixture_pose import FixturePose as FixturePose
-from .tasks.options import TaskOptions as TaskOptions
 from .tasks.peg_in_hole.task import PegInHole as PegInHole
 from .tasks.rail_clip.task import RailClip as RailClip
 from .tasks.task import Goal as Goal

@@ -9,16 +9,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import tyro
 from rich.console import Console
 from rich.text import Text
 
 import dovetail
-from dovetail.commands.help_page import Groups, help_page
 from dovetail.errors import ConfigError, DovetailError, UnprovenWarning, did_you_mean
 from dovetail.interrupt import INTERRUPTED
+from dovetail.plugins import trust_typed
 from dovetail.printable import printable
-from dovetail.strangers import trust_typed
 
 COMMANDS = {
     "demo": ("Demo", "try the shipped policy on a twin: the main job"),
@@ -43,12 +41,6 @@ A subcommand's file is imported only when it is asked for, so that the learning 
 is not needed, nor waited for, by the others.
 """
 
-_WITH_TASK = (
-    *("train", "export", "evaluate", "identify", "serve", "cabinet"),
-    *("cockpit", "record"),
-)
-"""Of them those that have options of the task, for which it has to be found."""
-
 _OFFERS_ARM = ("serve", "cabinet")
 """Those that offer an arm and have no tracker of the fixture."""
 
@@ -59,6 +51,8 @@ _NO_OUTPUT = (errno.ENOSPC, errno.EDQUOT, errno.EPIPE, errno.EIO)
 def main(argv: Sequence[str] | None = None) -> None:
     """Run `dovetail` with command-line words and leave with its exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
+    # Commands draw into files only, and an unknown name ends Matplotlib's import.
+    os.environ["MPLBACKEND"] = "agg"
     try:
         try:
             code = run(words)
@@ -105,7 +99,7 @@ def _tokens_aside(words: list[str]) -> Iterator[list[str]]:
     if not any("token=" in word for word in words):
         yield words
         return
-    from dovetail.arms.grpc_address import split_token
+    from dovetail.arms.remote_arm import split_token
     from dovetail.rpc.token import TOKEN
 
     before, kept = os.environ.get(TOKEN), []
@@ -153,38 +147,23 @@ def _run_command(name: str, words: list[str]) -> int:
             "--tracker to `dovetail evaluate` or `dovetail train` with the address of "
             "this arm"
         )
+    from dovetail.commands.command_line import find_task, parse
+
     warnings.simplefilter("ignore", UnprovenWarning)  # a command says it itself
     trust_typed(words)
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
-    prog = f"dovetail {name}"
-    groups: Groups = vars(module).get("GROUPS", {})
-    is_page = bool(groups and {"-h", "--help"} & set(words))
-    if name not in _WITH_TASK:
-        if is_page:
-            print(help_page(settings, name, groups))
-            raise SystemExit(0)
-        from dovetail.commands.box_titles import titled_by
-
-        words = ["--help" if word == "--help-all" else word for word in words]
-        given = tyro.cli(
-            settings,
-            args=words,
-            prog=prog,
-            config=(tyro.conf.OmitArgPrefixes,),
-            registry=titled_by(),
-        )
-        return given.run(make_console())
-    from dovetail.commands.task_flags import describe_options, find_task, parse
-
     find = vars(module).get("defaults")  # of what the words continue
-    found = find(words) if find else None
-    task = find_task(words, found and found.environment.env)
-    if is_page:
-        print(help_page(settings, name, groups, describe_options(task)))
-        raise SystemExit(0)
-    words = ["--help" if word == "--help-all" else word for word in words]
-    return parse(settings, words, task, prog=prog, default=found).run(make_console())
+    default = find(words) if find else None
+    given = parse(
+        settings,
+        words,
+        find_task(words, default.env) if default else None,
+        prog=f"dovetail {name}",
+        common=vars(module).get("COMMON", ()),
+        default=default,
+    )
+    return given.run(make_console())
 
 
 class Terminal(Console):

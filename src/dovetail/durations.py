@@ -32,6 +32,11 @@ def parse_duration(text: str, name: str) -> float:
     return value
 
 
+def format_ms(duration: float) -> str:
+    """Return a duration [s] as it is given on a command line, such as 2.5ms."""
+    return f"{1e3 * duration:g}ms"
+
+
 def parse_time(text: str, name: str) -> float:
     """Read a duration above 0, see `parse_duration`."""
     try:

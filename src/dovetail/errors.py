@@ -47,7 +47,29 @@ class DovetailError(Exception):
 
 
 class ConfigError(DovetailError, ValueError):
-    """A setting, argument or configuration file is wrong."""
+    """A setting, argument or configuration file is wrong.
+
+    Attributes:
+        name: The setting, an element of an array as x_min[Y]; empty if it is not one.
+        value: Its value.
+        unit: Unit of the value; 1 for none.
+        allowed: Smallest and largest value, or the known words.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        name: str = "",
+        value: object = None,
+        unit: str = "1",
+        allowed: tuple[object, ...] = (),
+    ) -> None:
+        super().__init__(message)
+        self.name = name
+        self.value = value
+        self.unit = unit
+        self.allowed = allowed
 
 
 class TorqueError(ConfigError):

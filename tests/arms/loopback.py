@@ -3,14 +3,13 @@
 import socket
 from contextlib import contextmanager
 
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.cabinet.cabinet import Cabinet
 from dovetail.cabinet.config import CabinetConfig, Endpoint
-from dovetail.control.period import format_period
-from dovetail.control.sections import settings_in
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
+from dovetail.durations import format_ms
+from dovetail.settings import names_in
 
 LOOPBACK = "127.0.0.1"
 
@@ -24,7 +23,7 @@ def free_port():
 
 def make_cabinet(plant, port, period, **settings):
     """A cabinet over the plant that sends to a port of this machine."""
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         period=period,
         client=Endpoint(LOOPBACK, port),
         bind=Endpoint(LOOPBACK, 0),
@@ -40,7 +39,7 @@ def lockstep_address(plant, *, period=0.005, **settings):
     port = free_port()
     with make_cabinet(plant, port, period, clock="lockstep", **settings) as running:
         yield (
-            f"fri://{LOOPBACK}:{port}?period={format_period(period)}&clock=lockstep"
+            f"fri://{LOOPBACK}:{port}?period={format_ms(period)}&clock=lockstep"
             f"&control={running.control_address}"
         )
     plant.close()
@@ -53,7 +52,7 @@ class CabinetArm(FriArm):
         self.plant = plant
         self._is_open = True
         options = {"clock": "lockstep", "log_folder": None, **options}
-        names = settings_in(FriAddress).keys()
+        names = set(names_in(FriAddress))
         where = {name: options.pop(name) for name in names & options.keys()}
         port = where.pop("port", None) or free_port()
         settings = {"clock": where["clock"], **(cabinet or {})}
@@ -62,7 +61,7 @@ class CabinetArm(FriArm):
         spec = TaskSpec.parse(task) if isinstance(task, str) else task
         made_of = ControllerSettings(osc=osc, limits=limits, task=spec, period=period)
         try:
-            address = FriAddress.of(host=LOOPBACK, port=port, **where)
+            address = FriAddress(host=LOOPBACK, port=port, **where)
             super().__init__(address, plant.cell.loaded_robot(), made_of, **options)
         except Exception:
             self.cabinet.close()

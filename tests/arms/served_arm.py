@@ -6,19 +6,21 @@ from dovetail.errors import install_command
 
 pytest.importorskip("grpc", reason=install_command("rpc"))
 
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.arms.remote_arm import RemoteArm
+from dovetail.arms.remote_arm import GrpcAddress, RemoteArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
-from dovetail.rpc.builders import LocalBuilder
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.server import ArmServer
+
+from .given_plant import GivenPlant
 
 
 class ServedArm(RemoteArm):
     """Closes its service with itself."""
 
     def __init__(self, plant, robot, osc, limits, task, period):
-        self._server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
+        offered = OfferedArm(GivenPlant(text="test", plant=plant), plant.cell)
+        self._server = ArmServer(offered, "127.0.0.1:0")
         self._server.start()
         try:
             address = GrpcAddress.parse(self._server.url)

@@ -4,14 +4,12 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms import fri_transport
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress, parse_endpoint
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.fri_arm import FriAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
 from dovetail.arms.local_arm import LocalArm
-from dovetail.arms.transport import list_schemes, part_of_transport
+from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.control.task_spec import TaskSpec
 from dovetail.durations import parse_time
 from dovetail.envs.arm_setup import build_arm
@@ -45,7 +43,7 @@ def test_every_fri_key_is_read():
         "&control=127.0.0.1:30301&reset=place&timeout=3s&target_timeout=100ms&realtime=yes"
         "&margins=model&peer=192.170.10.2"
     )
-    assert address == FriAddress.of(
+    assert address == FriAddress(
         host="127.0.0.1",
         port=30205,
         version="2.7",
@@ -63,7 +61,7 @@ def test_every_fri_key_is_read():
 
 
 def test_what_public_reports_leave_open_can_be_said():
-    usual = parse_address("fri://0.0.0.0").cabinet
+    usual = parse_address("fri://0.0.0.0")
     assert (usual.measured_sign, usual.commanded_sign, usual.external_sign) == (
         -1,
         -1,
@@ -72,15 +70,15 @@ def test_what_public_reports_leave_open_can_be_said():
     cabinet = parse_address(
         "fri://0.0.0.0?measured_sign=1&commanded_sign=1&external_sign=-1"
         "&commanded_is_total=yes"
-    ).cabinet
+    )
     assert (cabinet.measured_sign, cabinet.commanded_sign) == (1, 1)
     assert (cabinet.external_sign, cabinet.commanded_is_total) == (-1, True)
 
 
 def test_a_simulated_cabinet_places_the_arm_where_nothing_else_is_asked():
-    assert parse_address("fri://0.0.0.0?control=a:1").start.reset == "place"
-    assert parse_address("fri://0.0.0.0?control=a:1&reset=move").start.reset == "move"
-    assert parse_address("fri://0.0.0.0").start.reset == "move"
+    assert parse_address("fri://0.0.0.0?control=a:1").reset == "place"
+    assert parse_address("fri://0.0.0.0?control=a:1&reset=move").reset == "move"
+    assert parse_address("fri://0.0.0.0").reset == "move"
 
 
 @pytest.mark.parametrize(
@@ -94,7 +92,7 @@ def test_a_period_is_given_in_milliseconds_or_seconds(text, seconds):
 @pytest.mark.parametrize("version", ["1.14", "1.15", "1.16"])
 def test_versions_with_the_same_wire_format_are_one(version):
     address = parse_address(f"fri://0.0.0.0?version={version}")
-    assert address.cabinet.version == "1.15"
+    assert address.version == "1.15"
 
 
 def test_a_service_on_this_machine_needs_no_certificate():
@@ -176,9 +174,7 @@ def test_an_endpoint_is_host_and_port(text):
 def test_an_address_in_this_process_gives_the_arm_that_the_settings_give():
     states = []
     for settings in ({"arm": "twin:easy"}, {"arm": None, "twin": "easy"}):
-        arm = build_arm(
-            settings.pop("arm"), find_cell(), TASK, EnvConfig.of(**settings)
-        )
+        arm = build_arm(settings.pop("arm"), find_cell(), TASK, EnvConfig(**settings))
         assert isinstance(arm, LocalArm)
         states.append(arm.plant.dynamics)
         arm.close()
@@ -196,33 +192,33 @@ def test_the_environment_takes_an_address_for_an_arm():
 
 
 def test_what_an_address_names_cannot_be_given_twice():
-    physics = EnvConfig.of(dynamics=DynamicsConfig())
+    physics = EnvConfig(dynamics=DynamicsConfig())
     with pytest.raises(ConfigError, match="exclude each other"):
-        build_arm("mujoco", find_cell(), TASK, EnvConfig.of(twin="easy"))
+        build_arm("mujoco", find_cell(), TASK, EnvConfig(twin="easy"))
     with pytest.raises(ConfigError, match="a twin has its own"):
         build_arm("twin:easy", find_cell(), TASK, physics)
     with pytest.raises(ConfigError, match="of this process only"):
         build_arm("fri://0.0.0.0", find_cell(), TASK, physics)
 
 
-def test_a_transport_is_found_by_its_file():
-    assert list_schemes() == ("fri", "grpc")
-    addresses = {name: parse_address(f"{name}://127.0.0.1") for name in list_schemes()}
-    addresses["local"] = parse_address("mujoco")
-    assert {name: a.transport for name, a in addresses.items()} == {
-        name: name for name in addresses
-    }
-    assert all(callable(part_of_transport(name, "build_arm")) for name in addresses)
-    with pytest.raises(ConfigError, match="transport 'local' has no parse"):
-        part_of_transport("local", "parse")
+def test_an_address_of_ones_own_builds_the_arm_of_an_environment():
+    class OwnAddress(PlantAddress):
+        built = 0
+
+        def build(self, cell, settings):
+            type(self).built += 1
+            return super().build(cell, settings)
+
+    build_arm(OwnAddress(engine="mujoco"), find_cell(), TASK).close()
+    assert OwnAddress.built == 1
 
 
 def test_an_arm_that_is_not_as_the_model_says_gets_wider_margins(monkeypatch):
     built = []
     monkeypatch.setattr(
-        fri_transport,
-        "build_arm",
-        lambda address, cell, s: built.append((s.limits.joints.delta_v, s.period)),
+        FriAddress,
+        "build",
+        lambda address, cell, s: built.append((s.limits.delta_v, s.period)),
     )
     for keys in ("period=1ms", "period=1ms&margins=model", "period=1ms&control=a:1"):
         build_arm(f"fri://0.0.0.0?{keys}", find_cell(), TASK)
@@ -294,6 +290,9 @@ def test_what_may_be_a_robot(text, may_be_robot):
 
 def test_an_arm_of_a_new_kind_may_be_a_robot_until_it_says_no():
     class NewAddress(ArmAddress):
+        def build(self, cell, settings):
+            raise AssertionError
+
         def describe_ground(self):
             return "somewhere"
 

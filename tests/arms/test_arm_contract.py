@@ -17,7 +17,7 @@ from dovetail.plants.plant import (
     FLAG_MASK,
     DynamicsConfig,
 )
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply, rotation_error
 from extras import need
 
@@ -35,11 +35,11 @@ def build(kind, task="XYZ:force A:pose BC:hold", period=0.005):
     cell = find_cell()
     robot = cell.loaded_robot()
     if kind == "twin":
-        plant = TwinPlant(load_twin("easy"), cell)
+        plant = make_twin(load_twin("easy"), cell)
     else:
         engine = "mujoco" if kind in ("remote", "fri") else kind
         plant = make_plant(engine, cell, DynamicsConfig())
-    osc = OscConfig.of(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
+    osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
     limits = LimitConfig.for_period(robot, period)
     if kind == "remote":
         from .served_arm import ServedArm
@@ -182,8 +182,8 @@ def test_facts_say_what_the_arm_was_built_with(arm):
     facts = arm.facts
     assert str(facts.task) == "XYZ:force A:pose BC:hold"
     assert facts.period == 0.005
-    assert facts.osc.axes.force_damping[0] == 16.0
-    assert facts.limits.joints.dq_max.shape == facts.robot.limits.dq_max.shape
+    assert facts.osc.force_damping[0] == 16.0
+    assert facts.limits.dq_max.shape == facts.robot.limits.dq_max.shape
 
 
 def test_facts_say_whether_the_arm_can_be_disturbed_and_what_it_measures(arm):

@@ -3,6 +3,7 @@
 import copy
 import gc
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ HOLE = Pose(np.array([0.6, 0.0, 0.1]), np.array([1.0, 0.0, 0.0, 0.0]))
 
 
 def build(**settings):
-    arm = build_arm(None, find_cell(), AXES, EnvConfig().having(**settings))
+    arm = build_arm(None, find_cell(), AXES, replace(EnvConfig(), **settings))
     arm.reset(np.array([0.0, 0.6, 0.0, -1.55, 0.0, 0.99, 0.0]), HOLE)
     return arm
 

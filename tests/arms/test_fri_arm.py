@@ -2,15 +2,15 @@
 
 import numpy as np
 import pytest
+from encoder_plant import EncoderPlant
 
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, PLANTS, DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, quat_multiply
 from extras import need
 
@@ -42,7 +42,7 @@ def targets(seed, count):
 def make(name, cell):
     if name in PLANTS:
         return make_plant(name, cell, DynamicsConfig())
-    plant = TwinPlant(load_twin(name), cell)
+    plant = make_twin(load_twin(name), cell)
     plant.seed(7)
     return plant
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 
 from .loopback import CabinetArm
 from .test_fri_session import CELL, HOLE, START, TASK, push
@@ -13,7 +13,7 @@ from .test_fri_session import CELL, HOLE, START, TASK, push
 @pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.005])
 def test_every_twin_is_driven_for_a_second_in_one_motion(twin, period):
-    plant = TwinPlant(load_twin(twin), CELL)
+    plant = make_twin(load_twin(twin), CELL)
     plant.reset(START, HOLE)
     osc = OscConfig.for_period(period, force_damping=[16.0] * 3 + [0.0] * 3)
     limits = LimitConfig.for_period(CELL.loaded_robot(), period, hardware=True)

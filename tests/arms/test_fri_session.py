@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm, servo_params
 from dovetail.arms.fri_errors import socket_error
-from dovetail.arms.servo_params import servo_params
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.sections import settings_in
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
@@ -23,6 +20,7 @@ from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
+from dovetail.settings import names_in
 
 from .loopback import LOOPBACK, CabinetArm, free_port, make_cabinet
 
@@ -65,9 +63,9 @@ def make_arm(**options):
 
 def alone(port=0, **options):
     """An arm without a cabinet."""
-    names = settings_in(FriAddress).keys()
+    names = set(names_in(FriAddress))
     where = {name: options.pop(name) for name in names & options.keys()}
-    address = FriAddress.of(**{"host": LOOPBACK, "port": port, **where})
+    address = FriAddress(**{"host": LOOPBACK, "port": port, **where})
     return FriArm(address, CELL.loaded_robot(), SETTINGS, log_folder=None, **options)
 
 
@@ -291,7 +289,7 @@ def test_a_receive_multiplier_gives_the_period_of_two_messages():
     port = free_port()
     settings = {"receive_multiplier": 2, "clock": "lockstep"}
     with make_cabinet(plant, port, 0.002, **settings) as cabinet:
-        address = FriAddress.of(
+        address = FriAddress(
             host=LOOPBACK,
             port=port,
             clock="lockstep",

@@ -19,8 +19,7 @@ ZERO = [0.0] * 7
 
 CLIENT = """
 import sys
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.from_address import arm_from_address
 from dovetail.arms.reset_motion import TICK, plan_reset
 from dovetail.arms.start_distance import require_near
 from dovetail.control.config import LimitConfig, OscConfig
@@ -61,9 +60,9 @@ def test_on_a_robot_all_axes_together_keep_the_speed_of_t1():
 
     def speed(keys):
         address = parse_address(f"fri://127.0.0.1:{free_port()}{keys}")
-        arm = arm_from_address(address, CELL, settings)
+        arm = address.build(CELL, settings)
         arm.close()
-        return arm.facts.limits.tool.dx_max
+        return arm.facts.limits.dx_max
 
     assert np.linalg.norm(speed("")) == pytest.approx(0.25)
     assert speed("?control=127.0.0.1:30301").max() == pytest.approx(0.25)
@@ -97,8 +96,8 @@ def test_an_arm_that_was_brought_somewhere_goes_on_from_there_unasked():
 
 
 def test_approach_is_a_key_of_the_address():
-    assert not parse_address("fri://0.0.0.0").start.approach
-    assert parse_address(parse_address("fri://0.0.0.0").with_approach()).start.approach
+    assert not parse_address("fri://0.0.0.0").approach
+    assert parse_address(parse_address("fri://0.0.0.0").with_approach()).approach
     period = parse_address("fri://h?period=1ms").with_approach()
     assert period == "fri://h?period=1ms&approach=yes"
     assert parse_address(period).with_approach() == period

@@ -1,5 +1,7 @@
 """The wrench on the tool, against the force that a simulation knows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 from extras import need
 
@@ -37,8 +39,8 @@ def build(place, period, kind=LocalArm):
     if place in ("mujoco", "bullet"):
         plant = make_plant(place, cell, DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(place), cell)
-    settings = make_settings(cell, EnvConfig.of(period=period))
+        plant = make_twin(load_twin(place), cell)
+    settings = make_settings(cell, EnvConfig(period=period))
     if kind is not LocalArm:
         return kind(plant, *settings, TASK, period)
     return LocalArm(plant, cell.loaded_robot(), *settings, TASK, period)
@@ -83,7 +85,7 @@ def test_a_push_is_told_as_quickly_as_the_estimates_bandwidth_says(period):
     arm.push(np.array([0.0, 0.0, 20.0]), 1.0)
     told = arm.step(target, 0.2).log[:, WRENCH][:, 2]
     passed = period * np.arange(len(told))
-    rate = arm.facts.limits.disturbance.estimate_rate
+    rate = arm.facts.limits.estimate_rate
     expected = 20.0 * (1.0 - np.exp(-rate * passed))
     np.testing.assert_allclose(told, expected, atol=0.2)
     arm.close()
@@ -100,7 +102,7 @@ def test_the_wrench_is_that_of_the_tool_centre_point():
     speed = state.log[-1, COLUMN["dq1"] : COLUMN["dq7"] + 1]
     middle = joints + 0.0005 * speed  # the model is half a period ahead
     J = q.jacobian(middle)
-    M = q.inertia_matrix(middle) + np.diag(arm.facts.limits.prediction.armature)
+    M = q.inertia_matrix(middle) + np.diag(arm.facts.limits.armature)
     Minv = np.linalg.inv(M)
     expected = np.linalg.solve(J @ Minv @ J.T, J @ Minv @ controller.disturbance)
     np.testing.assert_allclose(controller.wrench, expected, rtol=1e-6, atol=1e-9)
@@ -129,7 +131,7 @@ def test_before_the_first_cycle_it_is_zero_and_without_the_estimate_unknown():
     arm = build("mujoco", 0.005)
     target = start(arm, FREE)
     robot = arm.facts.robot
-    limits = arm.facts.limits.having(estimate_rate=0.0)
+    limits = replace(arm.facts.limits, estimate_rate=0.0)
     blind = LocalArm(arm.plant, robot, arm.facts.osc, limits, TASK, 0.005)
     q = robot.posture("rest")
     np.testing.assert_array_equal(blind.reset(q, FIXTURE).wrench, np.zeros(6))

@@ -1,5 +1,7 @@
 """Cabinets over a light plant, and scripted clients."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -90,7 +92,7 @@ def make(client):
     cabinets = []
 
     def build(plant=None, *, faults=None, script=(), log=None, to=None, **changes):
-        config = CabinetConfig.of(
+        config = CabinetConfig(
             bind=Endpoint("127.0.0.1", 0),
             control=Endpoint("127.0.0.1", 0),
             client=Endpoint(*(to or client.address)),
@@ -98,7 +100,7 @@ def make(client):
         )
         cabinet = Cabinet(
             plant or LightPlant(),
-            config.having(**changes),
+            replace(config, **changes),
             faults=faults,
             script=script,
             log=log,

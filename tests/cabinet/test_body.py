@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cabinet.body import Body
+from dovetail.cabinet.body import ArmBody
 from dovetail.cabinet.command_policy import CommandPolicy
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.late_path import LatePath
@@ -13,13 +13,13 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose
 
 from .conftest import FIXTURE, Q_START, LightPlant
 
 PERIOD = 0.005
-STILL = DynamicsConfig.of(damping=(0.0,) * 7)
+STILL = DynamicsConfig(damping=(0.0,) * 7)
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def plant():
 
 
 def released(plant, **changes):
-    body = Body(plant, CabinetConfig.of(**changes))
+    body = ArmBody(plant, CabinetConfig(**changes))
     body.release()
     return body
 
@@ -86,7 +86,7 @@ def test_damping_is_a_share_of_critical_damping(plant):
 
 def test_behind_closed_brakes_nothing_moves():
     plant = LightPlant()
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     for _ in range(10):
         body.hold()
     assert plant.applied == []
@@ -109,7 +109,7 @@ def test_the_brakes_stop_a_moving_arm(plant, joint):
 
 def test_the_arm_on_the_wire_leans_as_the_real_one_does(plant):
     """A2 > 0 leans forward: measured torque reads positive there, gravity included."""
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     body.hold()
     assert Q_START[1] > 0.0
     assert body.gravity[1] < -10.0  # the motor holds with a negative torque
@@ -118,7 +118,7 @@ def test_the_arm_on_the_wire_leans_as_the_real_one_does(plant):
 
 @pytest.mark.parametrize("state", ["braked", "held"])
 def test_an_external_push_is_seen_in_its_own_direction(plant, state):
-    body = Body(plant, CabinetConfig.of(stiffness=(2000.0,) * 7, damping=(1.0,) * 7))
+    body = ArmBody(plant, CabinetConfig(stiffness=(2000.0,) * 7, damping=(1.0,) * 7))
     force = np.array([0.0, 20.0, 0.0])
     wanted = plant.robot.chain().jacobian(Q_START)[:3].T @ force
     body.push(force, 10.0)
@@ -153,7 +153,7 @@ def test_free_motion_is_no_external_torque(plant):
 
 
 def test_a_twins_noise_stays_small_in_the_external_torque():
-    plant = TwinPlant(load_twin("medium"), find_cell())
+    plant = make_twin(load_twin("medium"), find_cell())
     plant.reset(Q_START, FIXTURE)
     body = released(plant, stiffness=(500.0,) * 7, damping=(1.0,) * 7)
     readings = []
@@ -201,7 +201,7 @@ def test_the_fixture_moves_during_a_motion(plant):
 
 def test_a_fixture_with_a_velocity_moves_on_while_the_arm_does():
     plant = LightPlant()
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     there = Pose(np.array([0.62, 0.0, 0.1]), FIXTURE.quat_wxyz)
     velocity = np.array([0.0, 0.02, 0.0])
     body.move_fixture(there, velocity)
@@ -224,7 +224,7 @@ def test_a_fixture_with_a_velocity_moves_on_while_the_arm_does():
 
 def test_a_moving_fixture_stops_at_the_end_of_the_reach_and_the_cabinet_goes_on():
     plant = LightPlant()
-    body = Body(plant, CabinetConfig())
+    body = ArmBody(plant, CabinetConfig())
     body.release()
     body.move_fixture(FIXTURE, np.array([100.0, 0.0, 0.0]))
     body.drive(Q_START.tolist(), [0.0] * 7)
@@ -265,9 +265,9 @@ def test_the_commanded_torque_of_a_motion_is_the_clients_without_impedance(plant
 def test_every_twin_follows_a_joint_sine_as_late_as_its_wire_is(
     twin, period, amplitude
 ):
-    plant = TwinPlant(load_twin(twin), find_cell())
+    plant = make_twin(load_twin(twin), find_cell())
     plant.reset(Q_START, FIXTURE)
-    config = CabinetConfig.of(mode="position", period=period)
+    config = CabinetConfig(mode="position", period=period)
     body = released(plant, mode="position", period=period)
     policy = CommandPolicy(config, plant.robot)
     policy.begin(Q_START.tolist())
@@ -300,7 +300,7 @@ def test_a_late_path_is_the_commanded_one_so_much_later():
 
 
 def test_a_twins_delay_is_on_the_wire_and_not_inside_the_drives():
-    plant = TwinPlant(load_twin("hard"), find_cell())
+    plant = make_twin(load_twin("hard"), find_cell())
     plant.reset(Q_START, FIXTURE)
     zero, pull = np.zeros(7), np.array([20.0, *[0.0] * 6])
     plant.apply(zero, 0.005, pull)

@@ -74,7 +74,7 @@ def test_a_port_in_use_is_said(capsys):
 
 
 def test_settings_reach_the_cabinet():
-    command = Cabinet.of(
+    command = Cabinet(
         version="2.7",
         period=0.002,
         stiffness="200",
@@ -87,14 +87,14 @@ def test_settings_reach_the_cabinet():
         io=("FRI.Out:digital:output",),
     )
     config = command.settings()
-    assert (config.connection.version, config.pace.period_ms) == ("2.7", 2)
-    assert config.law.stiffness == (200.0,) * 7
-    assert config.law.damping[6] == 0.7
+    assert (config.version, config.period_ms) == ("2.7", 2)
+    assert config.stiffness == (200.0,) * 7
+    assert config.damping[6] == 0.7
     assert (config.held_misses, config.stop_misses) == (4, 20)
-    assert config.start.restart_delay is None
-    assert config.quality.good_from == config.quality.fair_from == 0.2
-    assert config.connection.control is None
-    assert config.signals.io[0].name == "FRI.Out"
+    assert config.restart_delay is None
+    assert config.good_from == config.fair_from == 0.2
+    assert config.control is None
+    assert config.io[0].name == "FRI.Out"
 
 
 def test_the_status_line_tells_state_quality_rate_and_misses():

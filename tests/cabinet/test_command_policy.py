@@ -18,7 +18,7 @@ def command(q=None, tau=None):
 
 
 def make(**changes):
-    policy = CommandPolicy(CabinetConfig.of(**changes), iiwa14())
+    policy = CommandPolicy(CabinetConfig(**changes), iiwa14())
     policy.begin(list(IPO))
     return policy
 

@@ -48,7 +48,7 @@ def test_a_port_out_of_range_is_refused():
 
 @pytest.mark.parametrize("period_ms", [1, 2, 5, 10, 100])
 def test_whole_milliseconds_are_periods(period_ms):
-    pace = CabinetConfig.of(period=1e-3 * period_ms).pace
+    pace = CabinetConfig(period=1e-3 * period_ms)
     assert pace.period_ms == period_ms
     assert pace.period == 1e-3 * period_ms
 
@@ -60,7 +60,7 @@ def test_whole_milliseconds_are_periods(period_ms):
         ({"period": -0.005}, "send period is -5 ms"),
         ({"period": 0.0025}, "2.5 ms; allowed are whole ms, 1 to 100, as on the wire"),
         ({"period": 0.101}, "send period is 101 ms"),
-        ({"period": float("nan")}, "send period is nan ms"),
+        ({"period": float("nan")}, "period is nan"),
         ({"version": "3.0"}, "'3.0' is unknown; known versions: 1.15, 2.5, 2.7"),
         ({"clock": "sun"}, "known: wall, lockstep"),
         ({"receive_multiplier": 0}, "receive_multiplier is 0; allowed: 1 to"),
@@ -79,7 +79,7 @@ def test_whole_milliseconds_are_periods(period_ms):
 )
 def test_settings_out_of_range_are_refused_by_name(change, message):
     with pytest.raises(ConfigError, match=re.escape(message)):
-        CabinetConfig.of(**change)
+        CabinetConfig(**change)
 
 
 def test_signals_are_read():
@@ -115,7 +115,7 @@ def test_a_wrong_signal_is_refused(text, message):
 )
 def test_signals_that_a_message_cannot_carry_are_refused(texts, message):
     with pytest.raises(ConfigError, match=message):
-        CabinetConfig.of(io=tuple(parse_signal(text) for text in texts))
+        CabinetConfig(io=tuple(parse_signal(text) for text in texts))
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import pytest
 from dovetail.cabinet.faults import FaultConfig, parse_faults, read_script
 from dovetail.cabinet.link import Link
 from dovetail.cabinet.protocol import Quality
-from dovetail.control.sections import settings_in
 from dovetail.errors import ConfigError
+from dovetail.settings import names_in, values_of
 
 EXAMPLES = {
     "loss": ("0.02", 0.02),
@@ -31,20 +31,20 @@ EXAMPLES = {
 
 
 def test_every_fault_has_an_example_here():
-    assert set(EXAMPLES) == set(settings_in(FaultConfig))
+    assert set(EXAMPLES) == set(names_in(FaultConfig))
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_each_fault_is_read(name):
     text, value = EXAMPLES[name]
-    given = parse_faults(f"{name}={text}").flat()[name]
+    given = values_of(parse_faults(f"{name}={text}"))[name]
     assert given == pytest.approx(value)
-    assert given != FaultConfig().flat()[name]
+    assert given != values_of(FaultConfig())[name]
 
 
 def test_faults_are_read_together_and_none_is_none():
     text = "loss=0.02, duplicate=0.05,delay=3ms"
-    assert parse_faults(text) == FaultConfig.of(loss=0.02, duplicate=0.05, delay=0.003)
+    assert parse_faults(text) == FaultConfig(loss=0.02, duplicate=0.05, delay=0.003)
     assert parse_faults("none") == parse_faults("") == FaultConfig()
 
 
@@ -77,8 +77,8 @@ def test_a_script_is_read_in_the_order_of_time(tmp_path):
     file = tmp_path / "faults.txt"
     file.write_text("# a bad second\n2s loss=0.5  # half\n\n500ms delay=2ms\n3s none\n")
     assert read_script(file) == [
-        (0.5, FaultConfig.of(delay=0.002)),
-        (2.0, FaultConfig.of(loss=0.5)),
+        (0.5, FaultConfig(delay=0.002)),
+        (2.0, FaultConfig(loss=0.5)),
         (3.0, FaultConfig()),
     ]
 
@@ -107,7 +107,7 @@ def test_a_missing_script_is_named(tmp_path):
 def passed(count=2000, payload=b"0123456789", **faults):
     """Send numbered datagrams one period apart; return what arrives, in order."""
     link = Link(0.005)
-    link.configure(FaultConfig.of(**faults), "to_client")
+    link.configure(FaultConfig(**faults), "to_client")
     arrived = []
     for i in range(count):
         link.send(payload, 0.005 * i, tag=i)
@@ -152,7 +152,7 @@ def test_corrupt_and_truncated_datagrams_are_changed():
 
 def test_delay_and_jitter_stay_in_their_range():
     link = Link(0.005)
-    link.configure(FaultConfig.of(delay=0.002, jitter=0.001), "to_client")
+    link.configure(FaultConfig(delay=0.002, jitter=0.001), "to_client")
     for _ in range(100):
         link.send(b"x", 1.0)
         assert 1.002 <= link.next_due <= 1.003
@@ -173,12 +173,12 @@ def test_the_same_seed_gives_the_same_faults():
 
 def test_a_direction_leaves_the_other_alone():
     link = Link(0.005)
-    link.configure(FaultConfig.of(loss=1.0, direction="from_client"), "to_client")
+    link.configure(FaultConfig(loss=1.0, direction="from_client"), "to_client")
     assert link.is_idle
-    link.configure(FaultConfig.of(loss=1.0, direction="from_client"), "from_client")
+    link.configure(FaultConfig(loss=1.0, direction="from_client"), "from_client")
     assert not link.is_idle
 
 
 def test_faults_that_are_made_in_python_are_checked_too():
     with pytest.raises(ConfigError, match=r"fault delay is 3 s; allowed: 0 to 1 s"):
-        FaultConfig.of(delay=3.0)
+        FaultConfig(delay=3.0)

@@ -66,7 +66,7 @@ def test_a_somewhat_faulty_link_is_survived(make, client, text):
 
 def test_a_link_slower_than_the_period_never_gets_ready(make, client):
     client.start()
-    with make(faults=FaultConfig.of(delay=0.003)) as cabinet:
+    with make(faults=FaultConfig(delay=0.003)) as cabinet:
         wait_until(lambda: cabinet.status()["sequence"] > 150)
         assert cabinet.status()["state"] == "MONITORING_WAIT"
         assert cabinet.status()["counts"]["late"] > 100
@@ -76,7 +76,7 @@ def test_a_link_slower_than_the_period_never_gets_ready(make, client):
 
 def test_a_script_brings_faults_in_time(make, client):
     client.start()
-    script = [(1.0, FaultConfig.of(quality=Quality.POOR)), (1.5, FaultConfig())]
+    script = [(1.0, FaultConfig(quality=Quality.POOR)), (1.5, FaultConfig())]
     with make(script=script) as cabinet:
         wait_until(lambda: client.states == [*UP, *UP], describe=lambda: client.states)
         stopped = [m.sequence for m in client.messages if int(m.state) == WAIT][-1]

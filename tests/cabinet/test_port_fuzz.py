@@ -46,7 +46,7 @@ def commands(version):
 @pytest.mark.parametrize("version", ["1.15", "2.5", "2.7"])
 def test_mutated_commands_never_crash_the_controller(version):
     rng = random.Random(5)
-    controller = RobotController(LightPlant(), CabinetConfig.of(version=version))
+    controller = RobotController(LightPlant(), CabinetConfig(version=version))
     wire = Wire(controller)
     seeds = commands(version)
     undecodable = 0

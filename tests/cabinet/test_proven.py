@@ -1,5 +1,7 @@
 """What is outside the proven table is said by name, with its range and what to do."""
 
+from dataclasses import replace
+
 import pytest
 
 from dovetail.cabinet.config import CabinetConfig
@@ -12,13 +14,13 @@ from dovetail.plants.twin import load_twin
 @pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
 @pytest.mark.parametrize("period", [0.001, 0.002, 0.005])
 def test_the_shipped_twins_are_inside_the_table(twin, period):
-    command = Cabinet.of(twin=twin, period=period, control="none")
+    command = Cabinet(twin=twin, period=period, control="none")
     config = command.settings()
     assert find_unproven(config, parse_faults("none"), load_twin(twin)) == []
 
 
 def test_nothing_is_said_of_an_arm_as_the_model_says():
-    assert find_unproven(CabinetConfig.of(), parse_faults("none"), None) == []
+    assert find_unproven(CabinetConfig(), parse_faults("none"), None) == []
 
 
 @pytest.mark.parametrize(
@@ -32,8 +34,8 @@ def test_nothing_is_said_of_an_arm_as_the_model_says():
     ],
 )
 def test_what_is_outside_is_named(settings, faults, delay, message):
-    config, twin = CabinetConfig.of(**settings), load_twin("easy")
-    twin = twin.having(command_delay=delay)
+    config, twin = CabinetConfig(**settings), load_twin("easy")
+    twin = replace(twin, command_delay=delay)
     (text,) = find_unproven(config, parse_faults(faults), twin)
     assert message in text
     assert "proven for" in text
@@ -42,8 +44,8 @@ def test_what_is_outside_is_named(settings, faults, delay, message):
 def test_a_twins_masses_are_named_as_evaluate_names_them():
     """The delay alone was looked at: a link of 220 % was played without a word."""
     masses = (1.0, 2.2, *(1.0,) * 5)
-    twin = load_twin("easy").having(mass_scale=masses, command_delay=0.015)
-    mass, delay = find_unproven(CabinetConfig.of(), parse_faults("none"), twin)
+    twin = replace(load_twin("easy"), mass_scale=masses, command_delay=0.015)
+    mass, delay = find_unproven(CabinetConfig(), parse_faults("none"), twin)
     assert mass == twin.unproven()["mass_scale"]
     assert "the error of a link's mass is 120 %" in mass
     assert "delay is 15 ms of the twin" in delay

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from dovetail.cabinet.protocol import Quality, SessionState
-from dovetail.cabinet.session import Application, Situation, next_state
+from dovetail.cabinet.session import Application, SessionInputs, next_state
 from dovetail.errors import ConfigError
 
 IDLE, WAIT, READY, C_WAIT, ACTIVE = SessionState
@@ -17,7 +17,7 @@ ALL = list(
 
 
 def situation(is_open=True, quality=Quality.GOOD, motion=True, sync=True, drives=True):
-    return Situation(is_open, quality, motion, sync, drives)
+    return SessionInputs(is_open, quality, motion, sync, drives)
 
 
 def expected(state, now):
@@ -43,7 +43,7 @@ def expected(state, now):
 @pytest.mark.parametrize("state", SessionState)
 def test_full_transition_table(state):
     for values in ALL:
-        now = Situation(*values)
+        now = SessionInputs(*values)
         assert next_state(state, now) is expected(state, now), (state, now)
 
 

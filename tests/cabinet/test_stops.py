@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from dovetail.cabinet.body import Body
+from dovetail.cabinet.body import ArmBody
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.protocol import Quality, SafetyState, SessionState
 from dovetail.cabinet.stops import DECELERATION, Ramp, StopCategory
 from dovetail.envs.registered import find_cell
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from extras import need
 
 from .conftest import FIXTURE, Q_START, LightPlant
@@ -18,7 +18,7 @@ from .test_wire import Direct, push_with
 
 ACTIVE = SessionState.COMMANDING_ACTIVE
 SPEED = 0.25  # m/s, of the TCP along y
-CROOKED = DynamicsConfig.of(gravity_residual=(-0.2, 0.3, -0.4))
+CROOKED = DynamicsConfig(gravity_residual=(-0.2, 0.3, -0.4))
 TWINS = ["easy", "medium", "hard"]
 
 
@@ -29,14 +29,14 @@ def build(name):
         need("pybullet")
         plant = make_plant("bullet", find_cell(), DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(name), find_cell())
+        plant = make_twin(load_twin(name), find_cell())
     plant.reset(Q_START, FIXTURE)
     return plant
 
 
 def moving(plant, period):
     """A body whose TCP moves along y at SPEED."""
-    body = Body(plant, CabinetConfig.of(period=period))
+    body = ArmBody(plant, CabinetConfig(period=period))
     body.release()
     chain, last = plant.robot.chain(), plant.tool_pose().position
     for i in range(round(2.0 / period)):
@@ -191,9 +191,9 @@ def test_a_client_that_comes_back_in_time_goes_on(mode):
     [(0.001, 3, 10), (0.002, 2, 10), (0.005, 1, 10), (0.01, 1, 5), (0.1, 1, 2)],
 )
 def test_missing_commands_count_by_number_and_by_time(period, held, stop):
-    config = CabinetConfig.of(period=period)
+    config = CabinetConfig(period=period)
     assert (config.held_misses, config.stop_misses) == (held, stop)
-    given = CabinetConfig.of(period=period, hold_slots=7, stop_slots=70)
+    given = CabinetConfig(period=period, hold_slots=7, stop_slots=70)
     assert (given.held_misses, given.stop_misses) == (7, 70)
 
 

@@ -25,10 +25,10 @@ class Direct:
     """A controller and a client without a network: one call is one period."""
 
     def __init__(self, plant=None, **changes):
-        self.config = CabinetConfig.of(**changes)
+        self.config = CabinetConfig(**changes)
         self.controller = RobotController(plant or LightPlant(), self.config)
         self.wire = Wire(self.controller)
-        self.version = _core.fri_version(self.config.connection.version)
+        self.version = _core.fri_version(self.config.version)
 
     def pass_period(self, answer=mirror):
         self.controller.begin()
@@ -345,4 +345,4 @@ def test_counters_wrap_as_on_the_wire():
 
 
 def test_default_axis_delta_is_ten_degrees():
-    assert CabinetConfig().end.axis_delta_max == pytest.approx(math.radians(10.0))
+    assert CabinetConfig().axis_delta_max == pytest.approx(math.radians(10.0))

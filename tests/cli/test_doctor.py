@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail import doctor
 from dovetail.cli import run
-from dovetail.doctor import Check, run_checks
+from dovetail.doctor import installation
+from dovetail.doctor.check import Check
+from dovetail.doctor.installation import run_checks
 from dovetail.errors import install_command
 from dovetail.plants.find import make_plant
 
@@ -54,12 +55,12 @@ def test_essential_parts_are_found(checks):
 def test_every_extra_for_users_is_looked_for():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     others = {"all", "docs", "lint", "test"}
-    assert set(doctor.EXTRAS) == set(project["optional-dependencies"]) - others
+    assert set(installation.EXTRAS) == set(project["optional-dependencies"]) - others
 
 
 def test_a_missing_extra_names_the_command_that_brings_it(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    check = doctor._check_extra("learn")
+    check = installation._check_extra("learn")
     assert check.status == "missing"
     assert not check.is_essential
     assert install_command("learn") in check.detail
@@ -70,7 +71,9 @@ def test_an_arm_heavier_than_the_model_is_found(monkeypatch):
         return make_plant(name, cell, replace(dynamics, mass_scale=(1.05,) * 7))
 
     monkeypatch.setattr("dovetail.plants.find.make_plant", make_heavier)
-    check = doctor._guard("agreement", lambda: doctor._check_agreement("mujoco"))
+    check = installation._guard(
+        "agreement", lambda: installation._check_agreement("mujoco")
+    )
     assert check.status == "broken"
     assert "allowed" in check.detail
 
@@ -93,7 +96,7 @@ def test_the_command_succeeds_when_only_an_extra_is_missing(monkeypatch, capsys)
 
 
 def test_any_failure_of_a_check_is_a_finding_not_a_crash():
-    check = doctor._guard("x", lambda: 1 / np.array(0).item())
+    check = installation._guard("x", lambda: 1 / np.array(0).item())
     assert check.status == "broken"
     assert "ZeroDivisionError" in check.detail
 

@@ -1,23 +1,25 @@
 """The doctor at an arm's first power-on, played by a simulated cabinet."""
 
 from contextlib import contextmanager
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, lockstep_address
-from dovetail import _core, arm_checks, local_arm_checks
-from dovetail.arm_checks import run_arm_checks
-from dovetail.arm_feel import check_as_configured
+from dovetail import _core
 from dovetail.arms.address import parse_address
 from dovetail.cli import run
 from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor import fri_arm, simulated_arm
+from dovetail.doctor.fri_arm import run_fri_checks
+from dovetail.doctor.simulated_arm import run_simulated_checks
+from dovetail.doctor.standstill import check_as_configured
 from dovetail.envs.arm_setup import build_local_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
-from dovetail.local_arm_checks import run_local_checks
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig
 from dovetail.plants.twin import load_twin
@@ -52,7 +54,7 @@ def cabinet(dynamics=None, **settings):
 
 
 def checks(text, ask=None, declared=None):
-    found = run_arm_checks(parse_address(text), ask, declared)
+    found = run_fri_checks(parse_address(text), ask, declared)
     return {check.name: check for check in found}
 
 
@@ -62,7 +64,7 @@ def check_of(name, found):
 
 
 def check_at(text, name):
-    return check_of(name, run_arm_checks(parse_address(text), None))
+    return check_of(name, run_fri_checks(parse_address(text), None))
 
 
 def plant_at(text):
@@ -70,7 +72,7 @@ def plant_at(text):
 
 
 def local_checks(text, period, **declared):
-    found = run_local_checks(plant_at(text), period, DECLARED | declared)
+    found = run_simulated_checks(plant_at(text), period, DECLARED | declared)
     return {check.name: check for check in found}
 
 
@@ -106,7 +108,7 @@ def test_the_wrong_sign_of_the_external_torque_is_found():
 
 
 def test_a_wrong_load_shows_in_the_external_torque():
-    heavy = DynamicsConfig.of(mass_scale=(1.0,) * 6 + (3.0,))
+    heavy = DynamicsConfig(mass_scale=(1.0,) * 6 + (3.0,))
     with cabinet(heavy) as address:
         check = check_at(address, "hold")
     assert check.status == "broken"
@@ -145,7 +147,7 @@ def test_what_was_measured_is_told_when_the_arm_is_stopped(monkeypatch):
             arm.step(_core.Target(joint_mode=True, q_d=arm.monitoring().q), 0.05)
         return iter(())
 
-    monkeypatch.setattr(arm_checks, "feel_checks", stop)
+    monkeypatch.setattr(fri_arm, "check_dynamics", stop)
     with cabinet() as address:
         found = checks(address)
     assert list(found) == [*NAMES[:5], "end of the motion"]
@@ -155,7 +157,7 @@ def test_what_was_measured_is_told_when_the_arm_is_stopped(monkeypatch):
     assert "In the last second: torque 0.0" in check.detail
 
 
-def test_a_simulated_arm_is_felt_without_a_cabinet():
+def test_a_simulated_arm_is_checked_without_a_cabinet():
     found = local_checks("twin:easy", 0.002)
     assert list(found) == ["period", "rest", "delay", "gravity error", NAMES[-1]]
     assert {check.status for check in found.values()} == {"ok"}
@@ -164,7 +166,9 @@ def test_a_simulated_arm_is_felt_without_a_cabinet():
 def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
     check = check_of(
         "delay",
-        run_local_checks(plant_at("twin:medium"), 0.005, DECLARED | {"delay": 0.003}),
+        run_simulated_checks(
+            plant_at("twin:medium"), 0.005, DECLARED | {"delay": 0.003}
+        ),
     )
     assert check.status == "broken"
     assert "more than was declared; declared: 0 to 3 ms" in check.detail
@@ -172,11 +176,11 @@ def test_a_delay_above_the_declared_one_is_named_with_what_to_declare():
 
 
 def test_a_delay_outside_the_table_is_refused_whatever_is_declared(tmp_path):
-    late = load_twin("easy").having(command_delay=0.015)
+    late = replace(load_twin("easy"), command_delay=0.015)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     check = check_of(
-        "delay", run_local_checks(plant_at(f"twin:{path}"), 0.005, DECLARED)
+        "delay", run_simulated_checks(plant_at(f"twin:{path}"), 0.005, DECLARED)
     )
     assert check.status == "broken"
     assert "unproven; declared and shown to hold: 0 to 10 ms" in check.detail
@@ -194,22 +198,22 @@ def test_a_declaration_outside_the_table_is_refused(capsys):
 
 
 def test_the_controller_is_made_with_what_is_declared(monkeypatch):
-    made, make = [], local_arm_checks.make_settings
+    made, make = [], simulated_arm.make_settings
     monkeypatch.setattr(
-        local_arm_checks,
+        simulated_arm,
         "make_settings",
         lambda *args: made.append(make(*args)) or made[-1],
     )
     declared = DECLARED | {"delay": 0.007}
-    checks = run_local_checks(plant_at("mujoco"), 0.005, declared)
+    checks = run_simulated_checks(plant_at("mujoco"), 0.005, declared)
     assert next(c for c in checks if c.name == "rest")
     checks.close()
     ((_, limits),) = made
-    assert vars(limits.declared) == declared
+    assert limits.declared_errors() == declared
 
 
 def test_margins_of_an_exact_arm_are_warned_of(monkeypatch, capsys):
-    monkeypatch.setattr(arm_checks, "run_arm_checks", lambda *_: iter(()))
+    monkeypatch.setattr(fri_arm, "run_fri_checks", lambda *_: iter(()))
     assert run(["doctor", "--arm", "fri://127.0.0.1?margins=model", "--yes"]) == 0
     assert capsys.readouterr().out.startswith("warning: arm 'fri://127.0.0.1?margins")
 
@@ -232,7 +236,7 @@ def test_a_declared_delay_may_be_0_and_not_less(capsys):
 
 
 def test_a_period_outside_the_table_is_named():
-    check = next(run_local_checks(plant_at("mujoco"), 0.004, DECLARED))
+    check = next(run_simulated_checks(plant_at("mujoco"), 0.004, DECLARED))
     assert check.status == "broken"
     assert (
         "4 ms, for which the limits are unproven; shown to hold: 1, 2, 2.5, 5 ms"
@@ -243,13 +247,13 @@ def test_a_period_outside_the_table_is_named():
 @pytest.mark.parametrize(("delay", "is_let_go"), [(0.028, False), (0.03, True)])
 def test_an_arm_that_oscillates_at_rest_is_said_to(tmp_path, delay, is_let_go):
     """28 ms of delay are held, trembling; with 30 ms at 1 ms it is let go of."""
-    late = load_twin("easy").having(command_delay=delay)
+    late = replace(load_twin("easy"), command_delay=delay)
     path = tmp_path / "late.toml"
     path.write_text(late.to_toml())
     arm = build_local_arm(
         find_cell(),
         TaskSpec.parse("XYZABC:hold"),
-        EnvConfig.of(twin=path, period=0.001, force_damping=0.0),
+        EnvConfig(twin=path, period=0.001, force_damping=0.0),
     )
     q = arm.facts.robot.inverse_kinematics(START, Q_SEED)
     arm.reset(q, HOLE)
@@ -294,7 +298,7 @@ class StubArm:
 
 def test_a_joint_that_turns_the_wrong_way_is_stopped_at_once():
     arm = StubArm(follows=-1.0)
-    check = arm_checks.check_turns(arm, arm.q)
+    check = fri_arm.check_turns(arm, arm.q)
     assert check.status == "broken"
     assert "A1 turned the wrong way by 0.030 rad" in check.detail
     assert arm.is_stopped
@@ -302,7 +306,7 @@ def test_a_joint_that_turns_the_wrong_way_is_stopped_at_once():
 
 def test_a_joint_that_stays_behind_is_named():
     arm = StubArm(follows=np.array([1.0, 1.0, 1.0, 1.0, 1.0, 0.1, 1.0]))
-    check = arm_checks.check_turns(arm, arm.q)
+    check = fri_arm.check_turns(arm, arm.q)
     assert check.status == "broken"
     assert "A6 stayed behind" in check.detail
     assert not arm.is_stopped
@@ -320,16 +324,16 @@ def test_a_joint_that_stays_behind_is_named():
 def test_gravity_tells_the_sign_of_the_measured_torque(factor, status, words):
     arm = StubArm()
     gravity = arm.facts.robot.chain().gravity(arm.q)
-    rest = arm_checks.Rest(arm.q, 0.0, factor * gravity, np.zeros(7), None)
-    check = arm_checks.check_gravity(arm, rest, parse_address("fri://0.0.0.0"))
+    rest = fri_arm.HeldState(arm.q, 0.0, factor * gravity, np.zeros(7), None)
+    check = fri_arm.check_gravity(arm, rest, parse_address("fri://0.0.0.0"))
     assert check.status == status
     assert words in check.detail
 
 
 def test_an_upright_arm_says_nothing_about_gravity():
     arm = StubArm()
-    rest = arm_checks.Rest(np.zeros(7), 0.0, np.zeros(7), np.zeros(7), None)
-    check = arm_checks.check_gravity(arm, rest, parse_address("fri://0.0.0.0"))
+    rest = fri_arm.HeldState(np.zeros(7), 0.0, np.zeros(7), np.zeros(7), None)
+    check = fri_arm.check_gravity(arm, rest, parse_address("fri://0.0.0.0"))
     assert check.status == "missing"
     assert not check.is_essential
 
@@ -337,10 +341,10 @@ def test_an_upright_arm_says_nothing_about_gravity():
 def test_without_a_control_port_nobody_is_pushed_unless_somebody_is_asked():
     arm = StubArm(q=np.zeros(7), tau_measured=np.zeros(7), tau_external=np.zeros(7))
     address = parse_address("fri://0.0.0.0")
-    assert arm_checks.check_push(arm, arm.q, address, None).detail == "nobody pushed"
-    felt = arm_checks.check_push(arm, arm.q, address, lambda question: True)
-    assert felt.status == "missing"
-    assert "no push was felt" in felt.detail
+    assert fri_arm.check_push(arm, arm.q, address, None).detail == "nobody pushed"
+    pushed = fri_arm.check_push(arm, arm.q, address, lambda question: True)
+    assert pushed.status == "missing"
+    assert "no push was felt" in pushed.detail
 
 
 def test_lost_messages_are_said():
@@ -348,9 +352,9 @@ def test_lost_messages_are_said():
     counts = {"missed": 5, "received": 1000}
     times = {"reply_time": {"p50": 1e-5, "p999": 1e-4}}
     arm.statistics = lambda: {"counts": counts, "times": times}
-    assert arm_checks.check_messages(arm).status == "broken"
+    assert fri_arm.check_messages(arm).status == "broken"
     counts["missed"] = 1
-    assert arm_checks.check_messages(arm).status == "ok"
+    assert fri_arm.check_messages(arm).status == "ok"
 
 
 def test_the_command_prints_the_checks_and_its_exit_code(monkeypatch, capsys):
@@ -374,7 +378,7 @@ def test_the_command_prints_the_checks_and_its_exit_code(monkeypatch, capsys):
         ("gazebo", "known addresses"),
     ],
 )
-def test_only_an_arm_that_can_be_felt_is_checked(arm, message, capsys):
+def test_only_an_arm_that_can_be_moved_is_checked(arm, message, capsys):
     assert run(["doctor", "--arm", arm, "--yes"]) == 2
     assert message in capsys.readouterr().err
 

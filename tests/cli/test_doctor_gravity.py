@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 
 from arms.loopback import lockstep_address
-from dovetail.arm_checks import run_arm_checks
 from dovetail.arms.address import parse_address
 from dovetail.cli import run
 from dovetail.control.proven import DECLARED
+from dovetail.doctor.fri_arm import run_fri_checks
+from dovetail.doctor.gravity_error import check_gravity_error, load_torques
+from dovetail.doctor.simulated_arm import run_simulated_checks
 from dovetail.envs.registered import find_cell
-from dovetail.feel.missed_load import load_torques
-from dovetail.feel_checks import check_gravity_error
-from dovetail.local_arm_checks import run_local_checks
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
@@ -34,22 +33,21 @@ def at_start(robot):
 
 
 def gravity_check(twin):
-    plant = TwinPlant(twin, find_cell())
-    found = run_local_checks(plant, 0.005, DECLARED)
+    plant = make_twin(twin, find_cell())
+    found = run_simulated_checks(plant, 0.005, DECLARED)
     return next(check for check in found if check.name == "gravity error")
 
 
 def judge(robot, error):
     """The doctor's word on errors [Nm] that were measured to 0.05 Nm."""
     fits = [SimpleNamespace(offset=e, spread_of=lambda name: 0.05) for e in error]
-    feeling = SimpleNamespace(fits=fits)
-    return check_gravity_error(robot, at_start(robot), feeling, DECLARED)
+    return check_gravity_error(robot, at_start(robot), fits, DECLARED)
 
 
 def heavier(name, kilograms):
     twin = load_twin(name)
-    *others, last = twin.arm.mass_scale
-    return twin.having(mass_scale=(*others, last + kilograms / MASS_7))
+    *others, last = twin.mass_scale
+    return replace(twin, mass_scale=(*others, last + kilograms / MASS_7))
 
 
 @pytest.mark.parametrize("twin", ["easy", "medium", "hard"])
@@ -67,10 +65,10 @@ def test_every_shipped_twin_passes(twin, period, capsys):
 
 def test_a_shipped_twin_behind_a_cabinet_is_held_for_good():
     """The external torque is the same gravity error, and was allowed 5 % as well."""
-    plant = TwinPlant(load_twin("hard"), find_cell())
+    plant = make_twin(load_twin("hard"), find_cell())
     plant.reset(at_start(plant.robot), HOLE)
     with lockstep_address(plant) as address:
-        found = run_arm_checks(parse_address(f"{address}&reset=move"), None)
+        found = run_fri_checks(parse_address(f"{address}&reset=move"), None)
         check = next(check for check in found if check.name == "hold")
     assert check.status == "ok"
     assert "at A2" in check.detail
@@ -89,7 +87,7 @@ def test_a_shipped_twin_behind_a_cabinet_is_held_for_good():
     ],
 )
 def test_a_twin_inside_the_declared_range_passes(changes):
-    assert gravity_check(load_twin("easy").having(**changes)).status == "ok"
+    assert gravity_check(replace(load_twin("easy"), **changes)).status == "ok"
 
 
 @pytest.mark.parametrize("kilograms", [2.0, 3.0, 5.0])
@@ -104,7 +102,7 @@ def test_a_payload_outside_the_range_is_told_however_large_the_torque(kilograms)
 
 
 def test_what_no_load_explains_is_told_to_be_identified():
-    check = gravity_check(load_twin("easy").having(mass_scale=(0.4,) * 7))
+    check = gravity_check(replace(load_twin("easy"), mass_scale=(0.4,) * 7))
     assert check.status == "broken"
     assert "no load at the flange explains it" in check.detail
     assert "at A2 that is 3" in check.detail

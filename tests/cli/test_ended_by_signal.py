@@ -19,7 +19,7 @@ def test_a_signal_in_the_middle_of_another_one_does_not_block(number):
         sender = subprocess.Popen([sys.executable, "-c", burst])
         while sender.poll() is None:
             end.wait(1e-4)
-        assert end.is_told()
+        assert end.is_requested()
         assert end.wait()
 
 
@@ -27,6 +27,6 @@ def test_nothing_is_told_without_a_signal_and_handlers_come_back():
     before = signal.getsignal(signal.SIGTERM)
     with ended_by_signal() as end:
         assert not end.wait(0.001)
-        assert not end.is_told()
+        assert not end.is_requested()
         assert signal.getsignal(signal.SIGTERM) is not before
     assert signal.getsignal(signal.SIGTERM) is before

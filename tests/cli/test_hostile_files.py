@@ -20,6 +20,7 @@ import pytest
 
 from dovetail.episode import Episode, unit_of
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import to_toml
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.plants.twin import load_twin
@@ -561,11 +562,11 @@ def claim_fit(folder):
 def add_runs(cases):
     need("sbx")
     resume = lambda file: ("train", "--resume", "--out", file.parent)  # noqa: E731
-    cases.add_all("run", "config.json", resume, anywhere() | JSONS)
-    settings = json.dumps(TrainConfig.of().to_json())
+    cases.add_all("run", "config.toml", resume, anywhere() | TOMLS)
+    settings = to_toml(TrainConfig())
 
     def lock(file, write):
-        file.with_name("config.json").write_text(settings)
+        file.with_name("config.toml").write_text(settings)
         write(file)
 
     for kind, write in {"pipe": _pipe, "link": _gone, "zero": _zero}.items():

@@ -35,7 +35,7 @@ def test_fit_writes_a_model_that_a_twin_can_be(log, tmp_path, capsys):
     text = capsys.readouterr().out
     assert "TCP's RMS error on the log" in text
     assert "mass_scale" in text
-    assert load_twin(out / "model.toml").channel.torque_noise == 0.0
+    assert load_twin(out / "model.toml").torque_noise == 0.0
     assert json.loads((out / "fit.json").read_text())["state"] == "done"
 
 

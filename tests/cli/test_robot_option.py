@@ -12,11 +12,11 @@ from dovetail.envs.registered import make_task
 from dovetail.errors import UnprovenWarning
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.learn.config import TrainConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
+from dovetail.plugins import trust
 from dovetail.robots.iiwa14 import iiwa14
-from dovetail.strangers import trust
 from dovetail.tasks.shipped import DEFAULT_ENV
 from extras import need
 
@@ -87,7 +87,7 @@ def test_it_is_said_where_the_arm_is_recorded_and_the_fit_takes_it_too(
     assert run([*words, "--sequences", "1", "--out", "log"]) == 0
     assert LACK in capsys.readouterr().out
     trust("cli_own_arm")
-    replay = Replay(Recording.load("log"))
+    replay = LogReplay(Recording.load("log"))
     assert np.isfinite(replay.rms(nominal_model()))
     replay.close()
 
@@ -104,7 +104,7 @@ def test_in_python_it_is_a_warning():
     robot = replace(robot, links=links)
     cell = make_task(DEFAULT_ENV, {}).workcell(robot)
     with pytest.warns(UnprovenWarning, match="'nominal' of"):
-        plant = TwinPlant(load_twin("medium"), cell)
+        plant = make_twin(load_twin("medium"), cell)
     assert plant.dynamics.inertia == "nominal"
     plant.close()
 
@@ -116,13 +116,13 @@ def test_what_a_training_names_next_has_what_the_policys_file_may_not_choose():
     trust("cli_own_arm")
     policy = Path("run/policy.safetensors")
     evaluate = ["dovetail", "evaluate", str(policy)]
-    here = TrainConfig.of(robot="cli_own_arm:own")
+    here = TrainConfig(robot="cli_own_arm:own")
     named = ["--robot", "cli_own_arm:own"]
     assert next_words(policy, here) == [*evaluate, *named, "--twin", "medium"]
-    usual = next_words(policy, TrainConfig.of())
+    usual = next_words(policy, TrainConfig())
     assert usual == [*evaluate, "--twin", "medium"]
     address, place = "grpc://127.0.0.1:5050", (0.6, 0.0, 0.1, 0.2)
-    there = TrainConfig.of(
+    there = TrainConfig(
         robot="cli_own_arm:own", arm=address,
         fixed_goal=True, fixture=place, payload_error=0.5,
     )  # fmt: skip

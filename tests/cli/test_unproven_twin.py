@@ -4,6 +4,7 @@ import io
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 
 import gymnasium as gym
 import pytest
@@ -11,7 +12,7 @@ from rich.console import Console
 
 from dovetail.cli import run
 from dovetail.commands.cockpit import Cockpit
-from dovetail.commands.task_flags import parse
+from dovetail.commands.command_line import parse
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ConfigError, UnprovenWarning
@@ -30,7 +31,7 @@ def far(tmp_path):
     """File of a twin that is later, and heavier, than the limits were made for."""
     file = tmp_path / "far.toml"
     masses = (1.3,) + (1.0,) * 6
-    twin = load_twin("medium").having(command_delay=0.015, mass_scale=masses)
+    twin = replace(load_twin("medium"), command_delay=0.015, mass_scale=masses)
     file.write_text(twin.to_toml())
     return file
 
@@ -98,7 +99,7 @@ def test_the_cockpit_and_a_training_take_what_is_declared():
     wanted = {"delay": 0.012, "mass_error": 0.25, "payload_error": 1.2}
     assert wanted.items() <= parse(Cockpit, BEYOND).choice().settings.items()
     config = parse(TrainConfig, BEYOND)
-    assert config.environment.env_options()["delay"] == 0.012
+    assert config.env_options()["delay"] == 0.012
     assert "--delay 12ms" in config.command()
 
 

@@ -54,9 +54,9 @@ def test_keys_start_pause_step_and_stop(browser, cockpit):
     wait_for(lambda: differ(before, picture(browser)) > 0.01)
     press(browser, "p")
     wait_for(lambda: session.status.mode == "paused")
-    stamp = session.moment.stamp
+    stamp = session.snapshot.stamp
     press(browser, "n")
-    wait_for(lambda: session.moment.stamp > stamp + 0.04)
+    wait_for(lambda: session.snapshot.stamp > stamp + 0.04)
     press(browser, ESCAPE)
     wait_for(lambda: session.core.arm.is_held)
     button(browser, "Pause").click()
@@ -94,27 +94,27 @@ def drag_up(browser, server, tip, above):
 def test_the_arm_is_pulled_by_its_gizmo_until_that_is_let_go(browser, cockpit):
     session, server = cockpit
     button(browser, "Reset").click()
-    wait_for(lambda: session.moment.stamp < 1.0)
-    tip = session.moment.tool.position
+    wait_for(lambda: session.snapshot.stamp < 1.0)
+    tip = session.snapshot.tool.position
     mouse, end = drag_up(browser, server, tip, 0.07)
-    wait_for(lambda: session.moment.load.pull[2] > 5.0)
-    wait_for(lambda: session.moment.tool.position[2] > tip[2] + 0.0005)
+    wait_for(lambda: session.snapshot.pull[2] > 5.0)
+    wait_for(lambda: session.snapshot.tool.position[2] > tip[2] + 0.0005)
     mouse.let_go(end)
-    wait_for(lambda: session.hand.pull_to is None)
+    wait_for(lambda: session.disturbance.pull_to is None)
 
 
 def test_a_demonstration_is_led_by_the_gizmo_and_kept(browser, cockpit):
     session, server = cockpit
     button(browser, "Lead the tool").click()
     button(browser, "Begin").click()
-    wait_for(lambda: session.diary.is_demonstration)
-    wait_for(lambda: session.moment.stamp > 0.3)
-    tip = session.moment.tool.position
+    wait_for(lambda: session.logger.is_demonstration)
+    wait_for(lambda: session.snapshot.stamp > 0.3)
+    tip = session.snapshot.tool.position
     mouse, end = drag_up(browser, server, tip, 0.09)
     wait_for(lambda: session.status.mode == "led")
-    wait_for(lambda: session.moment.tool.position[2] > tip[2] + 0.01)
+    wait_for(lambda: session.snapshot.tool.position[2] > tip[2] + 0.01)
     mouse.let_go(end)
-    wait_for(lambda: not session.guide.is_leading)
+    wait_for(lambda: not session.teleoperator.is_leading)
     button(browser, "Keep").click()
     wait_for(lambda: "kept, unfinished" in session.status.note)
     wait_for(lambda: "1 demonstration" in browser.page_source)
@@ -123,19 +123,19 @@ def test_a_demonstration_is_led_by_the_gizmo_and_kept(browser, cockpit):
 
 def test_the_fixture_is_dragged_while_the_camera_is_covered(browser, cockpit):
     session, server = cockpit
-    begin = session.moment.fixture.true.position
+    begin = session.snapshot.fixture.position
     button(browser, "Cover the camera").click()
     wait_for(lambda: session.is_covered)
     mouse = driven.Mouse(browser)
-    turn = matrix_from_quat(session.moment.fixture.true.quat_wxyz)
+    turn = matrix_from_quat(session.snapshot.fixture.quat_wxyz)
     here = on_screen(browser, server, begin + 0.11 * turn[:, 0])
     there = on_screen(browser, server, begin + 0.13 * turn[:, 0])
     mouse.grab(here)
     for share in np.linspace(0.2, 1.0, 5):
         mouse.drag(np.array(here) + share * (np.array(there) - here))
     mouse.let_go(there)
-    wait_for(lambda: session.moment.fixture.true.position[0] > begin[0] + 0.005)
-    np.testing.assert_array_equal(session.moment.fixture.seen.position, begin)
+    wait_for(lambda: session.snapshot.fixture.position[0] > begin[0] + 0.005)
+    np.testing.assert_array_equal(session.snapshot.believed.position, begin)
 
 
 def test_who_leaves_the_page_leaves_the_arm_held_and_what_was_done_is_played_back(
@@ -145,16 +145,16 @@ def test_who_leaves_the_page_leaves_the_arm_held_and_what_was_done_is_played_bac
     button(browser, "Cover the camera").click()
     press(browser, "g")
     wait_for(lambda: session.status.mode == "running")
-    begin = session.moment.stamp
-    wait_for(lambda: session.moment.stamp > begin + 0.5)
+    begin = session.snapshot.stamp
+    wait_for(lambda: session.snapshot.stamp > begin + 0.5)
     browser.get("about:blank")
     wait_for(lambda: session.status.mode == "stopped")
     assert session.core.arm.is_held
     resume(session)
     session.reset()
-    wait_for(lambda: session.moment.stamp < 0.5)
-    session.diary.flush()
-    recorded = Recorded.load(session.diary.files[-1])
+    wait_for(lambda: session.snapshot.stamp < 0.5)
+    session.logger.flush()
+    recorded = Recorded.load(session.logger.files[-1])
     server = open_server(0)
     page = ReplayPage(server, (recorded,))
     try:

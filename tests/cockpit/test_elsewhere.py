@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, make_cabinet
-from dovetail.cockpit.choice import NOBODY
+from dovetail.arms.address import parse_address
+from dovetail.cockpit.choice import NO_POLICY
 from dovetail.cockpit.page import Page
 from dovetail.cockpit.server import open_server
 from dovetail.envs.registered import find_cell
@@ -25,11 +26,11 @@ Q_NEAR = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.5])
 def service():
     """A simulation behind gRPC."""
     need("grpc")
-    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.offered_arm import OfferedArm
     from dovetail.rpc.server import ArmServer
 
-    plant = make_plant("mujoco", find_cell(), DynamicsConfig())
-    with ArmServer(LocalBuilder("mujoco", plant), "127.0.0.1:0") as server:
+    arm = OfferedArm(parse_address("mujoco"), find_cell())
+    with ArmServer(arm, "127.0.0.1:0") as server:
         yield server
 
 
@@ -40,7 +41,7 @@ def offered(session):
     page = Page(server, session)
     page.close()
     server.stop()
-    return page.panel.top.offered
+    return page.panel.offered
 
 
 def test_the_page_of_a_simulation_offers_to_pause_step_and_pace_it(session):
@@ -53,9 +54,11 @@ def test_a_simulation_behind_grpc_is_paced_and_not_paused(make_session, service)
     session.start()
     session.pause()
     session.pace.speed = 0.25
-    wait_until(lambda: session.moment is not None and session.status.mode == "running")
-    begin, stamp = time.monotonic(), session.moment.stamp
-    wait_until(lambda: session.moment.stamp > stamp + 0.2)
+    wait_until(
+        lambda: session.snapshot is not None and session.status.mode == "running"
+    )
+    begin, stamp = time.monotonic(), session.snapshot.stamp
+    wait_until(lambda: session.snapshot.stamp > stamp + 0.2)
     assert time.monotonic() - begin > 0.5
 
 
@@ -64,17 +67,17 @@ def test_the_page_of_an_arm_that_has_not_moved_yet_is_drawn_and_then_shows_it(
 ):
     need("viser")
     session = make_session(place=service.url)
-    assert session.moment is None
+    assert session.snapshot is None
     server = open_server(0)
     page = Page(server, session)
-    assert page.panel.top.offered == ("Start", "Reset", "Speed")
+    assert page.panel.offered == ("Start", "Reset", "Speed")
     wait_until(lambda: page.frames > 10)
     assert session.status.mode == "stopped"
     session.reset()
     wait_until(lambda: session.status.mode == "held")
     frames = page.frames
     wait_until(lambda: page.frames > frames + 10)
-    normal, _ = session.moment.fixture.near
+    normal, _ = session.snapshot.near
     np.testing.assert_allclose(normal, [0.0, 0.0, 1.0], atol=1e-9)
     page.close()
     server.stop()
@@ -86,14 +89,14 @@ def test_a_service_that_dies_is_told_at_a_stop_too_and_the_log_is_kept(
     session = make_session(place=service.url)
     session.reset()
     session.start()
-    wait_until(lambda: session.moment is not None and session.moment.stamp > 0.3)
+    wait_until(lambda: session.snapshot is not None and session.snapshot.stamp > 0.3)
     service.close()
     wait_until(lambda: session.status.mode == "stopped")
     assert "Reset begins anew" in session.status.note
     session.stop()
     assert "STOP did not reach the arm" in session.status.note
     session.close()
-    assert [file.exists() for file in session.diary.files] == [True]
+    assert [file.exists() for file in session.logger.files] == [True]
 
 
 def test_a_service_that_dies_while_the_arm_is_held_is_told_without_a_step(
@@ -131,7 +134,7 @@ def test_what_a_task_raises_ends_the_motion_and_not_the_page(session, monkeypatc
         raise ValueError("a task of one's own")
 
     session.start()
-    wait_until(lambda: session.moment.stamp > 0.2)
+    wait_until(lambda: session.snapshot.stamp > 0.2)
     with monkeypatch.context() as patched:
         patched.setattr(session.core, "step", fail)
         wait_until(lambda: session.status.mode == "stopped")
@@ -158,7 +161,7 @@ def test_a_reset_that_fails_leaves_the_arm_stopped(session, monkeypatch):
 
 def test_a_start_right_after_a_demonstration_was_kept_goes_on(session):
     session.demonstrate()
-    wait_until(lambda: session.diary.is_demonstration)
+    wait_until(lambda: session.logger.is_demonstration)
     session.end_demonstration(is_kept=True)
     session.start()
     wait_until(lambda: session.status.success)
@@ -182,14 +185,14 @@ def test_an_arm_elsewhere_that_was_stopped_before_its_first_reset_goes_on_later(
 
 
 def test_without_a_policy_an_arm_elsewhere_is_led(make_session, service):
-    session = make_session(policy=NOBODY, place=service.url)
+    session = make_session(policy=NO_POLICY, place=service.url)
     session.reset()
     wait_until(lambda: session.status.mode == "held")
-    begin = session.moment.tool.position
-    to = Pose(begin + np.array([0.0, 0.0, 0.03]), session.moment.tool.quat_wxyz)
-    session.guide.grab(to)
-    wait_until(lambda: session.moment.tool.position[2] > begin[2] + 0.02)
-    session.guide.let_go()
+    begin = session.snapshot.tool.position
+    to = Pose(begin + np.array([0.0, 0.0, 0.03]), session.snapshot.tool.quat_wxyz)
+    session.teleoperator.grab(to)
+    wait_until(lambda: session.snapshot.tool.position[2] > begin[2] + 0.02)
+    session.teleoperator.let_go()
     wait_until(lambda: session.status.mode == "held")
 
 

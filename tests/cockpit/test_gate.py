@@ -171,8 +171,11 @@ def test_the_two_tokens_are_long_random_and_new_each_time(server):
     assert min(map(len, tokens)) >= 32
 
 
-def test_no_page_can_show_this_one_inside_and_no_link_carries_its_address(server):
-    path = f"/{server.gate.drive_token}/"
+@pytest.mark.parametrize("query", ["", "?gpu", "?fixedDpr=0.5"])
+def test_no_page_can_show_this_one_inside_and_no_link_carries_its_address(
+    server, query
+):
+    path = f"/{server.gate.drive_token}/{query}"
     _, headers = ask(server, path, headers_of(server), "page")
     assert "frame-ancestors 'none'" in headers["Content-Security-Policy"]
     assert headers["Referrer-Policy"] == "no-referrer"
@@ -228,7 +231,7 @@ def test_nothing_that_a_stranger_sends_reaches_the_terminal_as_an_escape(caplog)
 
 def watching_attacks(session):
     """Everything with which a viewer could drive."""
-    above = session.moment.tool.position + np.array([0.0, 0.0, 0.05])
+    above = session.snapshot.tool.position + np.array([0.0, 0.0, 0.05])
     return {
         "start by key": lambda viewer: viewer.key("Start"),
         "reset by key": lambda viewer: viewer.key("Reset"),
@@ -250,23 +253,23 @@ def test_a_watcher_sees_everything_may_stop_and_never_drives(served):
     viewer, speed = Client(server.watch_address), session.pace.speed
     wait_until(lambda: "Lead the tool: on" in viewer.controls)
     viewer.controls["Lead the tool: off"] = viewer.controls["Lead the tool: on"]
-    choice, begin = session.choice, session.moment
+    choice, begin = session.choice, session.snapshot
     for attack in watching_attacks(session).values():
         refused = server.gate.refused
         attack(viewer)
         wait_until(lambda refused=refused: server.gate.refused > refused)
-    end = session.moment.stamp + 0.4
-    wait_until(lambda: session.moment.stamp > end)
-    assert page._seat.driver is None
+    end = session.snapshot.stamp + 0.4
+    wait_until(lambda: session.snapshot.stamp > end)
+    assert page.driver_lock.driver is None
     assert session.choice is choice
     assert session.status.mode == "held"
     assert session.pace.speed == speed
     assert page.panel.leads.is_on
     assert page.panel.walls.is_on
     assert not session.is_covered
-    assert not session.moment.load.pull.any()
+    assert not session.snapshot.pull.any()
     np.testing.assert_allclose(
-        session.moment.tool.position, begin.tool.position, atol=1e-4
+        session.snapshot.tool.position, begin.tool.position, atol=1e-4
     )
     wait_until(lambda: viewer.notes)
     viewer.press(STOP)
@@ -375,13 +378,13 @@ def test_a_value_that_the_control_cannot_have_changes_nothing(served, label, val
     refused = server.gate.refused
     driver.set(label, value=value)
     wait_until(lambda: server.gate.refused > refused)
-    end = session.moment.stamp + 0.2
-    wait_until(lambda: session.moment.stamp > end)
+    end = session.snapshot.stamp + 0.2
+    wait_until(lambda: session.snapshot.stamp > end)
     assert session.choice is choice
     assert session.version == version
     assert session.pace.speed == speed
     assert page.panel.walls.is_on
-    assert page._seat.driver is None  # nonsense does not take the seat
+    assert page.driver_lock.driver is None  # nonsense does not take the lock
     driver.close()
     other.close()
 
@@ -408,11 +411,11 @@ def test_uploads_are_not_kept(served):
 def test_on_the_replay_page_a_time_outside_is_dropped_and_a_watcher_turns_nothing(
     session,
 ):
-    session.pull(session.moment.tool.position + np.array([0.0, 0.0, 0.05]))
-    end = session.moment.stamp + 0.5
-    wait_until(lambda: session.moment.stamp > end)
+    session.pull(session.snapshot.tool.position + np.array([0.0, 0.0, 0.05]))
+    end = session.snapshot.stamp + 0.5
+    wait_until(lambda: session.snapshot.stamp > end)
     session.close()
-    recorded = Recorded.load(session.diary.files[-1])
+    recorded = Recorded.load(session.logger.files[-1])
     server = open_server(0)
     page = ReplayPage(server, (recorded,))
     driver, viewer = Client(server.address), Client(server.watch_address)

@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cockpit.choice import NOBODY
-from dovetail.cockpit.guide import Guide
+from dovetail.cockpit.choice import NO_POLICY
 from dovetail.cockpit.space_mouse import DEAD, SpaceMouse, without_rest
+from dovetail.cockpit.teleoperator import Teleoperator
 from dovetail.envs import registered
-from dovetail.envs.led import LEAD_SPEED, Led, action_towards
+from dovetail.envs.teleop import LEAD_SPEED, TeleopWrapper, action_towards
 from dovetail.episode import LED, Episode
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.poses import Pose, quat_about_z, quat_from_vector, quat_multiply
@@ -54,12 +54,12 @@ def make(**settings):
 
 def insert(session):
     """Lead the tool over the hole and in, as a person does: by looking."""
-    core, guide = session.core, session.guide
+    core, teleoperator = session.core, session.teleoperator
     goal = goal_of(core)
     above = goal.position + np.array([0.0, 0.0, 0.05])
-    guide.grab(Pose(above, goal.quat_wxyz))
-    wait_until(lambda: np.linalg.norm(session.moment.tool.position - above) < 0.002)
-    guide.move(Pose(goal.position, goal.quat_wxyz))
+    teleoperator.grab(Pose(above, goal.quat_wxyz))
+    wait_until(lambda: np.linalg.norm(session.snapshot.tool.position - above) < 0.002)
+    teleoperator.move(Pose(goal.position, goal.quat_wxyz))
 
 
 @pytest.mark.parametrize("damping", [0.0, 40.0])
@@ -68,7 +68,7 @@ def test_the_tool_arrives_where_it_is_led_and_is_never_faster_than_a_hand(dampin
     env, core = make(force_damping=damping)
     begin = core.state.tool.position
     to = Pose(begin + np.minimum(np.abs(way), 0.06) * np.sign(way), goal_of(core)[1])
-    led = Led(env, lambda c: action_towards(c, to))
+    led = TeleopWrapper(env, lambda c: action_towards(c, to))
     speeds = []
     for _ in range(60):
         *_, info = led.step(np.zeros(4, dtype=np.float32))
@@ -94,7 +94,7 @@ def test_turns_are_those_of_the_command_map(turns):
 
 def test_a_policys_action_passes_where_nobody_leads():
     env, _ = make()
-    led = Led(env, lambda _: None)
+    led = TeleopWrapper(env, lambda _: None)
     action = np.array([0.1, 0.2, -0.3, 0.4], dtype=np.float32)
     *_, info = led.step(action)
     assert info["is_intervention"] is False
@@ -112,32 +112,32 @@ def test_a_policys_action_passes_where_nobody_leads():
     ],
 )
 def test_a_place_that_is_none_leads_nowhere(wrong):
-    guide = Guide()
+    teleoperator = Teleoperator()
     with pytest.raises(ConfigError, match="cannot be led"):
-        guide.grab(wrong)
-    assert not guide.is_leading
+        teleoperator.grab(wrong)
+    assert not teleoperator.is_leading
 
 
 def test_after_a_stop_the_gizmo_has_to_be_grabbed_anew():
-    guide = Guide()
+    teleoperator = Teleoperator()
     place = Pose(np.zeros(3), quat_about_z(0.0))
-    guide.grab(place)
-    assert guide.is_leading
-    guide.let_go()
-    guide.move(place)  # the mouse is still down
-    assert not guide.is_leading
+    teleoperator.grab(place)
+    assert teleoperator.is_leading
+    teleoperator.let_go()
+    teleoperator.move(place)  # the mouse is still down
+    assert not teleoperator.is_leading
 
 
 def test_a_person_leads_the_tool_in_without_a_policy_and_the_log_says_so(make_session):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     session.demonstrate()
-    wait_until(lambda: session.diary.is_demonstration)
+    wait_until(lambda: session.logger.is_demonstration)
     insert(session)
     wait_until(lambda: session.status.success)
     assert session.status.mode == "held"
     assert session.violations == 0
     session.close()
-    (file,) = session.diary.demonstrations
+    (file,) = session.logger.demonstrations
     episode = Episode.load(file)
     assert episode[LED].all()
     assert episode.metadata["demonstration"] == "finished"
@@ -146,15 +146,15 @@ def test_a_person_leads_the_tool_in_without_a_policy_and_the_log_says_so(make_se
 
 def test_a_correction_takes_over_from_a_policy_and_gives_back(session):
     session.start()
-    wait_until(lambda: session.moment.stamp > 0.2)
-    here = session.moment.tool.position + np.array([0.0, 0.0, 0.05])
-    session.guide.grab(Pose(here, session.moment.tool.quat_wxyz))
-    wait_until(lambda: np.linalg.norm(session.moment.tool.position - here) < 0.003)
+    wait_until(lambda: session.snapshot.stamp > 0.2)
+    here = session.snapshot.tool.position + np.array([0.0, 0.0, 0.05])
+    session.teleoperator.grab(Pose(here, session.snapshot.tool.quat_wxyz))
+    wait_until(lambda: np.linalg.norm(session.snapshot.tool.position - here) < 0.003)
     assert session.status.mode == "led"
-    session.guide.let_go()
+    session.teleoperator.let_go()
     wait_until(lambda: session.status.success)
     session.close()
-    led = Episode.load(session.diary.files[0])[LED]
+    led = Episode.load(session.logger.files[0])[LED]
     first = int(np.argmax(led))
     assert led[0] == led[-1] == 0.0
     assert led[first] == 1.0
@@ -162,36 +162,36 @@ def test_a_correction_takes_over_from_a_policy_and_gives_back(session):
 
 
 def test_let_go_the_arm_is_held_and_a_stop_ends_the_lead(make_session):
-    session = make_session(policy=NOBODY)
-    begin = session.moment.tool.position
-    far = Pose(begin + np.array([0.0, 0.1, 0.0]), session.moment.tool.quat_wxyz)
-    session.guide.grab(far)
-    wait_until(lambda: session.moment.tool.position[1] > begin[1] + 0.01)
+    session = make_session(policy=NO_POLICY)
+    begin = session.snapshot.tool.position
+    far = Pose(begin + np.array([0.0, 0.1, 0.0]), session.snapshot.tool.quat_wxyz)
+    session.teleoperator.grab(far)
+    wait_until(lambda: session.snapshot.tool.position[1] > begin[1] + 0.01)
     session.stop()
-    session.guide.move(far)
+    session.teleoperator.move(far)
     assert session.status.mode == "stopped"
     assert session.core.arm.is_held
-    stamp = session.moment.stamp
-    wait_until(lambda: session.moment.stamp > stamp + 0.5)
-    rest = session.moment.tool.position
-    wait_until(lambda: session.moment.stamp > stamp + 0.8)
-    assert np.linalg.norm(session.moment.tool.position - rest) < 1e-4
+    stamp = session.snapshot.stamp
+    wait_until(lambda: session.snapshot.stamp > stamp + 0.5)
+    rest = session.snapshot.tool.position
+    wait_until(lambda: session.snapshot.stamp > stamp + 0.8)
+    assert np.linalg.norm(session.snapshot.tool.position - rest) < 1e-4
 
 
 def lead_a_little(session):
     session.demonstrate()
-    wait_until(lambda: session.diary.is_demonstration and session.moment.stamp < 0.3)
-    begin = session.moment.tool.position
-    place = Pose(begin + np.array([0.0, 0.0, 0.03]), session.moment.tool.quat_wxyz)
-    session.guide.grab(place)
-    wait_until(lambda: session.moment.tool.position[2] > begin[2] + 0.01)
-    session.guide.let_go()
+    wait_until(lambda: session.logger.is_demonstration and session.snapshot.stamp < 0.3)
+    begin = session.snapshot.tool.position
+    place = Pose(begin + np.array([0.0, 0.0, 0.03]), session.snapshot.tool.quat_wxyz)
+    session.teleoperator.grab(place)
+    wait_until(lambda: session.snapshot.tool.position[2] > begin[2] + 0.01)
+    session.teleoperator.let_go()
 
 
 def test_a_demonstration_cut_short_is_marked_and_one_thrown_away_loses_no_other(
     make_session,
 ):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     lead_a_little(session)
     session.end_demonstration(is_kept=True)
     wait_until(lambda: "unfinished" in session.status.note)
@@ -201,19 +201,19 @@ def test_a_demonstration_cut_short_is_marked_and_one_thrown_away_loses_no_other(
     lead_a_little(session)  # nobody decides: it is kept
     lead_a_little(session)
     session.close()
-    kept = [Episode.load(file) for file in session.diary.demonstrations]
+    kept = [Episode.load(file) for file in session.logger.demonstrations]
     assert [e.metadata["demonstration"] for e in kept] == ["unfinished"] * 3
-    names = [file.name for file in session.diary.demonstrations]
+    names = [file.name for file in session.logger.demonstrations]
     assert len(set(names)) == 3
 
 
 def test_a_demonstration_that_ended_can_still_be_thrown_away(make_session):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     lead_a_little(session)
     session.end_demonstration(is_kept=True)
     session.end_demonstration(is_kept=False)
     wait_until(lambda: "thrown away" in session.status.note)
-    assert session.diary.demonstrations == []
+    assert session.logger.demonstrations == []
     session.end_demonstration(is_kept=False)
     wait_until(lambda: "no demonstration" in session.status.note)
 
@@ -221,10 +221,10 @@ def test_a_demonstration_that_ended_can_still_be_thrown_away(make_session):
 def test_a_cockpit_goes_on_with_the_numbers_of_an_earlier_one(make_session, tmp_path):
     files = []
     for _ in range(2):
-        session = make_session(policy=NOBODY, logs=tmp_path / "same")
+        session = make_session(policy=NO_POLICY, logs=tmp_path / "same")
         lead_a_little(session)
         session.close()
-        files += session.diary.demonstrations
+        files += session.logger.demonstrations
     assert len(set(files)) == 2
     assert all(file.exists() for file in files)
 
@@ -240,57 +240,57 @@ def test_a_cap_at_rest_is_zero_and_a_full_one_is_one():
 )
 def test_a_cap_pushed_away_moves_the_tool_away_from_who_looks(device, heading, wanted):
     env, core = make()
-    mouse, guide = SpaceMouse(device), Guide()
-    guide.take_mouse(mouse)
-    guide.heading = heading
-    wait_until(lambda: guide.action(core) is None)  # at rest first
+    mouse, teleoperator = SpaceMouse(device), Teleoperator()
+    teleoperator.take_mouse(mouse)
+    teleoperator.heading = heading
+    wait_until(lambda: teleoperator.action(core) is None)  # at rest first
     device.cap[1] = 1.0
-    wait_until(lambda: guide.is_leading)
-    action = guide.action(core)
+    wait_until(lambda: teleoperator.is_leading)
+    action = teleoperator.action(core)
     np.testing.assert_allclose(action[:2], wanted, atol=1e-5)
     env.close()
-    guide.take_mouse(None)
+    teleoperator.take_mouse(None)
     assert device.is_closed
 
 
 def test_a_cap_that_is_pushed_at_a_stop_leads_again_only_after_a_rest(device):
-    guide = Guide()
+    teleoperator = Teleoperator()
     mouse = SpaceMouse(device)
-    guide.take_mouse(mouse)
+    teleoperator.take_mouse(mouse)
     device.cap[0] = 0.5
     time.sleep(0.05)
-    assert not guide.is_leading  # it was pushed when it was switched on
+    assert not teleoperator.is_leading  # it was pushed when it was switched on
     device.cap[0] = 0.0
     time.sleep(0.05)
-    assert not guide.is_leading
+    assert not teleoperator.is_leading
     device.cap[0] = 0.5
-    wait_until(lambda: guide.is_leading)
-    guide.let_go()
+    wait_until(lambda: teleoperator.is_leading)
+    teleoperator.let_go()
     time.sleep(0.05)
-    assert not guide.is_leading
-    guide.take_mouse(None)
+    assert not teleoperator.is_leading
+    teleoperator.take_mouse(None)
 
 
 def test_an_unplugged_mouse_holds_the_arm_and_loses_nothing(make_session, device):
-    session = make_session(policy=NOBODY)
+    session = make_session(policy=NO_POLICY)
     session.demonstrate()
-    wait_until(lambda: session.diary.is_demonstration)
-    session.guide.take_mouse(SpaceMouse(device))
-    wait_until(lambda: not session.guide.is_leading)
+    wait_until(lambda: session.logger.is_demonstration)
+    session.teleoperator.take_mouse(SpaceMouse(device))
+    wait_until(lambda: not session.teleoperator.is_leading)
     time.sleep(0.05)
     device.cap[2] = 1.0
-    begin = session.moment.tool.position[2]
-    wait_until(lambda: session.moment.tool.position[2] > begin + 0.01)
+    begin = session.snapshot.tool.position[2]
+    wait_until(lambda: session.snapshot.tool.position[2] > begin + 0.01)
     device.error = OSError("Failed to read from HID device: -1")
     wait_until(lambda: "cannot be read any more" in session.status.note)
-    assert not session.guide.has_mouse
-    stamp = session.moment.stamp
-    wait_until(lambda: session.moment.stamp > stamp + 0.5)
-    rest = session.moment.tool.position
-    wait_until(lambda: session.moment.stamp > stamp + 0.8)
-    assert np.linalg.norm(session.moment.tool.position - rest) < 5e-4
+    assert not session.teleoperator.has_mouse
+    stamp = session.snapshot.stamp
+    wait_until(lambda: session.snapshot.stamp > stamp + 0.5)
+    rest = session.snapshot.tool.position
+    wait_until(lambda: session.snapshot.stamp > stamp + 0.8)
+    assert np.linalg.norm(session.snapshot.tool.position - rest) < 5e-4
     session.close()
-    assert len(session.diary.demonstrations) == 1
+    assert len(session.logger.demonstrations) == 1
 
 
 def test_without_package_or_device_the_page_says_what_to_do(session, monkeypatch):
@@ -305,4 +305,4 @@ def test_without_package_or_device_the_page_says_what_to_do(session, monkeypatch
     monkeypatch.setitem(sys.modules, "pyspacemouse", none)
     session.use_mouse(True)
     assert "plug one in" in session.status.note
-    assert not session.guide.has_mouse
+    assert not session.teleoperator.has_mouse

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dovetail.cockpit.hand import Hand, spring_force
+from dovetail.cockpit.disturbance import UserDisturbance, spring_force
 from dovetail.cockpit.pace import Pace
 from dovetail.cockpit.paced_arm import PacedArm
 from dovetail.envs.registered import DEFAULT_ENV, make_env, task_class
@@ -19,7 +19,7 @@ def make(**settings):
 
 
 def paced(env, see=lambda *_: None):
-    env.arm = PacedArm(env.arm, Hand(), FAST, see)
+    env.arm = PacedArm(env.arm, UserDisturbance(), FAST, see)
     return env.arm
 
 
@@ -101,7 +101,7 @@ class Distant:
 def test_an_arm_that_is_no_simulation_is_stepped_whole_and_stops_itself():
     env = make()
     distant = Distant(env.arm)
-    arm = PacedArm(distant, Hand(), FAST, lambda *_: None)
+    arm = PacedArm(distant, UserDisturbance(), FAST, lambda *_: None)
     env.arm = arm
     env.reset(seed=1)
     env.step(np.zeros(4, dtype=np.float32))
@@ -119,7 +119,7 @@ def test_an_arm_elsewhere_is_stopped_before_its_first_reset_has_ended_too():
     """The stop used to wait for a first state, while the arm drove to its start."""
     env = make()
     distant = Distant(env.arm)
-    env.arm = arm = PacedArm(distant, Hand(), FAST, lambda *_: None)
+    env.arm = arm = PacedArm(distant, UserDisturbance(), FAST, lambda *_: None)
     reset, stops = distant.reset, []
 
     def drive(q, fixture):
@@ -137,7 +137,9 @@ def test_while_a_stop_of_a_person_holds_nothing_frees_the_arm():
     env = make()
     stopped = [False]
     distant = Distant(env.arm)
-    arm = PacedArm(distant, Hand(), FAST, lambda *_: None, lambda: stopped[0])
+    arm = PacedArm(
+        distant, UserDisturbance(), FAST, lambda *_: None, lambda: stopped[0]
+    )
     env.arm = arm
     env.reset(seed=1)
     stopped[0] = True

@@ -36,7 +36,7 @@ def test_a_log_is_drawn_at_any_time(write, env):
     recorded = Recorded.load(write(describe_cell(env)))
     assert recorded.end == pytest.approx(0.2, abs=0.006)
     for time, row in ((-1.0, 0), (0.0, 0), (recorded.end, -1), (99.0, -1)):
-        np.testing.assert_array_equal(recorded.at(time)[0], recorded.motion.q[row])
+        np.testing.assert_array_equal(recorded.at(time)[0], recorded.q[row])
     assert recorded.curves.shape[1] == len(COLUMNS)
     assert len(recorded.path(recorded.end)) <= 601
 
@@ -56,8 +56,8 @@ def test_a_fixture_of_an_evaluation_stands_where_the_try_had_it(write, env):
 
 def test_a_log_that_tells_of_neither_belief_nor_pull_is_drawn_without(write):
     recorded = Recorded.load(write({}))
-    assert recorded.seen(0.1) is None
-    np.testing.assert_array_equal(recorded.pull(0.1), 0.0)
+    assert recorded.believed_at(0.1) is None
+    np.testing.assert_array_equal(recorded.pull_at(0.1), 0.0)
 
 
 def test_belief_and_pull_are_the_last_that_was_noted(write):
@@ -72,8 +72,8 @@ def test_belief_and_pull_are_the_last_that_was_noted(write):
     }
     recorded = Recorded.load(write(metadata))
     for time, y, force in ((0.0, 0.0, 0.0), (0.06, 0.0, 7.0), (0.15, 0.02, 7.0)):
-        assert recorded.seen(time).position[1] == pytest.approx(y)
-        assert recorded.pull(time)[1] == pytest.approx(force)
+        assert recorded.believed_at(time).position[1] == pytest.approx(y)
+        assert recorded.pull_at(time)[1] == pytest.approx(force)
 
 
 @pytest.mark.parametrize("key", ["believed_path [s, m, wxyz]", "pull_path [s, N]"])
@@ -86,12 +86,12 @@ def test_a_belief_or_pull_that_is_no_table_is_refused(write, key, rows):
 def test_an_unmeasured_force_is_the_estimated_one(write, env, tmp_path):
     episode = Episode.load(write({}))
     measured = Recorded.load(tmp_path / "log.npz")
-    assert not measured.motion.is_estimated
+    assert not measured.is_estimated
     columns = [episode.columns.index(name) for name in ("fx", "fy", "fz")]
     episode.data[:, columns] = np.nan
     estimated = Recorded.load(episode.save(tmp_path / "estimated.npz"))
-    assert estimated.motion.is_estimated
-    np.testing.assert_array_equal(estimated.motion.force[:, 2], episode["wrench_fz"])
+    assert estimated.is_estimated
+    np.testing.assert_array_equal(estimated.force[:, 2], episode["wrench_fz"])
     assert np.isfinite(estimated.curves[:, COLUMNS.index("force")]).all()
 
 
@@ -100,7 +100,7 @@ def test_two_logs_are_as_far_apart_as_they_were(write):
     two = Recorded.load(write({}, action=0.5, name="two.npz"))
     apart = one.compared(two)[:, -1]
     assert apart[0] < 1.0
-    expected = 1e3 * np.linalg.norm(one.motion.position[-1] - two.motion.position[-1])
+    expected = 1e3 * np.linalg.norm(one.position[-1] - two.position[-1])
     assert apart[-1] == pytest.approx(expected)
     assert expected > 0.5
     np.testing.assert_array_equal(one.compared(one)[:, -1], 0.0)

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from dovetail.cockpit.seat import PATIENCE, Seat
+from dovetail.cockpit.page import PATIENCE, DriverLock
 from dovetail.cockpit.server import HOST, open_server
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
@@ -47,32 +47,32 @@ def test_the_page_listens_on_this_machine_alone():
         server.stop()
 
 
-def test_one_drives_and_the_seat_is_free_when_that_one_leaves():
-    seat = Seat()
-    assert seat.take(3)
-    assert seat.take(3)
-    assert not seat.take(4)
-    assert not seat.leave(4)
-    assert seat.driver == 3
-    assert seat.leave(3)
-    assert seat.driver is None
-    assert seat.take(4)
+def test_one_drives_and_the_lock_is_free_when_that_one_leaves():
+    lock = DriverLock()
+    assert lock.acquire(3)
+    assert lock.acquire(3)
+    assert not lock.acquire(4)
+    assert not lock.release(4)
+    assert lock.driver == 3
+    assert lock.release(3)
+    assert lock.driver is None
+    assert lock.acquire(4)
 
 
 def test_who_has_done_nothing_for_a_minute_while_the_arm_stands_has_left():
     now = 100.0
-    seat = Seat(lambda: now)
-    assert seat.take(3)
+    lock = DriverLock(lambda: now)
+    assert lock.acquire(3)
     now += PATIENCE - 1.0
-    assert not seat.take(4, is_standing=True)
-    assert seat.take(3)  # does something again
+    assert not lock.acquire(4, is_standing=True)
+    assert lock.acquire(3)  # does something again
     now += PATIENCE - 1.0
-    assert not seat.take(4, is_standing=True)
+    assert not lock.acquire(4, is_standing=True)
     now += 2.0
-    assert not seat.take(4)  # it moves: the driver may be watching
-    assert seat.take(4, is_standing=True)
-    assert not seat.leave(3)
-    assert not seat.take(3, is_standing=True)
+    assert not lock.acquire(4)  # it moves: the driver may be watching
+    assert lock.acquire(4, is_standing=True)
+    assert not lock.release(3)
+    assert not lock.acquire(3, is_standing=True)
 
 
 @pytest.mark.parametrize("env", ["dovetail/PegInHole-v0", "dovetail/RailClip-v0"])

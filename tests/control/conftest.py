@@ -81,7 +81,7 @@ def run_loop(robot: Robot, q_home: np.ndarray):
             result = controller.step(q, dq, target)
             q_mid = q + 0.5 * period * dq
             drift = chain.jacobian_dot_dq(q_mid, dq)
-            M = chain.inertia_matrix(q_mid) + np.diag(limits.prediction.armature)
+            M = chain.inertia_matrix(q_mid) + np.diag(limits.armature)
             asked = result.a - np.linalg.solve(M, controller.disturbance)
             rows["asked"].append(asked)
             rows["asked_x"].append((chain.jacobian(q_mid) @ asked + drift)[:3])
@@ -113,8 +113,8 @@ def rest_at(robot: Robot):
         controller = make_controller(robot, osc, limits, task, period)
         plant = _core.RigidPlant(
             robot.chain(),
-            damping=limits.prediction.damping,
-            armature=limits.prediction.armature,
+            damping=limits.damping,
+            armature=limits.armature,
         )
         plant.reset(q, np.zeros(7))
         start = robot.tool_pose(q)

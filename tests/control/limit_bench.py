@@ -1,8 +1,11 @@
 """Loose limits, and pushes towards one of them: for test_limits_enumerated.py."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dovetail.control.config import LimitConfig
+from dovetail.settings import values_of
 
 TASK = "XYZ:force ABC:force"
 HOLD = "XYZ:force ABC:hold"
@@ -40,9 +43,9 @@ class Bench:
         return self.run_loop(limits, lambda q: f, HOLD, **options)
 
     def with_element(self, name, i, value):
-        array = np.array(self.loose.flat()[name])
+        array = np.array(values_of(self.loose)[name])
         array[i] = value
-        return self.loose.having(**{name: array})
+        return replace(self.loose, **{name: array})
 
 
 NEAR_CONTACT = {"near_plane": [0.0, 0.0, 1.0, 9.0], "gain": 0.0}
@@ -56,7 +59,7 @@ def moving_along_x(bench, speed):
 
 def check_near_press(bench):  # test_near_press.py has where it begins and what is left
     everywhere = [0.0, 0.0, 1.0, 9.0]  # z below 9 m
-    soft = bench.loose.having(near_press=0.5)
+    soft = replace(bench.loose, near_press=0.5)
 
     def gone(limits, sign, **options):
         run = bench.axis(limits, 2, sign=sign, gain=2.0, cycles=100, **options)

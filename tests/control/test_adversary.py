@@ -1,30 +1,13 @@
 """In closed loop with the exact arm the adversary breaks no limit (invariant 14)."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
+import adversary
 import pytest
-
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
-
-
-@pytest.fixture(scope="module")
-def adversary():
-    spec = importlib.util.spec_from_file_location(
-        "adversary", BENCHMARKS / "adversary.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["adversary"] = module  # dataclasses look their module up
-    spec.loader.exec_module(module)
-    yield module
-    del sys.modules["adversary"]
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 @pytest.mark.parametrize("period", [0.001, 0.005])
-def test_no_limit_is_broken_in_1e5_adversarial_cycles(adversary, period):
+def test_no_limit_is_broken_in_1e5_adversarial_cycles(period):
     settings = adversary.Settings(period=period, last_line=False)  # it ends attacks
     report = adversary.Adversary(settings, seed=7).run(100_000)
     assert report.cycles == 100_000
@@ -33,7 +16,7 @@ def test_no_limit_is_broken_in_1e5_adversarial_cycles(adversary, period):
     assert report.flags["qp_early"] == 0
 
 
-def test_few_cycles_break_no_limit_with_everything_wrong(adversary):
+def test_few_cycles_break_no_limit_with_everything_wrong():
     settings = adversary.Settings(
         mismatch=True, f_star=10.0, push_rise=0.01, last_line=False
     )
@@ -45,7 +28,7 @@ def test_few_cycles_break_no_limit_with_everything_wrong(adversary):
     ("delay", "episode"),
     [(0.005, 74), (0.010, 8), (0.010, 74), (0.010, 109), (0.010, 173)],
 )
-def test_a_push_that_turns_round_makes_no_joint_too_fast(adversary, delay, episode):
+def test_a_push_that_turns_round_makes_no_joint_too_fast(delay, episode):
     """With everything else wrong it took A6 to 1.07, and A4 to 1.21 of its speed."""
     settings = adversary.Settings(mismatch=True, f_star=10.0, delay=delay)
     attack = adversary.Adversary(settings, seed=0)
@@ -53,7 +36,7 @@ def test_a_push_that_turns_round_makes_no_joint_too_fast(adversary, delay, episo
     assert attack.report.violations() == 0, attack.report
 
 
-def test_the_count_finds_the_overshoot_of_the_papers_bounds(adversary):
+def test_the_count_finds_the_overshoot_of_the_papers_bounds():
     settings = adversary.Settings(
         scheme="paper", bounds="paper-corrected", walls=False, last_line=False
     )
@@ -62,7 +45,7 @@ def test_the_count_finds_the_overshoot_of_the_papers_bounds(adversary):
     assert 0.05 < report.position.worst < 0.2  # rad, v^2 / 2A
 
 
-def test_the_count_finds_walls_that_the_cascade_loses(adversary):
+def test_the_count_finds_walls_that_the_cascade_loses():
     settings = adversary.Settings(scheme="paper", last_line=False)
     report = adversary.Adversary(settings, seed=7).run(10_000)
     assert report.wall.count > 0

@@ -4,6 +4,7 @@ Doors are enumerated: a new field of a Target, a law or a limit without a guard 
 """
 
 import re
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -11,10 +12,9 @@ import pytest
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.ranges import Range
-from dovetail.control.sections import settings_in
 from dovetail.control.task_spec import TaskSpec
 from dovetail.errors import ConfigError
+from dovetail.settings import Range, values_of
 
 TASKS = ("XYZ:force A:pose BC:hold", "XYZABC:hold")
 TASK = TASKS[0]
@@ -82,7 +82,7 @@ def require_one_hold(robot, limits, controller, q_home, make_target):
     def require(*inputs, where):
         result = controller.step(*inputs)
         assert result.flags.bad_input, where
-        assert (np.abs(result.tau + gravity) <= limits.joints.tau_max).all(), where
+        assert (np.abs(result.tau + gravity) <= limits.tau_max).all(), where
         assert np.isfinite([*result.a, *result.a0, result.flags.displaced]).all()
         good = controller.step(q_home, np.zeros(7), target)
         assert good.flags.packed == 0, where
@@ -182,8 +182,8 @@ def test_the_arm_comes_to_rest_while_the_measurement_is_gone(
 ):
     plant = _core.RigidPlant(
         robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
+        damping=limits.damping,
+        armature=limits.armature,
     )
     plant.reset(q_home, np.array([0.4, -0.3, 0.4, 0.3, -0.5, 0.5, 0.5]))
     q, dq = plant.read()
@@ -201,8 +201,8 @@ def test_the_disturbance_estimate_outlives_bad_cycles(
 ):
     plant = _core.RigidPlant(
         robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
+        damping=limits.damping,
+        armature=limits.armature,
     )
     plant.reset(q_home, np.zeros(7))
     push = np.array([8.0, -5.0, 6.0])
@@ -245,18 +245,19 @@ def test_cpp_refuses_every_setting_that_is_no_number_and_names_it(robot, limits,
 @pytest.mark.parametrize("config", [OscConfig, LimitConfig])
 def test_every_setting_is_refused_by_name_in_python_too(robot, config):
     good = config.for_period(*([robot] if config is LimitConfig else []), PERIOD)
-    values = good.flat()
-    for name, setting in settings_in(config).items():
+    values = values_of(good)
+    for field in fields(config):
+        name = field.name
         if isinstance(values[name], (bool, str)):
             continue
-        notes = getattr(setting.kind, "__metadata__", ())
+        notes = getattr(field.type, "__metadata__", ())
         ranges = [note for note in notes if isinstance(note, Range)]
         assert ranges, f"{config.__name__}.{name} has no Range"
         for index, number, bad in spoilt(values[name], NO_NUMBERS):
             element = name + "".join(rf"\[{ranges[0].labels[i]}\]" for i in index)
             says = rf"{element} is {number:g}.*allowed"
             with pytest.raises(ConfigError, match=says):
-                config.of(**{**values, name: bad})
+                config(**{**values, name: bad})
 
 
 def test_cpp_refuses_limits_that_were_never_set(robot):

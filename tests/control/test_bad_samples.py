@@ -1,22 +1,10 @@
 """Wrong positions behind FRI, where velocities are made of them."""
 
-import importlib
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from bad_samples import Case
 
-BENCHMARKS = str(Path(__file__).parents[2] / "benchmarks")
 MOST = 20.0  # Nm, of one cycle
-
-
-@pytest.fixture(scope="module")
-def spikes():
-    """The benchmark."""
-    sys.path.insert(0, BENCHMARKS)
-    yield importlib.import_module("bad_samples")
-    sys.path.remove(BENCHMARKS)
 
 
 @pytest.mark.parametrize(
@@ -28,8 +16,8 @@ def spikes():
         ("motion", 5),  # 38 cycles: a surprise came back that was refuted
     ],
 )
-def test_a_spike_on_a_late_arm_is_worth_a_bounded_torque(spikes, scene, seed):
-    case = spikes.Case("hard", scene, "observed", 0.005)
+def test_a_spike_on_a_late_arm_is_worth_a_bounded_torque(scene, seed):
+    case = Case("hard", scene, "observed", 0.005)
     rng = np.random.default_rng([seed, *map(ord, case.name)])
     case.episode(rng, is_clean=True)
     while case.tally.spikes < 420:

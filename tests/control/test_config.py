@@ -1,15 +1,17 @@
 """Settings: what worked on the arm is the default; wrong values are refused by name."""
 
+from dataclasses import fields, replace
+
 import numpy as np
 import pytest
 
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.proven import DECLARED, unproven
-from dovetail.control.sections import settings_in
 from dovetail.errors import ConfigError, UnprovenWarning
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.robots.robot import Payload
+from dovetail.settings import values_of
 
 TASK = "XYZ:force A:pose BC:hold"
 SAID = {
@@ -21,7 +23,7 @@ SAID = {
 
 def settings_of(config):
     """Every field that is not a switch."""
-    return [name for name, s in settings_in(config).items() if s.kind is not bool]
+    return [f.name for f in fields(config) if f.type is not bool]
 
 
 @pytest.mark.parametrize(
@@ -36,16 +38,16 @@ def test_limits_at_a_tabulated_period_are_the_table(
     robot, period, kappa, delta_q, delta_v, delta_x
 ):
     limits = LimitConfig.for_period(robot, period, hardware=False)
-    joints, disturbance = limits.joints, limits.disturbance
-    assert limits.saturation.kappa == pytest.approx(kappa)
+    joints, disturbance = limits, limits
+    assert limits.kappa == pytest.approx(kappa)
     assert (joints.delta_q, joints.delta_v) == (delta_q, delta_v)
-    assert (joints.eta, limits.tool.delta_x) == (0.6, delta_x)
+    assert (joints.eta, limits.delta_x) == (0.6, delta_x)
     assert (disturbance.estimate_rate, disturbance.brake_rate) == (60.0, 60.0)
 
 
 @pytest.mark.parametrize("period", [1e-3, 2e-3, 2.5e-3, 5e-3])
 def test_the_law_is_the_same_at_each_period(period):
-    law, usual = OscConfig.for_period(period).flat(), OscConfig().flat()
+    law, usual = values_of(OscConfig.for_period(period)), values_of(OscConfig())
     for name, value in usual.items():
         np.testing.assert_array_equal(law[name], value)
 
@@ -63,9 +65,9 @@ def test_an_arm_that_nothing_is_said_of_gets_all_that_is_declared(
     robot, period, interval, rate, delta_q, delta_v, delta_x
 ):
     limits = LimitConfig.for_period(robot, period)
-    assert vars(limits.declared) == DECLARED
-    assert limits.saturation.kappa * period == pytest.approx(interval)
-    disturbance, flat = limits.disturbance, limits.flat()
+    assert limits.declared_errors() == DECLARED
+    assert limits.kappa * period == pytest.approx(interval)
+    disturbance, flat = limits, values_of(limits)
     assert disturbance.estimate_rate == disturbance.brake_rate == pytest.approx(rate)
     margins = [flat[name] for name in ("delta_q", "delta_v", "delta_x")]
     assert margins == pytest.approx([delta_q, delta_v, delta_x])
@@ -81,7 +83,7 @@ MADE_FOR_ERRORS = (
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
 def test_less_than_the_table_is_declared_for_nothing(robot, period, share):
     """Margins between the exact arm's and the table's were not attacked."""
-    table = LimitConfig.for_period(robot, period).flat()
+    table = values_of(LimitConfig.for_period(robot, period))
     less = {name: share * most for name, most in DECLARED.items()}
     arms = [{name: value} for name, value in less.items()] + [less]
     # of an arm that is exact otherwise, too: one that is declared late is not exact
@@ -89,9 +91,9 @@ def test_less_than_the_table_is_declared_for_nothing(robot, period, share):
     for hardware in kinds:
         for given in arms:
             limits = LimitConfig.for_period(robot, period, hardware=hardware, **given)
-            assert given.items() <= vars(limits.declared).items()
+            assert given.items() <= limits.declared_errors().items()
             for name in MADE_FOR_ERRORS:
-                assert limits.flat()[name] == table[name], name
+                assert values_of(limits)[name] == table[name], name
 
 
 @pytest.mark.parametrize("name", DECLARED)
@@ -104,15 +106,15 @@ def test_beyond_the_table_margins_grow_and_are_said_to_be_unproven(robot, name, 
         limits = LimitConfig.for_period(robot, 2e-3, **{name: value})
     assert len(said) == 1
     for margin in ("delta_q", "delta_v", "delta_x"):
-        low, high = exact.flat()[margin], worst.flat()[margin]
+        low, high = values_of(exact)[margin], values_of(worst)[margin]
         expected = low + min(value / DECLARED[name], 2.0) * (high - low)
         if margin == "delta_v":  # a quarter of the speed is left
             expected = min(expected, 0.75)
-        assert limits.flat()[margin] == pytest.approx(expected)
+        assert values_of(limits)[margin] == pytest.approx(expected)
     delay = value if name == "delay" else DECLARED["delay"]
     rate = min(60.0, 0.75 / (delay + 2e-3))
-    assert limits.disturbance.estimate_rate == pytest.approx(rate)
-    assert limits.saturation.kappa * 2e-3 == pytest.approx(3.0 * delay + 4.5 * 2e-3)
+    assert limits.estimate_rate == pytest.approx(rate)
+    assert limits.kappa * 2e-3 == pytest.approx(3.0 * delay + 4.5 * 2e-3)
 
 
 def test_what_is_measured_is_held_against_what_was_declared():
@@ -129,10 +131,10 @@ def test_what_is_measured_is_held_against_what_was_declared():
 
 def test_margins_between_tabulated_periods_are_those_of_the_longer_one(robot):
     limits = LimitConfig.for_period(robot, 3e-3, hardware=False)
-    assert (limits.joints.delta_q, limits.joints.delta_v) == (5e-3, 0.05)
-    assert 8e-3 < limits.saturation.kappa * 3e-3 < 10e-3
+    assert (limits.delta_q, limits.delta_v) == (5e-3, 0.05)
+    assert 8e-3 < limits.kappa * 3e-3 < 10e-3
     short = LimitConfig.for_period(robot, 5e-4, hardware=False)
-    assert short.saturation.kappa == pytest.approx(5.0)
+    assert short.kappa == pytest.approx(5.0)
 
 
 def test_hardware_margins_are_wider(robot):
@@ -140,7 +142,7 @@ def test_hardware_margins_are_wider(robot):
         simulated = LimitConfig.for_period(robot, period, hardware=False)
         hardware = LimitConfig.for_period(robot, period)
         for name in ("delta_q", "delta_v", "delta_x"):
-            assert hardware.flat()[name] > simulated.flat()[name]
+            assert values_of(hardware)[name] > values_of(simulated)[name]
 
 
 @pytest.mark.parametrize("period", [0.0, 5e-5, 0.006, np.nan])
@@ -151,22 +153,22 @@ def test_a_period_without_proven_limits_is_refused(robot, period):
 
 def test_acceleration_with_the_gripper_is_the_measured_one(robot):
     limits = LimitConfig.for_period(robot, 1e-3)
-    np.testing.assert_allclose(limits.joints.ddq_max, [15, 15, 15, 15, 20, 20, 20])
+    np.testing.assert_allclose(limits.ddq_max, [15, 15, 15, 15, 20, 20, 20])
 
 
 def test_motors_can_give_the_derived_acceleration_everywhere(rng):
     heavy = Payload(mass=5.0, com=np.array([0, 0, 0.1]), inertia=np.eye(3) * 0.02)
     robot = iiwa14().with_tool(heavy, np.array([0.0, 0.0, 0.2]))
     limits = LimitConfig.for_period(robot, 1e-3)
-    assert limits.joints.ddq_max[5] < 20.0
-    chain, model = robot.chain(), limits.prediction
+    assert limits.ddq_max[5] < 20.0
+    chain, model = robot.chain(), limits
     for _ in range(5000):
         q = rng.uniform(robot.limits.q_min, robot.limits.q_max)
         dq = rng.uniform(-robot.limits.dq_max, robot.limits.dq_max)
         M = np.abs(chain.inertia_matrix(q)) + np.diag(model.armature)
-        tau = M @ limits.joints.ddq_max + model.damping * np.abs(dq)
+        tau = M @ limits.ddq_max + model.damping * np.abs(dq)
         tau += np.abs(chain.coriolis(q, dq)) + np.abs(chain.gravity(q))
-        assert (tau <= limits.joints.tau_max).all()
+        assert (tau <= limits.tau_max).all()
 
 
 def test_a_payload_beyond_the_motors_names_the_joint():
@@ -187,7 +189,7 @@ def test_every_limit_refuses_values_out_of_its_range(robot, name, bad):
 @pytest.mark.parametrize("bad", [np.nan, -1.0, [1.0, 2.0]])
 def test_every_law_setting_refuses_values_out_of_its_range(name, bad):
     with pytest.raises(ConfigError, match=name):
-        OscConfig.of(**{name: bad})
+        OscConfig(**{name: bad})
 
 
 def test_a_wrong_element_is_named_with_unit_and_range(robot):
@@ -198,7 +200,7 @@ def test_a_wrong_element_is_named_with_unit_and_range(robot):
     ):
         LimitConfig.for_period(robot, 1e-3, dq_max=dq_max)
     with pytest.raises(ConfigError, match=r"stiffness\[B\] is nan 1/s2"):
-        OscConfig.of(stiffness=np.array([1, 1, 1, 1, np.nan, 1]))
+        OscConfig(stiffness=np.array([1, 1, 1, 1, np.nan, 1]))
     with pytest.raises(
         ConfigError, match=r"x_min\[Y\] is 0.3 m and x_max\[Y\] is 0.2 m"
     ):
@@ -217,33 +219,33 @@ def test_unknown_scheme_and_bounds_list_the_known_ones(robot):
 def test_settings_cannot_be_changed_behind_the_controller(robot):
     limits = LimitConfig.for_period(robot, 1e-3)
     with pytest.raises(AttributeError):
-        limits.joints.eta = 0.9
+        limits.eta = 0.9
     with pytest.raises(ValueError, match="read-only"):
-        limits.joints.q_max[0] = 9.0
+        limits.q_max[0] = 9.0
 
 
 def test_settings_are_taken_by_their_names(robot):
     limits = LimitConfig.for_period(robot, 1e-3)
     with pytest.raises(ConfigError, match=r"deltaq \(did you mean delta_q\?\)"):
-        limits.having(deltaq=0.01)
+        replace(limits, deltaq=0.01)
     with pytest.raises(ConfigError, match=r"stifnes \(did you mean stiffness\?\)"):
         OscConfig.for_period(1e-3, stifnes=100.0)
-    again = LimitConfig.of(**limits.flat())
-    np.testing.assert_equal(again.flat(), limits.flat())
+    again = LimitConfig(**values_of(limits))
+    np.testing.assert_equal(values_of(again), values_of(limits))
     assert again != limits  # arrays have no one answer: each is only itself
 
 
 def test_every_setting_reaches_the_cpp_parameters(robot):
     limits = LimitConfig.for_period(robot, 2e-3, scheme="paper", bounds="paper-printed")
     params = limits.params()
-    for name, value in limits.flat().items():
+    for name, value in values_of(limits).items():
         if name in ("scheme", "bounds", *DECLARED):  # these make margins
             continue
         np.testing.assert_array_equal(getattr(params, name), value)
     assert "paper" in str(params.scheme).lower()
     assert "printed" in str(params.bounds).lower()
     osc = OscConfig.for_period(2e-3, use_jdot=True)
-    for name, value in osc.flat().items():
+    for name, value in values_of(osc).items():
         np.testing.assert_array_equal(getattr(osc.params(), name), value)
 
 

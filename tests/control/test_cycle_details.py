@@ -1,5 +1,7 @@
 """Details of a cycle that closed loops forgive: memory, sides of flags, instants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -21,8 +23,8 @@ class Loop:
         )
         self.plant = _core.RigidPlant(
             robot.chain(),
-            damping=limits.prediction.damping,
-            armature=limits.prediction.armature,
+            damping=limits.damping,
+            armature=limits.armature,
         )
         self.plant.reset(q, np.zeros(7) if dq is None else dq)
         self.hold = robot.tool_pose(q)
@@ -56,7 +58,7 @@ def limits(robot):
 
 @pytest.fixture
 def open_space(limits):
-    return limits.having(walls=False)
+    return replace(limits, walls=False)
 
 
 def test_a_reset_leaves_nothing_of_what_was(robot, q_home, limits):
@@ -83,7 +85,7 @@ def test_a_hold_after_a_reset_begins_without_what_pushed_before(robot, q_home, l
     used, fresh = (Loop(robot, q_home, limits) for _ in range(2))
     used.plant.set_external_force(np.array([0.0, 20.0, -30.0]))
     used.run(100)
-    too_fast = 1.1 * limits.joints.dq_max * np.eye(7)[6]
+    too_fast = 1.1 * limits.dq_max * np.eye(7)[6]
     torques = []
     for loop in (used, fresh):
         pose = loop.hold
@@ -116,8 +118,8 @@ def test_a_joint_target_is_flagged_for_what_bounds_it_on_its_side(
 ):
     """Beyond a limit the position bounds it; the other side has the acceleration."""
     q = q_home.copy()
-    open_space = open_space.having(delta_v=0.0)  # no speed bounds an arm at rest
-    joints = open_space.joints
+    open_space = replace(open_space, delta_v=0.0)  # no speed bounds an arm at rest
+    joints = open_space
     end = joints.q_max if side > 0 else joints.q_min
     q[joint] = end[joint] - side * (joints.delta_q + 0.01)
     target = _core.Target(joint_mode=True, q_d=q)
@@ -145,12 +147,12 @@ def test_bounds_are_those_of_the_measured_state(robot, q_home, limits, rng):
         p, v = chain.pose(q)[0], (chain.jacobian(q) @ dq)[:3]
         # walls where the tool is about to be
         low, high = np.array([0.03, 0.02, 0.04]), np.array([0.02, 0.04, 0.03])
-        box = limits.having(x_min=p - low, x_max=p + high)
+        box = replace(limits, x_min=p - low, x_max=p + high)
         loop = Loop(robot, q, box, dq=dq)
         terms = loop.controller.osc_terms(q, dq)
-        joints, tool = box.joints, box.tool
-        shape = {"dt": PERIOD, "kappa": box.saturation.kappa}
-        shape["authority"] = box.disturbance.authority
+        joints = tool = box
+        shape = {"dt": PERIOD, "kappa": box.kappa}
+        shape["authority"] = box.authority
         for low, high, x, speed, lowest, highest, most, a, eta, margin in (
             *zip(terms["cl"], terms["cu"], p, v, tool.x_min, tool.x_max, tool.dx_max,
                  tool.ddx_max, [tool.eta_wall] * 3, [tool.delta_x] * 3, strict=True),

@@ -6,6 +6,7 @@ import pytest
 
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import find_cell
+from dovetail.settings import values_of
 
 DOCS = Path(__file__).parents[2] / "docs"
 
@@ -21,4 +22,4 @@ def test_a_margin_at_5_ms_is_as_documented(page, margin, words):
     """They said 30 mm and 45 mrad, which had been changed to 20 and 50."""
     limits = LimitConfig.for_period(find_cell().loaded_robot(), 0.005)
     text = " ".join((DOCS / page).read_text().split())
-    assert words.format(1e3 * limits.flat()[margin]) in text
+    assert words.format(1e3 * values_of(limits)[margin]) in text

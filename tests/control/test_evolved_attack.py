@@ -1,45 +1,30 @@
 """The evolved attack: its loop is the controller, and what it found stays cured."""
 
 import dataclasses
-import sys
 from pathlib import Path
 
+import evolved_attack as evolved
 import numpy as np
 import pytest
+from attacks import episode
 
-from dovetail import _core
+from dovetail import _bench, _core
 from extras import need
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 CASES = sorted((Path(__file__).parent / "attack_cases").glob("wall-*.json"))
 STEPS = sorted((Path(__file__).parent / "attack_cases").glob("step-*.json"))
 LARGEST_STEP = 20.0  # Nm
 
 
-@pytest.fixture(scope="module")
-def attack():
-    """The benchmark's two modules."""
-    sys.path.insert(0, str(BENCHMARKS))
-    import attack_episode
-    import evolved_attack
-
-    yield evolved_attack, attack_episode
-    sys.path.remove(str(BENCHMARKS))
-    for name in ("evolved_attack", "attack_episode"):
-        del sys.modules[name]
-
-
 @pytest.fixture
-def search(attack, tmp_path):
-    evolved, episode = attack
+def search(tmp_path):
     return evolved.Search(
         episode.Settings(period=5e-3), "wall", "true", 10_000, 3, 0, tmp_path
     )
 
 
-def test_the_loop_is_that_of_controller_and_plant(attack, search, rng):
+def test_the_loop_is_that_of_controller_and_plant(search, rng):
     """Cycle by cycle in Python: late, repeated, lost and wrong states, too."""
-    evolved, episode = attack
     search = dataclasses.replace(search, states="bad")
     attacked = episode.Attacked(search.settings)
     genes = rng.normal(0.0, 1.0, evolved.GENES + 5 * evolved.EVENT_GENES)
@@ -77,8 +62,7 @@ def test_the_loop_is_that_of_controller_and_plant(attack, search, rng):
     assert worst["bad_cycles"] == sum(a != 0 for a in attempt.age) + 2
 
 
-def test_a_search_finds_the_same_again_and_its_file_replays(attack, search):
-    evolved, episode = attack
+def test_a_search_finds_the_same_again_and_its_file_replays(search):
     value, worst, cycles = evolved.run_search(search)
     assert cycles >= 10_000
     settings, found, before = episode.load_episode(search.path)
@@ -89,18 +73,16 @@ def test_a_search_finds_the_same_again_and_its_file_replays(attack, search):
     assert evolved.run_search(search)[0] == value
 
 
-def test_the_attack_sees_walls_that_are_given_up(attack, search):
+def test_the_attack_sees_walls_that_are_given_up(search):
     """In the cascade joints undo what was done for walls: that must be found."""
-    evolved, episode = attack
     paper = episode.Settings(period=5e-3, limits={"scheme": "paper"})
     value, _, _ = evolved.run_search(dataclasses.replace(search, settings=paper))
     assert value > 50.0  # mm
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda path: path.stem)
-def test_what_an_evolved_attack_once_broke_holds(attack, case):
+def test_what_an_evolved_attack_once_broke_holds(case):
     """Each file says in `worst` by how much it was broken."""
-    _, episode = attack
     settings, attempt, before = episode.load_episode(case)
     assert max(before[name][0] for name in ("wall", "position", "speed")) > 0.0
     worst, _ = episode.Attacked(settings).run(attempt)
@@ -109,9 +91,8 @@ def test_what_an_evolved_attack_once_broke_holds(attack, case):
 
 
 @pytest.mark.parametrize("case", STEPS, ids=lambda path: path.stem)
-def test_no_bad_sample_that_was_found_makes_a_large_step_again(attack, case):
+def test_no_bad_sample_that_was_found_makes_a_large_step_again(case):
     """Each file says in `worst` how large it was."""
-    _, episode = attack
     settings, attempt, before = episode.load_episode(case)
     assert before["step_by_bad"][0] > LARGEST_STEP
     worst, _ = episode.Attacked(settings).run(attempt)
@@ -122,22 +103,18 @@ def test_no_bad_sample_that_was_found_makes_a_large_step_again(attack, case):
     ("wrong", "named"),
     [([(5, 14, 0.1)], "element 14"), ([(5, 0, 0.1), (4, 0, 0.1)], "cycle 4")],
 )
-def test_a_wrong_number_that_is_nowhere_is_named(attack, search, wrong, named):
-    _, episode = attack
+def test_a_wrong_number_that_is_nowhere_is_named(search, wrong, named):
     attacked = episode.Attacked(search.settings)
     with pytest.raises(ValueError, match=named):
-        _core.run_attack(
+        _bench.run_attack(
             attacked.controller, attacked.plant, np.zeros((1, 6)),
             np.array([[1.0, 0.0, 0.0, 0.0]]), 10, [0] * 10, wrong,
         )  # fmt: skip
 
 
 @pytest.mark.parametrize("change", [{"seed": 4}, {"states": "stale"}])
-def test_a_search_that_was_run_is_taken_and_another_is_not(
-    attack, search, capsys, change
-):
+def test_a_search_that_was_run_is_taken_and_another_is_not(search, capsys, change):
     need("cmaes")
-    evolved, _ = attack
     first = dataclasses.replace(search, cycles=800)
     value, _, cycles = evolved.run_search(first)
     assert evolved.run_search(first)[::2] == (value, cycles)

@@ -1,13 +1,15 @@
 """The feed-forward of a Target: a path is followed without lag, and ends by itself."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from reference import NEAR_TIME
 
 from dovetail import _core, poses
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference import NEAR_TIME
 from dovetail.envs.registered import find_cell
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.mujoco_plant import MujocoPlant
@@ -73,7 +75,7 @@ def limits(robot):
 
 
 def controller_at(robot, limits, task, q, **osc):
-    controller = make_controller(robot, OscConfig.of(**osc), limits, task, 1e-3)
+    controller = make_controller(robot, OscConfig(**osc), limits, task, 1e-3)
     start = robot.tool_pose(q)
     controller.reset(q, start.position, start.quat_wxyz)
     return controller
@@ -140,8 +142,8 @@ def run(robot, limits, task, q, target, seconds, **osc):
     controller = controller_at(robot, limits, task, q, **osc)
     plant = _core.RigidPlant(
         robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
+        damping=limits.damping,
+        armature=limits.armature,
     )
     plant.reset(q, np.zeros(7))
     way = []
@@ -178,7 +180,7 @@ def test_near_contact_the_tool_may_go_along_with_the_surface(
     robot, limits, q_home, surface
 ):
     """Up to 0.1 m/s: whoever is wrong about the surface has no more than that."""
-    limits = limits.having(near_speed=0.02)
+    limits = replace(limits, near_speed=0.02)
     height = robot.tool_pose(q_home).position[2]
     velocity = surface * np.eye(6)[1]
     for sign in (1.0, -1.0):

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reference import ReferenceController
 
 from dovetail import _core
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference import ReferenceController
 from dovetail.envs.registered import find_cell
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "07_golden_vectors.py"
@@ -22,7 +22,7 @@ TOLERANCE = 1e-8  # Nm
 @pytest.mark.parametrize("case", CASES)
 def test_the_readable_controller_gives_the_vectors(case):
     """From what the file says of the settings, and nothing else."""
-    osc, limits = OscConfig.of(**GOLDEN["law"]), LimitConfig.of(**GOLDEN["limits"])
+    osc, limits = OscConfig(**GOLDEN["law"]), LimitConfig(**GOLDEN["limits"])
     robot, period = find_cell().loaded_robot(), GOLDEN["period"]
     controller = ReferenceController(robot, osc, limits, case["task"], period)
     given = {name: np.array(value) for name, value in case.items() if name != "task"}

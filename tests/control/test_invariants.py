@@ -43,7 +43,7 @@ def far(robot) -> LimitConfig:
 
 def controller_at(robot, limits, task, q, dq=None, **osc):
     dq = np.zeros(7) if dq is None else dq
-    controller = make_controller(robot, OscConfig.of(**osc), limits, task, PERIOD)
+    controller = make_controller(robot, OscConfig(**osc), limits, task, PERIOD)
     pose = robot.tool_pose(q)  # where it was a period ago: it finds what it expects
     controller.reset(q - PERIOD * dq, pose.position, pose.quat_wxyz, dq=dq)
     return controller
@@ -235,7 +235,7 @@ def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, pe
     # A posture would keep the joints from their limits: it was not reached by 18 mm.
     osc = OscConfig.for_period(period, posture_stiffness=0.0, k_null=5.0)
     chain = robot.chain()
-    model = limits.prediction
+    model = limits
     plant = _core.RigidPlant(chain, damping=model.damping, armature=model.armature)
     controller = make_controller(robot, osc, limits, TASK, period)
     steps, episode, hold = 100_000, round(5.0 / period), round(0.05 / period)
@@ -254,17 +254,17 @@ def test_14_no_limit_is_violated_in_1e5_adversarial_steps(robot, q_home, rng, pe
         plant.apply(controller.step(q, dq, target).tau, period)
         q, dq = plant.read()
         x = chain.pose(q)[0]
-        walls = np.concatenate([x - limits.tool.x_max, limits.tool.x_min - x])
-        at_wall += walls > -limits.tool.delta_x - 1e-3
+        walls = np.concatenate([x - limits.x_max, limits.x_min - x])
+        at_wall += walls > -limits.delta_x - 1e-3
         excess = (
-            np.maximum(q - limits.joints.q_max, limits.joints.q_min - q).max(),
-            (np.abs(dq) - limits.joints.dq_max).max(),
+            np.maximum(q - limits.q_max, limits.q_min - q).max(),
+            (np.abs(dq) - limits.dq_max).max(),
             walls.max(),
         )
         worst = np.maximum(worst, excess)
     assert (worst <= 0.0).all(), f"position, speed, wall exceeded by {worst}"
     # The adversary did reach them: nothing but the margins was left.
-    joints, tool = limits.joints, limits.tool
+    joints, tool = limits, limits
     fastest = (joints.delta_v * joints.dq_max).max()
     assert (worst > [-joints.delta_q - 1e-3, -fastest, -tool.delta_x - 1e-4]).all()
     assert at_wall.min() > 1000  # each of the six; 1574 is the least seen
@@ -291,7 +291,7 @@ def test_15_torque_is_affine_in_the_action_without_saturation(robot, far, rng):
 def test_16_turning_the_base_turns_f_and_scaling_the_mass_scales_the_torque(
     robot, far, rng
 ):
-    limits = far.having(damping=0.0, armature=0.0)
+    limits = replace(far, damping=0.0, armature=0.0)
     for _ in range(50):
         q = rng.uniform(0.7 * robot.limits.q_min, 0.7 * robot.limits.q_max)
         dq, f = rng.uniform(-0.5, 0.5, 7), rng.uniform(-10, 10, 6)

@@ -45,7 +45,7 @@ def far(robot) -> LimitConfig:
 
 def torque(robot, limits, task, q, dq, target, **osc):
     """The controller's torque in its first cycle, in which nothing limited it."""
-    controller = make_controller(robot, OscConfig.of(**osc), limits, task, PERIOD)
+    controller = make_controller(robot, OscConfig(**osc), limits, task, PERIOD)
     start(controller, robot, q, dq)
     result = controller.step(q, dq, target)
     assert result.flags.packed == 0
@@ -66,7 +66,7 @@ def random_states(robot, rng, count):
 
 def model_at(robot, limits, q, task, **osc):
     """Task rows, inertia and its inverse, and whether nothing fades there."""
-    controller = make_controller(robot, OscConfig.of(**osc), limits, task, PERIOD)
+    controller = make_controller(robot, OscConfig(**osc), limits, task, PERIOD)
     pose = robot.tool_pose(q)
     controller.reset(q, pose.position, pose.quat_wxyz)
     t = controller.osc_terms(q, np.zeros(7))
@@ -128,7 +128,7 @@ def test_3_the_posture_moves_no_axis_of_the_tool_and_pulls_back(robot, far, rng)
             away = rng.uniform(-0.3, 0.3, 7)
             added = []
             for stiffness in (0.0, 50.0):
-                osc = OscConfig.of(s0=1e-4, posture_stiffness=stiffness)
+                osc = OscConfig(s0=1e-4, posture_stiffness=stiffness)
                 controller = make_controller(robot, osc, far, task, PERIOD)
                 start(controller, robot, q, np.zeros(7))
                 controller.step(q, np.zeros(7), _core.Target())  # latches q
@@ -210,8 +210,8 @@ def test_the_arm_accelerates_as_the_controller_meant(robot, far, rng):
     )  # fmt: skip
     plant = _core.RigidPlant(
         robot.chain(),
-        damping=tight.prediction.damping,
-        armature=tight.prediction.armature,
+        damping=tight.damping,
+        armature=tight.armature,
     )
     coriolis = 0.0
     for q, dq in random_states(robot, rng, 100):
@@ -230,7 +230,7 @@ def test_with_coriolis_and_the_jacobians_rate_the_tool_accelerates_by_f_star(
     robot, far, rng
 ):
     plant = _core.RigidPlant(
-        robot.chain(), damping=np.zeros(7), armature=np.asarray(far.prediction.armature)
+        robot.chain(), damping=np.zeros(7), armature=np.asarray(far.armature)
     )
     chain, seen = robot.chain(), 0
     for q, dq in random_states(robot, rng, 100):

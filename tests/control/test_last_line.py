@@ -34,8 +34,8 @@ class LateLoop:
         self.controller = make_controller(robot, osc, self.limits, TASK, period)
         self.plant = _core.RigidPlant(
             robot.chain(),
-            damping=self.limits.prediction.damping,
-            armature=self.limits.prediction.armature,
+            damping=self.limits.damping,
+            armature=self.limits.armature,
         )
         self.plant.reset(q, np.zeros(7))
         pose = robot.tool_pose(q)
@@ -143,8 +143,8 @@ def free_arm(robot, q, task="XYZABC:force", dq=None, **limits):
     controller = make_controller(robot, OscConfig(), settings, task, 1e-3)
     plant = _core.RigidPlant(
         robot.chain(),
-        damping=settings.prediction.damping,
-        armature=settings.prediction.armature,
+        damping=settings.damping,
+        armature=settings.armature,
     )
     plant.reset(q, dq)
     pose = robot.tool_pose(q)
@@ -199,8 +199,8 @@ def test_a_tare_that_changes_explains_what_it_changes(robot, q_home):
     controller = make_controller(robot, OscConfig(), limits, TASK, period)
     plant = _core.RigidPlant(
         robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
+        damping=limits.damping,
+        armature=limits.armature,
     )
     plant.reset(q_home, np.zeros(7))
     pose = robot.tool_pose(q_home)

@@ -39,7 +39,7 @@ JAMS = [
 
 def press(robot, rest_at, q, jam, period, **settings):
     """Return the forces on the tool [N] over 1.5 s, and what the last line saw."""
-    delta = LimitConfig.for_period(robot, period).joints.delta_q
+    delta = LimitConfig.for_period(robot, period).delta_q
     end = getattr(robot.limits, jam.side).copy()
     end[jam.joint] = q[jam.joint] + (delta if jam.side == "q_max" else -delta)
     wide = {"x_min": -2.0, "x_max": 2.0, "near_speed": 0.025, jam.side: end}

@@ -4,45 +4,33 @@
 wild with a robot's delay. Without the last line an arm leaves its limits then.
 """
 
-import sys
-from pathlib import Path
-
+import period_table
 import pytest
 
 from dovetail.evaluation.trials import plan_trials
 
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 NO_CURE = (("passive", 0.0), ("estimate_rate", 300.0), ("posture_stiffness", 0.0))
 WILD = [("hard", period, 30.0) for period in (1.0, 2.0, 2.5)]
 """Twin, period [ms] and push [N] at which one of three tries leaves a limit."""
 CALM = [("hard", 1.0, 0.0), ("hard", 2.0, 0.0), ("medium", 1.0, 0.0)]
 
 
-@pytest.fixture(scope="module")
-def table():
-    sys.path.insert(0, str(BENCHMARKS))
-    import period_table
-
-    yield period_table
-    sys.path.remove(str(BENCHMARKS))
-
-
-def tries(table, row, **others):
-    cell = table.Cell(
+def tries(row, **others):
+    cell = period_table.Cell(
         *row, "hardware", False, "peg_square", (*NO_CURE, *others.items())
     )
-    return [table.attempt(cell, job) for job in plan_trials(3, 1, 0)]
+    return [period_table.attempt(cell, job) for job in plan_trials(3, 1, 0)]
 
 
 @pytest.mark.parametrize("row", WILD)
-def test_without_it_the_arm_leaves_its_limits(table, row):
+def test_without_it_the_arm_leaves_its_limits(row):
     """Else the test below could not fail."""
-    assert any(t.outside for t in tries(table, row, last_line=0.0))
+    assert any(t.outside for t in tries(row, last_line=0.0))
 
 
 @pytest.mark.parametrize("row", [*WILD, *CALM])
-def test_it_ends_the_motion_inside_the_limits(table, row):
-    results = tries(table, row)
+def test_it_ends_the_motion_inside_the_limits(row):
+    results = tries(row)
     assert any(t.flags["ended"] for t in results)
     assert all(t.flags["ended"] or t.success for t in results)
     for t in results:

@@ -3,6 +3,8 @@
 Each has one check that changes it alone. A setting without a check fails.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -18,7 +20,7 @@ from control.limit_bench import (
 )
 from dovetail.control.config import LimitConfig
 from dovetail.control.proven import DECLARED
-from dovetail.control.sections import settings_in
+from dovetail.settings import names_in
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +121,7 @@ def check_near_speed(bench):  # test_near_contact.py has its other axes and case
     for i in range(3):
         free = bench.axis(bench.loose, i, near_plane=everywhere)
         assert not free.bits("wall_velocity")
-        slow = bench.loose.having(near_speed=0.02)
+        slow = replace(bench.loose, near_speed=0.02)
         held = bench.axis(slow, i, near_plane=everywhere)
         assert held.bits("wall_velocity") >> i & 1
         assert np.abs(held.speed[:, i]).max() < 0.02 + REAL
@@ -144,19 +146,19 @@ def peak_braking(run, name, values):
 
 def check_eta(bench):
     limits = bench.with_element("q_max", 0, bench.q[0] + 0.1)
-    A = limits.joints.ddq_max[0]
+    A = limits.ddq_max[0]
     run = bench.joint(limits, 0, cycles=600)
     hard = peak_braking(run, "joint_position", run.a[:, 0])
-    run = bench.joint(limits.having(eta=0.2), 0, cycles=600)
+    run = bench.joint(replace(limits, eta=0.2), 0, cycles=600)
     soft = peak_braking(run, "joint_position", run.a[:, 0])
     assert 0.4 * A < hard < 0.65 * A
     assert soft < 0.25 * A
 
 
 def check_eta_wall(bench):
-    limits = bench.with_element("x_max", 0, 0.62).having(ddx_max=[5.0] * 3)
+    limits = replace(bench.with_element("x_max", 0, 0.62), ddx_max=[5.0] * 3)
     hard = peak_braking(r := bench.axis(limits, 0), "wall_position", r.ddx[:, 0])
-    soft_limits = limits.having(eta_wall=0.15)
+    soft_limits = replace(limits, eta_wall=0.15)
     soft = peak_braking(r := bench.axis(soft_limits, 0), "wall_position", r.ddx[:, 0])
     assert 2.0 < hard < 2.8
     assert soft < 1.0
@@ -165,20 +167,20 @@ def check_eta_wall(bench):
 def check_kappa(bench):
     limits = bench.with_element("dq_max", 0, 0.3)
     for kappa in (1.0, 30.0):
-        run = bench.joint(limits.having(kappa=kappa), 0)
+        run = bench.joint(replace(limits, kappa=kappa), 0)
         assert run.bits("joint_velocity") & 1
         room = (0.3 - run.dq[:, 0]) / (kappa * PERIOD)
         assert (run.a[:, 0] <= room + 1e-6).all()
     jump = np.abs(np.diff(run.a[:, 0])).max()
-    sharp = bench.joint(limits.having(kappa=1.0), 0)
+    sharp = bench.joint(replace(limits, kappa=1.0), 0)
     assert jump < 0.3 * np.abs(np.diff(sharp.a[:, 0])).max()
 
 
 def check_delta_q(bench):
     limits = bench.with_element("q_max", 0, bench.q[0] + 0.1)
     for margin in (0.0, 0.03):
-        run = bench.joint(limits.having(delta_q=margin), 0, cycles=600)
-        closest = (limits.joints.q_max[0] - run.q[:, 0]).min()
+        run = bench.joint(replace(limits, delta_q=margin), 0, cycles=600)
+        closest = (limits.q_max[0] - run.q[:, 0]).min()
         assert run.bits("joint_position") & 1
         assert closest == pytest.approx(margin, abs=REAL)
 
@@ -186,15 +188,15 @@ def check_delta_q(bench):
 def check_delta_v(bench):
     limits = bench.with_element("dq_max", 0, 0.3)
     for margin in (0.0, 0.3):
-        run = bench.joint(limits.having(delta_v=margin), 0)
+        run = bench.joint(replace(limits, delta_v=margin), 0)
         assert run.bits("joint_velocity") & 1
         assert run.dq[:, 0].max() == pytest.approx(0.3 * (1 - margin), abs=REAL)
 
 
 def check_delta_x(bench):
-    limits = bench.with_element("x_max", 0, 0.64).having(ddx_max=[5.0] * 3)
+    limits = replace(bench.with_element("x_max", 0, 0.64), ddx_max=[5.0] * 3)
     for margin in (0.0, 0.02):
-        run = bench.axis(limits.having(delta_x=margin), 0, cycles=800)
+        run = bench.axis(replace(limits, delta_x=margin), 0, cycles=800)
         closest = (0.64 - run.position[:, 0]).min()
         assert run.bits("wall_position") & 1
         assert closest == pytest.approx(margin, abs=REAL)
@@ -202,7 +204,7 @@ def check_delta_x(bench):
 
 def check_walls(bench):
     limits = bench.with_element("x_max", 0, 0.60)
-    on, off = bench.axis(limits, 0), bench.axis(limits.having(walls=False), 0)
+    on, off = bench.axis(limits, 0), bench.axis(replace(limits, walls=False), 0)
     assert on.bits("wall_position") & 1
     assert on.position[:, 0].max() < 0.60 + REAL
     assert off.bits("wall_position") == 0
@@ -212,28 +214,28 @@ def check_walls(bench):
 def check_rho(bench):
     # A free axis drifts towards the wall: only the QP's row can hold it.
     start = bench.chain.pose(bench.q)[0][0]
-    limits = bench.with_element("x_max", 0, start + 0.02).having(ddx_max=5.0)
+    limits = replace(bench.with_element("x_max", 0, start + 0.02), ddx_max=5.0)
     J = bench.chain.jacobian(bench.q)
     dq = np.linalg.pinv(J) @ np.array([0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
     for rho, is_displaced in ((1e6, 0), (1.0, 1)):
         run = bench.run_loop(
-            limits.having(rho=rho), lambda q: np.zeros(6), "YZ:force ABC:hold", dq=dq
+            replace(limits, rho=rho), lambda q: np.zeros(6), "YZ:force ABC:hold", dq=dq
         )
         assert run.bits("wall_position") & 1
         assert run.bits("wall_displaced") & 1 == is_displaced
 
 
 def check_s0_wall(bench):
-    limits = bench.with_element("x_max", 0, 0.62).having(ddx_max=5.0, scheme="paper")
+    limits = replace(bench.with_element("x_max", 0, 0.62), ddx_max=5.0, scheme="paper")
     assert not bench.axis(limits, 0).bits("wall_displaced")
-    assert bench.axis(limits.having(s0_wall=5.0), 0).bits("wall_displaced") & 1
+    assert bench.axis(replace(limits, s0_wall=5.0), 0).bits("wall_displaced") & 1
 
 
 def check_estimate_rate(bench):
     push, cycles = np.array([8.0, -5.0, 6.0]), 41
     expected = bench.chain.jacobian(bench.q)[:3].T @ push
     for rate in (0.0, 15.0, 60.0):
-        limits = bench.loose.having(estimate_rate=rate)
+        limits = replace(bench.loose, estimate_rate=rate)
         run = bench.axis(limits, 0, gain=0.0, cycles=cycles, push=push)
         share = 1.0 - np.exp(-rate * (cycles - 1) * PERIOD)
         np.testing.assert_allclose(
@@ -243,7 +245,7 @@ def check_estimate_rate(bench):
 
 def require_margins_for(bench, name):
     """What is declared acts through the margins that are made for it."""
-    q_max = np.array(bench.loose.joints.q_max)
+    q_max = np.array(bench.loose.q_max)
     q_max[0] = bench.q[0] + 0.1
     for value in (0.0, DECLARED[name]):
         limits = bench.declared(**{name: value}, q_max=q_max)
@@ -269,7 +271,7 @@ def check_passive(bench):
     # Moving against a push: a limiter that takes the push off would drive the arm.
     powers = {}
     for passive in (True, False):
-        limits = bench.loose.having(passive=passive, near_speed=0.02)
+        limits = replace(bench.loose, passive=passive, near_speed=0.02)
         run = bench.axis(
             limits, 0, cycles=60, push=PUSHED, dq=moving_along_x(bench, -0.1),
             **NEAR_CONTACT,
@@ -283,7 +285,7 @@ def check_passive(bench):
 def check_brake_rate(bench):
     asked = {}
     for rate in (5.0, 60.0):
-        limits = bench.loose.having(brake_rate=rate, near_speed=0.05)
+        limits = replace(bench.loose, brake_rate=rate, near_speed=0.05)
         run = bench.axis(
             limits, 0, cycles=60, push=PUSHED, dq=moving_along_x(bench, 0.1),
             **NEAR_CONTACT,
@@ -296,9 +298,9 @@ def check_brake_rate(bench):
 
 def check_authority(bench):
     limits = bench.with_element("q_max", 6, bench.q[6] - 0.02)
-    limits = limits.having(ddq_max=5.0, dq_max=5.0)
+    limits = replace(limits, ddq_max=5.0, dq_max=5.0)
     for authority in (1.0, 3.0):
-        run = bench.axis(limits.having(authority=authority), 0, gain=0.0, cycles=5)
+        run = bench.axis(replace(limits, authority=authority), 0, gain=0.0, cycles=5)
         assert -run.asked[:, 6].min() == pytest.approx(5.0 * authority)
 
 
@@ -306,7 +308,7 @@ def check_last_line(bench):
     dq = 0.5 * np.eye(7)[0]
     limits = bench.with_element("dq_max", 0, 0.4)
     for is_on in (True, False):
-        run = bench.axis(limits.having(last_line=is_on), 0, gain=0.0, dq=dq)
+        run = bench.axis(replace(limits, last_line=is_on), 0, gain=0.0, dq=dq)
         assert run.bits("ended") == is_on
         assert run.flags[-1].packed >> 46 & 1 == is_on
 
@@ -316,26 +318,26 @@ def prediction_error(run):
 
 
 def check_damping(bench):
-    limits = bench.loose.having(estimate_rate=0.0)
+    limits = replace(bench.loose, estimate_rate=0.0)
     speed = {"dq": np.full(7, 0.5), "cycles": 20, "damping": 2.0}
-    without = bench.axis(limits.having(damping=0.0), 0, **speed)
-    known = bench.axis(limits.having(damping=2.0), 0, **speed)
+    without = bench.axis(replace(limits, damping=0.0), 0, **speed)
+    known = bench.axis(replace(limits, damping=2.0), 0, **speed)
     assert prediction_error(known) < 0.1 * prediction_error(without)
 
 
 def check_armature(bench):
-    limits = bench.loose.having(estimate_rate=0.0)
-    without = bench.axis(limits.having(armature=0.0), 0, cycles=20)
-    known = bench.axis(limits.having(armature=0.1), 0, cycles=20)
+    limits = replace(bench.loose, estimate_rate=0.0)
+    without = bench.axis(replace(limits, armature=0.0), 0, cycles=20)
+    known = bench.axis(replace(limits, armature=0.1), 0, cycles=20)
     assert prediction_error(known) < 0.1 * prediction_error(without)
 
 
 def check_mid_interval(bench):
-    limits = bench.loose.having(
-        estimate_rate=0.0, damping=0.0, armature=0.0, walls=False
+    limits = replace(
+        bench.loose, estimate_rate=0.0, damping=0.0, armature=0.0, walls=False
     )
     rng, errors = np.random.default_rng(0), {True: [], False: []}
-    joints = limits.joints
+    joints = limits
     for _ in range(40):
         state = {
             "q": rng.uniform(0.7 * joints.q_min, 0.7 * joints.q_max),
@@ -343,7 +345,7 @@ def check_mid_interval(bench):
         }
         for mid in (True, False):
             run = bench.axis(
-                limits.having(mid_interval=mid),
+                replace(limits, mid_interval=mid),
                 0,
                 cycles=1,
                 damping=0.0,
@@ -355,23 +357,23 @@ def check_mid_interval(bench):
 
 
 def check_exact_sjs(bench):
-    limits = bench.loose.having(scheme="paper", walls=False, ddq_max=2.0)
-    M = bench.chain.inertia_matrix(bench.q) + np.diag(limits.prediction.armature)
+    limits = replace(bench.loose, scheme="paper", walls=False, ddq_max=2.0)
+    M = bench.chain.inertia_matrix(bench.q) + np.diag(limits.armature)
     costs = []
     for exact in (False, True):
-        run = bench.joint(limits.having(exact_sjs=exact), 5, gain=40.0, cycles=1)
+        run = bench.joint(replace(limits, exact_sjs=exact), 5, gain=40.0, cycles=1)
         step = run.a[0] - run.a0[0]
         costs.append(float(step @ M @ step))
         assert run.bits("joint_acceleration")
-    projected = bench.joint(limits.having(scheme="qp"), 5, gain=40.0, cycles=1)
+    projected = bench.joint(replace(limits, scheme="qp"), 5, gain=40.0, cycles=1)
     np.testing.assert_allclose(run.a, projected.a, atol=1e-6)
     assert costs[1] <= costs[0] + SLACK
 
 
 def check_scheme(bench):
-    limits = bench.with_element("x_max", 0, 0.60).having(ddq_max=1.0)
+    limits = replace(bench.with_element("x_max", 0, 0.60), ddq_max=1.0)
     qp = bench.axis(limits, 0, cycles=400)
-    paper = bench.axis(limits.having(scheme="paper"), 0, cycles=400)
+    paper = bench.axis(replace(limits, scheme="paper"), 0, cycles=400)
     assert qp.bits("wall_position") & 1
     assert np.abs(qp.a - paper.a).max() > 1e-3
 
@@ -379,8 +381,8 @@ def check_scheme(bench):
 def check_bounds(bench):
     limits = bench.with_element("q_max", 0, bench.q[0] + 0.1)
     for kind, overshoots in (("viability", False), ("paper-corrected", True)):
-        run = bench.joint(limits.having(bounds=kind), 0, gain=10.0)
-        assert (run.q[:, 0].max() > limits.joints.q_max[0] + REAL) == overshoots
+        run = bench.joint(replace(limits, bounds=kind), 0, gain=10.0)
+        assert (run.q[:, 0].max() > limits.q_max[0] + REAL) == overshoots
 
 
 CHECKS = {
@@ -390,11 +392,11 @@ CHECKS = {
 } | {"near_press": check_near_press}
 
 
-@pytest.mark.parametrize("name", settings_in(LimitConfig))
+@pytest.mark.parametrize("name", names_in(LimitConfig))
 def test_every_limit_shows_when_it_alone_is_changed(bench, name):
     assert name in CHECKS, f"LimitConfig.{name} has no check that it is enforced"
     CHECKS[name](bench)
 
 
 def test_every_check_belongs_to_a_limit():
-    assert set(CHECKS) == set(settings_in(LimitConfig))
+    assert set(CHECKS) == set(names_in(LimitConfig))

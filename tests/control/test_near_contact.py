@@ -1,5 +1,7 @@
 """The speed limit near contact: where it holds, and where it is said not to."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -51,7 +53,7 @@ def test_it_holds_for_every_axis_that_is_driven(
     goal = robot.tool_pose(q_home).position + 0.2 * np.eye(3)[0]
     push = {"force": 2.0, "pose": 0.0, "hold": 60.0}[mode]  # m/s2; hold gives way
     run = run_loop(
-        limits.having(scheme=scheme),
+        replace(limits, scheme=scheme),
         lambda q: push * np.eye(6)[0],
         f"XYZ:{mode} ABC:hold",
         dq=speed_along_x(robot, q_home, 0.1),
@@ -71,7 +73,7 @@ def test_it_does_not_hold_where_the_docstring_says_so(
     is_free, is_joint = where == "free axis", where == "joint target"
     goal = {"joint_mode": True, "q_d": q_home + 0.5 * np.eye(7)[0]}
     run = run_loop(
-        limits.having(walls=where != "walls off"),
+        replace(limits, walls=where != "walls off"),
         lambda q: np.zeros(6),
         "YZ:force ABC:hold" if is_free else FORCE,
         cycles=100,

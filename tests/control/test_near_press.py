@@ -1,5 +1,7 @@
 """What near_press leaves of f*: at its plane, above it, and of the weight held."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,14 +46,14 @@ def test_f_star_is_cut_below_the_plane_and_less_above_it(
     def f(limits, z):
         return asked(robot, limits, q_home, height, [0.5, -0.5, z], tare=tare)
 
-    free = limits.having(near_press=1000.0)
+    free = replace(limits, near_press=1000.0)
     np.testing.assert_allclose(f(limits, -3.0), f(free, down), atol=1e-9)
     np.testing.assert_array_equal(f(limits, 3.0), f(free, 3.0))  # away from it
 
 
 def test_along_a_plane_that_is_tilted_nothing_is_cut(robot, limits, q_home):
     normal = np.array([0.6, 0.0, 0.8])
-    free = limits.having(near_press=1000.0)
+    free = replace(limits, near_press=1000.0)
     along = 3.0 * np.array([0.8, 0.0, -0.6])
     pressing = along - 2.5 * normal
     for f_star, left in ((along, along), (pressing, along - PRESS * normal)):
@@ -63,8 +65,8 @@ def test_along_a_plane_that_is_tilted_nothing_is_cut(robot, limits, q_home):
 
 
 def test_without_walls_it_does_not_hold(robot, limits, q_home):
-    off = limits.having(walls=False)
-    free = off.having(near_press=1000.0)
+    off = replace(limits, walls=False)
+    free = replace(off, near_press=1000.0)
     down = [0.0, 0.0, -3.0]
     np.testing.assert_array_equal(
         asked(robot, off, q_home, -0.01, down), asked(robot, free, q_home, -0.01, down)

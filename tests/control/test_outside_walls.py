@@ -31,7 +31,7 @@ def make_arm(period, twin=None):
     return build_local_arm(
         replace(find_cell(), walls=(tuple(LOW), tuple(HIGH))),
         TaskSpec.parse(TASK),
-        EnvConfig.of(twin=twin, period=period, force_damping=16.0, near_speed=0.05),
+        EnvConfig(twin=twin, period=period, force_damping=16.0, near_speed=0.05),
     )
 
 
@@ -102,6 +102,6 @@ def test_weight_against_a_wall_rests_there(twin, period):
     log = np.vstack([arm.step(_core.Target(), 0.05).log for _ in range(60)])
     assert not (log[:, COLUMN["flags"]].astype(np.int64) & ENDED).any()
     last = log[-round(0.5 / period) :]
-    assert last[:, COLUMN["x"]].min() > HIGH[0] - arm.facts.limits.tool.delta_x - 1e-3
+    assert last[:, COLUMN["x"]].min() > HIGH[0] - arm.facts.limits.delta_x - 1e-3
     assert last[:, COLUMN["dq4"]].std() < 0.015  # rad/s; 0.07 before
     arm.close()

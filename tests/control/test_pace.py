@@ -23,7 +23,7 @@ def test_a_jump_takes_no_joint_to_its_speed_limit(
     move = STEP * np.eye(6)[axis]
     quat = poses.quat_multiply(poses.quat_from_vector(move[3:]), start.quat_wxyz)
     target = _core.Target(position_d=start.position + move[:3], quat_wxyz_d=quat)
-    most = 0.9 * (1.0 - limits.joints.delta_v) * limits.joints.dq_max
+    most = 0.9 * (1.0 - limits.delta_v) * limits.dq_max
     for _ in range(round(1.5 / period)):
         q, dq = plant.read()
         result = controller.step(q, dq, target)

@@ -9,10 +9,9 @@ from dovetail.control.period import (
     FRI_PERIODS,
     PERIODS,
     POLICY_PERIOD,
-    format_period,
     require_period,
 )
-from dovetail.durations import parse_duration
+from dovetail.durations import format_ms, parse_duration
 from dovetail.errors import ConfigError
 
 
@@ -21,7 +20,7 @@ def test_a_policy_step_is_a_whole_number_of_every_period():
         cycles = POLICY_PERIOD / period
         assert cycles == pytest.approx(round(cycles), abs=1e-12)
         assert PERIOD_MIN <= period <= PERIOD_MAX
-        assert parse_duration(format_period(period), "x") == pytest.approx(period)
+        assert parse_duration(format_ms(period), "x") == pytest.approx(period)
     assert set(FRI_PERIODS) == {p for p in PERIODS if (1e3 * p).is_integer()}
 
 

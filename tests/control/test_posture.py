@@ -18,7 +18,7 @@ class Loop:
     def __init__(self, robot, q, task=TASKS[0], **osc):
         limits = LimitConfig.for_period(robot, PERIOD, **WIDE)
         self.robot, self.q_start = robot, q
-        law, model = OscConfig.of(**osc), limits.prediction
+        law, model = OscConfig(**osc), limits
         self.controller = make_controller(robot, law, limits, task, PERIOD)
         self.plant = _core.RigidPlant(
             robot.chain(), damping=model.damping, armature=model.armature

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from reference_qp import solve_qp
 
 from dovetail import _core
-from dovetail.control.reference_qp import solve_qp
 
 TOLERANCE = 1e-6  # rad/s2
 

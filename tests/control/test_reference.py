@@ -4,11 +4,11 @@ import itertools
 
 import numpy as np
 import pytest
+from reference import ReferenceController
 
 from dovetail import _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.reference import ReferenceController
 from dovetail.control.task_spec import MODES, TaskSpec
 from dovetail.poses import quat_normalized
 
@@ -20,7 +20,7 @@ WIDE_WALLS = {"x_min": [-1.2, -1.2, -0.5], "x_max": [1.2, 1.2, 1.6], "near_speed
 EXACT = {**WIDE_WALLS, "hardware": False, "last_line": False}  # no judge of the motion
 
 
-AT_ONCE = OscConfig.of(move_speed=100.0)  # of two cycles one is far from its Target
+AT_ONCE = OscConfig(move_speed=100.0)  # of two cycles one is far from its Target
 
 
 def random_target(rng, robot, q, action):
@@ -59,7 +59,7 @@ def largest_difference(
     limit, and how many tasks left the problem that both solve before their end.
     """
     worst, states, limited, exotic = 0.0, 0, 0, 0
-    plant = _core.RigidPlant(robot.chain(), armature=limits.prediction.armature)
+    plant = _core.RigidPlant(robot.chain(), armature=limits.armature)
     for task in tasks:
         mine = ReferenceController(robot, osc, limits, task, period)
         theirs = make_controller(robot, osc, limits, task, period)

@@ -19,7 +19,7 @@ class Held:
         limits = LimitConfig.for_period(robot, period)
         osc = OscConfig.for_period(period, **settings)
         self.controller, self.plant, self.start = rest_at(q, osc, limits, task, period)
-        M = robot.chain().inertia_matrix(q) + np.diag(limits.prediction.armature)
+        M = robot.chain().inertia_matrix(q) + np.diag(limits.armature)
         J = robot.chain().jacobian(q)
         self.mobility = J @ np.linalg.solve(M, J.T)  # 1/kg
 
@@ -57,10 +57,10 @@ def test_a_larger_pull_leaves_what_is_over_the_bound(robot, rest_at, q_home, per
     arm = Held(robot, rest_at, q_home, period)
     force = np.array([0.0, 0.0, -15.0])  # N
     asked = arm.mobility[:3, :3] @ force  # m/s2
-    assert asked[2] < -2.0 * OSC.sag.sag_linear
+    assert asked[2] < -2.0 * OSC.sag_linear
     way = arm.run(3.0, lambda _: force)
-    left = asked - np.clip(asked, -OSC.sag.sag_linear, OSC.sag.sag_linear)
-    assert way == pytest.approx(left / OSC.axes.stiffness[:3], abs=1e-4)
+    left = asked - np.clip(asked, -OSC.sag_linear, OSC.sag_linear)
+    assert way == pytest.approx(left / OSC.stiffness[:3], abs=1e-4)
 
 
 @pytest.mark.parametrize("period", PERIODS)
@@ -77,7 +77,7 @@ def test_in_contact_it_presses_harder_by_its_bound_and_no_more(
     harder = spring * (plain[2] - way[2])  # N
     mass = 1.0 / arm.mobility[2, 2]  # kg, of a tool that does not turn either: more
     whole = np.linalg.inv(arm.mobility)[2, 2]
-    assert 0.2 * mass * OSC.sag.sag_linear < harder < 1.02 * whole * OSC.sag.sag_linear
+    assert 0.2 * mass * OSC.sag_linear < harder < 1.02 * whole * OSC.sag_linear
     assert arm.controller.end[0] == "none"
 
 

@@ -21,8 +21,8 @@ def run(robot, q, period, plan, *, push=PUSH, dq=None):
     controller = make_controller(robot, osc, limits, TASK, period)
     plant = _core.RigidPlant(
         robot.chain(),
-        damping=limits.prediction.damping,
-        armature=limits.prediction.armature,
+        damping=limits.damping,
+        armature=limits.armature,
     )
     plant.reset(q, np.zeros(7) if dq is None else dq)
     plant.set_external_force(push)

@@ -5,6 +5,7 @@ import functools
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -117,7 +118,7 @@ CASES = {
     "stranger's task": functools.partial(make_env, Aside, max_steps=6),
     "random dynamics": randomised,
     "stranger's begin": functools.partial(
-        Moody, PegInHole(), config=EnvConfig().having(max_steps=5)
+        Moody, PegInHole(), config=replace(EnvConfig(), max_steps=5)
     ),
 }
 
@@ -173,7 +174,7 @@ def test_seeds_options_and_masks_are_as_gymnasiums():
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: Shaped(PegInHole(), config=EnvConfig().having(max_steps=5)),
+        lambda: Shaped(PegInHole(), config=replace(EnvConfig(), max_steps=5)),
         lambda: Halved(make_env(PegInHole, max_steps=5)),
     ],
     ids=["Shaped", "Halved"],
@@ -243,7 +244,7 @@ class Talker(ContactEnv):
 
 def test_infos_that_differ_are_put_together_as_gymnasium_does():
     def make():
-        return Talker(PegInHole(), config=EnvConfig().having(max_steps=5))
+        return Talker(PegInHole(), config=replace(EnvConfig(), max_steps=5))
 
     assert_same_run(BatchVectorEnv([make] * NUM, 2), SyncVectorEnv([make] * NUM))
 

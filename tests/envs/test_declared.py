@@ -5,8 +5,8 @@ import warnings
 import gymnasium as gym
 import pytest
 
-from dovetail.arms import fri_transport
-from dovetail.control.limits import TABLE, DeclaredErrors
+from dovetail.arms.fri_arm import FriAddress
+from dovetail.control.proven import DECLARED
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm, make_settings
 from dovetail.envs.config import EnvConfig
@@ -25,8 +25,8 @@ def test_what_is_declared_reaches_the_arm_that_runs(place):
         env = gym.make(ID, **place, **BEYOND)
     limits = env.unwrapped.arm.facts.limits
     env.close()
-    assert limits.declared == DeclaredErrors(**BEYOND)
-    assert limits.joints.delta_q == pytest.approx(0.095)  # twice the table's share
+    assert limits.declared_errors() == BEYOND
+    assert limits.delta_q == pytest.approx(0.095)  # twice the table's share
     delay, mass, payload = (str(one.message) for one in said)
     assert "the loop's delay is 12 ms" in delay
     assert "shown to hold: 0 to 10 ms; shorten it" in delay
@@ -37,11 +37,11 @@ def test_what_is_declared_reaches_the_arm_that_runs(place):
 def test_nothing_is_said_of_the_table_and_of_less():
     with warnings.catch_warnings():
         warnings.simplefilter("error", UnprovenWarning)
-        for given in ({}, {"delay": 0.003}, vars(TABLE)):
+        for given in ({}, {"delay": 0.003}, DECLARED):
             env = gym.make(ID, **given)
-            declared = env.unwrapped.arm.facts.limits.declared
+            declared = env.unwrapped.arm.facts.limits.declared_errors()
             env.close()
-            assert declared == DeclaredErrors(**vars(TABLE) | given)
+            assert declared == DECLARED | given
 
 
 @pytest.mark.parametrize(
@@ -60,9 +60,9 @@ def test_what_no_arm_has_is_refused(given, message):
 def test_errors_of_an_arm_that_is_its_model_are_refused():
     cell = find_cell()
     exact = make_settings(cell, EnvConfig(), is_hardware=False)[1]
-    assert exact.declared == DeclaredErrors()
+    assert exact.declared_errors() == dict.fromkeys(DECLARED, 0.0)
     with pytest.raises(ConfigError, match=r"margins=model.*\(delay 0.003, mass_.*two"):
-        make_settings(cell, EnvConfig.of(delay=0.003), is_hardware=False)
+        make_settings(cell, EnvConfig(delay=0.003), is_hardware=False)
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_errors_of_an_arm_that_is_its_model_are_refused():
 def test_margins_of_an_exact_arm_are_warned_of_on_what_may_be_a_robot(
     monkeypatch, keys, is_warned
 ):
-    monkeypatch.setattr(fri_transport, "build_arm", lambda *_: None)
+    monkeypatch.setattr(FriAddress, "build", lambda *_: None)
     cell = find_cell()
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")

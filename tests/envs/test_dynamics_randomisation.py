@@ -10,6 +10,7 @@ import dovetail  # noqa: F401  (registers the environments)
 from dovetail.envs.dynamics_randomisation import DynamicsRandomisation, RandomDynamics
 from dovetail.errors import ConfigError
 from dovetail.plants.plant import DynamicsConfig
+from dovetail.settings import values_of
 from extras import need
 
 NOTHING = DynamicsRandomisation(
@@ -44,15 +45,15 @@ def rollout(env, seed, steps=30):
 def test_a_field_fills_its_range_and_leaves_the_others_alone(field):
     name, low, high = FIELDS[field]
     rng = np.random.default_rng(0)
-    base = DynamicsConfig.of(damping=(1.0,) * 7)
+    base = DynamicsConfig(damping=(1.0,) * 7)
     draws = [only(field).sample(rng, base) for _ in range(300)]
-    values = np.array([np.atleast_1d(draw.flat()[name]) for draw in draws])
+    values = np.array([np.atleast_1d(values_of(draw)[name]) for draw in draws])
     assert values.min() >= low
     assert values.max() <= high
     np.testing.assert_allclose(values.min(axis=0), low, atol=0.05 * (high - low))
     np.testing.assert_allclose(values.max(axis=0), high, atol=0.05 * (high - low))
-    same = {name: base.flat()[name]}
-    assert {draw.having(**same) for draw in draws} == {base}
+    same = {name: values_of(base)[name]}
+    assert {replace(draw, **same) for draw in draws} == {base}
 
 
 @pytest.mark.parametrize("field", FIELDS)
@@ -65,8 +66,8 @@ def test_a_field_changes_the_motion(field):
 
 def test_damping_is_as_often_halved_as_doubled():
     rng = np.random.default_rng(1)
-    base = DynamicsConfig.of(damping=(1.0,) * 7)
-    values = np.array([USUAL.sample(rng, base).joints.damping for _ in range(300)])
+    base = DynamicsConfig(damping=(1.0,) * 7)
+    values = np.array([USUAL.sample(rng, base).damping for _ in range(300)])
     assert np.median(values) == pytest.approx(1.0, abs=0.05)
 
 
@@ -79,7 +80,7 @@ def test_draws_lie_about_the_model_and_not_about_the_last_draw():
         scales.append(np.divide(env.plant.dynamics.mass_scale, model.mass_scale))
     assert np.min(scales) >= 0.8 - 1e-9
     assert np.max(scales) <= 1.2 + 1e-9
-    assert env.plant.dynamics.joints.coulomb == model.joints.coulomb
+    assert env.plant.dynamics.coulomb == model.coulomb
     env.close()
 
 
@@ -127,7 +128,7 @@ def test_a_range_that_cannot_be_is_refused_by_name(settings, words):
 
 
 def test_ranges_that_lead_out_of_an_arms_are_refused_before_any_episode():
-    dynamics = DynamicsConfig.of(mass_scale=(9.0,) * 7)
+    dynamics = DynamicsConfig(mass_scale=(9.0,) * 7)
     with pytest.raises(ConfigError, match=r"mass_scale\[A1\] is 10.8; allowed:"):
         make(USUAL, dynamics=dynamics)
 

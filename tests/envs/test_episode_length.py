@@ -35,7 +35,7 @@ def test_the_length_that_gymnasium_is_asked_for_holds_both_ways(asked):
 
 def test_the_usual_length_is_told():
     env = gym.make(ID)
-    assert env.spec.max_episode_steps == EnvConfig().episode.max_steps
+    assert env.spec.max_episode_steps == EnvConfig().max_steps
     assert length(env) == 200
 
 
@@ -49,7 +49,7 @@ def test_beside_gymnasium_our_own_setting_holds():
 
 
 @pytest.mark.parametrize("given", [{"max_steps": 4}, {"max_steps": 400}])
-@pytest.mark.parametrize("wrap", [dict, lambda **g: {"config": EnvConfig.of(**g)}])
+@pytest.mark.parametrize("wrap", [dict, lambda **g: {"config": EnvConfig(**g)}])
 def test_our_own_word_is_refused_where_it_would_not_be_all(given, wrap):
     number = given["max_steps"]
     with pytest.raises(ConfigError, match=f"max_episode_steps={number}"):
@@ -72,5 +72,5 @@ def test_many_environments_have_the_same_length(mode):
 @pytest.mark.parametrize(("given", "told"), [(300, 300), (None, 200), (-1, 200)])
 def test_a_policy_of_an_environment_has_its_length(given, told):
     env = gym.make(ID, max_episode_steps=given)
-    assert settings_of_env(env).config.episode.max_steps == told
+    assert settings_of_env(env).max_steps == told
     env.close()

@@ -6,6 +6,7 @@ from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
 from dovetail.evaluation.config import EvaluationConfig, environment_options
 from dovetail.plants.plant import DynamicsConfig
+from dovetail.settings import values_of
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 from .fake_arm import FakeArm
@@ -35,8 +36,8 @@ def test_an_arm_that_is_built_is_not_changed_by_settings(given):
 
 def test_settings_that_are_the_arms_own_are_taken():
     arm = FakeArm(period=0.001)
-    speed = arm.facts.limits.flat()["near_speed"]
-    damping = tuple(arm.facts.osc.axes.force_damping[:3])
+    speed = values_of(arm.facts.limits)["near_speed"]
+    damping = tuple(arm.facts.osc.force_damping[:3])
     settings = {"period": 0.001, "near_speed": speed, "force_damping": damping}
     make_env(PegInHole, arm, **settings).close()
 
@@ -52,10 +53,9 @@ def test_the_plain_plants_engine_is_not_given_beside_another_arm(place):
     [
         ({"approach": True}, "approach"),
         ({"tracker": "late", "fixture_shift": 0.01}, "tracker late"),
-        ({"tracker": "late", "cover": 10.0}, "tracker late"),
     ],
 )
 def test_an_evaluation_refuses_what_another_option_would_override(given, named):
-    config = EvaluationConfig.of(policy="peg_square", plant="mujoco", **given)
+    config = EvaluationConfig(policy="peg_square", plant="mujoco", **given)
     with pytest.raises(ConfigError, match=named):
         environment_options(config, POLICY)

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from dovetail.control.ranges import ranges_of
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import CommandMap
 from dovetail.envs.config import ActionConfig, EnvConfig
@@ -22,6 +21,7 @@ from dovetail.poses import (
     tool_down,
 )
 from dovetail.robots.iiwa14 import iiwa14
+from dovetail.settings import ranges_of
 from dovetail.tasks.peg_in_hole.starts import (
     RandomisationConfig,
     is_clear_of_block,
@@ -183,7 +183,7 @@ def test_below_the_surface_only_what_lies_beside_the_turned_block_is_free():
 
 
 def test_ranges_without_a_free_start_are_an_error():
-    config = RandomisationConfig.of(start_xy=0.01, start_z=(-0.03, 0.0))
+    config = RandomisationConfig(start_xy=0.01, start_z=(-0.03, 0.0))
     rng = np.random.default_rng(0)
     hole = sample_hole(rng, config)
     with pytest.raises(ConfigError, match="no start in free air"):
@@ -203,4 +203,4 @@ def test_the_true_hole_is_never_late():
 def test_a_scale_is_checked_before_there_is_an_arm(name):
     allowed = ranges_of(ActionConfig)[name]
     with pytest.raises(ConfigError, match=rf"{name} is .* {allowed.unit}; allowed: 0"):
-        EnvConfig.of(**{name: 2.0 * allowed.high})
+        EnvConfig(**{name: 2.0 * allowed.high})

@@ -15,7 +15,7 @@ from dovetail.evaluation.perturbation import Perturbation, make_perturbed
 from dovetail.learn.policy import Policy, find_policy
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import COLUMN, DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 
 ID = "dovetail/PegInHole-v0"
@@ -76,7 +76,7 @@ def test_an_arm_over_fri_is_the_same_at_every_period(ground, period, usual_tare)
     if ground is None:
         plant = make_plant("mujoco", cell, DynamicsConfig())
     else:
-        plant = TwinPlant(load_twin(ground), cell)
+        plant = make_twin(load_twin(ground), cell)
     plant.reset(Q_START, HOLE)
     with lockstep_address(plant, period=period) as address:
         env = gym.make(ID, arm=address, tare=True)

@@ -4,8 +4,8 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from dovetail.envs.history_features import HistoryFeatures
 from dovetail.envs.observation import Layout
-from dovetail.envs.recall import Recall
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.robots.find import find_robot
@@ -17,7 +17,7 @@ LAYOUT = Layout(
 
 @pytest.mark.parametrize("ages", [(1,), (4, 8), (200, 1)])
 def test_each_age_is_what_was_seen_that_many_steps_ago(ages):
-    recall = Recall(ages, LAYOUT, 2)
+    recall = HistoryFeatures(ages, LAYOUT, 2)
     seen = np.random.default_rng(0).normal(size=(30, len(LAYOUT))).astype(np.float32)
     indices = [*range(7, 10), 14, 15]  # position and tilt
     out = recall.reset(seen[0])
@@ -33,7 +33,7 @@ def test_each_age_is_what_was_seen_that_many_steps_ago(ages):
 
 
 def test_columns_say_what_is_appended():
-    names = [column.name for column in Recall((4,), LAYOUT, 1).columns]
+    names = [column.name for column in HistoryFeatures((4,), LAYOUT, 1).columns]
     assert names == [
         "last_action_0",
         *(f"obs_{name}_4_ago" for name in ("x", "y", "z", "tilt_x", "tilt_y")),
@@ -41,7 +41,7 @@ def test_columns_say_what_is_appended():
 
 
 def test_no_ages_append_nothing():
-    recall = Recall((), LAYOUT, 3)
+    recall = HistoryFeatures((), LAYOUT, 3)
     seen = np.ones(len(LAYOUT), dtype=np.float32)
     assert len(recall) == 0
     assert recall.push(np.zeros(3, dtype=np.float32), seen) is seen
@@ -50,7 +50,7 @@ def test_no_ages_append_nothing():
 @pytest.mark.parametrize("ages", [(0,), (201,), (1.5,)])
 def test_ages_out_of_range_are_refused(ages):
     with pytest.raises(ConfigError, match="recall"):
-        Recall(ages, LAYOUT, 1)
+        HistoryFeatures(ages, LAYOUT, 1)
 
 
 def test_the_environment_has_the_columns_and_stays_inside_its_space():

@@ -1,5 +1,7 @@
 """Tare: the f* that holds the weight, against the model's own gravity torque."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ NEAR_NOTHING = np.array([0.0, 0.0, 1.0, -np.inf])
 
 
 def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
-    model = nominal_model().having(**changes)
+    model = replace(nominal_model(), **changes)
     name = "dovetail/PegInHole-v0"
     return gym.make(name, twin=model, tare=tare, task=task).unwrapped
 
@@ -25,7 +27,7 @@ def make(tare=True, task="XYZ:force A:pose BC:hold", **changes):
 def holding_f_star(env, q):
     """J M^-1 g of the residual gravity alone: what must be pulled against it."""
     chain = env.arm.facts.robot.chain(gravity=RESIDUAL)
-    M = chain.inertia_matrix(q) + np.diag(nominal_model().arm.armature)
+    M = chain.inertia_matrix(q) + np.diag(nominal_model().armature)
     return chain.jacobian(q) @ np.linalg.solve(M, chain.gravity(q))
 
 
@@ -115,7 +117,7 @@ def test_the_same_seed_measures_the_same(seed):
 def sag(name, axes, *, tare):
     """Largest position error of held axes [m] after a second at action 0."""
     large = tuple(2.0 * g for g in RESIDUAL)  # the law itself takes 0.3 m/s2 off
-    model = nominal_model().having(gravity_residual=large)
+    model = replace(nominal_model(), gravity_residual=large)
     env = gym.make(name, twin=model, tare=tare).unwrapped
     env.reset(seed=1)
     start = env.state.tool

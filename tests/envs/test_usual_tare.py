@@ -1,6 +1,7 @@
 """The default of `tare`: on for every arm whose gravity compensation may be wrong."""
 
 import warnings
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -22,7 +23,7 @@ from extras import need
 from .fake_arm import FakeArm
 
 ID = "dovetail/PegInHole-v0"
-HEAVY = nominal_model().having(gravity_residual=(0.0, 0.0, 0.4))
+HEAVY = replace(nominal_model(), gravity_residual=(0.0, 0.0, 0.4))
 PLACES = [
     ({}, False),
     ({"arm": "mujoco"}, False),
@@ -30,8 +31,8 @@ PLACES = [
     ({"arm": "twin:hard"}, True),
     ({"twin": nominal_model()}, False),
     ({"twin": HEAVY}, True),
-    ({"dynamics": DynamicsConfig.of(mass_scale=(1.0,) * 6 + (1.1,))}, True),
-    ({"dynamics": DynamicsConfig.of(coulomb=(0.1,) * 7)}, False),
+    ({"dynamics": DynamicsConfig(mass_scale=(1.0,) * 6 + (1.1,))}, True),
+    ({"dynamics": DynamicsConfig(coulomb=(0.1,) * 7)}, False),
 ]
 
 
@@ -54,7 +55,7 @@ def test_it_is_usual_on_the_same_arms_in_a_training():
     need("sbx")
 
     def is_tared(**settings):
-        vec = make_vec_env(TrainConfig.of(num_envs=1, **settings))
+        vec = make_vec_env(TrainConfig(num_envs=1, **settings))
         core = vec.envs[0].unwrapped
         vec.close()
         return core.is_tared
@@ -79,7 +80,7 @@ def test_an_evaluation_does_what_it_is_told_or_else_as_in_training(
     trained, asked, told
 ):
     metadata = {"env_id": ID, "env": {} if trained is None else {"tare": trained}}
-    config = EvaluationConfig.of(policy="peg_square", twin="easy", tare=asked)
+    config = EvaluationConfig(policy="peg_square", twin="easy", tare=asked)
     assert environment_options(config, metadata).get("tare") is told
 
 

@@ -44,7 +44,7 @@ def test_a_column_that_the_arm_does_not_measure_is_refused():
     with pytest.raises(ConfigError, match="'force'"):
         require_columns(arm, [*columns, "force"])
     require_columns(arm, [*columns, "wrench"])
-    blind = arm.facts.limits.having(estimate_rate=0.0)
+    blind = replace(arm.facts.limits, estimate_rate=0.0)
     arm.facts = replace(arm.facts, limits=blind)
     with pytest.raises(ConfigError, match=r"'wrench'.*estimate_rate is 0 1/s"):
         require_columns(arm, [*columns, "wrench"])

@@ -13,7 +13,7 @@ from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z
 from extras import need
 
@@ -31,7 +31,7 @@ def cabinet(clearance=0.002):
 
 
 def run(policy_file, out, **settings):
-    config = EvaluationConfig.of(policy=str(policy_file), tries=1, out=out, **settings)
+    config = EvaluationConfig(policy=str(policy_file), tries=1, out=out, **settings)
     return evaluate(config, Console(file=StringIO()))
 
 
@@ -68,7 +68,7 @@ def test_pushes_and_a_moving_hole_are_the_same_over_fri(policy_file, tmp_path):
     ("policy", "search"), [("peg_square", "corner"), ("search_square", "none")]
 )
 def test_a_hidden_hole_is_found_over_a_link_that_loses(policy, search, tmp_path):
-    plant = TwinPlant(load_twin("medium"), find_cell(clearance=0.0005))
+    plant = make_twin(load_twin("medium"), find_cell(clearance=0.0005))
     plant.reset(Q_START, HOLE)
     # Twice 5 % of 100 answers are missing now and then in more than 20.
     port = free_port()
@@ -77,13 +77,13 @@ def test_a_hidden_hole_is_found_over_a_link_that_loses(policy, search, tmp_path)
     with cabinet:
         cabinet.request({"do": "fault", "text": "loss=0.05"})
         found = evaluate(
-            EvaluationConfig.of(
+            EvaluationConfig(
                 policy=policy,
                 search=search,
                 arm=f"fri://127.0.0.1:{port}?clock=lockstep"
                 f"&control={cabinet.control_address}",
                 fixture=(0.6, 0.0, 0.1, 0.0),
-                cover=20.0,
+                fixture_shift=0.02,
                 tries=1,
                 accept_contact=True,
                 out=tmp_path / "out",
@@ -104,7 +104,7 @@ def test_an_arm_over_fri_can_be_trained_on_directly(reset, tmp_path):
     from dovetail.learn.train import train
 
     with cabinet(0.0005) as address:
-        config = TrainConfig.of(
+        config = TrainConfig(
             out=tmp_path / "run",
             arm=f"{address}&reset={reset}",
             fixed_goal=True,

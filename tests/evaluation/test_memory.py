@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from arms.loopback import lockstep_address
+from dovetail.arms.address import parse_address
 from dovetail.envs.registered import find_cell
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.trials import run_trials
 from dovetail.learn.policy import Policy
 from dovetail.plants.find import make_plant
@@ -53,11 +54,10 @@ def cabinet():
 @contextmanager
 def service():
     need("grpc")
-    from dovetail.rpc.builders import LocalBuilder
+    from dovetail.rpc.offered_arm import OfferedArm
     from dovetail.rpc.server import ArmServer
 
-    plant = make_plant("mujoco", find_cell(), DynamicsConfig())
-    server = ArmServer(LocalBuilder("test", plant), "127.0.0.1:0")
+    server = ArmServer(OfferedArm(parse_address("mujoco"), find_cell()), "127.0.0.1:0")
     server.start()
     try:
         yield f"{server.url}&margins=model"
@@ -67,7 +67,7 @@ def service():
 
 def paths(address, load):
     """Return the paths of three tries of which two have the same seed."""
-    jobs = [Job(0, i, seed) for i, seed in enumerate((5, 6, 5))]
+    jobs = [TrialJob(0, i, seed) for i, seed in enumerate((5, 6, 5))]
     make = lambda: gym.make(ID, arm=address, max_episode_steps=STEPS)  # noqa: E731
     outcomes = run_trials(make, load, jobs, poses=PegInHole.trial_poses)
     return [outcome.course.path for outcome in outcomes]

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from dovetail.evaluation.figures import draw_forces, draw_paths
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.origin import Origin
 from dovetail.evaluation.outcome import ContactForce, Course, Outcome, TryFiles
 from dovetail.evaluation.report import Report
@@ -28,7 +28,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 def report(rng):
     outcomes = [
         Outcome(
-            job=Job(pose, 0, 3),
+            job=TrialJob(pose, 0, 3),
             success=pose == 0,
             depth=0.028 if pose == 0 else 0.001,
             course=Course(

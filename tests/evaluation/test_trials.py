@@ -14,7 +14,7 @@ from dovetail.envs.observation import GROUPS, USUAL_GROUPS
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluation import trials
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.trials import plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -131,13 +131,13 @@ def test_outcomes_come_in_order_with_what_the_environment_said():
 
 
 def test_the_same_seed_gives_the_same_outcome_and_another_seed_another():
-    first, again, other = run([Job(0, 0, 5), Job(0, 0, 5), Job(0, 0, 6)])
+    first, again, other = run([TrialJob(0, 0, 5), TrialJob(0, 0, 5), TrialJob(0, 0, 6)])
     np.testing.assert_array_equal(first.course.path, again.course.path)
     assert first.course.path[0, 2] != other.course.path[0, 2]
 
 
 def test_path_is_in_the_holes_frame():
-    (outcome,) = run([Job(2, 0, 5)])
+    (outcome,) = run([TrialJob(2, 0, 5)])
     path = outcome.course.path
     np.testing.assert_allclose(path[:, :2], 0.0, atol=1e-12)
     assert path.shape == (CYCLES * outcome.course.steps, 3)
@@ -145,7 +145,7 @@ def test_path_is_in_the_holes_frame():
 
 
 def test_force_is_averaged_over_the_cycles_in_contact_only():
-    (outcome,) = run([Job(0, 0, 5)])
+    (outcome,) = run([TrialJob(0, 0, 5)])
     assert outcome.force.peak == pytest.approx(5.0)
     assert outcome.force.mean == pytest.approx(5.0)
     assert 0 < outcome.force.cycles < CYCLES * outcome.course.steps
@@ -153,7 +153,7 @@ def test_force_is_averaged_over_the_cycles_in_contact_only():
 
 
 def test_a_try_that_times_out_is_no_success():
-    (outcome,) = run([Job(0, 0, 5)], partial(FallingEnv, drop=1e-5))
+    (outcome,) = run([TrialJob(0, 0, 5)], partial(FallingEnv, drop=1e-5))
     assert not outcome.success
     assert outcome.course.steps == 30
 
@@ -169,7 +169,7 @@ def test_every_try_leaves_a_log_that_loads(tmp_path):
 
 def test_a_try_that_dies_still_leaves_its_log(tmp_path):
     with pytest.raises(RuntimeError, match="diverged"):
-        run([Job(0, 0, 5)], partial(FallingEnv, fail_at=4), logs=tmp_path)
+        run([TrialJob(0, 0, 5)], partial(FallingEnv, fail_at=4), logs=tmp_path)
     episode = Episode.load(tmp_path / "A_00.npz")
     assert len(episode) == 4 * CYCLES
 

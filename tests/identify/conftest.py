@@ -1,5 +1,7 @@
 """A short recording of a planted arm: three sequences of ten steps, without noise."""
 
+from dataclasses import replace
+
 import pytest
 from rich.console import Console
 
@@ -22,7 +24,7 @@ def quiet() -> Console:
 def planted_file(tmp_path_factory):
     """Twin file of the nominal model with other gravity, masses and damping."""
     file = tmp_path_factory.mktemp("planted") / "planted.toml"
-    file.write_text(nominal_model().having(**PLANTED).to_toml())
+    file.write_text(replace(nominal_model(), **PLANTED).to_toml())
     return file
 
 
@@ -36,5 +38,5 @@ def settings(planted_file):
 def folder(tmp_path_factory, settings, quiet):
     """Folder of the short recording."""
     out = tmp_path_factory.mktemp("recording") / "log"
-    record(RecordConfig.of(out=out, **settings), quiet)
+    record(RecordConfig(out=out, **settings), quiet)
     return out

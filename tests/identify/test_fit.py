@@ -5,6 +5,7 @@ import json
 import re
 import shlex
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ need("cmaes")
 @pytest.fixture(scope="module")
 def config(folder, tmp_path_factory):
     out = tmp_path_factory.mktemp("fit") / "fit"
-    return FitConfig.of(log=folder, out=out, workers=1, evaluations=400)
+    return FitConfig(log=folder, out=out, workers=1, evaluations=400)
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def cold_result(cold, quiet):
 
 
 def again(config, out, **changes):
-    return config.having(**({"out": out} | changes))
+    return replace(config, **({"out": out} | changes))
 
 
 def test_planted_parameters_are_recovered(result):
@@ -123,9 +124,9 @@ def test_processes_find_what_one_process_finds(cold_result, cold, quiet, tmp_pat
 
 
 def test_without_a_warm_start_it_begins_at_the_nominal_model(cold_result, cold):
-    outset = json.loads((cold.out / "fit.json").read_text())["outset"]
-    np.testing.assert_allclose(outset["mean"], [0.5, 0.4, 0.125])
-    assert outset["rms_start"] == outset["rms_before"] == cold_result.rms_before
+    warm_start = json.loads((cold.out / "fit.json").read_text())["warm_start"]
+    np.testing.assert_allclose(warm_start["mean"], [0.5, 0.4, 0.125])
+    assert warm_start["rms_start"] == warm_start["rms_before"] == cold_result.rms_before
 
 
 def test_without_a_warm_start_it_comes_closer_too(cold_result):

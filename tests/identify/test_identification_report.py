@@ -19,7 +19,7 @@ from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.report import Comparison, write_identification_report
 from dovetail.identify.transfer_limit import (
     DELAY_LIMIT,
@@ -28,9 +28,9 @@ from dovetail.identify.transfer_limit import (
 )
 from dovetail.identify.uncertainty import (
     Confounding,
-    Estimate,
     Identifiability,
     Judgement,
+    ParameterEstimate,
     Uncertainty,
 )
 from dovetail.plants.twin import load_twin
@@ -44,11 +44,11 @@ def made(tmp_path_factory):
     """A folder with two recordings, a fit of the first, and its report."""
     folder = tmp_path_factory.mktemp("identified")
     for name, seed in (("log", 0), ("other", 1)):
-        settings = RecordConfig.of(
+        settings = RecordConfig(
             arm="twin:medium", out=folder / name, seed=seed, sequences=3, steps=12
         )
         record(settings, QUIET)
-    config = FitConfig.of(
+    config = FitConfig(
         log=folder / "log",
         out=folder / "fit",
         parameters="gravity,damping",
@@ -75,7 +75,7 @@ def test_the_errors_are_those_of_a_replay(made):
     fitted = Fitted.load(folder / "fit")
     model = fitted.parameters.to_model(fitted.vector)
     for log, name in (("fitting log", "log"), ("held-out log", "other")):
-        replay = Replay(Recording.load(folder / name))
+        replay = LogReplay(Recording.load(folder / name))
         assert written[log]["rms_before"] == pytest.approx(replay.rms(nominal_model()))
         assert written[log]["rms_after"] == pytest.approx(replay.rms(model))
         assert written[log]["max_after"] >= written[log]["rms_after"]
@@ -279,17 +279,17 @@ def test_a_fit_that_follows_its_log_more_than_the_arm_is_called_so():
 
 @pytest.mark.parametrize("of_model", [0.0, 0.005])
 def test_a_delay_that_the_model_lacks_is_found(tmp_path, of_model):
-    twin = load_twin("easy").having(command_delay=0.02)
+    twin = replace(load_twin("easy"), command_delay=0.02)
     (tmp_path / "late.toml").write_text(twin.to_toml())
     arm = f"twin:{tmp_path / 'late.toml'}"
-    config = RecordConfig.of(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
-    replay = Replay(record(config, QUIET))
-    model = nominal_model().having(command_delay=of_model)
+    config = RecordConfig(arm=arm, out=tmp_path / "log", sequences=2, steps=12)
+    replay = LogReplay(record(config, QUIET))
+    model = replace(nominal_model(), command_delay=of_model)
     assert hidden_delay(replay, model) == pytest.approx(0.02 - of_model, abs=0.003)
 
 
 def test_a_parameter_without_an_interval_can_be_drawn():
-    dead = Estimate(
+    dead = ParameterEstimate(
         name="armature_7",
         unit="kg m2",
         value=0.1,

@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from rich.console import Console
 from arms.loopback import lockstep_address
 from dovetail.envs.registered import find_cell
 from dovetail.identify.recorder import RecordConfig, record
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose, quat_about_z, tool_down
 
 HOLE = Pose(np.array([0.60, 0.0, 0.09]), quat_about_z(0.0))
@@ -23,7 +24,7 @@ def record_of(arm, out, **settings):
     said = io.StringIO()
     console = Console(file=said, width=1000)
     record(
-        RecordConfig.of(arm=arm, out=out, sequences=1, steps=4, **settings),
+        RecordConfig(arm=arm, out=out, sequences=1, steps=4, **settings),
         console,
     )
     return said.getvalue(), json.loads((out / "recording.json").read_text())["delay"]
@@ -35,7 +36,7 @@ def late(tmp_path):
 
     def write(delay):
         file = tmp_path / "late.toml"
-        file.write_text(load_twin("medium").having(command_delay=delay).to_toml())
+        file.write_text(replace(load_twin("medium"), command_delay=delay).to_toml())
         return f"twin:{file}"
 
     return write
@@ -68,7 +69,7 @@ def test_a_longer_delay_is_named_with_its_range(late, tmp_path, delay, period):
     ],
 )
 def test_the_delay_of_an_arm_behind_fri_is_measured(tmp_path, key, words):
-    plant = TwinPlant(load_twin("medium"), find_cell())
+    plant = make_twin(load_twin("medium"), find_cell())
     plant.reset(plant.robot.inverse_kinematics(START, Q_SEED), HOLE)
     with lockstep_address(plant) as address:
         said, kept = record_of(

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dovetail.identify.outset import measure_outset
 from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.search import EXACT, space_of
+from dovetail.identify.warm_start import measure_warm_start
 
 PARAMETERS = ParameterSet.parse("gravity_x,gravity_z,mass_scale")
 PLANTED = np.array([0.3, -0.4, 1.07])
@@ -47,8 +47,8 @@ class Motion:
     def errors(self, models):
         found = []
         for model in models:
-            x, _, z = model.arm.gravity_residual
-            values = np.array([x, z, model.arm.mass_scale[-1]])
+            x, _, z = model.gravity_residual
+            values = np.array([x, z, model.mass_scale[-1]])
             error = self.positions(values) - self.positions(PLANTED)
             found.append(error.reshape(-1, 3))
         return found
@@ -58,14 +58,14 @@ class Motion:
 
 
 def begin(motion):
-    outset = measure_outset(PARAMETERS, motion, "mujoco", warm=True)
-    return outset, space_of(PARAMETERS).to_values(outset.mean)
+    warm_start = measure_warm_start(PARAMETERS, motion, "mujoco", warm=True)
+    return warm_start, space_of(PARAMETERS).to_values(warm_start.mean)
 
 
 def test_a_linear_motion_is_solved_before_the_search(rng):
-    outset, values = begin(Motion(rng, jump=0.0))
+    warm_start, values = begin(Motion(rng, jump=0.0))
     np.testing.assert_allclose(values, PLANTED, atol=1e-4)
-    assert outset.start < EXACT
+    assert warm_start.start < EXACT
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -96,5 +96,5 @@ def test_it_counts_every_simulated_log(rng):
     motion, told = Motion(rng, jump=JUMP), []
     errors = motion.errors
     motion.errors = lambda models: told.append(len(models)) or errors(models)
-    outset, _ = begin(motion)
-    assert outset.evaluations == sum(told)
+    warm_start, _ = begin(motion)
+    assert warm_start.evaluations == sum(told)

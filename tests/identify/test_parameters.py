@@ -9,6 +9,7 @@ from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import load_twin
 from dovetail.robots.iiwa14 import iiwa14
 from dovetail.robots.motors import Motors
+from dovetail.settings import values_of
 
 
 def test_the_papers_set_is_gravity_one_mass_scale_and_damping():
@@ -34,14 +35,14 @@ def test_the_start_is_the_nominal_model(name):
 def test_each_parameter_changes_one_field_of_the_model(name):
     parameters = ParameterSet.parse(name)
     model = parameters.to_model(parameters.high)
-    given, nominal = model.flat(), nominal_model().flat()
+    given, nominal = values_of(model), values_of(nominal_model())
     differ = [name for name in given if given[name] != nominal[name]]
     assert len(differ) == 1
 
 
 def test_a_joints_own_parameter_leaves_the_other_joints_alone():
     model = ParameterSet.parse("damping_3").to_model(np.array([1.5]))
-    assert model.arm.damping == (0.5, 0.5, 1.5, 0.5, 0.5, 0.5, 0.5)
+    assert model.damping == (0.5, 0.5, 1.5, 0.5, 0.5, 0.5, 0.5)
 
 
 def test_a_model_is_a_twin_file_without_noise(tmp_path):
@@ -50,7 +51,7 @@ def test_a_model_is_a_twin_file_without_noise(tmp_path):
     model = parameters.to_model(0.5 * (parameters.low + parameters.high))
     file.write_text(model.to_toml())
     assert load_twin(file) == model
-    noise = model.having(torque_noise=0.0, position_noise=0.0, velocity_noise=0.0)
+    noise = replace(model, torque_noise=0.0, position_noise=0.0, velocity_noise=0.0)
     assert model == noise
 
 
@@ -98,9 +99,9 @@ def test_a_search_begins_at_the_robots_own_motors():
     own = ParameterSet.parse("armature_3=0.2:0.9:0.5").of_robot(robot)
     assert own.parameters[0].start == 0.5
     model = own.to_model(np.array([0.5]))
-    assert model.arm.damping == (3.0,) * 7  # not identified: as the robot's
-    assert model.arm.armature == (0.1, 0.2, 0.5, 0.4, 0.5, 0.6, 0.7)
-    assert own.nominal().arm.coulomb == (0.4,) * 7
+    assert model.damping == (3.0,) * 7  # not identified: as the robot's
+    assert model.armature == (0.1, 0.2, 0.5, 0.4, 0.5, 0.6, 0.7)
+    assert own.nominal().coulomb == (0.4,) * 7
 
 
 def test_the_iiwas_search_is_as_its_parameters_say():

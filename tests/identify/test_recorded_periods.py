@@ -1,5 +1,7 @@
 """A recording at any control period is replayed and fitted at its own."""
 
+from dataclasses import replace
+
 import pytest
 
 from dovetail.control.period import PERIODS
@@ -9,7 +11,7 @@ from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.report import write_identification_report
 from dovetail.plants.twin import load_twin
 from extras import need
@@ -25,9 +27,9 @@ def planted(request, tmp_path_factory, quiet):
     """A recording of a late arm with planted parameters, and that arm's file."""
     folder = tmp_path_factory.mktemp("period")
     file = folder / "planted.toml"
-    late = nominal_model().having(command_delay=DELAY, **PLANTED)
+    late = replace(nominal_model(), command_delay=DELAY, **PLANTED)
     file.write_text(late.to_toml())
-    config = RecordConfig.of(
+    config = RecordConfig(
         arm=f"twin:{file}",
         out=folder / "log",
         period=request.param,
@@ -43,7 +45,7 @@ def test_a_replay_is_at_the_period_of_the_recording(planted):
     recording, file, _ = planted
     cycles = round(0.05 / recording.period)
     assert {len(s.log) for s in recording.sequences} == {STEPS * cycles}
-    replay = Replay(recording)
+    replay = LogReplay(recording)
     assert replay.rms(load_twin(file)) < 1e-12
     assert replay.rms(nominal_model()) > 2e-4  # m
     replay.close()
@@ -51,8 +53,8 @@ def test_a_replay_is_at_the_period_of_the_recording(planted):
 
 def test_the_delay_is_found_at_every_period(planted):
     recording, file, _ = planted
-    replay = Replay(recording)
-    punctual = load_twin(file).having(command_delay=0.0)
+    replay = LogReplay(recording)
+    punctual = replace(load_twin(file), command_delay=0.0)
     assert hidden_delay(replay, punctual) == pytest.approx(DELAY, abs=1.1e-3)
     assert hidden_delay(replay, load_twin(file)) == 0.0
     replay.close()
@@ -61,7 +63,7 @@ def test_the_delay_is_found_at_every_period(planted):
 def test_planted_parameters_are_recovered_at_every_period(planted, quiet, tmp_path):
     need("cmaes")
     _, _, log = planted
-    config = FitConfig.of(
+    config = FitConfig(
         log=log,
         out=tmp_path / "fit",
         parameters="gravity_z,damping,command_delay",
@@ -74,7 +76,7 @@ def test_planted_parameters_are_recovered_at_every_period(planted, quiet, tmp_pa
     assert gravity == pytest.approx(0.15, abs=0.02)
     assert damping == pytest.approx(0.8, rel=0.05)
     assert result.rms_after < 0.02 * result.rms_before
-    assert load_twin(tmp_path / "fit/model.toml").channel.command_delay == delay
+    assert load_twin(tmp_path / "fit/model.toml").command_delay == delay
 
 
 @pytest.mark.parametrize("planted", [NOT_OF_FRI], indirect=True)
@@ -82,7 +84,7 @@ def test_the_report_reads_a_log_of_any_period(planted, quiet, tmp_path):
     need("cmaes")
     _, _, log = planted
     out = tmp_path / "fit"
-    config = FitConfig.of(
+    config = FitConfig(
         log=log, out=out, parameters="gravity_z", workers=1, evaluations=8
     )
     fit(config, quiet)

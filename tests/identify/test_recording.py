@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 
-from dovetail.control.limits import TABLE
+from dovetail.control.proven import DECLARED
 from dovetail.control.target_columns import TARGET_UNITS
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.episode import Episode
@@ -67,31 +67,31 @@ def test_a_recording_that_was_cut_short_is_continued(copy, settings, quiet):
     (copy / "sequence-01.npz").unlink()
     with pytest.raises(LogError, match=r"sequence-01.npz of 3 sequences is missing"):
         Recording.load(copy)
-    again = record(RecordConfig.of(out=copy, **settings), quiet)
+    again = record(RecordConfig(out=copy, **settings), quiet)
     assert again.fingerprint() == before
     assert (copy / FIRST).stat().st_mtime_ns == kept
 
 
 def test_another_recording_is_not_overwritten(copy, settings, quiet):
     with pytest.raises(ConfigError, match="other settings: excitation, q_start differ"):
-        record(RecordConfig.of(out=copy, **(settings | {"seed": 1})), quiet)
+        record(RecordConfig(out=copy, **(settings | {"seed": 1})), quiet)
 
 
 def test_a_folder_of_something_else_is_not_written_to(tmp_path, settings, quiet):
     (tmp_path / "thesis.txt").write_text("years of work")
     with pytest.raises(ConfigError, match="exists and is no recording"):
-        record(RecordConfig.of(out=tmp_path, **settings), quiet)
+        record(RecordConfig(out=tmp_path, **settings), quiet)
 
 
 def test_a_hole_that_leaves_no_free_air_is_refused(tmp_path, settings, quiet):
-    config = RecordConfig.of(out=tmp_path / "log", fixture=(0.6, 0, 0.2, 0), **settings)
+    config = RecordConfig(out=tmp_path / "log", fixture=(0.6, 0, 0.2, 0), **settings)
     with pytest.raises(ConfigError, match=r"ends at z = 0.2 m.*allow-contact"):
         record(config, quiet)
     assert not config.out.exists()
 
 
 def test_contact_ends_the_recording(tmp_path, settings, quiet):
-    config = RecordConfig.of(out=tmp_path / "log", **settings)
+    config = RecordConfig(out=tmp_path / "log", **settings)
     with pytest.raises(
         ArmError, match=r"the held part is in contact: .* N in sequence 0"
     ):
@@ -100,7 +100,7 @@ def test_contact_ends_the_recording(tmp_path, settings, quiet):
 
 
 def test_contact_is_recorded_where_it_is_asked_for(tmp_path, settings, quiet):
-    config = RecordConfig.of(out=tmp_path / "log", allow_contact=True, **settings)
+    config = RecordConfig(out=tmp_path / "log", allow_contact=True, **settings)
     recording = record(config, quiet, starts=[touching_start()] * 3)
     force = recording.sequences[0].log[:, COLUMN["fx"] : COLUMN["fz"] + 1]
     assert np.abs(force).max() > 0.1
@@ -127,7 +127,7 @@ def touching_start():
 
 
 def test_an_arm_that_cannot_move_the_hole_needs_to_be_told_where_it_is(tmp_path, quiet):
-    config = RecordConfig.of(out=tmp_path / "log", arm="fri://127.0.0.1:30299")
+    config = RecordConfig(out=tmp_path / "log", arm="fri://127.0.0.1:30299")
     with pytest.raises(ConfigError, match="say where it is with --fixture"):
         record(config, quiet)
 
@@ -252,12 +252,12 @@ def test_a_log_without_its_targets_is_refused(copy, told):
 
 def test_a_replay_has_the_limits_of_what_was_declared(copy):
     one = Recording.load(copy)
-    assert one.settings()[1].declared == TABLE
+    assert one.settings()[1].declared_errors() == DECLARED
     given = {"delay": 0.012, "mass_error": 0.3, "payload_error": 2.0}
     change_description(copy, controller=one.metadata["controller"] | given)
     with pytest.warns(UnprovenWarning):
         limits = Recording.load(copy).settings()[1]
-    assert vars(limits.declared) == given
+    assert limits.declared_errors() == given
 
 
 def test_two_files_in_each_others_place_are_found(copy):

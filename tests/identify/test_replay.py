@@ -5,14 +5,14 @@ from dovetail.errors import ConfigError, PlantError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import DIVERGED, Replay
+from dovetail.identify.replay import DIVERGED, LogReplay
 from dovetail.plants.twin import load_twin
 from extras import need
 
 
 @pytest.fixture(scope="module")
 def replay(folder):
-    return Replay(Recording.load(folder))
+    return LogReplay(Recording.load(folder))
 
 
 def test_the_true_model_replays_the_log_exactly(replay, planted_file):
@@ -22,8 +22,8 @@ def test_the_true_model_replays_the_log_exactly(replay, planted_file):
 @pytest.mark.parametrize("period", [1e-3, 5e-3])
 def test_another_model_does_not(settings, quiet, tmp_path, period):
     out = tmp_path / "log"
-    record(RecordConfig.of(out=out, period=period, **settings), quiet)
-    assert 0.8e-3 < Replay(Recording.load(out)).rms(nominal_model()) < 0.1
+    record(RecordConfig(out=out, period=period, **settings), quiet)
+    assert 0.8e-3 < LogReplay(Recording.load(out)).rms(nominal_model()) < 0.1
 
 
 def test_a_replay_leaves_nothing_behind_for_the_next(replay, planted_file):
@@ -52,7 +52,7 @@ def test_a_model_that_diverges_has_the_largest_error(replay, monkeypatch):
 @pytest.mark.bullet
 def test_the_other_engine_moves_nearly_alike(folder, replay):
     need("pybullet")
-    other = Replay(Recording.load(folder), "bullet")
+    other = LogReplay(Recording.load(folder), "bullet")
     pairs = zip(replay.run(nominal_model()), other.run(nominal_model()), strict=True)
     other.close()
     assert max(np.abs(a - b).max() for a, b in pairs) < 1e-3  # m
@@ -60,4 +60,4 @@ def test_the_other_engine_moves_nearly_alike(folder, replay):
 
 def test_an_unknown_engine_lists_the_known_ones(folder):
     with pytest.raises(ConfigError, match="known plants: mujoco, bullet"):
-        Replay(Recording.load(folder), "gazebo")
+        LogReplay(Recording.load(folder), "gazebo")

@@ -14,7 +14,7 @@ from dovetail.errors import ConfigError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording, usual_place
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.starts import ELBOW, plan_starts, start_box
 from dovetail.plants.plant import COLUMN
 from dovetail.poses import Pose, quat_about_z, tool_down
@@ -66,19 +66,17 @@ def test_the_usual_recording_is_described_as_before(folder):
 
 @pytest.mark.parametrize("env", [RING, CLIP])
 def test_every_task_is_recorded_and_replayed(tmp_path, quiet, env):
-    late = nominal_model().having(command_delay=0.005, damping=(0.8,) * 7)
+    late = replace(nominal_model(), command_delay=0.005, damping=(0.8,) * 7)
     Path("late.toml").write_text(late.to_toml())
     out = tmp_path / "log"
-    config = RecordConfig.of(
-        env=env, arm="twin:late.toml", out=out, sequences=2, steps=12
-    )
+    config = RecordConfig(env=env, arm="twin:late.toml", out=out, sequences=2, steps=12)
     recording = record(config, quiet)
     assert str(recording.task) == EXCITED
     moved = np.ptp(recording.positions()[0], axis=0)
     assert (moved > 0.02).all()  # m, on every axis
     force = recording.sequences[0].log[:, COLUMN["fx"] : COLUMN["fz"] + 1]
     assert not np.abs(force).any()
-    replay = Replay(recording)
+    replay = LogReplay(recording)
     assert replay.rms(late) < 1e-12
     assert replay.rms(nominal_model()) > 2e-4  # m
     replay.close()

@@ -12,7 +12,7 @@ from dovetail.errors import ConfigError
 from dovetail.identify.linearise import Linearisation, half_width, linearise
 from dovetail.identify.parameters import KNOWN, Parameter, ParameterSet
 from dovetail.identify.recorder import RecordConfig, record
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.student import student_t
 from dovetail.identify.uncertainty import KNOWN_SHARE, analyse, judge
 
@@ -62,7 +62,7 @@ class CurvedReplay:
 
     def run(self, model):
         self.runs += 1
-        value = np.array(model.arm.gravity_residual)
+        value = np.array(model.gravity_residual)
         return [
             (b @ (value + self.curve * value**2)).reshape(-1, 3) for b in self.motion
         ]
@@ -271,14 +271,14 @@ def test_the_delay_is_moved_by_whole_physics_steps():
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
     out = tmp_path_factory.mktemp("recording")
-    config = RecordConfig.of(arm="twin:easy", out=out, sequences=4, steps=12)
+    config = RecordConfig(arm="twin:easy", out=out, sequences=4, steps=12)
     return record(config, Console(quiet=True))
 
 
 def test_a_real_log_names_what_it_cannot_tell_apart(recording):
     """A scale of all masses weighs as gravity does; only inertia tells them apart."""
     parameters = ParameterSet.parse("gravity,mass_scale,damping")
-    replay = Replay(recording)
+    replay = LogReplay(recording)
     result = analyse(replay, parameters, parameters.start)
     by_name = {e.name: e for e in result.estimates}
     assert by_name["gravity_z"].confounding.partner == "mass_scale"

@@ -31,7 +31,7 @@ SMALL = {
 @pytest.fixture
 def small(tmp_path: Path) -> TrainConfig:
     """Settings of a training of 300 steps."""
-    return TrainConfig.of(out=tmp_path / "run", **SMALL)
+    return TrainConfig(out=tmp_path / "run", **SMALL)
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ def build(tmp_path_factory):
 
     from .conftest import SMALL
 
-    config = TrainConfig.of(out=tmp_path_factory.mktemp("run"), **SMALL)
+    config = TrainConfig(out=tmp_path_factory.mktemp("run"), **SMALL)
     return lambda: make_model(config, make_vec_env(config))
 
 

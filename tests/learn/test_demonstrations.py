@@ -1,6 +1,7 @@
 """Episode logs become the transitions that the environment itself would have given."""
 
 import json
+from dataclasses import replace
 from io import StringIO
 
 import gymnasium as gym
@@ -261,7 +262,7 @@ def test_a_run_begins_with_the_demonstrations_and_says_so(tmp_path, env, option)
     logs.mkdir()
     _, actions, _ = record(env, logs / "001.npz")
     given = (str(logs),) if option == "demos" else str(logs)
-    config = TrainConfig.of(**TINY, out=tmp_path / "run", **{option: given})
+    config = TrainConfig(**TINY, out=tmp_path / "run", **{option: given})
     assert f"--{option} {logs}" in config.command()
     (result,) = train(config, Console(quiet=True))
     assert result.steps == 32
@@ -298,7 +299,7 @@ def test_a_run_learns_from_demonstrations_before_its_first_action_and_only_then(
     from dovetail.learn.train import train
 
     taught = {"pretrain": 9, "learning_starts": 1000, "updates_per_step": 1}
-    config = TrainConfig.of(
+    config = TrainConfig(
         **{**TINY, **taught}, out=tmp_path / "run", demos=(str(logs),), batch_size=8
     )
     step, taken, own = ContactEnv.step, [], []
@@ -320,11 +321,11 @@ def test_a_run_learns_from_demonstrations_before_its_first_action_and_only_then(
     with pytest.raises(PlantError):
         train(config, Console(file=output))
     assert "0/32 steps, pretraining" in output.getvalue()
-    assert counted_updates(config.runs.out) == (8, 10 + 8)
+    assert counted_updates(config.out) == (8, 10 + 8)
     output = StringIO()
-    train(config.having(resume=True), Console(file=output))
+    train(replace(config, resume=True), Console(file=output))
     assert "pretraining" not in output.getvalue()
-    assert counted_updates(config.runs.out) == (32, 10 + 32)
+    assert counted_updates(config.out) == (32, 10 + 32)
     # No action was random, neither before the interruption nor after it.
     assert own == [0, 2, 4, 6, 8, *range(8, 32, 2)]
 
@@ -339,7 +340,7 @@ def test_pretraining_moves_the_networks_and_not_the_entropy_coefficient(logs):
     from dovetail.learn.sbx_model import ENTROPY, trained_states
 
     changes = {"pretrain": 8, "updates_per_step": 1, "batch_size": 8}
-    config = TrainConfig.of(**{**TINY, **changes}, demos=(str(logs),))
+    config = TrainConfig(**{**TINY, **changes}, demos=(str(logs),))
     env = make_vec_env(config)
     model = make_model(config, env)
     model.set_logger(configure(None, []))
@@ -367,8 +368,8 @@ def test_pretraining_moves_the_networks_and_not_the_entropy_coefficient(logs):
 def test_much_is_learned_from_demonstrations_before_the_first_action(
     given, steps, share
 ):
-    config = TrainConfig.of(**given)
-    assert (config.teaching.pretrain, config.teaching.teacher_share) == (steps, share)
+    config = TrainConfig(**given)
+    assert (config.pretrain, config.teacher_share) == (steps, share)
     for name, option in (("pretrain", "--pretrain"), ("teacher_share", "--teacher-s")):
         assert (option in config.command()) == (name in given)
 
@@ -382,12 +383,12 @@ def test_much_is_learned_from_demonstrations_before_the_first_action(
 )
 def test_pretraining_without_what_it_needs_is_refused(given, words):
     with pytest.raises(ConfigError, match=words):
-        TrainConfig.of(pretrain=5, **given)
+        TrainConfig(pretrain=5, **given)
 
 
 def test_demonstrations_are_for_algorithms_with_a_replay_buffer():
     with pytest.raises(ConfigError, match="with ppo no --demos"):
-        TrainConfig.of(demos=("logs",), algorithm="ppo")
+        TrainConfig(demos=("logs",), algorithm="ppo")
 
 
 def test_folders_and_files_are_found_in_order(tmp_path):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ def make(small, tmp_path):
     environments = []
 
     def make(seed=0, **changes):
-        config = small.having(seed=seed, **changes)
+        config = replace(small, seed=seed, **changes)
         env = make_vec_env(config)
         environments.append(env)
         model = make_model(config, env)
@@ -40,7 +41,7 @@ def make(small, tmp_path):
 
 
 def start(model, config, path):
-    config = config.having(from_policy=str(path))
+    config = replace(config, from_policy=str(path))
     policy = load_start(config)
     require_fit(policy, config, model.get_env().envs[0])
     start_from(model, policy)
@@ -109,15 +110,15 @@ def test_no_policy_of_that_name_lists_the_shipped_ones(make):
 
 def test_crossq_cannot_start_from_a_policy():
     with pytest.raises(ConfigError, match="known: sac, tqc, td3, ddpg, ppo"):
-        TrainConfig.of(algorithm="crossq", from_policy="peg_square")
+        TrainConfig(algorithm="crossq", from_policy="peg_square")
 
 
 def test_while_the_critics_learn_the_policy_stays_and_then_it_moves(make, small):
     _, _, path = make(seed=1)
     settings = {"from_policy": str(path), "eval_episodes": 0, "steps": 120}
-    kept = small.having(out=small.runs.out / "kept", learning_starts=200, **settings)
+    kept = replace(small, out=small.out / "kept", learning_starts=200, **settings)
     # No episode ends in 20 steps and no group of them in 120: nothing to go back to.
-    moved = small.having(out=small.runs.out / "moved", learning_starts=20, **settings)
+    moved = replace(small, out=small.out / "moved", learning_starts=20, **settings)
     weights = Policy.load(path).layers[0][0]
     (result,) = train(kept)
     np.testing.assert_array_equal(Policy.load(result.policy).layers[0][0], weights)
@@ -159,13 +160,11 @@ def test_a_checkpoint_knows_the_actor_that_is_kept(make, tmp_path):
 def test_an_actor_that_knows_something_learns_slower_than_its_critics(
     algorithm, make, small
 ):
-    config = small.having(algorithm=algorithm, from_policy="peg_square")
+    config = replace(small, algorithm=algorithm, from_policy="peg_square")
     model, _, _ = make(algorithm=algorithm)
     slow = make_model(config, model.get_env())
-    assert slow.lr_schedule(1.0) == pytest.approx(
-        ACTOR_SHARE * config.learner.gradient.learning_rate
-    )
-    assert slow.qf_learning_rate == pytest.approx(config.learner.gradient.learning_rate)
+    assert slow.lr_schedule(1.0) == pytest.approx(ACTOR_SHARE * config.learning_rate)
+    assert slow.qf_learning_rate == pytest.approx(config.learning_rate)
 
 
 @pytest.mark.parametrize("seeds", ["1", "2"])
@@ -176,7 +175,7 @@ def test_a_missing_policy_is_refused_before_the_learning_stack_is_imported(
         "import sys\n"
         "from dovetail.cli import run\n"
         "if __name__ == '__main__':\n"
-        f"    code = run(['train', '--from', 'missing', '--seeds', '{seeds}'])\n"
+        f"    code = run(['train', '--from-policy', 'missing', '--seeds', '{seeds}'])\n"
         "    print(code, sorted({'jax', 'torch', 'sbx'} & set(sys.modules)))\n"
     )
     script = tmp_path / "train.py"

@@ -23,7 +23,6 @@ import torch
 
 from dovetail.cli import run
 from dovetail.envs import registered
-from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.foreign import (
     import_file,
     import_model,
@@ -33,6 +32,7 @@ from dovetail.learn.foreign import (
 from dovetail.learn.foreign_actor import read_actor
 from dovetail.learn.policy import Policy
 from dovetail.learn.policy_env import make_policy_env
+from dovetail.learn.policy_env_config import PolicyEnvConfig
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 ID = "dovetail/PegInHole-v0"
@@ -78,7 +78,7 @@ def saved(model, tmp_path) -> Path:
 
 
 def imported(path, *, is_trusted=True):
-    return import_file(path, environment(), EnvSettings(), is_trusted=is_trusted)
+    return import_file(path, environment(), PolicyEnvConfig(), is_trusted=is_trusted)
 
 
 def require_actions(policy, model, rng):

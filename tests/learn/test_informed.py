@@ -1,5 +1,7 @@
 """Critics are told the truth; the actor, and so the policy, is as any other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.extras import need
@@ -8,12 +10,12 @@ from dovetail.envs.observation import POSITION_SCALE, THETA_SCALE
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.searching import SEARCHING
+from dovetail.learn.config_file import find_recipe, read_settings
 from dovetail.poses import theta_about_vertical
 
-CONFIG = TrainConfig.of(
+CONFIG = TrainConfig(
     **{
-        **SEARCHING,
+        **read_settings(find_recipe("search")),
         "doubt": 0.02,
         "doubt_turn": 0.05,
         "vary": "peg=square,triangle",
@@ -33,10 +35,10 @@ TOLD = 4 + 2
 def env():
     need("sbx")
     from dovetail.learn.algorithms import make_vec_env
-    from dovetail.learn.informed import Informed
+    from dovetail.learn.privileged_critic import PrivilegedCritic
 
-    kinds = CONFIG.variation.kinds(CONFIG.environment, 3)
-    made = Informed(make_vec_env(CONFIG), kinds)
+    kinds = CONFIG.kinds(3)
+    made = PrivilegedCritic(make_vec_env(CONFIG), kinds)
     yield made
     made.close()
 
@@ -79,7 +81,7 @@ def test_the_actor_does_not_look_at_the_truth_and_the_policy_has_no_room_for_it(
     from dovetail.learn.algorithms import make_model
     from dovetail.learn.export import export_policy
 
-    model = make_model(CONFIG.having(script=None), env.venv)
+    model = make_model(replace(CONFIG, script=None), env.venv)
     seen = np.tile(env.reset()[:1], (2, 1))
     seen[1, -TOLD:] += 1.0
     first, second = model.predict(seen, deterministic=True)[0]
@@ -99,4 +101,4 @@ def test_the_actor_does_not_look_at_the_truth_and_the_policy_has_no_room_for_it(
 )
 def test_only_sac_without_logs_is_informed(change):
     with pytest.raises(ConfigError, match="leave --informed out"):
-        CONFIG.having(script=None, **change)
+        replace(CONFIG, script=None, **change)

@@ -12,7 +12,7 @@ need("sbx")
 import jax  # noqa: E402
 from sbx.common.policies import VectorCritic  # noqa: E402
 
-from dovetail.learn.networks import Actor, Critics  # noqa: E402
+from dovetail.learn.networks import Critics, SbxActor  # noqa: E402
 
 SHAPE = {"net_arch": [64, 32], "use_layer_norm": True}
 
@@ -60,7 +60,9 @@ def test_a_key_decides_the_numbers(inputs, drawn):
     for name, value in leaves(drawn).items():
         np.testing.assert_array_equal(value, again[name])
     actors = [
-        leaves(Actor(net_arch=[8], action_dim=4).init(jax.random.PRNGKey(i), inputs[0]))
+        leaves(
+            SbxActor(net_arch=[8], action_dim=4).init(jax.random.PRNGKey(i), inputs[0])
+        )
         for i in (3, 3, 4)
     ]
     name = next(name for name in actors[0] if name.endswith("Dense_0/kernel"))

@@ -4,15 +4,15 @@ import math
 
 import pytest
 
-from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.fri_arm import FriAddress
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy, find_policy, list_policies
 from dovetail.learn.policy_env import (
-    TAKEN,
+    CHOSEN,
     lax_contact,
     make_policy_env,
     policy_settings,
-    require_yes,
+    require_contact_accepted,
 )
 
 ROBOT = "fri://127.0.0.1:30200"
@@ -31,7 +31,7 @@ def test_the_shipped_policies_run_where_they_were_trained_for(name):
     settings = policy_settings(policy.metadata)
     # Settings that an older file does not have.
     later = {"also", "recall", "script", "correction", "fall_back"}
-    assert set(settings) | later == {*TAKEN, "peg", "clearance"}
+    assert set(settings) | later == {*CHOSEN, "peg", "clearance"}
     # What searches is faster near contact; nothing else is laxer than usual.
     fast = {"search_square": 0.05, "peg_near": 0.022}.get(name)
     said = [] if fast is None else [("near_speed", fast, 0.02, "m/s")]
@@ -80,12 +80,12 @@ def test_what_the_training_had_is_told_and_not_taken(policy, name):
         ("near_press", {"x": 1}),
         ("f_scale", [1.0, 2.0]),
         ("force_damping", [[1.0]]),
-        ("tare", "no"),
+        ("tare", "perhaps"),
         ("task", None),
     ],
 )
 def test_a_setting_that_is_none_is_named(policy, name, value):
-    with pytest.raises(PolicyError, match=f"gives {name} as"):
+    with pytest.raises(PolicyError, match=rf"damaged: {name}(\[.*\])? (is|must be) "):
         policy_settings(changed(policy, "env", **{name: value}).metadata)
 
 
@@ -130,10 +130,10 @@ def test_laxer_contact_is_said_and_needs_a_yes_on_what_may_be_a_robot(
     settings = policy_settings(lax.metadata)
     for arm in (ROBOT, "grpc://localhost:50051"):
         with pytest.raises(ConfigError, match=f"{words}.*--accept-contact"):
-            require_yes(settings, arm, is_given=False)
-        assert "laxer" in require_yes(settings, arm, is_given=True)
+            require_contact_accepted(settings, arm, is_given=False)
+        assert "laxer" in require_contact_accepted(settings, arm, is_given=True)
     for arm in (None, "mujoco", "twin:easy", CABINET):
-        assert "laxer" in require_yes(settings, arm, is_given=False)
+        assert "laxer" in require_contact_accepted(settings, arm, is_given=False)
     with pytest.raises(ConfigError, match=words):
         make_policy_env(lax, arm=ROBOT)
 
@@ -141,17 +141,17 @@ def test_laxer_contact_is_said_and_needs_a_yes_on_what_may_be_a_robot(
 def test_whether_it_may_be_a_robot_is_a_fact_and_no_text(policy, monkeypatch):
     """What cannot be disturbed may still be a simulation, and the other way round."""
     settings = policy_settings(changed(policy, "env", near_speed=5.0).metadata)
-    monkeypatch.setattr(FriAddress, "undisturbed", "")
+    monkeypatch.setattr(FriAddress, "can_be_disturbed", True)
     with pytest.raises(ConfigError):
-        require_yes(settings, ROBOT, is_given=False)
-    monkeypatch.setattr(FriAddress, "undisturbed", "not today")
-    require_yes(settings, CABINET, is_given=False)
+        require_contact_accepted(settings, ROBOT, is_given=False)
+    monkeypatch.setattr(FriAddress, "can_be_disturbed", False)
+    require_contact_accepted(settings, CABINET, is_given=False)
 
 
 def test_stricter_contact_needs_no_yes():
     strict = {"near_speed": 0.01, "near_press": 1.0, "near_distance": 0.02}
-    assert require_yes(strict, ROBOT, is_given=False) == ""
-    assert require_yes({}, ROBOT, is_given=False) == ""
+    assert require_contact_accepted(strict, ROBOT, is_given=False) == ""
+    assert require_contact_accepted({}, ROBOT, is_given=False) == ""
 
 
 @pytest.mark.parametrize(

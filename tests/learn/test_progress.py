@@ -2,6 +2,7 @@
 
 import math
 import time
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -15,8 +16,8 @@ from dovetail.learn.progress import (
     EpisodeLog,
     EpisodeRow,
     ProgressBar,
-    Status,
     Stopwatch,
+    TrainingStatus,
     describe_status,
     read_progress,
     summarise,
@@ -55,17 +56,17 @@ def test_success_and_reward_are_those_of_the_last_episodes():
     rows = [row(i) for i in range(30)]
     rows += [row(30 + i, success=1, reward=9.0) for i in range(WINDOW // 2)]
     status = summarise(rows, 100, 5.0)
-    assert status == Status(100, 0.5, 4.0, 5.0)
+    assert status == TrainingStatus(100, 0.5, 4.0, 5.0)
 
 
 def test_the_status_line_has_success_reward_speed_and_time_left():
-    status = Status(4000, 0.25, -12.34, 100.0)
+    status = TrainingStatus(4000, 0.25, -12.34, 100.0)
     line = describe_status(status, 16_000)
     assert line == "success 25 %, reward -12.3, 100 steps/s, 2:00 min left"
     assert describe_status(status._replace(phase="evaluating"), 16_000).endswith(
         "evaluating"
     )
-    assert describe_status(Status(0, math.nan, math.nan, 0.0), 10) == "training"
+    assert describe_status(TrainingStatus(0, math.nan, math.nan, 0.0), 10) == "training"
 
 
 def test_no_time_left_is_told_before_the_speed_is_that_of_updates(monkeypatch):
@@ -78,7 +79,9 @@ def test_no_time_left_is_told_before_the_speed_is_that_of_updates(monkeypatch):
         now += 0.1 if step <= 1000 else 15.0 if step == 1100 else 5.0
         updates = 7 + 2 * max(0, step - 1000)
         rate, is_steady = watch.speed(step)
-        line = describe_status(Status(step, 0.5, 1.0, rate, is_steady=is_steady), 3100)
+        line = describe_status(
+            TrainingStatus(step, 0.5, 1.0, rate, is_steady=is_steady), 3100
+        )
         told.append("min left" in line)
         if is_steady:
             assert rate == pytest.approx(20.0)
@@ -88,7 +91,7 @@ def test_no_time_left_is_told_before_the_speed_is_that_of_updates(monkeypatch):
 
 def test_a_training_tells_no_time_left_before_its_updates(small):
     told = []
-    config = small.having(steps=700, learning_starts=350, eval_episodes=0)
+    config = replace(small, steps=700, learning_starts=350, eval_episodes=0)
     train_one(config, told.append)
     steady = [s.is_steady for s in told if s.phase == "training"]
     assert steady == [False, False, False, False, True, True, True]
@@ -100,7 +103,7 @@ def test_the_bar_has_room_whatever_the_words(width):
     output = StringIO()
     console = Console(file=output, force_terminal=True, width=width, color_system=None)
     with ProgressBar(60_000, ["seed 0"], console) as bar:
-        bar.show(0, Status(10_000, 1.0, -1234567.8, 123.0))
+        bar.show(0, TrainingStatus(10_000, 1.0, -1234567.8, 123.0))
     line = output.getvalue().rpartition("\n")[0].rpartition("\x1b[2K")[2]
     assert len(line) <= width
     assert line.index(" 10000/60000 steps") - len("seed 0 ") >= 15
@@ -113,7 +116,7 @@ def test_the_bar_has_room_whatever_the_words(width):
 def test_the_bar_of_a_run_that_has_learned_is_full(phase):
     output = StringIO()
     console = Console(file=output, force_terminal=True, width=120, color_system=None)
-    status = Status(400, 1.0, 45.0, 10.0, stage="test 299/300")
+    status = TrainingStatus(400, 1.0, 45.0, 10.0, stage="test 299/300")
     with ProgressBar(1000, ["seed 0"], console) as bar:
         bar.show(0, status)
         assert "400/1000 steps" in describe(bar)
@@ -129,7 +132,7 @@ def describe(bar):
 
 
 def test_the_status_line_says_how_far_the_run_is_from_its_end():
-    status = Status(4000, 0.95, 40.0, 100.0, stage="settling 40 %")
+    status = TrainingStatus(4000, 0.95, 40.0, 100.0, stage="settling 40 %")
     line = describe_status(status, 16_000)
     assert line.endswith("settling 40 %, 100 steps/s, at most 2:00 min left")
     testing = describe_status(status._replace(phase="testing", rate=0.0), 16_000)
@@ -145,8 +148,8 @@ def test_the_bar_shows_every_run_on_a_terminal_and_in_a_file(is_terminal):
     console = Console(file=output, force_terminal=is_terminal, width=120)
     with ProgressBar(1000, ["seed 0", "seed 1"], console) as bar:
         for step in range(0, 1001, 10):
-            bar.show(0, Status(step, 0.5, 1.0, 10.0))
-        bar.show(1, Status(500, 1.0, 48.0, 10.0))
+            bar.show(0, TrainingStatus(step, 0.5, 1.0, 10.0))
+        bar.show(1, TrainingStatus(500, 1.0, 48.0, 10.0))
     text = output.getvalue()
     for words in ("seed 0", "1000/1000 steps", "seed 1", "500/1000 steps", "100 %"):
         assert words in text

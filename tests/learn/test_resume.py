@@ -6,9 +6,12 @@ import shlex
 import shutil
 import signal
 import time
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import tomlkit
 from rich.console import Console
 
 from dovetail.cli import run
@@ -16,18 +19,18 @@ from dovetail.commands.train import defaults
 from dovetail.errors import ConfigError, PlantError
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import to_toml
 from dovetail.learn.one_run import resume_command
 from dovetail.learn.run_folder import (
     CHECKPOINTS,
     RunLock,
     open_run,
     require_run,
-    settings_of,
+    run_config,
 )
 from dovetail.learn.train import train
 from dovetail.plants.twin import load_twin
-from dovetail.strangers import TRUSTED, trust_typed
-from dovetail.tasks.options import TaskOptions
+from dovetail.plugins import TRUSTED, trust_typed
 
 from .conftest import SMALL
 
@@ -35,7 +38,7 @@ from .conftest import SMALL
 def begin(config):
     """Note a run as a training does when it begins."""
     open_run(config)
-    return ["--resume", "--out", str(config.runs.out)]
+    return ["--resume", "--out", str(config.out)]
 
 
 def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
@@ -50,14 +53,14 @@ def test_a_run_goes_on_without_its_options(small, monkeypatch, capsys):
         return step(self, action)
 
     monkeypatch.setattr(ContactEnv, "step", diverge_once)
-    words = ["--out", str(small.runs.out), "--tare"]
+    words = ["--out", str(small.out), "--tare"]
     for name, value in SMALL.items():
         values = value if isinstance(value, tuple) else [value]
         words += [f"--{name.replace('_', '-')}", *map(str, values)]
     assert run(["train", *words, "--clearance", "0.001"]) == 2
-    assert f"train --resume --out {small.runs.out}" in capsys.readouterr().out
-    assert run(["train", "--resume", "--out", str(small.runs.out)]) == 0
-    policy = json.loads((small.runs.out / "policy.json").read_text())
+    assert f"train --resume --out {small.out}" in capsys.readouterr().out
+    assert run(["train", "--resume", "--out", str(small.out)]) == 0
+    policy = json.loads((small.out / "policy.json").read_text())
     assert policy["provenance"]["steps"] == SMALL["steps"]
     assert policy["env"]["clearance"] == 0.001
 
@@ -81,12 +84,12 @@ def test_ctrl_c_saves_a_checkpoint_and_names_the_way_on(small, monkeypatch, caps
         train(small, console)
     assert signal.getsignal(signal.SIGINT) is before
     said = capsys.readouterr().out
-    newest = list_checkpoints(small.runs.out / CHECKPOINTS)[-1]
+    newest = list_checkpoints(small.out / CHECKPOINTS)[-1]
     assert newest.name == "step-0000000150"
-    assert len(taken) < 150 + 2 * small.runs.num_envs
+    assert len(taken) < 150 + 2 * small.num_envs
     _, _, command = said.partition("go on with: dovetail ")
     assert run(shlex.split(command.splitlines()[0])) == 0
-    policy = json.loads((small.runs.out / "policy.json").read_text())
+    policy = json.loads((small.out / "policy.json").read_text())
     assert policy["provenance"]["steps"] == SMALL["steps"]
 
 
@@ -103,13 +106,14 @@ def test_ctrl_c_saves_a_checkpoint_and_names_the_way_on(small, monkeypatch, caps
     ],
 )
 def test_an_option_that_differs_from_the_run_is_named(small, words, message, capsys):
-    again = begin(small.having(task_options=TaskOptions(clearance=0.001), tare=False))
+    again = begin(replace(small, task_options={"clearance": 0.001}, tare=False))
     assert run(["train", *again, *words]) == 2
     assert message in capsys.readouterr().err
 
 
 def test_the_runs_settings_are_read_back_whole(small):
-    config = small.having(
+    config = replace(
+        small,
         env="dovetail/RailClip-v0",
         stack=2,
         fixed_goal=True,
@@ -122,19 +126,19 @@ def test_the_runs_settings_are_read_back_whole(small):
     read = defaults(begin(config))
     assert read is not None
     assert read.to_json() == config.to_json()
-    assert read.runs.resume
+    assert read.resume
 
 
 def test_a_run_on_a_model_has_the_model_in_its_folder(small, tmp_path):
     model = tmp_path / "identified.toml"
     model.write_text(load_twin("medium").to_toml())
-    config = small.having(model=model)
+    config = replace(small, model=model)
     again = begin(config)
     model.unlink()
     read = defaults(again)
     assert read is not None
-    assert read.dynamics.model == small.runs.out / "model.toml"
-    read.require_same(json.loads(json.dumps(config.to_json())))
+    assert read.model == small.out / "model.toml"
+    read.require_same(config)
 
 
 def test_no_run_to_resume_is_one_message(tmp_path, capsys):
@@ -146,7 +150,7 @@ def test_resuming_needs_a_folder(capsys):
     assert run(["train", "--resume"]) == 2
     assert "say with --out FOLDER where the run is" in capsys.readouterr().err
     with pytest.raises(ConfigError, match="--out FOLDER"):
-        train(TrainConfig.of(resume=True))
+        train(TrainConfig(resume=True))
 
 
 @pytest.mark.parametrize(
@@ -159,11 +163,11 @@ def test_two_trainings_without_a_folder_have_one_each(
     from dovetail.learn.run_folder import place_run
 
     monkeypatch.chdir(tmp_path)
-    config = place_run(TrainConfig.of(**settings))
-    assert config.runs.out is not None
-    assert config.runs.out.parent.name == "runs"
-    assert config.runs.out.name.startswith(f"{name}-20")
-    given = config.having(out=tmp_path / "mine")
+    config = place_run(TrainConfig(**settings))
+    assert config.out is not None
+    assert config.out.parent.name == "runs"
+    assert config.out.name.startswith(f"{name}-20")
+    given = replace(config, out=tmp_path / "mine")
     assert place_run(given) is given
 
 
@@ -174,18 +178,18 @@ def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, sma
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(TRUSTED, "")
     ring = "resumed_ring:RingOverPost-v0"
-    config = small.having(env=ring, task_options=TaskOptions())
+    config = replace(small, env=ring, task_options={})
     again = begin(config)
     with pytest.raises(ConfigError, match=f"if you trust it, give --env {ring}, or"):
         defaults(again)
-    words = shlex.split(resume_command(config, config.runs.folder))
+    words = shlex.split(resume_command(config, config.folder))
     assert words[:2] == ["dovetail", "train"]
     assert words[-2:] == ["--env", ring]
     trust_typed(words)
     read = defaults(words)
     assert read is not None
-    assert read.environment.env == ring
-    assert read.runs.resume
+    assert read.env == ring
+    assert read.resume
 
 
 OUTSIDE = ("fri://127.0.0.1:30299", "grpc://127.0.0.1:50999")
@@ -193,13 +197,13 @@ OUTSIDE = ("fri://127.0.0.1:30299", "grpc://127.0.0.1:50999")
 
 @pytest.fixture
 def sent(tmp_path):
-    """A run folder from someone else, whose config.json names an arm."""
+    """A run folder from someone else, whose config.toml names an arm."""
 
     def make(arm, **more):
         place = (0.6, 0.0, 0.1, 0.0)
-        config = TrainConfig.of(arm=arm, fixed_goal=True, fixture=place, steps=100)
-        facts = config.to_json() | more
-        (tmp_path / "config.json").write_text(json.dumps(facts))
+        config = TrainConfig(arm=arm, fixed_goal=True, fixture=place, steps=100)
+        table = tomllib.loads(to_toml(config)) | more
+        (tmp_path / "config.toml").write_text(tomlkit.dumps(table))
         return tmp_path
 
     return make
@@ -214,9 +218,9 @@ def test_a_run_folder_does_not_choose_an_arm(sent, monkeypatch, capsys, arm):
     assert arm in said
     assert "--arm" in said
     with pytest.raises(ConfigError):
-        settings_of(folder)
+        run_config(folder)
     with pytest.raises(ConfigError):
-        settings_of(folder, "grpc://127.0.0.1:1")
+        run_config(folder, "grpc://127.0.0.1:1")
     assert asked == []
 
 
@@ -225,16 +229,16 @@ def test_a_run_goes_on_with_its_arm_that_is_given_again(sent, arm):
     folder = sent(arm)
     read = defaults(["--resume", "--out", str(folder), "--arm", arm])
     assert read is not None
-    assert read.place.arm == arm
+    assert read.arm == arm
     require_run(read)
 
 
 def test_a_run_goes_on_with_a_simulated_arm_of_its_folder(sent):
-    assert settings_of(sent("twin:easy"))["arm"] == "twin:easy"
+    assert run_config(sent("twin:easy")).arm == "twin:easy"
 
 
 def test_the_printed_command_names_the_arm_again_without_its_token(tmp_path):
-    config = TrainConfig.of(arm=f"{OUTSIDE[1]}?token=secret", fixed_goal=True)
+    config = TrainConfig(arm=f"{OUTSIDE[1]}?token=secret", fixed_goal=True)
     command = resume_command(config, tmp_path)
     assert command.endswith(f"--arm {OUTSIDE[1]}")
     assert "secret" not in command + json.dumps(config.to_json())
@@ -247,13 +251,27 @@ def test_a_run_on_a_service_goes_on_with_a_new_token(sent):
     again = ["--resume", "--out", str(folder), "--arm", f"{arm}second"]
     read = defaults(again)
     assert read is not None
-    require_run(read.having(arm=f"{arm}second"))
+    require_run(replace(read, arm=f"{arm}second"))
 
 
-@pytest.mark.parametrize("name", ["out", "resume", "threads"])
-def test_a_run_folder_does_not_choose_where_it_is(sent, name):
-    value = {"out": "/elsewhere", "resume": False, "threads": 7}[name]
-    assert name not in settings_of(sent("twin:easy", **{name: value}))
+@pytest.mark.parametrize("name", ["steps", "gamma", "period"])
+def test_a_run_of_another_version_is_refused(sent, name):
+    file = sent("twin:easy") / "config.toml"
+    table = tomllib.loads(file.read_text())
+    del table[name]
+    file.write_text(tomlkit.dumps(table))
+    with pytest.raises(ConfigError, match="start a new one") as caught:
+        run_config(file.parent)
+    assert caught.value.name == name
+    file.write_text(tomlkit.dumps(table | {name: "x", "colour": "red"}))
+    with pytest.raises(ConfigError, match="start a new one") as caught:
+        run_config(file.parent)
+    assert caught.value.name == "colour"
+
+
+def test_a_run_folder_does_not_choose_where_it_is(sent):
+    folder = sent("twin:easy", out="/elsewhere")
+    assert run_config(folder).out == folder
 
 
 @pytest.mark.parametrize("kind", ["link", "pipe"])

@@ -1,25 +1,21 @@
 """A teacher fills the start of the buffer, and stays in every batch."""
 
-import json
-
 import numpy as np
 import pytest
 from rich.console import Console
 from tests.extras import need
 
-from dovetail.commands.train import defaults
 from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import find_recipe, read_settings
 from dovetail.learn.policy import Policy
-from dovetail.learn.searching import SEARCHING
 from dovetail.learn.teacher import Teacher
-from dovetail.learn.teaching_settings import TeachingConfig
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
 TINY = {
-    **SEARCHING,
+    **read_settings(find_recipe("search")),
     "doubt": 0.02,
     "steps": 32,  # the teacher alone: an update would be compiled for seconds
     "learning_starts": 32,
@@ -71,7 +67,7 @@ def corrected(algorithm):
         "steps": 64,
         "policy_delay": 1,
     }
-    return TrainConfig.of(**{**TINY, **changes})
+    return TrainConfig(**{**TINY, **changes})
 
 
 @pytest.mark.parametrize("algorithm", ["sac", "tqc", "td3", "ddpg", "crossq"])
@@ -98,7 +94,7 @@ def test_the_critics_of_a_correction_learn_before_the_actor_does(monkeypatch):
     config = corrected("sac")
     env = make_vec_env(config)
     model = make_model(config, env)
-    model.learn(config.teaching.learning_starts)  # the teacher's steps
+    model.learn(config.learning_starts)  # the teacher's steps
     before = jax.tree.leaves(model.policy.actor_state.params)
     critics = jax.tree.leaves(model.policy.qf_state.params)
     model._learn_to_judge(4, 8)
@@ -109,7 +105,7 @@ def test_the_critics_of_a_correction_learn_before_the_actor_does(monkeypatch):
     changed = zip(critics, jax.tree.leaves(model.policy.qf_state.params), strict=True)
     assert all(np.abs(np.asarray(new - old)).max() > 0.0 for old, new in changed)
     assert model._n_updates == 0
-    assert model.policy_delay == config.learner.gradient.policy_delay
+    assert model.policy_delay == config.policy_delay
 
 
 @pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
@@ -164,7 +160,7 @@ def test_a_run_with_doubt_learns_from_its_teacher_and_its_policy_knows_no_doubt(
     need("sbx")
     from dovetail.learn.train import train
 
-    config = TrainConfig.of(**TINY, out=tmp_path / "run")
+    config = TrainConfig(**TINY, out=tmp_path / "run")
     (result,) = train(config, Console(quiet=True))
     policy = Policy.load(result.policy)
     assert policy.metadata["env"]["tracker"] == "truth"
@@ -172,20 +168,8 @@ def test_a_run_with_doubt_learns_from_its_teacher_and_its_policy_knows_no_doubt(
     assert policy.observation_size == 14 + 2 + 6 + 4 * 5
     command = policy.metadata["provenance"]["command"]
     assert "--doubt 0.02" in command
-    assert "--recall" not in command  # what --doubt begins with is not repeated
-    content = json.loads((tmp_path / "run" / "config.json").read_text())
-    assert content["teacher"] == "corner"
-
-
-def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
-    found = defaults(["--doubt", "0.02"])
-    assert found is not None
-    assert {name: found.flat()[name] for name in SEARCHING} == dict(SEARCHING)
-    assert defaults(["--steps", "5"]) is None
-    logs = defaults(["--doubt", "0.02", "--teacher", "logs"])
-    assert logs is not None
-    assert logs.teaching.learning_starts == TeachingConfig.learning_starts
-    assert logs.flat()["recall"] == found.flat()["recall"]
+    assert "--recall 4 8 12 16" in command
+    assert read_settings(tmp_path / "run")["teacher"] == "corner"
 
 
 @pytest.mark.parametrize(
@@ -204,8 +188,8 @@ def test_doubt_on_the_command_line_begins_with_the_settings_of_a_search():
 )
 def test_what_cannot_be_taught_is_refused_with_what_to_give(change, words):
     with pytest.raises(ConfigError, match=words):
-        TrainConfig.of(**{**TINY, **change})
+        TrainConfig(**{**TINY, **change})
 
 
 def test_no_script_is_said_as_no_teacher_is():
-    assert TrainConfig.of(script="none").environment.config.action.script is None
+    assert TrainConfig(script="none").script is None

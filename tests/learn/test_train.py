@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 
@@ -22,11 +23,12 @@ from dovetail.errors import (
 )
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.config_file import to_toml
 from dovetail.learn.policy import Policy
 from dovetail.learn.progress import read_progress
 from dovetail.learn.run_folder import RunLock
 from dovetail.learn.train import train
-from dovetail.tasks.options import TaskOptions
+from dovetail.settings import values_of
 
 from .conftest import SMALL
 
@@ -34,9 +36,9 @@ from .conftest import SMALL
 def test_a_training_leaves_policy_evaluation_progress_and_settings(small):
     output = StringIO()
     (result,) = train(small, Console(file=output))
-    names = {path.name for path in small.runs.out.iterdir()}
+    names = {path.name for path in small.out.iterdir()}
     assert names >= {
-        "config.json",
+        "config.toml",
         "progress.csv",
         "tensorboard",
         "checkpoints",
@@ -45,28 +47,25 @@ def test_a_training_leaves_policy_evaluation_progress_and_settings(small):
         "evaluation.json",
     }
     assert result.steps == 300
-    assert (
-        json.loads((small.runs.out / "evaluation.json").read_text())
-        == result.evaluation
-    )
+    assert json.loads((small.out / "evaluation.json").read_text()) == result.evaluation
     assert result.evaluation["episodes"] == 2
     assert result.evaluation["contact_force_peak_N"]["p95"] >= 0.0
     assert Policy.load(result.policy).metadata["provenance"]["steps"] == 300
-    rows = read_progress(small.runs.out / "progress.csv")
+    rows = read_progress(small.out / "progress.csv")
     assert [row.length for row in rows] == [25] * 12
     assert all(row.reward < 0.0 for row in rows)
     assert "300/300 steps, success 0 %" in output.getvalue()
-    assert any((small.runs.out / "tensorboard").iterdir())
+    assert any((small.out / "tensorboard").iterdir())
 
 
 def test_a_run_folder_that_is_not_empty_is_refused(small):
-    small.runs.out.mkdir()
-    (small.runs.out / "notes.txt").write_text("mine")
+    small.out.mkdir()
+    (small.out / "notes.txt").write_text("mine")
     with pytest.raises(ConfigError, match=r"not empty \(it holds notes.txt\)"):
         train(small)
     with pytest.raises(ConfigError, match="no run to resume"):
-        train(small.having(resume=True))
-    (small.runs.out / "config.json").write_text(json.dumps(small.to_json()))
+        train(replace(small, resume=True))
+    (small.out / "config.toml").write_text(to_toml(small))
     with pytest.raises(ConfigError, match=r"already holds a run.*--resume"):
         train(small)
 
@@ -75,9 +74,9 @@ def test_a_run_folder_that_is_not_empty_is_refused(small):
     "wrong",
     [
         {"plant": "gazebo"},
-        {"plant": "bullet", "task_options": TaskOptions(peg="triangle")},
-        {"task_options": TaskOptions(peg="star")},
-        {"task_options": TaskOptions(clearance=-1.0)},
+        {"plant": "bullet", "task_options": {"peg": "triangle"}},
+        {"task_options": {"peg": "star"}},
+        {"task_options": {"clearance": -1.0}},
         {"scheme": "hope"},
         {"period": 0.1},
         {"stack": -1},
@@ -89,15 +88,15 @@ def test_a_run_folder_that_is_not_empty_is_refused(small):
 )
 def test_a_wrong_setting_leaves_no_folder_behind(small, wrong):
     with pytest.raises(DovetailError):
-        train(small.having(**wrong))
-    assert not small.runs.out.exists()
+        train(replace(small, **wrong))
+    assert not small.out.exists()
 
 
 def test_without_the_learning_stack_there_is_no_run_folder(small, monkeypatch):
     monkeypatch.setitem(sys.modules, "sbx", None)
     with pytest.raises(MissingDependencyError, match="sbx-rl=="):
         train(small)
-    assert not small.runs.out.exists()
+    assert not small.out.exists()
 
 
 def test_without_pybullet_there_is_no_run_folder(small, monkeypatch):
@@ -105,15 +104,15 @@ def test_without_pybullet_there_is_no_run_folder(small, monkeypatch):
     with pytest.raises(
         MissingDependencyError, match=re.escape(install_command("bullet"))
     ):
-        train(small.having(plant="bullet"))
-    assert not small.runs.out.exists()
+        train(replace(small, plant="bullet"))
+    assert not small.out.exists()
 
 
 def test_resuming_with_other_settings_names_the_field(small):
-    small.runs.out.mkdir()
-    (small.runs.out / "config.json").write_text(json.dumps(small.to_json()))
+    small.out.mkdir()
+    (small.out / "config.toml").write_text(to_toml(small))
     with pytest.raises(ConfigError, match=r"clearance is 0.001, the run was started"):
-        train(small.having(resume=True, task_options=TaskOptions(clearance=0.001)))
+        train(replace(small, resume=True, task_options={"clearance": 0.001}))
 
 
 def test_two_processes_cannot_train_in_one_folder(tmp_path):
@@ -149,14 +148,14 @@ def start():
 
 def start_process(config: TrainConfig) -> subprocess.Popen[bytes]:
     changed = ("algorithm", "steps", "seeds")
-    flat = config.flat()
+    flat = values_of(config)
     settings = SMALL | {name: flat[name] for name in changed}
     code = (
         "from dovetail.learn.train import train, TrainConfig\n"
         "if __name__ == '__main__':\n"
-        f"    train(TrainConfig.of(out={str(config.runs.out)!r}, **{settings!r}))\n"
+        f"    train(TrainConfig(out={str(config.out)!r}, **{settings!r}))\n"
     )
-    script = config.runs.out.with_suffix(".py")
+    script = config.out.with_suffix(".py")
     script.write_text(code)
     return subprocess.Popen([sys.executable, str(script)], stderr=subprocess.PIPE)
 
@@ -177,25 +176,23 @@ def newest_step(run: Path) -> int:
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small, start):
-    config = small.having(steps=1500)
+    config = replace(small, steps=1500)
     process = start(config)
-    wait_for(process, lambda: newest_step(config.runs.out) >= 300)
+    wait_for(process, lambda: newest_step(config.out) >= 300)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    reached = newest_step(config.runs.out)
-    lived = read_progress(config.runs.out / "progress.csv")[-1].step
-    assert lived - reached <= config.runs.checkpoint_interval + config.runs.num_envs
+    reached = newest_step(config.out)
+    lived = read_progress(config.out / "progress.csv")[-1].step
+    assert lived - reached <= config.checkpoint_interval + config.num_envs
     assert reached < 1500
     output = StringIO()
-    (result,) = train(config.having(resume=True), Console(file=output))
+    (result,) = train(replace(config, resume=True), Console(file=output))
     assert result.steps == 1500
-    with (config.runs.out / "progress.csv").open() as file:
+    with (config.out / "progress.csv").open() as file:
         steps = [int(row["step"]) for row in csv.DictReader(file)]
     assert steps == sorted(steps)
     assert [s for s in steps if s <= reached]
-    assert (
-        min(s for s in steps if s > reached) <= reached + 2 * 25 + config.runs.num_envs
-    )
+    assert min(s for s in steps if s > reached) <= reached + 2 * 25 + config.num_envs
     first = int(output.getvalue().split("/1500")[0].split()[-1])
     assert first > reached
 
@@ -203,9 +200,9 @@ def test_a_run_killed_with_kill_9_continues_from_its_last_checkpoint(small, star
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 def test_several_seeds_train_in_sub_folders_and_resume_after_a_kill(small, start):
-    config = small.having(algorithm="ppo", learning_rate=1e-3, steps=4000, seeds=2)
+    config = replace(small, algorithm="ppo", learning_rate=1e-3, steps=4000, seeds=2)
     process = start(config)
-    folders = [config.runs.out / "seed-0", config.runs.out / "seed-1"]
+    folders = [config.out / "seed-0", config.out / "seed-1"]
     wait_for(process, lambda: min(newest_step(f) for f in folders) >= 200)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
@@ -218,9 +215,9 @@ def test_several_seeds_train_in_sub_folders_and_resume_after_a_kill(small, start
         except ConfigError:
             assert time.monotonic() < deadline
             time.sleep(0.2)
-    results = train(config.having(resume=True), Console(file=StringIO()))
+    results = train(replace(config, resume=True), Console(file=StringIO()))
     assert all(4000 <= result.steps < 4000 + 2 * 32 for result in results)
-    summary = json.loads((config.runs.out / "evaluation.json").read_text())
+    summary = json.loads((config.out / "evaluation.json").read_text())
     assert list(summary) == ["seed-0", "seed-1"]
     layers = [Policy.load(result.policy).layers[0][0] for result in results]
     assert (layers[0] != layers[1]).any()

@@ -1,5 +1,7 @@
 """A training on several threads steps the same environments as on one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,9 +33,9 @@ def run(config):
 @pytest.mark.parametrize("changes", [{}, {"randomise_dynamics": True, "tare": False}])
 def test_what_is_learnt_from_is_the_same_with_any_number_of_threads(small, changes):
     need("sbx")
-    config = small.having(num_envs=3, **changes)
-    wanted = run(config.having(threads=1))
-    for value, other in zip(run(config.having(threads=2)), wanted, strict=True):
+    config = replace(small, num_envs=3, **changes)
+    wanted = run(replace(config, threads=1))
+    for value, other in zip(run(replace(config, threads=2)), wanted, strict=True):
         np.testing.assert_array_equal(value, other)
 
 
@@ -45,7 +47,7 @@ def test_mujoco_in_this_process_is_a_batch_and_nothing_else(small):
         ({"threads": 1}, "DummyVecEnv"),
         ({"arm": "twin:easy"}, "DummyVecEnv"),
     ):
-        config = small.having(**changes)
+        config = replace(small, **changes)
         env = make_vec_env(config)
         assert type(env).__name__ == kind
         assert config.is_batch == (kind == "BatchVecEnv")
@@ -54,7 +56,7 @@ def test_mujoco_in_this_process_is_a_batch_and_nothing_else(small):
 
 def test_an_error_leaves_nothing_running(small):
     need("sbx")
-    env = make_vec_env(small.having(threads=2))
+    env = make_vec_env(replace(small, threads=2))
     actions = np.zeros((2, 4), dtype=np.float32)
     env.reset()
     env.envs[1].unwrapped.arm.plant.data.qvel[0] = 1e4
@@ -70,11 +72,11 @@ def test_an_error_leaves_nothing_running(small):
 def test_threads_that_would_do_nothing_are_refused():
     for place in ({"plant": "bullet"}, {"arm": "twin:easy"}):
         with pytest.raises(ConfigError, match="threads is 2, but only MuJoCo in this"):
-            TrainConfig.of(threads=2, **place)
+            TrainConfig(threads=2, **place)
     with pytest.raises(ConfigError, match="threads is -1; allowed: 0 to"):
-        TrainConfig.of(threads=-1)
+        TrainConfig(threads=-1)
 
 
 def test_another_number_of_threads_resumes_the_same_run():
-    config = TrainConfig.of()
-    config.having(threads=3).require_same(config.to_json())
+    config = TrainConfig()
+    replace(config, threads=3).require_same(config)

@@ -5,7 +5,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from dovetail.commands.task_flags import parse
+from dovetail.commands.command_line import parse
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
 from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
@@ -27,7 +27,7 @@ TINY |= {
 @pytest.mark.parametrize("period", [0.001, 0.0025])
 def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
     need("sbx")
-    config = TrainConfig.of(out=tmp_path / "run", period=period, **(SMALL | TINY))
+    config = TrainConfig(out=tmp_path / "run", period=period, **(SMALL | TINY))
     (result,) = train(config, Console(file=StringIO()))
     policy = Policy.load(result.policy)
     assert result.steps == 30
@@ -35,7 +35,7 @@ def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
     assert policy.metadata["provenance"]["config"]["period"] == period
     words = policy.metadata["provenance"]["command"].split()
     assert words[words.index("--period") + 1] == f"{1e3 * period:g}ms"
-    evaluation = EvaluationConfig.of(
+    evaluation = EvaluationConfig(
         policy=str(result.policy),
         plant="mujoco",
         tries=1,
@@ -51,17 +51,17 @@ def test_a_training_runs_and_its_policy_says_at_which_period(period, tmp_path):
 
 @pytest.mark.parametrize("period", PERIODS)
 def test_the_command_line_of_a_training_makes_its_settings_again(period):
-    config = TrainConfig.of(period=period)
+    config = TrainConfig(period=period)
     words = config.command().split()[2:]
     assert parse(TrainConfig, words) == config
 
 
 def test_the_period_of_an_arms_address_is_the_trainings():
     arm = "fri://127.0.0.1:1?period=1ms&control=127.0.0.1:2"
-    config = TrainConfig.of(arm=arm)
-    assert config.environment.config.control.period == 0.001
-    assert config.environment.env_options()["period"] == 0.001
+    config = TrainConfig(arm=arm)
+    assert config.period == 0.001
+    assert config.env_options()["period"] == 0.001
     with pytest.raises(ConfigError, match="period is 2ms and the arm's address says"):
-        TrainConfig.of(arm=arm, period=0.002)
+        TrainConfig(arm=arm, period=0.002)
     with pytest.raises(ConfigError, match="FRI knows whole milliseconds"):
-        TrainConfig.of(arm="fri://127.0.0.1:1?control=127.0.0.1:2", period=0.0025)
+        TrainConfig(arm="fri://127.0.0.1:1?control=127.0.0.1:2", period=0.0025)

@@ -7,7 +7,6 @@ from tests.extras import need
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.variation import VariationConfig
 
 SEARCH = {
     "task": "XYZ:force ABC:pose",
@@ -22,31 +21,31 @@ def test_each_environment_has_the_next_value_and_the_policy_the_tasks_own():
     need("sbx")
     from dovetail.learn.algorithms import make_vec_env
 
-    config = TrainConfig.of(**SEARCH)
+    config = TrainConfig(**SEARCH)
     env = make_vec_env(config)
     cores = [require_contact_env(one) for one in env.envs]
     env.close()
     assert [core.task.peg for core in cores] == ["square", "triangle", "square"]
     assert {core.tracker.doubt for core in cores} == {0.01}
     assert {core.tracker.turn for core in cores} == {0.05}
-    assert config.environment.env_options()["peg"] == "square"
-    assert config.environment.env_options()["tracker"] == "truth"
+    assert config.env_options()["peg"] == "square"
+    assert config.env_options()["tracker"] == "truth"
     assert "--vary peg=square,triangle" in config.command()
 
 
 def test_of_several_options_every_pair_is_there():
     vary = "peg=square,triangle&clearance=0.001,0.0005,0.0001"
-    config = TrainConfig.of(**{**SEARCH, "vary": vary, "num_envs": 7})
-    made = [config.variation.options(config.environment, i) for i in range(7)]
+    config = TrainConfig(**{**SEARCH, "vary": vary, "num_envs": 7})
+    made = [config.varied_options(i) for i in range(7)]
     pairs = [(options["peg"], options["clearance"]) for options in made]
     assert len(set(pairs[:6])) == 6
     assert pairs[:3] == [("square", 0.001), ("triangle", 0.001), ("square", 0.0005)]
     assert pairs[6] == pairs[0]
-    kinds = config.variation.kinds(config.environment, 7)
+    kinds = config.kinds(7)
     np.testing.assert_array_equal(kinds[:6], np.eye(6))
     np.testing.assert_array_equal(kinds[6], kinds[0])
-    alike = VariationConfig(doubt=0.01)
-    assert alike.kinds(config.environment, 3).shape == (3, 0)
+    alike = TrainConfig(doubt=0.01, num_envs=3)
+    assert alike.kinds(3).shape == (3, 0)
 
 
 @pytest.mark.parametrize(
@@ -67,4 +66,4 @@ def test_of_several_options_every_pair_is_there():
 )
 def test_what_cannot_be_varied_is_refused_with_what_to_give(change, words):
     with pytest.raises(ConfigError, match=words):
-        TrainConfig.of(**{**SEARCH, **change})
+        TrainConfig(**{**SEARCH, **change})

@@ -22,7 +22,7 @@ def looking(position, target):
 def beside(width=640, height=480, focal=600.0, at=(0.95, -0.25, 0.42), **more):
     """A camera beside the robot that looks at the fixture."""
     pose = looking(at, PLACE.position)
-    return Camera.of(
+    return Camera(
         lens=more.pop("lens", None) or Lens.ideal(width, height, focal),
         mount=more.pop("mount", "world"),
         position=tuple(pose.position.tolist()),

@@ -1,5 +1,7 @@
 """A calibration by any arm that goes through poses, as to the start of an episode."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,11 +14,11 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import TrackerError
 from dovetail.perceive.arm_shots import TASK, take_shots
 from dovetail.perceive.camera import load_camera
-from dovetail.perceive.detect import Detector, Sight
+from dovetail.perceive.detect import Detection, Detector
 from dovetail.perceive.rehearsal import FIXTURE
 from dovetail.perceive.simulated import Simulated
 from dovetail.plants.find import make_plant
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 
 from .scene import beside
 
@@ -36,7 +38,7 @@ def hand_eye(*words):
 def cabinet():
     """The address of a simulated cabinet whose robot is a twin."""
     cell = find_cell()
-    plant = TwinPlant(load_twin("medium"), cell)
+    plant = make_twin(load_twin("medium"), cell)
     plant.reset(cell.robot.posture("down"), FIXTURE)
     with lockstep_address(plant) as address:
         yield address
@@ -50,15 +52,13 @@ def test_an_arm_behind_fri_calibrates_and_the_pictures_are_kept(
     assert hand_eye(file, "--out", out, "--yes", "--approach", *words) == 0
     assert "go: written to" in capsys.readouterr().out
     found = load_camera(out)
-    gap = np.subtract(found.place.position, load_camera(file).place.position)
+    gap = np.subtract(found.position, load_camera(file).position)
     np.testing.assert_allclose(gap, [0.02, -0.015, 0.01], atol=1e-3)
     assert found.twin == "medium"
     again = tmp_path / "again.toml"
     words = ["--folder", kept, "--twin", "medium", "--out", again]
     assert hand_eye(file, *words) == 0
-    np.testing.assert_allclose(
-        load_camera(again).place.position, found.place.position, atol=1e-9
-    )
+    np.testing.assert_allclose(load_camera(again).position, found.position, atol=1e-9)
 
 
 def test_a_real_arm_is_not_moved_unasked(file, tmp_path, capsys, monkeypatch):
@@ -113,15 +113,15 @@ def test_where_no_picture_comes_the_arm_is_stopped(file, monkeypatch):
 def test_an_arm_behind_a_service_goes_through_its_poses(opengl, monkeypatch):
     served = pytest.importorskip("arms.served_arm", exc_type=ImportError)
     cell, spec = find_cell(), TaskSpec.parse(TASK)
-    osc, limits = make_settings(cell, EnvConfig.of())
+    osc, limits = make_settings(cell, EnvConfig())
     plant = make_plant("mujoco", cell)
     plant.reset(cell.robot.posture("down"), FIXTURE)
     arm = served.ServedArm(plant, cell.loaded_robot(), osc, limits, spec, 0.005)
     drawn = Simulated(beside(), cell)
     monkeypatch.setattr("dovetail.perceive.arm_shots.open_source", lambda *_: drawn)
-    camera = beside().having(source="device:0")
+    camera = replace(beside(), source="device:0")
     shots = list(take_shots(camera, arm, cell, None, 2, 0))
     arm.close()
     detector = Detector(camera.board, camera.lens)
-    assert all(isinstance(detector.find(shot.picture), Sight) for shot in shots)
+    assert all(isinstance(detector.find(shot.picture), Detection) for shot in shots)
     assert np.abs(shots[0].q - shots[1].q).max() > 0.1

@@ -7,24 +7,24 @@ import numpy as np
 import pytest
 
 from dovetail.arms.address import parse_address
-from dovetail.camera_checks import (
+from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.camera import (
     TASK,
     Watched,
     check_camera,
     check_exposure,
     check_rate,
     check_sharpness,
+    run_camera_checks,
     watch_moving,
 )
-from dovetail.camera_doctor import run_camera_checks
-from dovetail.control.task_spec import TaskSpec
+from dovetail.doctor.picture_delay import fit_delay
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
 from dovetail.perceive.edges import edge_width
-from dovetail.perceive.felt_delay import fit_delay
 from dovetail.perceive.opencv import opencv
 from dovetail.perceive.rehearsal import board_of, viewpoint
 from dovetail.perceive.simulated import Simulated
@@ -103,7 +103,7 @@ def watched(opengl):
     cell = find_cell()
     source = Simulated(CAMERA, cell, load_twin("medium").camera)
     task = TaskSpec.parse(TASK)
-    arm = build_arm("twin:medium", cell, task, EnvConfig.of(period=0.005))
+    arm = build_arm("twin:medium", cell, task, EnvConfig(period=0.005))
     q = viewpoint(CAMERA, cell)
     yield watch_moving(arm, source, q, lambda q: board_of(CAMERA, cell, q))
     arm.close()
@@ -122,7 +122,7 @@ def test_the_delay_that_a_twin_declares_is_found(watched):
 
 
 def test_a_file_that_is_wrong_about_its_camera_is_corrected(watched):
-    found = by_name(CAMERA.having(delay=0.02, rate=60.0), watched)
+    found = by_name(replace(CAMERA, delay=0.02, rate=60.0), watched)
     assert found["rate"].status == found["delay"].status == "broken"
     assert re.search(r"write delay = 0\.0(4[89]|5[012])", found["delay"].detail)
 
@@ -131,7 +131,7 @@ def test_a_camera_that_shows_something_else_is_told_so(watched):
     found = by_name(beside(), watched)
     assert found["resolution"].status == "broken"
     assert "400 x 300 pixels, calibrated at 640 x 480" in found["resolution"].detail
-    other = by_name(CAMERA.having(board=Board(first_id=8)), watched)
+    other = by_name(replace(CAMERA, board=Board(first_id=8)), watched)
     assert other["board"].status == "broken"
     assert "seen in 0 of" in other["board"].detail
     flipped = [f._replace(picture=f.picture[:, ::-1].copy()) for f in watched.frames]
@@ -151,8 +151,8 @@ def test_without_an_arm_or_a_yes_the_delay_is_not_told(monkeypatch, arm, why):
         def close(self):
             pass
 
-    monkeypatch.setattr("dovetail.camera_doctor.open_source", lambda *_: Shown())
-    camera = beside().having(source="device:0")
+    monkeypatch.setattr("dovetail.doctor.camera.open_source", lambda *_: Shown())
+    camera = replace(beside(), source="device:0")
     address = None if arm is None else parse_address(arm)
     asked = []
 
@@ -170,7 +170,7 @@ def test_without_an_arm_or_a_yes_the_delay_is_not_told(monkeypatch, arm, why):
 
 def test_a_recording_and_an_arm_elsewhere_are_refused():
     cell = find_cell()
-    recording = beside().having(source="folder:shots")
+    recording = replace(beside(), source="folder:shots")
     with pytest.raises(ConfigError, match="is a recording"):
         list(run_camera_checks(recording, None, cell, None, 0.005))
     address = parse_address("fri://127.0.0.1:30200")

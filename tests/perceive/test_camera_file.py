@@ -1,5 +1,7 @@
 """A camera's file comes back as it was, and says what is wrong with it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from dovetail.perceive.camera import load_camera
 from dovetail.perceive.open_source import open_source
 from dovetail.perceive.sources import Device, Folder
 from dovetail.plants.twin import load_twin
-from dovetail.trackers.find import Site, find_tracker
+from dovetail.trackers.find import TrackerContext, find_tracker
 from dovetail.trackers.late import Late
 from dovetail.trackers.tracker import close_tracker
 
@@ -62,8 +64,8 @@ def test_no_file_says_who_writes_one(tmp_path):
         load_camera(tmp_path / "none.toml")
 
 
-def site(**more):
-    return Site(cell=find_cell(), **more)
+def context(**more):
+    return TrackerContext(cell=find_cell(), **more)
 
 
 def test_an_uncalibrated_camera_is_refused(tmp_path):
@@ -73,20 +75,20 @@ def test_an_uncalibrated_camera_is_refused(tmp_path):
     file = str(write(tmp_path, camera))
     for text in (file, f"{file}?images=0"):
         with pytest.raises(ConfigError, match="not calibrated"):
-            find_tracker(text, site())
+            find_tracker(text, context())
 
 
 @pytest.mark.parametrize("query", ["", "?images=0"])
 def test_a_simulated_camera_is_exact_without_a_twin_alone(tmp_path, query):
     file, twin = f"{write(tmp_path)}{query}", load_twin("medium").camera
-    close_tracker(find_tracker(file, site()))
+    close_tracker(find_tracker(file, context()))
     with pytest.raises(ConfigError, match=r"not calibrated.*with the same --twin"):
-        find_tracker(file, site(twin=twin))
+        find_tracker(file, context(twin=twin))
 
 
 def test_a_simulated_camera_is_refused_for_a_robot(tmp_path):
     with pytest.raises(ConfigError, match="simulated, and this arm is not"):
-        find_tracker(str(write(tmp_path)), site(is_simulated=False))
+        find_tracker(str(write(tmp_path)), context(is_simulated=False))
 
 
 def test_a_board_that_is_on_another_part_is_refused(tmp_path, opengl):
@@ -94,15 +96,15 @@ def test_a_board_that_is_on_another_part_is_refused(tmp_path, opengl):
         file = write(tmp_path, beside(board=Board(part=part)))
         assert load_camera(file).board.part == part
         if part == "hole":
-            find_tracker(str(file), site()).close()
+            find_tracker(str(file), context()).close()
             continue
         with pytest.raises(ConfigError, match="is on a post, and this task's fixture"):
-            find_tracker(str(file), site())
+            find_tracker(str(file), context())
 
 
 def test_training_takes_the_cameras_delay_rate_and_error_without_pictures(tmp_path):
     camera = beside(deviation=(1e-4, 2e-4, 1e-4, 1e-3, 2e-3, 1e-3), delay=0.07, rate=15)
-    tracker = find_tracker(f"{write(tmp_path, camera)}?images=0", site())
+    tracker = find_tracker(f"{write(tmp_path, camera)}?images=0", context())
     assert isinstance(tracker, Late)
     assert (tracker.delay, tracker.rate) == (0.07, 15.0)
     assert (tracker.bias, tracker.turn) == (4e-4, 4e-3)
@@ -119,7 +121,7 @@ def test_training_takes_the_cameras_delay_rate_and_error_without_pictures(tmp_pa
 )
 def test_a_source_that_there_is_not_is_named(source, words):
     with pytest.raises(ConfigError, match=words):
-        open_source(beside().having(source=source), find_cell())
+        open_source(replace(beside(), source=source), find_cell())
 
 
 def test_a_folder_without_pictures_is_named(tmp_path):

@@ -12,7 +12,7 @@ from dovetail.perceive.camera import Camera, Lens, load_camera
 from dovetail.perceive.simulated import Simulated
 from dovetail.plants.twin import load_twin
 from dovetail.poses import quat_from_vector
-from dovetail.trackers.find import Site, find_tracker
+from dovetail.trackers.find import TrackerContext, find_tracker
 
 from .scene import PLACE, beside
 
@@ -22,7 +22,7 @@ LENS = Lens.ideal(640, 480, 600.0)
 @pytest.fixture
 def file(tmp_path):
     rotation = quat_from_vector(np.array([0.25, 0.0, 0.0]))
-    camera = Camera.of(
+    camera = Camera(
         lens=LENS,
         mount="flange",
         position=(0.0, 0.09, 0.03),
@@ -64,14 +64,14 @@ def test_hand_eye_moves_the_simulated_arm_and_says_how_sure_it_is(
     assert "(95 %)" in said
     assert "go: written to" in said
     found, true = load_camera(out), load_camera(file)
-    gap = np.subtract(found.place.position, true.place.position)
+    gap = np.subtract(found.position, true.position)
     assert np.abs(gap).max() < 5e-4
-    assert max(found.place.deviation[:3]) < 5e-4
+    assert max(found.deviation[:3]) < 5e-4
     assert found.as_it_is() == true
     again = tmp_path / "again.toml"
     assert camera("hand-eye", file, "--folder", kept, "--out", again) == 0
     back = load_camera(again)
-    np.testing.assert_allclose(back.place.position, found.place.position, atol=1e-12)
+    np.testing.assert_allclose(back.position, found.position, atol=1e-12)
     assert camera(*words[:4]) == 2
     assert "stays" in capsys.readouterr().err
 
@@ -157,7 +157,7 @@ def test_a_calibration_knows_the_twin_that_it_was_made_with(calibrated, capsys):
         )
         assert abs(x - 600.0) < 1.0  # 20 mm beside without the twin
         assert abs(y) < 1.0
-    tracker = find_tracker(str(calibrated), Site(cell=find_cell()))
+    tracker = find_tracker(str(calibrated), TrackerContext(cell=find_cell()))
     tracker.reset(PLACE, 0)
     seen = tracker.estimate().pose.position
     tracker.close()
@@ -170,9 +170,7 @@ def test_the_camera_of_each_twin_is_wrong_and_can_be_calibrated(
 ):
     first, out = calibrated.parent / "beside.toml", tmp_path / "out.toml"
     assert camera("hand-eye", first, "--twin", twin, "--out", out) == 0
-    gap = np.subtract(
-        load_camera(out).place.position, load_camera(first).place.position
-    )
+    gap = np.subtract(load_camera(out).position, load_camera(first).position)
     assert np.linalg.norm(gap) > 5e-3
     capsys.readouterr()
     assert camera("watch", out, "--count", "1") == 0
@@ -202,7 +200,7 @@ def test_pictures_of_a_twin_are_no_go_without_its_name(calibrated, tmp_path, cap
     assert not out.exists()
     words = ("--folder", folder, "--out", out, "--twin", "medium")
     assert camera("hand-eye", first, *words) == 0
-    assert load_camera(out).pictures.source == load_camera(calibrated).pictures.source
+    assert load_camera(out).source == load_camera(calibrated).source
 
 
 @pytest.mark.parametrize("source", ["device:0", "simulated"])

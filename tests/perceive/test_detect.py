@@ -7,7 +7,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
 from dovetail.perceive.camera import Lens
-from dovetail.perceive.detect import Blind, Detector, Sight, explain
+from dovetail.perceive.detect import Detection, DetectionFailure, Detector, explain
 from dovetail.perceive.edges import Edges
 from dovetail.perceive.projection import Projection
 from dovetail.perceive.simulated import Simulated, spoil
@@ -55,7 +55,7 @@ def test_the_pose_of_a_picture_is_right_and_lies_in_its_region(source):
 
 def test_both_poses_of_the_flat_board_come_with_their_errors(picture):
     seen = detector().find(picture)
-    assert isinstance(seen, Sight)
+    assert isinstance(seen, Detection)
     assert seen.error < 0.1
     assert seen.other_error > 3.0 * seen.error
     turn = rotation_error(seen.pose.quat_wxyz, seen.other.quat_wxyz)
@@ -76,22 +76,22 @@ def test_two_poses_that_cannot_be_told_apart_are_refused(distance, is_told):
     edges = Edges(normal, (normal * corners).sum(axis=2), corners, np.ones(8, bool))
     found = Detector(Board(), lens)._fit(points, edges, np.arange(8))
     if is_told:
-        assert isinstance(found, Sight)
+        assert isinstance(found, Detection)
     else:
-        assert isinstance(found, Blind)
+        assert isinstance(found, DetectionFailure)
         assert found.reason == "ambiguous"
 
 
 def test_a_mirrored_picture_is_named(picture):
     flipped = np.ascontiguousarray(picture[:, ::-1])
     seen = detector().find(flipped)
-    assert isinstance(seen, Blind)
+    assert isinstance(seen, DetectionFailure)
     assert "mirrored" in explain(detector(), flipped, seen)
 
 
 def test_another_board_is_named(picture):
     seen = detector(first_id=100).find(picture)
-    assert isinstance(seen, Blind)
+    assert isinstance(seen, DetectionFailure)
     assert seen.reason == "other"
     assert "[0, 1, 2, 3, 4, 5, 6, 7]" in seen.words
     assert "100 to 107" in seen.words
@@ -102,7 +102,7 @@ def test_two_boards_are_refused(picture):
     both[:, 320:] = np.roll(picture, 170, axis=1)[:, 320:]
     both[:, :320] = np.roll(picture, -170, axis=1)[:, :320]
     seen = detector().find(both)
-    assert isinstance(seen, Blind)
+    assert isinstance(seen, DetectionFailure)
     assert seen.reason == "two"
 
 
@@ -115,8 +115,8 @@ def test_a_covered_board_is_right_or_not_seen(source, picture, share, is_seen):
     covered = picture.copy()
     covered[:, int(low[0]) - 4 : int(low[0] + share * (high[0] - low[0]))] = 90
     seen = detector().find(covered)
-    assert isinstance(seen, Sight) == is_seen
-    if isinstance(seen, Sight):
+    assert isinstance(seen, Detection) == is_seen
+    if isinstance(seen, Detection):
         assert np.linalg.norm(seen.pose.position - true.position) < 2e-3
     else:
         assert seen.reason in ("few", "none")
@@ -132,7 +132,7 @@ def test_glare_and_darkness_hide_the_board_and_do_not_move_it(source, picture):
     for light in (-200.0, 60.0, 400.0):
         changed = np.clip(picture.astype(float) + light, 0, 255).astype(np.uint8)
         seen = detector().find(changed)
-        if isinstance(seen, Sight):
+        if isinstance(seen, Detection):
             assert np.linalg.norm(seen.pose.position - true.position) < 2e-3
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from dovetail.envs.registered import find_cell
 from dovetail.perceive.board import Board
-from dovetail.perceive.detect import Detector, Sight
+from dovetail.perceive.detect import Detection, Detector
 from dovetail.perceive.edges import find_edges
 from dovetail.perceive.opencv import opencv
 from dovetail.perceive.simulated import Simulated
@@ -48,7 +48,7 @@ def test_a_white_cell_behind_a_thin_border_draws_no_edge(cell, blur):
 def test_the_error_of_the_example_is_inside_what_is_told(opengl):
     camera = beside()
     source = Simulated(camera, CELL, TwinCamera())
-    detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
+    detector = Detector(camera.board, camera.lens, camera.edge_noise)
     rng, q = np.random.default_rng(7), CELL.robot.posture("down")
     errors, inside = [], []
     for number in range(40):
@@ -56,7 +56,7 @@ def test_the_error_of_the_example_is_inside_what_is_told(opengl):
         at[:2] += rng.uniform(-0.05, 0.05, 2)
         fixture = Pose(at, quat_about_z(rng.uniform(-0.5, 0.5)))
         sight = detector.find(source.still(q, fixture, fixture, number))
-        assert isinstance(sight, Sight)
+        assert isinstance(sight, Detection)
         told = locate(camera, sight, CELL.robot)
         errors.append(told.pose.position - at)
         sure = 1.96 * np.sqrt(np.diag(told.covariance)[:3])

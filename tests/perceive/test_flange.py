@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dovetail.envs.lookout import LOOKOUT
+from dovetail.envs.pre_grasp_view import LOOKOUT
 from dovetail.envs.registered import make_env
 from dovetail.errors import TrackerError
 from dovetail.perceive.camera import load_camera

@@ -8,7 +8,7 @@ import pytest
 from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
 from dovetail.perceive.camera import Lens
-from dovetail.perceive.hand_eye import View, calibrate, closed_form
+from dovetail.perceive.hand_eye import HandEyeSample, calibrate, closed_form
 from dovetail.perceive.projection import Projection
 from dovetail.poses import (
     Pose,
@@ -42,7 +42,7 @@ def views(seed=0, count=12, noise=0.3, mount="flange", size=1.0, roll_only=False
         pose = projection.flat_poses(BOARD.corners, corners, BOARD.thickness)[0]
         moving = compose(look, inverse(TRUE))
         flange = moving if mount == "flange" else inverse(moving)
-        made.append(View(flange, pose, corners, BOARD.corners))
+        made.append(HandEyeSample(flange, pose, corners, BOARD.corners))
     return made
 
 

@@ -68,8 +68,8 @@ def test_the_lens_is_found_and_nothing_is_overwritten(pictures, tmp_path, capsys
     gap = np.abs(found - [*LENS.focal, *LENS.centre])
     assert (gap < 4.0 * np.array(camera.lens.deviation) + 0.5).all()
     assert re.search(rf"focal lengths {found[0]:.1f} \+- \d", said)
-    assert camera.pictures.source == "device:0"
-    assert camera.origin.made_by == "dovetail camera intrinsics"
+    assert camera.source == "device:0"
+    assert camera.made_by == "dovetail camera intrinsics"
     assert not camera.is_calibrated
     before = out.read_bytes()
     assert intrinsics(pictures, out) == 2

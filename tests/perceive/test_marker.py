@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dovetail.cockpit.shutter import Shutter
+from dovetail.cockpit.occlusion import Occlusion
 from dovetail.envs.registered import find_cell, make_env
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.perceive.simulated import Simulated
@@ -171,7 +171,7 @@ def test_a_board_where_the_fixture_cannot_stand_stops_the_arm(
     env.close()
 
 
-@pytest.mark.parametrize("wrap", [lambda t: t, Shutter, lambda t: Late(inner=t)])
+@pytest.mark.parametrize("wrap", [lambda t: t, Occlusion, lambda t: Late(inner=t)])
 def test_a_closed_environment_holds_no_camera(picture, wrap):
     source = Shown(picture)
     env = make_env(PegInHole, tracker=wrap(MarkerTracker(beside(), source, CELL.robot)))
@@ -191,7 +191,7 @@ def test_a_closed_environment_holds_no_camera(picture, wrap):
     ],
 )
 def test_each_error_of_a_twins_camera_moves_what_is_seen(opengl, errors, low, high):
-    source = Simulated(beside(), CELL, TwinCamera.of(**errors))
+    source = Simulated(beside(), CELL, TwinCamera(**errors))
     tracker = MarkerTracker(beside(), source, CELL.robot)
     tracker.reset(PLACE, 0)
     gap = np.linalg.norm(tracker.estimate().pose.position - PLACE.position)
@@ -215,7 +215,7 @@ def test_a_twins_file_has_each_of_these_errors_alone(
     told = list(value) if isinstance(value, tuple) else value
     path.write_text(f"{text}[camera]\n{key} = {told}\n")
     errors = load_twin(path).camera
-    assert any(errors.misplaced.numbers())
+    assert any(errors.numbers())
     source = Simulated(beside(), CELL, errors)
     tracker = MarkerTracker(beside(), source, CELL.robot)
     tracker.reset(PLACE, 0)
@@ -233,7 +233,7 @@ def test_a_twins_file_has_each_of_these_errors_alone(
     ],
 )
 def test_delay_rate_and_dropouts_are_those_of_the_twin(opengl, errors, ages):
-    source = Simulated(beside(), CELL, TwinCamera.of(**errors))
+    source = Simulated(beside(), CELL, TwinCamera(**errors))
     tracker = MarkerTracker(beside(), source, CELL.robot)
     tracker.reset(PLACE, 1)
     seen = []
@@ -249,9 +249,7 @@ def test_delay_rate_and_dropouts_are_those_of_the_twin(opengl, errors, ages):
 
 
 def test_what_moves_is_smeared_and_seen_where_it_was(opengl):
-    source = Simulated(
-        beside(), CELL, TwinCamera.of(delay=0.02, rate=20.0, exposure=0.01)
-    )
+    source = Simulated(beside(), CELL, TwinCamera(delay=0.02, rate=20.0, exposure=0.01))
     tracker = MarkerTracker(beside(), source, CELL.robot)
     tracker.reset(PLACE, 2)
     speed = np.array([0.0, 0.1, 0.0])

@@ -1,5 +1,7 @@
 """Engines under test, and a pose above the hole that every test can start from."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,7 +33,7 @@ def make(engine):
 
     def build(cell=None, **dynamics):
         base = DynamicsConfig()
-        plant = make_plant(engine, cell or find_cell(), base.having(**dynamics))
+        plant = make_plant(engine, cell or find_cell(), replace(base, **dynamics))
         plants.append(plant)
         return plant
 

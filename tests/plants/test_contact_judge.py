@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dovetail import _core
+from dovetail import _bench
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import find_cell
 
@@ -23,7 +23,7 @@ def limits(robot):
 
 @pytest.fixture
 def judge(robot, limits):
-    return _core.ContactJudge(robot.chain(), limits.params())
+    return _bench.ContactJudge(robot.chain(), limits.params())
 
 
 def look(judge, q=HOME, dq=None, force=0.0, h=H):
@@ -32,15 +32,15 @@ def look(judge, q=HOME, dq=None, force=0.0, h=H):
 
 
 def test_a_joint_past_its_limit_is_told_without_the_margin(judge, limits):
-    look(judge, np.where(np.arange(7) == 3, limits.joints.q_min - 1e-4, HOME))
+    look(judge, np.where(np.arange(7) == 3, limits.q_min - 1e-4, HOME))
     assert judge.position.value == pytest.approx(1e-4)
     assert (judge.position.axis, judge.position.count) == (3, 1)
-    look(judge, np.where(np.arange(7) == 3, limits.joints.q_min + 1e-4, HOME))
+    look(judge, np.where(np.arange(7) == 3, limits.q_min + 1e-4, HOME))
     assert (judge.position.count, judge.looks) == (1, 2)
 
 
 def test_speed_is_told_as_a_share_of_its_limit(judge, limits):
-    look(judge, dq=-1.25 * np.eye(7)[5] * limits.joints.dq_max)
+    look(judge, dq=-1.25 * np.eye(7)[5] * limits.dq_max)
     assert judge.speed.value == pytest.approx(1.25)
     assert judge.speed.axis == 5
     assert judge.speed.time == pytest.approx(H)
@@ -51,7 +51,7 @@ def test_walls_and_tcp_speed_are_those_of_the_true_tool(judge, robot, limits):
     dq = np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     look(judge, dq=dq)
     v = robot.chain().jacobian(HOME)[:3] @ dq
-    tool = limits.tool
+    tool = limits
     room = np.minimum(pose.position - tool.x_min, tool.x_max - pose.position)
     assert judge.wall.value == pytest.approx(-room.min())
     assert judge.tcp_speed.value == pytest.approx((np.abs(v) - tool.dx_max).max())

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from encoder_plant import EncoderPlant
 
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import Pose
 
 from .conftest import HOLE, Q_BENT, start_above
@@ -110,7 +110,7 @@ def test_a_hole_out_of_reach_is_refused_and_stays(make):
 def test_wrappers_pass_pushes_and_holes_on(wrap, make):
     inner = make()
     if wrap == "twin":
-        plant = TwinPlant(load_twin("easy"), find_cell(), engine="mujoco")
+        plant = make_twin(load_twin("easy"), find_cell(), engine="mujoco")
         plant.plant = inner
     else:
         plant = EncoderPlant(inner, DT)

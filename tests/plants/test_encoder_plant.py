@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from encoder_plant import EncoderPlant
 
 from dovetail import _core
 from dovetail.arms.local_arm import LocalArm
@@ -9,9 +10,8 @@ from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.period import PERIODS
 from dovetail.envs.registered import find_cell
-from dovetail.plants.encoder_plant import EncoderPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from plants.conftest import HOLE, Q_BENT
 
 PERIOD = 0.005
@@ -72,7 +72,7 @@ def test_twin_hard_is_held_still_from_positions_alone(period):
     """With the noise of one difference it swung by 20 mm at 1 ms."""
     cell = find_cell()
     robot = cell.loaded_robot()
-    plant = EncoderPlant(TwinPlant(load_twin("hard"), cell), period)
+    plant = EncoderPlant(make_twin(load_twin("hard"), cell), period)
     limits = LimitConfig.for_period(robot, period, walls=False)
     osc, task = OscConfig.for_period(period), "XYZABC:hold"
     arm = LocalArm(plant, robot, osc, limits, task, period)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dovetail import _core
+from dovetail import _bench, _core
 from dovetail.control.build import make_controller
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.envs.registered import find_cell
@@ -23,7 +23,7 @@ class Rig:
     """A plant, its loop and a controller at the start."""
 
     def __init__(self):
-        self.plant = MujocoPlant(find_cell(), DynamicsConfig.of(physics_dt=1e-3))
+        self.plant = MujocoPlant(find_cell(), DynamicsConfig(physics_dt=1e-3))
         self.robot = self.plant.robot
         self.controller = self.make_controller()
         self.plant.reset(Q_SEED, HOLE)
@@ -99,8 +99,8 @@ def test_a_late_cycle_sees_an_old_state(rig):
 
 
 def test_the_judge_looks_at_each_physics_step_and_pushes(rig):
-    judge = _core.ContactJudge(rig.robot.chain(), rig.controller.limits)
-    rig.plant._loop.attach_judge(judge, rig.plant._pushed)
+    judge = _bench.ContactJudge(rig.robot.chain(), rig.controller.limits)
+    rig.plant._loop.attach_probe(judge, rig.plant._pushed)
     judge.set_push(np.array([0.0, 40.0, 0.0]))
     pushed = rig.run([0] * 50)
     assert judge.looks == 50 * STEPS
@@ -110,6 +110,6 @@ def test_the_judge_looks_at_each_physics_step_and_pushes(rig):
     free = Rig().run([0] * 50)
     y = COLUMN["y"]
     assert pushed[-1, y] > free[-1, y] + 1e-3
-    rig.plant._loop.attach_judge(None, 0)
+    rig.plant._loop.attach_probe(None, 0)
     rig.run([0])
     assert judge.looks == 50 * STEPS

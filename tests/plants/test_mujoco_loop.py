@@ -13,7 +13,7 @@ from dovetail.envs.registered import find_cell
 from dovetail.plants.cycle_loop import run_cycles
 from dovetail.plants.mujoco_plant import MujocoPlant
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from plants.conftest import HOLE, start_above
 
 
@@ -21,7 +21,7 @@ def play(plant, run, period, steps=25):
     """Drive the peg down onto the block and about; return the whole log."""
     robot = plant.robot
     limits = LimitConfig.for_period(robot, period)
-    osc = OscConfig.of(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
+    osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
     task = "XYZ:force A:pose BC:hold"
     controller = make_controller(robot, osc, limits, task, period)
     q = start_above(robot, z=0.11)
@@ -50,7 +50,7 @@ def fast(plant, controller, target, cycles, period, start):
 @pytest.mark.parametrize("twin", [None, "medium"])
 def test_loop_writes_what_the_python_loop_writes(twin, period):
     cell = find_cell()
-    plant = TwinPlant(load_twin(twin), cell) if twin else MujocoPlant(cell)
+    plant = make_twin(load_twin(twin), cell) if twin else MujocoPlant(cell)
     expected = play(plant, run_cycles, period)
     log = play(plant, fast, period)
     assert np.abs(log[:, COLUMN["fz"]]).max() > 1.0  # the peg did touch

@@ -255,7 +255,7 @@ def test_a_contact_is_as_stiff_at_every_period(contact_time):
     """The peg is pushed on the block by 30 N from 2 mm above it."""
     cell, peaks = find_cell(), []
     for period in PERIODS:
-        dynamics = DynamicsConfig.of(contact_time=contact_time)
+        dynamics = DynamicsConfig(contact_time=contact_time)
         plant = make_plant("mujoco", cell, dynamics)
         above = Pose(HOLE.position + np.array([0.035, 0.0, 0.002]), TOOL_DOWN)
         plant.reset(plant.robot.inverse_kinematics(above, Q_BENT), HOLE)

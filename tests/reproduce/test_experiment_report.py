@@ -15,7 +15,7 @@ from dovetail.reproduce.figures import curve, draw_robustness, moving_average
 from dovetail.reproduce.plan import VARIANTS, PlanConfig, plan
 from dovetail.reproduce.report import write_reproduction
 from dovetail.reproduce.results import gather
-from dovetail.reproduce.schedule import Tally
+from dovetail.reproduce.schedule import RunSummary
 from extras import need
 
 need("plotly")
@@ -39,7 +39,7 @@ def root(tmp_path_factory):
 
 
 def write(root, config=TWO_SEEDS, tally=None):
-    files = write_reproduction(root, config, STAGES, tally or Tally(done=NAMES))
+    files = write_reproduction(root, config, STAGES, tally or RunSummary(done=NAMES))
     results = json.loads((root / "results.json").read_text())
     return files, results, (root / "report.html").read_text()
 
@@ -190,7 +190,7 @@ def test_what_is_missing_is_named_and_the_rest_is_there(tmp_path):
     for stage in STAGES:
         if "stack-4" not in stage.name:
             finish(tmp_path, stage)
-    tally = Tally(
+    tally = RunSummary(
         failed={lost: "a <bolt> came off"},
         left_out={"transfer-stack-4-square-seed-0": lost},
     )
@@ -206,7 +206,7 @@ def test_what_is_missing_is_named_and_the_rest_is_there(tmp_path):
 
 def test_a_report_of_nothing_can_be_written(tmp_path):
     files, results, page = write(
-        tmp_path, tally=Tally(failed=dict.fromkeys(NAMES, "x"))
+        tmp_path, tally=RunSummary(failed=dict.fromkeys(NAMES, "x"))
     )
     assert all(path.stat().st_size for path in files)
     assert not results["trainings"]

@@ -113,7 +113,7 @@ def test_a_moved_hole_is_also_searched_for_and_the_long_logs_are_not_kept():
 
 def test_trainings_use_one_recipe_and_write_all_settings_down():
     settings = by_name(config())["train-unidentified-seed-0"].settings
-    default = TrainConfig.of(plant="bullet", **RECIPE).to_json()
+    default = TrainConfig(plant="bullet", **RECIPE).to_json()
     assert default["until"] == 1.0
     default["hole"] = default.pop("fixture")
     assert settings == {k: v for k, v in default.items() if v is not None}

@@ -13,11 +13,11 @@ from dovetail.learn.policy import Policy
 from dovetail.reproduce import run as runner
 from dovetail.reproduce.budget import Budget
 from dovetail.reproduce.run import ReproduceConfig, Reproduction, reproduce
-from dovetail.reproduce.schedule import Tally
+from dovetail.reproduce.schedule import RunSummary
 from dovetail.reproduce.stage import DONE, stage_folder
 from extras import need
 
-TINY = Budget.of(
+TINY = Budget(
     name="tiny",
     seeds=1,
     train={
@@ -153,7 +153,7 @@ def test_without_pybullet_it_trains_in_mujoco(monkeypatch):
 
 
 def test_failures_are_named_with_their_log_and_the_way_on(tmp_path):
-    tally = Tally(
+    tally = RunSummary(
         failed={"train-stack-0-seed-0": "a bolt came off"},
         left_out={"transfer-stack-0-square-seed-0": "train-stack-0-seed-0"},
     )

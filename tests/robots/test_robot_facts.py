@@ -10,9 +10,9 @@ from dovetail.cli import run
 from dovetail.control.config import LimitConfig
 from dovetail.errors import ConfigError, TorqueError, UnprovenWarning
 from dovetail.plants.plant import DynamicsConfig
+from dovetail.plugins import trust
 from dovetail.robots.motors import Motors
 from dovetail.robots.robot import Robot
-from dovetail.strangers import trust
 
 HINGES = [f"axis{i}" for i in range(1, 8)]
 BALANCED = '<mujoco><compiler balanceinertia="true" discardvisual="false"/></mujoco>'
@@ -44,10 +44,10 @@ def test_motors_of_an_mjcf_file_are_used(read):
     for name, value in (("damping", 2.5), ("armature", 0.4), ("coulomb", 1.25)):
         np.testing.assert_array_equal(vars(robot.motors)[name], value)
     assert robot.motors.notes == ()
-    physics = DynamicsConfig.of_robot(robot).joints
+    physics = DynamicsConfig.of_robot(robot)
     assert (physics.damping, physics.coulomb) == ((2.5,) * 7, (1.25,) * 7)
     assert physics.armature == (0.4,) * 7
-    model = LimitConfig.for_period(robot, 1e-3).prediction
+    model = LimitConfig.for_period(robot, 1e-3)
     np.testing.assert_array_equal(model.damping, 2.5)
     np.testing.assert_array_equal(model.armature, 0.4)
 
@@ -240,7 +240,7 @@ def test_a_placeholder_speed_is_the_cause_that_is_named(read):
     assert "payload" not in str(refused.value)
     assert "dq_max=" in str(refused.value)
     slow = read(urdf(velocity=10, effort=280), dq_max=[1.2] * 7)
-    assert LimitConfig.for_period(slow, 1e-3).joints.ddq_max[0] > 5
+    assert LimitConfig.for_period(slow, 1e-3).ddq_max[0] > 5
 
 
 def test_each_other_cause_is_named(read):

@@ -11,23 +11,21 @@ import numpy as np
 import pytest
 
 from dovetail import _core
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.arms.remote_arm import RemoteArm
+from dovetail.arms.address import parse_address
+from dovetail.arms.remote_arm import GrpcAddress, RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.registered import find_cell
-from dovetail.plants.find import make_plant
-from dovetail.plants.plant import DynamicsConfig
 from dovetail.poses import Pose, quat_about_z
 from dovetail.rpc import dovetail_pb2 as pb
-from dovetail.rpc.builders import LocalBuilder
 from dovetail.rpc.calls import Stub
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.problems import problem_in
 from dovetail.rpc.server import ArmServer
 from dovetail.rpc.version import own_version
 
-from .recording_arm import RecordingBuilder
+from .recording_arm import RecordingOffer
 
 TASK = "XYZ:force A:pose BC:hold"
 PERIOD = 0.005
@@ -56,7 +54,7 @@ def start(cell):
 @pytest.fixture(scope="session")
 def settings(cell):
     """Law, limits, task, period: the arguments of every arm after the robot."""
-    osc = OscConfig.of(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
+    osc = OscConfig(force_damping=[16.0, 16.0, 16.0, 0.0, 0.0, 0.0])
     return osc, LimitConfig.for_period(cell.loaded_robot(), PERIOD), TASK, PERIOD
 
 
@@ -69,16 +67,15 @@ def news():
 @pytest.fixture
 def simulation(cell, news):
     """A service over MuJoCo."""
-    plant = make_plant("mujoco", cell, DynamicsConfig())
-    server = ArmServer(LocalBuilder("mujoco", plant), "127.0.0.1:0", notify=news.append)
-    with server:
+    arm = OfferedArm(parse_address("mujoco"), cell)
+    with ArmServer(arm, "127.0.0.1:0", notify=news.append) as server:
         yield server
 
 
 @pytest.fixture
 def builder(cell):
     """Makes an arm that records what it is told and waits as long as it moves."""
-    return RecordingBuilder(cell)
+    return RecordingOffer(cell)
 
 
 @pytest.fixture

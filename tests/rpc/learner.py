@@ -9,8 +9,7 @@ import time
 import numpy as np
 
 from dovetail import _core
-from dovetail.arms.grpc_address import GrpcAddress
-from dovetail.arms.remote_arm import RemoteArm
+from dovetail.arms.remote_arm import GrpcAddress, RemoteArm
 from dovetail.control.config import LimitConfig, OscConfig
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec

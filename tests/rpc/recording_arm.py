@@ -6,7 +6,9 @@ import time
 import numpy as np
 
 from dovetail.arms.arm import ArmState, ToolState
+from dovetail.arms.arm_address import ArmAddress
 from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.rpc.offered_arm import OfferedArm
 
 
 class RecordingArm:
@@ -35,7 +37,8 @@ class RecordingArm:
         return self._state(round(duration / self.period))
 
     def stop(self):
-        self.calls.append("stop")
+        if not self._stop.is_set():  # the service may repeat it after a reset
+            self.calls.append("stop")
         self.stopped_at = time.monotonic()
         self._stop.set()
 
@@ -63,21 +66,23 @@ class RecordingArm:
         )
 
 
-class RecordingBuilder:
-    name = "recording"
-    is_real_time = True
-    places_fixture = True
+class RecordingAddress(ArmAddress):
+    """Of an arm that moves in real time."""
+
+    def build(self, cell, settings):
+        return RecordingArm(cell.loaded_robot(), settings.period)
+
+    def describe_ground(self):
+        return "a recording"
+
+
+class RecordingOffer(OfferedArm):
+    """Keeps the settings that it was built with."""
 
     def __init__(self, cell):
-        self.cell, self.robot = cell, cell.loaded_robot()
-        self.arm = None
+        super().__init__(RecordingAddress(text="recording"), cell)
         self.built = []
-        self.closed = False
 
     def build(self, settings):
         self.built.append(settings)
-        self.arm = RecordingArm(self.robot, settings.period)
-        return self.arm
-
-    def close(self):
-        self.closed = True
+        return super().build(settings)

@@ -2,7 +2,7 @@
 
 from rich.console import Console
 
-from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.evaluation.config import EvaluationConfig
 from dovetail.evaluation.evaluate import evaluate
 
@@ -11,7 +11,7 @@ def test_the_address_with_the_token_is_enough_and_the_token_is_written_nowhere(
     simulation, tmp_path
 ):
     out = tmp_path / "out"
-    config = EvaluationConfig.of(
+    config = EvaluationConfig(
         policy="peg_square", arm=simulation.url, tries=1, out=out, accept_contact=True
     )
     evaluate(config, Console(quiet=True))

@@ -7,17 +7,23 @@ import numpy as np
 import pytest
 
 from arms.loopback import LOOPBACK, free_port, make_cabinet
-from dovetail.arms.fri_address import FriAddress
-from dovetail.arms.fri_arm import FriArm
+from dovetail.arms.fri_arm import FriAddress, FriArm
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DynamicsConfig
-from dovetail.rpc.builders import RebuiltArm
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.server import ArmServer
 from states import state_numbers
 
 from .conftest import HOLE, PERIOD, push
+
+
+class UnloggedAddress(FriAddress):
+    """Of an arm that writes no file when a motion ends."""
+
+    def build(self, cell, settings):
+        return FriArm(self, cell.loaded_robot(), settings, log_folder=None)
 
 
 @pytest.fixture(params=["lockstep", "wall"])
@@ -31,19 +37,13 @@ def over_fri(cell, clock, news):
     port = free_port()
     plant = make_plant("mujoco", cell, DynamicsConfig())
     with make_cabinet(plant, port, PERIOD, clock=clock) as cabinet:
-
-        def make(settings):
-            address = FriAddress.of(
-                host=LOOPBACK,
-                port=port,
-                clock=clock,
-                control=str(cabinet.control_address),
-            )
-            return FriArm(address, cell.loaded_robot(), settings, log_folder=None)
-
-        yield RebuiltArm(
-            "fri", cell, make, is_real_time=clock == "wall", places_fixture=True
+        address = UnloggedAddress(
+            host=LOOPBACK,
+            port=port,
+            clock=clock,
+            control=str(cabinet.control_address),
         )
+        yield OfferedArm(address, cell)
     plant.close()
 
 
@@ -87,8 +87,8 @@ def test_the_next_learner_takes_over_from_one_that_was_killed(
                 assert time.monotonic() < end
                 time.sleep(0.01)
             time.sleep(0.5)
-            if over_fri.is_real_time:
-                assert np.abs(over_fri._arm.monitoring().dq).max() < 0.02
+            if over_fri.address.is_real_time:
+                assert np.abs(over_fri.arm.monitoring().dq).max() < 0.02
         successor = connect(server)
         successor.reset(start, HOLE)
         states = [successor.step(push(0.0, 0.0, -1.0)) for _ in range(5)]

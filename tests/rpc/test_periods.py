@@ -4,12 +4,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+from dovetail.arms.address import parse_address
+from dovetail.arms.local_address import PlantAddress
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import PERIODS
 from dovetail.errors import ConfigError
-from dovetail.plants.find import make_plant
-from dovetail.plants.plant import COLUMN, DynamicsConfig
-from dovetail.rpc.builders import LocalBuilder
+from dovetail.plants.plant import COLUMN
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.server import ArmServer
 
 ACTION = np.array([0.2, 0.0, -0.3, 0.5], dtype=np.float32)
@@ -37,9 +38,9 @@ def test_the_arm_moves_as_one_in_this_process_at_every_period(simulation, period
 
 
 def test_a_service_refuses_a_learner_that_declares_less(cell, news):
-    plant, least = make_plant("mujoco", cell, DynamicsConfig()), DeclaredErrors
-    builder = LocalBuilder("mujoco", plant, declared=least(delay=0.012, mass_error=0.1))
-    with ArmServer(builder, "127.0.0.1:0", notify=news.append) as server:
+    least = DeclaredErrors(delay=0.012, mass_error=0.1)
+    arm = OfferedArm(parse_address("mujoco"), cell, least)
+    with ArmServer(arm, "127.0.0.1:0", notify=news.append) as server:
         address = server.url
         with pytest.raises(ConfigError) as error:
             play(arm=address)
@@ -53,8 +54,8 @@ def test_a_service_refuses_a_learner_that_declares_less(cell, news):
 
 
 def test_a_service_that_offers_one_period_refuses_any_other(cell):
-    plant = make_plant("mujoco", cell, DynamicsConfig())
-    with ArmServer(LocalBuilder("mujoco", plant, 0.0025), "127.0.0.1:0") as server:
+    arm = OfferedArm(PlantAddress(text="mujoco", engine="mujoco", period=0.0025), cell)
+    with ArmServer(arm, "127.0.0.1:0") as server:
         address = server.url
         with pytest.raises(ConfigError) as error:
             play(arm=address, period=0.001)

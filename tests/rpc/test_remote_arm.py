@@ -7,18 +7,18 @@ import numpy as np
 import pytest
 
 from dovetail import _core
+from dovetail.arms.address import parse_address
+from dovetail.arms.local_address import PlantAddress
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ArmError, ConfigError, PlantError
-from dovetail.plants.find import make_plant
-from dovetail.plants.plant import CYCLE_COLUMNS, DynamicsConfig
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.plant import CYCLE_COLUMNS
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc import version
-from dovetail.rpc.builders import LocalBuilder
 from dovetail.rpc.fields import FieldReader
 from dovetail.rpc.messages import read_target, write_target
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.server import ArmServer
 from states import state_numbers
 
@@ -31,17 +31,13 @@ def assert_equal_states(one, other):
         np.testing.assert_array_equal(a, others[name], err_msg=name, strict=True)
 
 
-@pytest.mark.parametrize("kind", ["mujoco", "twin"])
+@pytest.mark.parametrize("kind", ["mujoco", "twin:medium"])
 def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
     kind, cell, settings, start, connect, rng
 ):
-    def plant():
-        if kind == "twin":
-            return TwinPlant(load_twin("medium"), cell)
-        return make_plant("mujoco", cell, DynamicsConfig())
-
-    local = LocalArm(plant(), cell.loaded_robot(), *settings)
-    with ArmServer(LocalBuilder(kind, plant()), "127.0.0.1:0") as server:
+    address = parse_address(kind)
+    local = LocalArm(address.make_plant(cell), cell.loaded_robot(), *settings)
+    with ArmServer(OfferedArm(address, cell), "127.0.0.1:0") as server:
         remote = connect(server, robot=cell.loaded_robot(), cell=cell)
         for seed in (3, 4):
             local.plant.seed(seed)
@@ -65,9 +61,13 @@ def test_an_episode_is_bit_for_bit_that_of_the_arm_behind(
 def test_the_service_says_whether_the_hole_can_be_put_elsewhere(
     cell, connect, places_fixture
 ):
-    builder = LocalBuilder("mujoco", make_plant("mujoco", cell, DynamicsConfig()))
-    builder.places_fixture = places_fixture
-    with ArmServer(builder, "127.0.0.1:0") as server:
+    class Address(PlantAddress):
+        @property
+        def places_fixture(self):
+            return places_fixture
+
+    arm = OfferedArm(Address(engine="mujoco"), cell)
+    with ArmServer(arm, "127.0.0.1:0") as server:
         assert connect(server).facts.traits.places_fixture is places_fixture
 
 
@@ -206,7 +206,7 @@ def test_a_service_that_ends_in_mid_episode_is_a_clear_error(
         arm = connect(server)
         arm.reset(start, HOLE)
         arm.step(push(0.0))
-    assert builder.closed
+    assert builder.arm is None
     with pytest.raises(ArmError, match=r"step at 127\.0\.0\.1:\d+: nothing listens"):
         arm.step(push(0.0))
     with pytest.raises(ArmError, match="the reset failed"):

@@ -5,7 +5,7 @@ import socket
 import grpc
 import pytest
 
-from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.errors import ArmError, ConfigError
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.security import Certificates, is_loopback, split_address

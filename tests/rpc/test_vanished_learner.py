@@ -78,12 +78,6 @@ def test_a_cancelled_stream_ends_the_lease(server, stub, acquire):
     wait_until(lambda: server.service.leases.holder is None, 1.0)
 
 
-def test_there_is_no_lease_without_a_stream(server):
-    """A lease of its own would outlive its owner, as long as its time limit says."""
-    names = {method.name for method in pb.DESCRIPTOR.services_by_name["Arm"].methods}
-    assert not {"AcquireLease", "KeepAlive"} & names
-
-
 def test_a_learner_that_lost_the_lease_is_told_why(server, start, connect):
     arm = connect(server)
     arm.reset(start, HOLE)

@@ -61,6 +61,22 @@ def test_there_are_only_so_many_watchers(server, stub):
         report.cancel()
 
 
+def test_the_holder_gets_its_log_however_many_watch(
+    simulation, start, connect, open_stub
+):
+    arm = connect(simulation)
+    arm.reset(start, HOLE)
+    log = arm.step(push(1.0)).log
+    stub = open_stub(simulation)
+    reports = [watch(stub) for _ in range(READERS_MAX)]
+    for report in reports:
+        next(report)
+    np.testing.assert_array_equal(arm.cycles(), log)
+    for lease in ("", "0" * 32):
+        request = pb.LogRequest(version=own_version(), lease=lease)
+        refused(stub.get_log, request, code=grpc.StatusCode.RESOURCE_EXHAUSTED)
+
+
 def test_anyone_may_stop_but_only_the_holder_clears(
     server, builder, news, start, connect, stub
 ):

@@ -24,8 +24,7 @@ def test_the_arm_is_known_without_loading_grpc():
 @pytest.mark.parametrize(
     "use",
     [
-        "from dovetail.arms.grpc_address import GrpcAddress\n"
-        "from dovetail.arms.remote_arm import RemoteArm\n"
+        "from dovetail.arms.remote_arm import GrpcAddress, RemoteArm\n"
         f"RemoteArm(GrpcAddress.parse({ADDRESS!r}), None)",
         "from dovetail.cli import run\nsys.exit(run(['serve', '--debug']))",
     ],

@@ -103,7 +103,7 @@ def test_it_does_not_look_at_where_the_fixture_is():
 
 def test_it_goes_on_when_the_first_path_finds_nothing():
     env, core = make((0.0, 0.0), max_steps=400)
-    actor = CornerSearch(core, CornerSearchConfig.of(drop=0.01, rings=(0.004,)))
+    actor = CornerSearch(core, CornerSearchConfig(drop=0.01, rings=(0.004,)))
     observation, _ = env.reset(seed=3)
     begun = 0
     for _ in range(400):
@@ -127,7 +127,7 @@ def test_axes_that_do_not_tilt_are_refused_with_what_to_give():
 )
 def test_settings_out_of_range_are_refused(wrong):
     with pytest.raises(ConfigError, match=next(iter(wrong))):
-        CornerSearchConfig.of(**wrong)
+        CornerSearchConfig(**wrong)
 
 
 def test_what_is_pushed_off_the_fixture_goes_back_to_it():

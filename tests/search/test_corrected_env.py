@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.led import Led
 from dovetail.envs.registered import make, make_batch, make_env
+from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
@@ -98,7 +98,7 @@ def test_columns_and_space_say_what_is_seen():
 def test_a_person_who_leads_has_the_whole_say():
     led = np.array([0.0, 0.1, 0.2, 0.0, 0.0, 0.0], dtype=np.float32)
     turn = iter([None, led, None])
-    env = Led(made(), lambda core: next(turn))
+    env = TeleopWrapper(made(), lambda core: next(turn))
     seen, _ = env.reset(seed=0)
     core = require_contact_env(env)
     for is_led in (False, True, False):
@@ -152,7 +152,7 @@ def test_a_copy_corrects_as_well():
     twin = copy.deepcopy(env)
     assert isinstance(twin, CorrectedEnv)
     np.testing.assert_array_equal(env.reset(seed=2)[0], twin.reset(seed=2)[0])
-    assert twin.config.action.correction == 0.4
+    assert twin.config.correction == 0.4
 
 
 def test_it_is_made_by_its_name():

@@ -1,13 +1,15 @@
 """The search that takes over from a policy: when, from where, and who may choose it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.led import Led
 from dovetail.envs.log_facts import ACTION, describe_cell
 from dovetail.envs.registered import make_batch, make_env
+from dovetail.envs.teleop import TeleopWrapper
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.evaluation.config import EvaluationConfig, environment_options
@@ -82,7 +84,7 @@ def test_a_person_who_leads_is_asked_on():
         def __call__(self, core):
             return NOTHING
 
-    env = Led(made(), Hand())
+    env = TeleopWrapper(made(), Hand())
     core = require_contact_env(env)
     env.reset(seed=1)
     for _ in range(25):
@@ -112,13 +114,13 @@ def test_what_cannot_be_is_refused():
 
 
 def test_a_training_is_of_the_policy_alone_and_its_file_says_when_it_ends():
-    config = TrainConfig.of(task=SEARCH_AXES, fall_back=6.0)
-    env = config.environment
+    config = TrainConfig(task=SEARCH_AXES, fall_back=6.0)
+    env = config
     assert "fall_back" not in env.env_options()
     assert env.policy_env()["fall_back"] == 6.0
-    assert "fall_back" not in TrainConfig.of().environment.policy_env()
+    assert "fall_back" not in TrainConfig().policy_env()
     with pytest.raises(ConfigError, match="fall_back is given, which needs --task"):
-        TrainConfig.of(fall_back=6.0)
+        TrainConfig(fall_back=6.0)
 
 
 def test_evaluate_takes_the_policys_time_or_its_own():
@@ -126,11 +128,11 @@ def test_evaluate_takes_the_policys_time_or_its_own():
     metadata["env"] = {**metadata["env"], "fall_back": 5.0}
     assert policy_settings(metadata)["fall_back"] == 5.0
     for given, wanted in ((None, 5.0), (0.0, 0.0), (3.0, 3.0)):
-        config = EvaluationConfig.of(policy="peg_near", plant="mujoco", fall_back=given)
+        config = EvaluationConfig(policy="peg_near", plant="mujoco", fall_back=given)
         assert environment_options(config, metadata)["fall_back"] == wanted
-    searched = EvaluationConfig.of(policy="peg_near", plant="mujoco", search="corner")
+    searched = EvaluationConfig(policy="peg_near", plant="mujoco", search="corner")
     assert environment_options(searched, metadata)["fall_back"] == 0.0
-    both = searched.having(fall_back=3.0)
+    both = replace(searched, fall_back=3.0)
     with pytest.raises(ConfigError, match="acts from the start"):
         environment_options(both, metadata)
 

@@ -3,6 +3,7 @@
 import ast
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -23,7 +24,7 @@ from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import describe_spaces
-from dovetail.tasks.options import TaskOptions
+from dovetail.settings import values_of
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import ClipStarts, RailClip
 from dovetail.workcell.parts import Part, Primitive
@@ -97,7 +98,7 @@ def test_a_setting_that_nobody_takes_is_refused_with_those_that_are():
     with pytest.raises(
         ConfigError, match=r"unknown settings .* speed .*; known: f_scale"
     ):
-        EnvConfig.of(speed=1.0)
+        EnvConfig(speed=1.0)
 
 
 def test_an_unknown_keyword_is_refused_in_the_words_of_python():
@@ -110,10 +111,10 @@ def test_an_unknown_keyword_is_refused_in_the_words_of_python():
 
 
 def test_settings_go_to_their_section_and_come_back_flat():
-    config = EnvConfig.of(near_speed=0.05, twin="easy", f_scale=[1, 2, 3])
-    assert (config.approach.near_speed, config.place.twin) == (0.05, "easy")
-    assert config.flat()["f_scale"] == (1, 2, 3)
-    assert EnvConfig.of(**config.flat()) == config
+    config = EnvConfig(near_speed=0.05, twin="easy", f_scale=[1, 2, 3])
+    assert (config.near_speed, config.twin) == (0.05, "easy")
+    assert values_of(config)["f_scale"] == (1, 2, 3)
+    assert EnvConfig(**values_of(config)) == config
 
 
 def test_a_cell_weighs_what_it_holds_and_refuses_what_does_not_fit():
@@ -128,11 +129,11 @@ def test_a_cell_weighs_what_it_holds_and_refuses_what_does_not_fit():
 def test_a_strangers_task_is_found_by_its_module(ring):
     assert task_class(RING).__name__ == "RingOverPost"
     assert make_task(RING, {"clearance": 0.002}).clearance == 0.002
-    options = TrainConfig.of(env=RING).environment.env_options()
+    options = TrainConfig(env=RING).env_options()
     assert options["task"] == "XYZ:force ABC:hold"
     assert options["clearance"] == 0.003
     with pytest.raises(ConfigError, match=r"RingOverPost got .* argument 'peg'"):
-        TrainConfig.of(env=RING, task_options=TaskOptions(peg="round"))
+        TrainConfig(env=RING, task_options={"peg": "round"})
     with pytest.raises(ConfigError, match=r"Python finds no module 'no_such'"):
         task_class("no_such:Task-v0")
 
@@ -147,13 +148,13 @@ def test_a_strangers_policy_is_evaluated_where_its_module_is_named(ring, tmp_pat
     metadata |= describe_spaces(made)
     file = tmp_path / "own.safetensors"
     Policy(layers, metadata).save(file)
-    config = EvaluationConfig.of(
+    config = EvaluationConfig(
         policy=str(file), plant="mujoco", tries=1, out=tmp_path / "out"
     )
     quiet = Console(file=(tmp_path / "console.txt").open("w"))
     with pytest.raises(ConfigError, match=f"add --env {RING} if you trust it"):
         evaluate(config, quiet)
-    result = evaluate(config.having(env=RING, period=0.005), quiet)
+    result = evaluate(replace(config, env=RING, period=0.005), quiet)
     assert len(result.outcomes) == 2
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert "RingOverPost" in report["title"]

@@ -1,14 +1,20 @@
-"""Arm addresses, in one word: `mujoco`, `twin:medium`, `fri://0.0.0.0:30200`, ..."""
+"""Arm addresses, in one word: `mujoco`, `twin:medium`, `fri://0.0.0.0:30200`, ...
+
+A new transport is a file with a subclass of `ArmAddress`, and a line in `NETWORK`.
+"""
 
 from pathlib import Path
 
 from dovetail.arms.arm_address import ArmAddress
+from dovetail.arms.fri_arm import FriAddress
 from dovetail.arms.local_address import PlantAddress, TwinAddress
-from dovetail.arms.transport import list_schemes, part_of_transport
+from dovetail.arms.remote_arm import GrpcAddress
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.plant import PLANTS
 
-SCHEMES = (*PLANTS, "twin:NAME", *(f"{name}://HOST:PORT" for name in list_schemes()))
+NETWORK = {"fri": FriAddress, "grpc": GrpcAddress}
+"""Addresses on a network by their scheme, what comes before ://."""
+SCHEMES = (*PLANTS, "twin:NAME", *(f"{name}://HOST:PORT" for name in NETWORK))
 """Accepted forms of an address."""
 
 
@@ -29,8 +35,8 @@ def parse_address(text: str) -> ArmAddress:
     if text.startswith("twin:") and len(text) > len("twin:"):
         return TwinAddress(text=text, config=text.removeprefix("twin:"))
     scheme, separator, _ = text.partition("://")
-    if separator and scheme in list_schemes():
-        return part_of_transport(scheme, "parse")(text)
+    if separator and scheme in NETWORK:
+        return NETWORK[scheme].parse(text)
     raise ConfigError(
         f"arm {text!r} is unknown{did_you_mean(text, PLANTS)}; known addresses: "
         f"{', '.join(SCHEMES)}"

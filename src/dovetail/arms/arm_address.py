@@ -1,4 +1,4 @@
-"""Base class of arm addresses: facts known before the arm is built.
+"""Base class of arm addresses: facts known before the arm is built, and its builder.
 
 Each transport has a subclass.
 """
@@ -9,12 +9,14 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, ClassVar, Literal, Self, TypeVar
 from urllib.parse import parse_qsl, urlsplit
 
-from dovetail.control.period import PERIODS, format_period, require_period
-from dovetail.durations import parse_time
+from dovetail.control.period import PERIODS, require_period
+from dovetail.durations import format_ms, parse_time
 from dovetail.errors import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
-    from dovetail.plants.plant import DrivenPlant, DynamicsConfig
+    from dovetail.arms.arm import Arm
+    from dovetail.control.settings import ControllerSettings
+    from dovetail.plants.plant import DynamicsConfig
     from dovetail.workcell.workcell import Workcell
 
 _Word = TypeVar("_Word", bound=str)
@@ -22,7 +24,7 @@ _Word = TypeVar("_Word", bound=str)
 
 @dataclass(frozen=True, kw_only=True)
 class ArmAddress(ABC):
-    """Address of an arm, with the facts known before `build_arm` builds it."""
+    """Address of an arm, with the facts known before `build` builds it."""
 
     text: str = field(default="", compare=False)
     """The address as it was given."""
@@ -31,8 +33,6 @@ class ArmAddress(ABC):
     margins: Literal["model", "hardware"] = "hardware"
     """Limit margins: for an arm that is as the model says, or for one that is not."""
 
-    transport: ClassVar[str]
-    """Name of what builds its arm; see `arms.transport`."""
     is_here: ClassVar[bool] = False
     """True for a simulation in this process: any number can be built."""
     is_service: ClassVar[bool] = False
@@ -63,12 +63,22 @@ class ArmAddress(ABC):
         return ""
 
     @abstractmethod
+    def build(self, cell: "Workcell", settings: "ControllerSettings") -> "Arm":
+        """Build the arm.
+
+        Args:
+            cell: What stands around it.
+            settings: Made for the cell's robot and this address's margins.
+
+        Raises:
+            ConfigError: A setting that this arm cannot have.
+            ArmError: It cannot be had.
+            MissingDependencyError: What it needs is not installed.
+        """
+
+    @abstractmethod
     def describe_ground(self) -> str:
         """Return where a result on this arm was found, in words."""
-
-    def make_plant(self, cell: "Workcell") -> "DrivenPlant | None":
-        """Build the simulation of an arm of this process; None of any other."""
-        return None
 
     def with_engine(self, engine: str) -> Self:
         """Return the address of a twin in another physics engine.
@@ -98,12 +108,9 @@ class ArmAddress(ABC):
         return True
 
     @property
-    def undisturbed(self) -> str:
-        """Reason why this end cannot push the arm or move its fixture, and the remedy.
-
-        Empty if it can.
-        """
-        return ""
+    def can_be_disturbed(self) -> bool:
+        """True if this end can push the arm and move its fixture."""
+        return False
 
     @property
     def unproven_margins(self) -> str:
@@ -153,8 +160,8 @@ class ArmAddress(ABC):
         """
         if asked is not None and self.period not in (None, asked):
             raise ConfigError(
-                f"period is {format_period(asked)} and the arm's address says "
-                f"{format_period(self.period or asked)}; give one of them"
+                f"period is {format_ms(asked)} and the arm's address says "
+                f"{format_ms(self.period or asked)}; give one of them"
             )
         period = self.period or asked or usual
         return require_period(period, self.period_name, self.periods)

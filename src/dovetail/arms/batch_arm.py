@@ -8,7 +8,6 @@ from dovetail.arms.arm import Arm, ArmState
 from dovetail.arms.local_arm import LocalArm
 from dovetail.errors import ConfigError
 from dovetail.plants.mujoco_plant import MujocoPlant
-from dovetail.plants.twin import TwinPlant
 
 
 class BatchArm:
@@ -103,11 +102,10 @@ def _require_local(index: int, arm: Arm) -> LocalArm:
 
 
 def _require_mujoco(index: int, arm: LocalArm) -> MujocoPlant:
-    plant = arm.plant.plant if isinstance(arm.plant, TwinPlant) else arm.plant
-    if isinstance(plant, MujocoPlant):
-        return plant
+    if isinstance(arm.plant, MujocoPlant):
+        return arm.plant
     raise ConfigError(
-        f"arm {index} of the batch is simulated by {type(plant).__name__}; only "
+        f"arm {index} of the batch is simulated by {type(arm.plant).__name__}; only "
         "MuJoCo simulates many at once: give plant='mujoco' (a twin: "
         "engine='mujoco'), or step one environment after the other"
     )

@@ -1,18 +1,22 @@
 """An arm behind KUKA's FRI: a real cabinet, or a simulated one.
 
-The controller runs in C++ on a thread of its own, paced by the cabinet's messages
-(cpp/include/dovetail/servo_loop.hpp); this class gives it Targets and reads back.
+Its address is `fri://0.0.0.0:30200?KEY=VALUE&...`: the cabinet sends its messages to
+this host and port. The controller runs in C++ on a thread of its own, paced by these
+messages (cpp/include/dovetail/servo_loop.hpp). `FriArm` gives it Targets and reads
+back.
 """
 
 import time
+from dataclasses import dataclass, replace
+from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
 from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits, ToolState
+from dovetail.arms.arm_address import ArmAddress, Keys, parse_endpoint
 from dovetail.arms.cabinet_control import CabinetControl
-from dovetail.arms.fri_address import FriAddress
 from dovetail.arms.fri_errors import (
     connection_error,
     motion_error,
@@ -20,12 +24,12 @@ from dovetail.arms.fri_errors import (
     socket_error,
     stop_error,
 )
-from dovetail.arms.reset_drive import drive_to
-from dovetail.arms.reset_motion import TICK
-from dovetail.arms.servo_params import servo_params
+from dovetail.arms.reset_motion import TICK, drive_to
 from dovetail.arms.start_distance import require_near
 from dovetail.arms.watchdog import WatchdogConfig
 from dovetail.control.config import check_period
+from dovetail.control.observer import observer_gain
+from dovetail.control.period import FRI_PERIODS, require_period
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.torque_limits import check_torque
 from dovetail.errors import ArmError, ConfigError
@@ -36,12 +40,205 @@ from dovetail.types import Array, Vec3, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
+    from dovetail.workcell.workcell import Workcell
 
+PORT = 30200
+Version = Literal["1.15", "2.5", "2.7"]
+VERSIONS: dict[str, Version] = {
+    **{"1.14": "1.15", "1.15": "1.15", "1.16": "1.15"},
+    **{"2.5": "2.5", "2.7": "2.7"},
+}
+"""Known FRI versions, and the one whose wire format each has."""
+Clock: TypeAlias = Literal["wall", "lockstep"]
+Reset: TypeAlias = Literal["move", "place"]
+CLOCKS: tuple[Clock, ...] = ("wall", "lockstep")
+RESETS: tuple[Reset, ...] = ("move", "place")
+_SIGNS = {"measured_sign": "-1", "commanded_sign": "-1", "external_sign": "1"}
+_KEYS = (
+    *("version", "period", "clock", "control", "reset", "approach"),
+    *("timeout", "target_timeout", "realtime", "margins", "peer"),
+    *_SIGNS,
+    "commanded_is_total",
+)
 _SLICE = 0.05
 """Period of a waiting learner's signs of life [s]: less than the watchdog's time."""
 _PRIORITY = 90
 """SCHED_FIFO priority in real time: above drivers and a cabinet on the same machine,
 below the kernel's own threads."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FriAddress(ArmAddress):
+    """A cabinet, real or simulated, that sends its messages to this machine."""
+
+    transport: ClassVar[str] = "fri"
+    measures_contact: ClassVar[bool] = False
+    periods: ClassVar[tuple[float, ...]] = FRI_PERIODS
+    period_name: ClassVar[str] = "control period of an arm behind FRI"
+
+    host: str
+    """Address of this machine to listen at; 0.0.0.0 is every one of them."""
+    port: int
+    """UDP port to listen at; a real cabinet sends to 30200 to 30209."""
+    version: Version = "1.15"
+    """Wire format; the messages themselves do not name it."""
+    control: str | None = None
+    """Control port HOST:PORT of a simulated cabinet; a real one has none."""
+    peer: str | None = None
+    """The cabinet's IPv4 address: datagrams of no other are taken."""
+    measured_sign: int = -1
+    """Sign of the measured torque on the wire over the torque on the joint."""
+    commanded_sign: int = -1
+    """The same of the commanded torque."""
+    external_sign: int = 1
+    """The same of the external torque."""
+    commanded_is_total: bool = False
+    """The commanded torque on the wire contains gravity."""
+    clock: Clock = "wall"
+    """Lockstep: a simulated cabinet waits for the learner."""
+    timeout: float = 10.0
+    """Longest wait for the cabinet [s]."""
+    target_timeout: float = 0.15
+    """Time without a new target after which the arm is held [s]; wall clock only."""
+    realtime: bool = False
+    """Ask the system for real-time priority and locked memory."""
+    reset: Reset | None = None
+    """Way to the start: "move" below the limits, or "place", which needs a simulated
+    cabinet. None is place with a control port, else move."""
+    approach: bool = False
+    """Move to a start that is far away, too."""
+
+    def __post_init__(self) -> None:
+        """Choose the reset if none is given; refuse what the cabinet cannot do."""
+        for name, known in (("clock", CLOCKS), ("reset", (*RESETS, None))):
+            if (word := vars(self)[name]) not in known:
+                words = ", ".join(filter(None, known))
+                raise ConfigError(f"arm {name} is {word!r}; known: {words}")
+        control = self.control
+        if self.reset is None:
+            object.__setattr__(self, "reset", "move" if control is None else "place")
+        if self.reset == "place" and control is None:
+            raise ConfigError(
+                "arm reset=place needs control=HOST:PORT, the control port of a "
+                "simulated cabinet; a real arm starts its episodes with reset=move"
+            )
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read an address.
+
+        Raises:
+            ConfigError: Unknown key (lists the known ones), or a value out of range.
+        """
+        keys = Keys(text, PORT, _KEYS)
+        given = keys.get("version")
+        version = VERSIONS.get("1.15" if given is None else given)
+        if version is None:
+            raise ConfigError(
+                f"FRI version is {given!r}; known: {', '.join(VERSIONS)}; "
+                "the robot's own is in its Sunrise project (for 3.0 try 2.7)"
+            )
+        control = keys.get("control")
+        if control is not None:
+            parse_endpoint(control, "arm control")
+        return cls(
+            text=text,
+            host=keys.host,
+            port=keys.port,
+            version=version,
+            period=keys.period(FRI_PERIODS),
+            clock=keys.choice("clock", CLOCKS),
+            control=control,
+            reset=None if keys.get("reset") is None else keys.choice("reset", RESETS),
+            approach=keys.is_on("approach"),
+            timeout=keys.time("timeout", cls.timeout),
+            target_timeout=keys.time("target_timeout", cls.target_timeout),
+            realtime=keys.is_on("realtime"),
+            peer=_peer(keys.get("peer")),
+            margins=keys.choice("margins", ("hardware", "model")),
+            commanded_is_total=keys.is_on("commanded_is_total"),
+            **_signs(keys),
+        )
+
+    def build(
+        self,
+        cell: "Workcell",
+        settings: ControllerSettings,
+        watchdog: WatchdogConfig | None = None,
+    ) -> "FriArm":
+        """Listen for the cabinet.
+
+        Args:
+            cell: What stands around the arm.
+            settings: Of the controller.
+            watchdog: When the arm must not follow; None is as usual.
+
+        Raises:
+            ConfigError: A period that the cabinet cannot have.
+            ArmError: The port cannot be listened on.
+        """
+        require_period(settings.period, self.period_name, self.periods)
+        if self.may_be_robot:  # T1's speed limit is one of the velocity's norm
+            limits = settings.limits
+            limits = replace(limits, dx_max=limits.dx_max / np.sqrt(3.0))
+            settings = replace(settings, limits=limits)
+        return FriArm(self, cell.loaded_robot(), settings, watchdog=watchdog)
+
+    @property
+    def is_real_time(self) -> bool:
+        """True if the arm moves on while the learner thinks."""
+        return self.clock == "wall"
+
+    @property
+    def places_fixture(self) -> bool:
+        """True if it can place the fixture: with a control port."""
+        return self.control is not None
+
+    def describe_ground(self) -> str:
+        """Return where a result was found."""
+        if self.control is not None:
+            return f"simulated cabinet ({self.text})"
+        return f"the arm at {self.text.partition('?')[0]}"
+
+    @property
+    def may_be_robot(self) -> bool:
+        """True if a real arm may move there: without a control port."""
+        return self.control is None
+
+    @property
+    def can_be_disturbed(self) -> bool:
+        """True with a control port: nothing else can push the arm."""
+        return self.control is not None
+
+    def with_approach(self) -> str:
+        """Return the address of the arm where it may move to a start far away."""
+        if self.approach:
+            return self.text
+        return f"{self.text}{'&' if '?' in self.text else '?'}approach=yes"
+
+    def with_realtime(self) -> Self:
+        """Return the address of the arm with real-time priority."""
+        return replace(self, realtime=True)
+
+
+def _peer(peer: str | None) -> str | None:
+    """Return the cabinet's address, which is a number: names can be forged."""
+    try:
+        return None if peer is None else str(IPv4Address(peer))
+    except ValueError as error:
+        raise ConfigError(
+            f"arm peer is {peer!r}; give the cabinet's IPv4 address, such as "
+            "192.170.10.2"
+        ) from error
+
+
+def _signs(keys: Keys) -> dict[str, int]:
+    """Return the signs of torques on the wire."""
+    signs = {}
+    for name, usual in _SIGNS.items():
+        other = "1" if usual == "-1" else "-1"
+        signs[name] = int(keys.choice(name, (usual, other)))
+    return signs
 
 
 class FriArm:
@@ -81,9 +278,9 @@ class FriArm:
             TorqueError: A torque limit is below what gravity takes.
         """
         check_torque(robot, settings.limits)
-        self._address, pace = address, address.pace
-        self._is_lockstep = pace.clock == "lockstep"
-        control = address.cabinet.control
+        self._address = address
+        self._is_lockstep = address.clock == "lockstep"
+        control = address.control
         self.facts = ArmFacts(
             robot=robot,
             osc=settings.osc,
@@ -98,27 +295,27 @@ class FriArm:
                 measures_contact=address.measures_contact,
             ),
         )
-        self._timeout = pace.timeout
-        self._approach = address.start.approach
+        self._timeout = address.timeout
+        self._approach = address.approach
         self._left: Vec7 | None = None  # where it was when it last followed
         self._control: CabinetControl | None = None
         if control is not None:
-            self._control = CabinetControl(control, pace.timeout)
+            self._control = CabinetControl(control, address.timeout)
         self._chain = robot.chain()
         from dovetail import _core
 
         loop = _core.LoopParams()
         loop.address, loop.port = address.host, address.port
-        loop.peer = address.cabinet.peer or ""
-        loop.priority = _PRIORITY if pace.realtime else 0
-        loop.lock_memory = pace.realtime
+        loop.peer = address.peer or ""
+        loop.priority = _PRIORITY if address.realtime else 0
+        loop.lock_memory = address.realtime
         loop.processor = -1 if processor is None else processor
         loop.log_folder = "" if log_folder is None else str(log_folder)
         loop.silence = silence or (5.0 if self._is_lockstep else 1.0)
         self._servo = self._make_servo(
             loop,
             servo or servo_params(settings.period),
-            watchdog or WatchdogConfig(target_timeout=pace.target_timeout),
+            watchdog or WatchdogConfig(target_timeout=address.target_timeout),
         )
         self._seed: int | None = None
         self._motion = 0
@@ -135,7 +332,7 @@ class FriArm:
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
-        facts, cabinet = self.facts, self._address.cabinet
+        facts, cabinet = self.facts, self._address
         servo.measured_sign = cabinet.measured_sign
         servo.commanded_sign = cabinet.commanded_sign
         servo.external_sign = cabinet.external_sign
@@ -173,7 +370,7 @@ class FriArm:
         """
         q = require_configuration(q)
         self._servo.clear()
-        if self._address.start.reset == "place" and self._control is not None:
+        if self._address.reset == "place" and self._control is not None:
             before = self._servo.state()
             if before.session == 4:
                 self._servo.expect_end()
@@ -301,7 +498,7 @@ class FriArm:
                     self._servo,
                     self._address.host,
                     self.port,
-                    self._address.cabinet.version,
+                    self._address.version,
                     pace,
                 )
         self._motion = self._servo.state().motion
@@ -362,7 +559,7 @@ class FriArm:
         if not self._approach:
             require_near(self.facts.robot, self._servo.state().q, q, self._left)
         cycles = max(1, round(TICK / self.facts.period))
-        tool = self.facts.limits.tool
+        tool = self.facts.limits
         drive_to(
             self.facts.robot,
             self._servo.state,
@@ -389,6 +586,19 @@ class FriArm:
         log = self._servo.rows(begin, end, len(CYCLE_COLUMNS))
         log[:, 0] -= self._begin_time
         return log
+
+
+def servo_params(period: float) -> "_core.ServoParams":
+    """Return the default parameters of a servo loop.
+
+    Args:
+        period: Control period [s].
+    """
+    from dovetail import _core
+
+    servo = _core.ServoParams()
+    servo.observer_gain = observer_gain(period)
+    return servo
 
 
 def _is_before(sequence: int, other: int) -> bool:

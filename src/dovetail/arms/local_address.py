@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.transport import LOCAL
+from dovetail.arms.local_arm import LocalArm
+from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ConfigError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant, DynamicsConfig
-from dovetail.plants.twin import Twin, TwinPlant, load_twin
+from dovetail.plants.twin import Twin, load_twin, make_twin
 
 if TYPE_CHECKING:
     from dovetail.workcell.workcell import Workcell
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 class LocalAddress(ArmAddress):
     """A controller over a plant, both here."""
 
-    transport: ClassVar[str] = LOCAL
     is_here: ClassVar[bool] = True
 
     @property
@@ -33,9 +33,26 @@ class LocalAddress(ArmAddress):
         """False: no real arm moves there."""
         return False
 
+    @property
+    def can_be_disturbed(self) -> bool:
+        """True: the simulation is here."""
+        return True
+
     @abstractmethod
     def make_plant(self, cell: "Workcell") -> DrivenPlant:
         """Build the simulation."""
+
+    def build(self, cell: "Workcell", settings: ControllerSettings) -> LocalArm:
+        """Build the plant, and the controller over it."""
+        return LocalArm(
+            self.make_plant(cell),
+            cell.loaded_robot(),
+            settings.osc,
+            settings.limits,
+            settings.task,
+            settings.period,
+            address=self.text,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +106,7 @@ class TwinAddress(LocalAddress):
 
     def make_plant(self, cell: "Workcell") -> DrivenPlant:
         """Build the simulation."""
-        return TwinPlant(load_twin(self.config), cell, engine=self.engine)
+        return make_twin(self.config, cell, engine=self.engine)
 
 
 def local_address(

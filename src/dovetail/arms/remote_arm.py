@@ -1,13 +1,19 @@
-"""An arm behind `dovetail serve`, here or on another machine, over gRPC."""
+"""An arm that `dovetail serve` offers, here or on another machine, over gRPC.
+
+Its address is `grpc://HOST:PORT?KEY=VALUE&...`.
+"""
 
 import os
-import threading
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+from urllib.parse import unquote
 
 import numpy as np
 
 from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits
-from dovetail.arms.grpc_address import GrpcAddress
+from dovetail.arms.arm_address import ArmAddress, Keys
+from dovetail.control.period import PERIODS
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import (
     ArmError,
@@ -25,6 +31,86 @@ if TYPE_CHECKING:
     from dovetail.rpc import dovetail_pb2 as pb
     from dovetail.rpc.client import Connection
     from dovetail.workcell.workcell import Workcell
+
+PORT = 50051
+LOOPBACK = ("localhost", "127.0.0.1", "::1")
+_FILES = ("ca", "cert", "key")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrpcAddress(ArmAddress):
+    """A service that owns an arm and its controller, here or on another machine."""
+
+    is_service: ClassVar[bool] = True
+
+    host: str
+    """Machine on which the service runs."""
+    port: int
+    """TCP port."""
+    ca: Path | None = None
+    """Certificate of the authority that signed the service's certificate."""
+    cert: Path | None = None
+    """Own certificate."""
+    key: Path | None = None
+    """Own private key."""
+    token: str | None = field(default=None, repr=False, compare=False)
+    """Token of the service, which `text` leaves out: texts are kept and sent around.
+    None is that of the environment variable DOVETAIL_TOKEN."""
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read an address.
+
+        Raises:
+            ConfigError: Unknown key (lists the known ones), a file that is none, or
+                another machine without certificates.
+        """
+        text, token = split_token(text)  # messages show the text
+        keys = Keys(text, PORT, (*_FILES, "token", "period", "margins"))
+        files = {
+            name: Path(given).expanduser()
+            for name in _FILES
+            if (given := keys.get(name)) is not None
+        }
+        if ("cert" in files) != ("key" in files):
+            given, needed = ("cert", "key") if "cert" in files else ("key", "cert")
+            raise ConfigError(
+                f"arm {text!r} gives {given} without {needed}; give both or none"
+            )
+        if not files and keys.host not in LOOPBACK:
+            raise ConfigError(
+                f"arm {text!r}: {keys.host} is another machine and needs certificates: "
+                "add ?ca=FILE&cert=FILE&key=FILE"
+            )
+        for name, path in files.items():
+            if not path.is_file():
+                raise ConfigError(f"arm {name} {str(path)!r} is no file")
+        return cls(
+            text=text,
+            token=token or None,
+            host=keys.host,
+            port=keys.port,
+            period=keys.period(PERIODS),
+            margins=keys.choice("margins", ("hardware", "model")),
+            ca=files.get("ca"),
+            cert=files.get("cert"),
+            key=files.get("key"),
+        )
+
+    def build(self, cell: "Workcell", settings: ControllerSettings) -> "RemoteArm":
+        """Take the lease of the arm; see `RemoteArm`."""
+        return RemoteArm(self, settings, robot=cell.loaded_robot(), cell=cell)
+
+    def describe_ground(self) -> str:
+        """Return where a result was found."""
+        return f"the arm at {self.text.partition('?')[0]}"
+
+    def with_approach(self) -> str:
+        """Refuse it: who serves the arm says so."""
+        raise ConfigError(
+            f"approach is asked of {self.text!r}, which is not fri://; add "
+            "approach=yes to the address of `dovetail serve`"
+        )
 
 
 class RemoteArm:
@@ -70,7 +156,7 @@ class RemoteArm:
 
         self._timeout, self._reset_timeout = timeout, reset_timeout
         self._seed: int | None = None
-        self._closed = threading.Event()
+        self._closed = False
         self._lease = ""
         self._steps: StepStream | None = None
         self._connection = _connect(address, timeout)
@@ -134,7 +220,7 @@ class RemoteArm:
             PlantError: The simulation behind the service diverged.
             ArmError: The service is gone, the lease is lost or the arm is stopped.
         """
-        if self._closed.is_set() or self._steps is None:
+        if self._closed or self._steps is None:
             raise ArmError("this arm is closed: make a new one")
         return self._steps.step(target, duration)
 
@@ -169,16 +255,16 @@ class RemoteArm:
         from dovetail.rpc.version import own_version
 
         with self._connection.words("the log cannot be read"):
-            request = pb.LogRequest(version=own_version())
+            request = pb.LogRequest(version=own_version(), lease=self._lease)
             chunks = list(self._stub.get_log(request, timeout=self._timeout))
         blocks = [rows_from_bytes(chunk.rows) for chunk in chunks if chunk.rows]
         return np.vstack([np.empty((0, len(CYCLE_COLUMNS))), *blocks])
 
     def close(self) -> None:
         """Give the lease back, the arm held; harmless when repeated."""
-        if self._closed.is_set():
+        if self._closed:
             return
-        self._closed.set()
+        self._closed = True
         if self._lease:
             from dovetail.rpc import dovetail_pb2 as pb
             from dovetail.rpc.calls import is_failed_call
@@ -243,3 +329,16 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
             f"{there.tolist()} there and {here.tolist()} here; give both the same tool"
         )
     return robot
+
+
+def split_token(text: str) -> tuple[str, str]:
+    """Return an address without the secret in it, and the secret, "" if it has none."""
+    where, mark, keys = text.partition("?")
+    kept, token = [], ""
+    for pair in keys.split("&"):
+        name, _, value = pair.partition("=")
+        if unquote(name) == "token":
+            token = unquote(value)
+        else:
+            kept.append(pair)
+    return f"{where}{mark}{'&'.join(kept)}".removesuffix("?"), token

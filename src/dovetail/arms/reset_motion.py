@@ -4,7 +4,7 @@ For arms that cannot be placed. The path is joint targets at a fixed rate, follo
 below every limit like any other target.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,6 +14,7 @@ from dovetail.poses import Pose, quat_from_vector, quat_multiply, rotation_error
 from dovetail.types import Vec3, Vec7
 
 if TYPE_CHECKING:
+    from dovetail import _core
     from dovetail.robots.robot import Robot
 
 TICK = 0.05
@@ -29,8 +30,54 @@ JOINT_SPEED = 0.4
 SPEED_ACROSS = 0.1
 """Mean speed of the tool there [m/s]: half as much again in the middle, well below the
 0.25 m/s of T1, which are those of the velocity's norm."""
+ARRIVED = 0.02
+"""Distance of every joint from the start that ends a reset [rad]."""
+ARRIVAL_TIME = 5.0
+"""Time to come to rest at the start, after the way there, before a reset fails [s]."""
 _LEVEL = 1e-6
 _SAMPLES = 33
+
+
+def drive_to(
+    robot: "Robot",
+    observe: Callable[[], "_core.ServoState"],
+    follow: Callable[["_core.Target"], None],
+    q: Vec7,
+    fixture: Pose,
+    z_max: float,
+) -> None:
+    """Drive to q [rad], below the limits.
+
+    Args:
+        robot: The arm, tool included.
+        observe: Returns where it is.
+        follow: Follows a target for `TICK`.
+        q: The start [rad].
+        fixture: The fixture; it is passed at a distance.
+        z_max: No higher than this [m].
+
+    Raises:
+        ArmError: The arm does not arrive.
+    """
+    from dovetail import _core
+
+    for q_d in plan_reset(robot, observe().q, q, fixture, z_max):
+        follow(_core.Target(joint_mode=True, q_d=q_d))
+    at_goal = _core.Target(joint_mode=True, q_d=q)
+    error = np.zeros(7)
+    for _ in range(round(ARRIVAL_TIME / TICK)):
+        state = observe()
+        error = np.abs(state.q - q)
+        if error.max() < ARRIVED and np.abs(state.dq).max() < 2.0 * ARRIVED:
+            return
+        follow(at_goal)
+    joint = int(np.argmax(error))
+    raise ArmError(
+        f"the arm does not arrive at the start: A{joint + 1} is {error[joint]:.3f} rad "
+        f"away after {ARRIVAL_TIME:g} s; is something in its way, or the start behind "
+        "a wall or a joint limit?",
+        "reset",
+    )
 
 
 def plan_reset(

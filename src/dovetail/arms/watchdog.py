@@ -1,9 +1,8 @@
 """Settings of the C++ watchdog: conditions that stop an arm on the network."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from dovetail.control.ranges import Range, check_ranges
+from dovetail.settings import Range, settings
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -11,7 +10,7 @@ if TYPE_CHECKING:
 _INF = float("inf")
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class WatchdogConfig:
     """Causes of a hold or a controlled stop; infinity switches a cause off."""
 
@@ -32,9 +31,6 @@ class WatchdogConfig:
     """Time for which torque must differ from the commanded one [s]."""
     rest_speed: Annotated[float, Range(1e-4, 1.0, "rad/s")] = 0.02
     """Speed of every joint below which a braking arm is held where it is [rad/s]."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self)
 
     def params(self) -> "_core.WatchdogParams":
         """Copy into the C++ parameter struct."""

@@ -24,7 +24,7 @@ _REST_TIMES = 0.02, 0.1
 """Shortest and longest time that the brakes take to bring the arm to rest [s]."""
 
 
-class Body:
+class ArmBody:
     """A plant that a motion drives, drives or brakes stop, and the brakes hold.
 
     At rest behind closed brakes the plant is not stepped: the arm stays exactly where
@@ -39,19 +39,19 @@ class Body:
             config: Law, period and filter.
         """
         self.plant = plant
-        self.period = config.pace.period
+        self.period = config.period
         self._steps = max(1, round(self.period / _LAW_PERIOD))
         self._step = self.period / self._steps
         self.law = JointLaw(
             plant.robot,
             plant.dynamics,
-            config.law.stiffness,
-            config.law.damping,
-            coriolis=config.law.coriolis,
+            config.stiffness,
+            config.damping,
+            coriolis=config.coriolis,
         )
-        filter_time = config.torques.external_filter
+        filter_time = config.external_filter
         self.sensors = TorqueSensors(self.law, self.period, filter_time)
-        self._mode = config.law.mode
+        self._mode = config.mode
         self._is_torque = self._mode == "torque"
         self._path = LatePath(self.period, plant.command_delay)
         self.failure = ""

@@ -70,8 +70,8 @@ class Cabinet:
         self.log = EventLog(log)
         self.controller = RobotController(plant, config, self.log.write)
         self._wire = Wire(self.controller)
-        place, counts = config.connection, self.controller.counts
-        self._port = UdpPort(place.bind, place.client, counts)
+        counts = self.controller.counts
+        self._port = UdpPort(config.bind, config.client, counts)
         self._wake, self._woken = socket.socketpair()
         self._woken.setblocking(False)
         self._exchange = self._make_exchange()
@@ -89,15 +89,15 @@ class Cabinet:
         self.address = self._port.address
         """The cabinet's UDP address."""
         self._control: ControlPort | None = None
-        if place.control is not None:
+        if config.control is not None:
             try:
-                self._control = ControlPort(place.control, self.request)
+                self._control = ControlPort(config.control, self.request)
             except ConfigError:
                 self._port.close()
                 raise
 
     def _make_exchange(self) -> Exchange:
-        pace, wake = self.config.pace, self._woken.fileno()
+        pace, wake = self.config, self._woken.fileno()
         if pace.clock == "wall":
             return WallExchange(self._port, wake, self, pace.period)
         return LockstepExchange(
@@ -159,7 +159,7 @@ class Cabinet:
     def run(self) -> None:
         """Run until `close` is called or a KeyboardInterrupt comes."""
         self._started = self._exchange.now
-        version, clock = self.config.connection.version, self.config.pace.clock
+        version, clock = self.config.version, self.config.clock
         self.log.write("start", version=version, clock=clock)
         try:
             while not self._is_closing:
@@ -185,8 +185,8 @@ class Cabinet:
         if isinstance(exchange, LockstepExchange):
             exchange.is_patient = controller.state >= SessionState.MONITORING_READY
         payload = self._wire.encode(self._stamp())
-        if (values := self._faults.robot.values) != 7:
-            is_framed = self.config.connection.version == "2.7"
+        if (values := self._faults.values) != 7:
+            is_framed = self.config.version == "2.7"
             payload = with_joint_values(payload, values, is_framed=is_framed)
         is_due = controller.is_slot_end
         exchange.transact(payload, controller.sequence, is_due=is_due)
@@ -230,7 +230,7 @@ class Cabinet:
         """Put faults in the place of the present ones."""
         self._faults = faults
         self._exchange.configure(faults)
-        robot = faults.robot
+        robot = faults
         self.controller.quality.forced = robot.quality
         self._freeze = robot.freeze
         self._stop_at = None
@@ -243,7 +243,7 @@ class Cabinet:
             self._install(self._script.pop(0)[1])
         if self._stop_at is not None and now >= self._stop_at:
             self._stop_at = None
-            robot = self._faults.robot
+            robot = self._faults
             self.controller.stop_safely(SafetyState(robot.stop), robot.stop_time)
         if self._freeze:
             duration, self._freeze = self._freeze, 0.0
@@ -327,7 +327,7 @@ class Cabinet:
         status = self.controller.status()
         status["rate"] = round(self._rate, 1)
         status["counts"]["overruns"] = self._exchange.overruns
-        status["clock"] = self.config.pace.clock
+        status["clock"] = self.config.clock
         status["faults"] = self._faults.describe()
         status["last_error"] = self.last_error
         status["log_failure"] = self.log.failure

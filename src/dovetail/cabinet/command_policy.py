@@ -12,7 +12,7 @@ _TORQUE_SLACK = 1e-6
 """Torque over the limit that is rounding [Nm]."""
 
 
-class Command(Protocol):
+class CommandFields(Protocol):
     """Fields of a client's command that the policy reads; None where absent."""
 
     q: Sequence[float] | None
@@ -36,11 +36,11 @@ class CommandPolicy:
         self._config, limits = config, robot.limits
         self._q_min = limits.q_min.tolist()
         self._q_max = limits.q_max.tolist()
-        self._dq_max = (config.end.speed_factor * limits.dq_max).tolist()
+        self._dq_max = (config.speed_factor * limits.dq_max).tolist()
         self._tau_max = (limits.tau_max + _TORQUE_SLACK).tolist()
-        factor, slot = config.end.command_speed_factor, config.pace.slot
+        factor, slot = config.command_speed_factor, config.slot
         self._step_max = (factor * limits.dq_max * slot).tolist()
-        self.mode = CommandMode[config.law.mode.upper()]
+        self.mode = CommandMode[config.mode.upper()]
         self.begin([0.0] * 7)
 
     def begin(self, q_ipo: list[float]) -> None:
@@ -59,7 +59,7 @@ class CommandPolicy:
         self.tau = [0.0] * 7
         self.wrench = [0.0] * 6
 
-    def _missing(self, command: Command) -> str:
+    def _missing(self, command: CommandFields) -> str:
         if command.q is None:
             return "command without joint position"
         if self.mode is CommandMode.TORQUE and command.tau is None:
@@ -68,21 +68,21 @@ class CommandPolicy:
             return "command without wrench, which wrench mode needs every time"
         return ""
 
-    def mirror(self, command: Command | None) -> None:
+    def mirror(self, command: CommandFields | None) -> None:
         """Judge a command in COMMANDING_WAIT; its torque's content does not matter."""
         reason = "no command in time" if command is None else self._missing(command)
         if command is not None and command.q is not None and not reason:
             for joint, q, q_ipo in zip(JOINTS, command.q, self.q_ipo, strict=True):
-                if not abs(q - q_ipo) <= self._config.start.mirror_tolerance:
+                if not abs(q - q_ipo) <= self._config.mirror_tolerance:
                     reason = (
                         f"{joint} commanded {q - q_ipo:+.4f} rad from the interpolator,"
-                        f" tolerance is {self._config.start.mirror_tolerance:g} rad"
+                        f" tolerance is {self._config.mirror_tolerance:g} rad"
                     )
                     break
         self.mirrored = 0 if reason else self.mirrored + 1
         if not reason and command is not None and command.q is not None:
             self.q = list(command.q)
-        left = self._config.start.sync_slots - self.mirrored
+        left = self._config.sync_slots - self.mirrored
         if not reason and left > 0:
             reason = f"{left} more mirrored commands"
         self.waits_for = reason
@@ -90,10 +90,13 @@ class CommandPolicy:
     @property
     def is_synchronised(self) -> bool:
         """True once the client has mirrored the interpolator for long enough."""
-        return self.mirrored >= self._config.start.sync_slots
+        return self.mirrored >= self._config.sync_slots
 
     def act(
-        self, command: Command | None, q: Sequence[float], gravity: Sequence[float]
+        self,
+        command: CommandFields | None,
+        q: Sequence[float],
+        gravity: Sequence[float],
     ) -> str:
         """Judge a command, or its absence, in COMMANDING_ACTIVE.
 
@@ -124,7 +127,7 @@ class CommandPolicy:
 
     def _illegal(self, q_cmd: Sequence[float], q: Sequence[float]) -> str:
         """Return what is wrong with a commanded position [rad], or ""."""
-        delta_max = self._config.end.axis_delta_max
+        delta_max = self._config.axis_delta_max
         steps = 1 + self.missed
         for i in range(7):
             # Negated so that nan stops the motion, too.

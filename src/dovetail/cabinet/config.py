@@ -1,16 +1,16 @@
 """Settings of the cabinet, and how addresses are written."""
 
 import math
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
+
+from pydantic import model_validator
 
 from dovetail.cabinet.protocol import VERSIONS
 from dovetail.cabinet.quality import QualityRule
 from dovetail.cabinet.signals import Signal, require_signals, require_transformations
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
+from dovetail.settings import Range, fill_in, settings
 from dovetail.types import JOINTS
 
 _SLOTS_MAX = 1_000_000
@@ -48,11 +48,9 @@ def parse_endpoint(text: str, name: str) -> Endpoint:
     return Endpoint(host, int(port))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ConnectionConfig(Section):
+@settings(owner="cabinet")
+class ConnectionConfig:
     """The ports, and what is spoken there."""
-
-    owner: ClassVar[str] = "cabinet"
 
     version: str = "1.15"
     """Wire version: 1.15 (1.14 to 1.16), 2.5 or 2.7; client and cabinet must agree."""
@@ -63,21 +61,20 @@ class ConnectionConfig(Section):
     control: Endpoint | None = _CONTROL
     """Control port (TCP); None for none, port 0 for a free one."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_connection_config(self) -> Self:
         """Refuse a version that is not known."""
         if self.version not in VERSIONS:
             raise ConfigError(
                 f"FRI version {self.version!r} is unknown; known versions: "
                 f"{', '.join(VERSIONS)} (1.14 and 1.16 speak 1.15)"
             )
-        super().__post_init__()
+        return self
 
 
-@dataclass(frozen=True, kw_only=True)
-class PaceConfig(Section):
+@settings(owner="cabinet")
+class PaceConfig:
     """Timing of messages and answers."""
-
-    owner: ClassVar[str] = "cabinet"
 
     period: float = DEFAULT_PERIOD
     """Send period [s], 1 to 100 ms in whole ms."""
@@ -88,7 +85,8 @@ class PaceConfig(Section):
     patience: Annotated[float, Range(0.01, 3600.0, "s")] = 10.0
     """Longest wait of lockstep for a reply before it counts as missed [s]."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_pace_config(self) -> Self:
         """Refuse a period that the wire cannot tell."""
         period_ms = 1e3 * self.period
         if not (0.999 < period_ms < 100.001 and abs(period_ms % 1.0 - 0.5) > 0.499):
@@ -97,8 +95,8 @@ class PaceConfig(Section):
                 "on the wire (dovetail's controller takes 1, 2 and 5 ms, and 2.5 ms "
                 "only on arms in its own process)"
             )
-        object.__setattr__(self, "period", 1e-3 * round(period_ms))
-        super().__post_init__()
+        fill_in(self, period=1e-3 * round(period_ms))
+        return self
 
     @property
     def period_ms(self) -> int:
@@ -111,11 +109,9 @@ class PaceConfig(Section):
         return self.period * self.receive_multiplier
 
 
-@dataclass(frozen=True, kw_only=True)
-class LawConfig(Section):
+@settings(owner="cabinet")
+class LawConfig:
     """Control law of the arm, besides its own gravity compensation."""
-
-    owner: ClassVar[str] = "cabinet"
 
     mode: Literal["torque", "position", "wrench"] = "torque"
     """Command expected from the client, besides the position that each one has."""
@@ -130,11 +126,9 @@ class LawConfig(Section):
     acts; real cabinets probably do under an overlay, but no source says so."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionStartConfig(Section):
+@settings(owner="cabinet")
+class MotionStartConfig:
     """Conditions for the start of a motion."""
-
-    owner: ClassVar[str] = "cabinet"
 
     mirror_tolerance: Annotated[float, Range(0.0, math.pi, "rad")] = 0.15
     """Distance of the command from the interpolator in COMMANDING_WAIT [rad]."""
@@ -149,11 +143,9 @@ class MotionStartConfig(Section):
     the control port's resume."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionEndConfig(Section):
+@settings(owner="cabinet")
+class MotionEndConfig:
     """Errors that end a motion."""
-
-    owner: ClassVar[str] = "cabinet"
 
     hold_slots: Annotated[int | None, Range(0, _SLOTS_MAX, "slots")] = None
     """Missed commands for which the last one is held; None is 3, but 5 ms at most."""
@@ -168,11 +160,9 @@ class MotionEndConfig(Section):
     """Speed of the joint over its limit that stops the motion [1]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class WireTorqueConfig(Section):
+@settings(owner="cabinet")
+class WireTorqueConfig:
     """Torques on the wire: signs, content and filter."""
-
-    owner: ClassVar[str] = "cabinet"
 
     measured_sign: Literal[-1, 1] = -1
     """Sign of the measured torque on the wire over the torque on the joint."""
@@ -187,71 +177,58 @@ class WireTorqueConfig(Section):
     """Time constant of the external torque's estimate [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SignalConfig(Section):
+@settings(owner="cabinet")
+class SignalConfig:
     """IO signals and requested transformations."""
-
-    owner: ClassVar[str] = "cabinet"
 
     io: tuple[Signal, ...] = ()
     """IO signals that the Java application has registered."""
     transformations: tuple[str, ...] = ()
     """Names of the transformations that the cabinet requests."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_signal_config(self) -> Self:
         """Refuse what a message cannot carry."""
-        super().__post_init__()
         require_signals(self.io)
         require_transformations(self.transformations)
+        return self
 
 
-@dataclass(frozen=True, kw_only=True)
-class CabinetConfig(Sectioned):
-    """Everything about a cabinet but the arm behind it.
+@settings()
+class CabinetConfig(
+    ConnectionConfig,
+    PaceConfig,
+    LawConfig,
+    QualityRule,
+    MotionStartConfig,
+    MotionEndConfig,
+    WireTorqueConfig,
+    SignalConfig,
+):
+    """Everything about a cabinet but the arm behind it."""
 
-    `CabinetConfig.of(period=0.002, clock="lockstep")` takes the settings of every
-    section by their short names; `flat` gives them back.
-    """
-
-    whose: ClassVar[str] = "a cabinet"
-
-    connection: ConnectionConfig = field(default_factory=ConnectionConfig)
-    """The ports, and what is spoken there."""
-    pace: PaceConfig = field(default_factory=PaceConfig)
-    """Timing of messages and answers."""
-    law: LawConfig = field(default_factory=LawConfig)
-    """Control law of the arm."""
-    quality: QualityRule = field(default_factory=QualityRule)
-    """Thresholds of a poor, fair, good or excellent link."""
-    start: MotionStartConfig = field(default_factory=MotionStartConfig)
-    """Conditions for the start of a motion."""
-    end: MotionEndConfig = field(default_factory=MotionEndConfig)
-    """Errors that end a motion."""
-    torques: WireTorqueConfig = field(default_factory=WireTorqueConfig)
-    """Torques on the wire."""
-    signals: SignalConfig = field(default_factory=SignalConfig)
-    """IO signals and requested transformations."""
-
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_cabinet_config(self) -> Self:
         """Refuse to stop a motion while a command is held."""
         if self.stop_misses < self.held_misses:
             raise ConfigError(
                 f"stop_slots is {self.stop_misses}, less than hold_slots "
                 f"{self.held_misses}: the motion would stop while a command is held"
             )
+        return self
 
     @property
     def held_misses(self) -> int:
         """Missed commands for which the last one is held."""
-        given = self.end.hold_slots
+        given = self.hold_slots
         return self._misses(*_HOLD) if given is None else given
 
     @property
     def stop_misses(self) -> int:
         """Missed commands in a row that end the motion."""
-        if self.end.stop_slots is not None:
-            return self.end.stop_slots
+        if self.stop_slots is not None:
+            return self.stop_slots
         return max(self._misses(*_STOP), self.held_misses + 1)
 
     def _misses(self, most: int, duration: float) -> int:
-        return max(1, min(most, math.floor(duration / self.pace.slot + 1e-9)))
+        return max(1, min(most, math.floor(duration / self.slot + 1e-9)))

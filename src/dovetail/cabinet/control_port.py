@@ -26,6 +26,8 @@ MAX_CONNECTIONS = 16
 of one that never asked anything before those that did."""
 SILENCE_MAX = 5.0
 """A connection that has not asked anything for so long is closed [s]."""
+_LOOK = 1.0
+"""Time between two looks for connections that were silent for too long [s]."""
 
 
 class _Client:
@@ -88,7 +90,7 @@ class ControlPort:
     def _serve(self) -> None:
         while True:
             is_any_silent = not all(c.has_asked for c in self._clients.values())
-            for key, _ in self._selector.select(1.0 if is_any_silent else None):
+            for key, _ in self._selector.select(_LOOK if is_any_silent else None):
                 if key.fileobj is self._stopped:
                     return
                 if key.fileobj is self._listener:

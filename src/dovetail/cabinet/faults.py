@@ -6,27 +6,23 @@ was started: ``2s loss=0.1`` and then ``5s none``. Lines may have a # comment.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from dovetail.cabinet.protocol import Quality, SafetyState
-from dovetail.control.ranges import Range, check_ranges, ranges_of
-from dovetail.control.sections import Section, Sectioned, settings_in
 from dovetail.durations import parse_duration
 from dovetail.errors import ConfigError
 from dovetail.reading import read_text
+from dovetail.settings import Range, defaults_of, ranges_of, settings, values_of
 
 DIRECTIONS = ("both", "to_client", "from_client")
 Share = Annotated[float, Range(0.0, 1.0, "1")]
 """A share of the datagrams."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LinkFaults(Section):
+@settings(owner="fault")
+class LinkFaults:
     """Faults of the link."""
-
-    owner: ClassVar[str] = "fault"
 
     loss: Share = 0.0
     """Share of datagrams that are lost [1]."""
@@ -53,11 +49,9 @@ class LinkFaults(Section):
         return not any(vars(self)[name] for name in names)
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobotFaults(Section):
+@settings(owner="fault")
+class RobotFaults:
     """Faults of the robot, its cabinet and its safety controller."""
-
-    owner: ClassVar[str] = "fault"
 
     freeze: Annotated[float, Range(0.0, 60.0, "s")] = 0.0
     """Time for which the cabinet stands still, once [s]."""
@@ -73,31 +67,18 @@ class RobotFaults(Section):
     """Joint values in each array of the messages; a real cabinet sends 7."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FaultConfig(Sectioned):
-    """Faults that act together; the defaults are none.
+@settings(owner="fault")
+class FaultConfig(LinkFaults, RobotFaults):
+    """Faults that act together; the defaults are none."""
 
-    `FaultConfig.of(loss=0.02, delay=0.003)` takes them by the names of their text.
-    """
-
-    whose: ClassVar[str] = "faults"
-
-    link: LinkFaults = field(default_factory=LinkFaults)
-    """Faults of the link."""
-    robot: RobotFaults = field(default_factory=RobotFaults)
-    """Faults of the robot."""
     seed: Annotated[int, Range(0, 2**32 - 1, "1")] = 0
     """Start of the random numbers."""
-
-    def __post_init__(self) -> None:
-        """Refuse a number out of its range."""
-        check_ranges(self, "fault")
 
     def describe(self) -> str:
         """Return the faults as `parse_faults` reads them."""
         parts = []
-        for name, value in self.flat().items():
-            if value == _KNOWN[name].default:
+        for name, value in values_of(self).items():
+            if value == _DEFAULTS[name]:
                 continue
             if isinstance(value, Quality):
                 value = value.name.lower()
@@ -106,8 +87,8 @@ class FaultConfig(Sectioned):
         return ",".join(parts) or "none"
 
 
-_KNOWN = settings_in(FaultConfig)
-_RANGES = ranges_of(LinkFaults) | ranges_of(RobotFaults)
+_DEFAULTS = defaults_of(FaultConfig)
+_RANGES = ranges_of(FaultConfig)
 _PROBABILITIES = ("loss", "duplicate", "reorder", "corrupt", "truncate")
 _TIMES = tuple(name for name, allowed in _RANGES.items() if allowed.unit == "s")
 _WHOLE = ("stop", "values", "seed")
@@ -160,7 +141,7 @@ def parse_faults(text: str) -> FaultConfig:
         ConfigError: Unknown name, a name twice, or a value out of range; the message
             lists the known names.
     """
-    known = ", ".join(_KNOWN)
+    known = ", ".join(_DEFAULTS)
     values: dict[str, Any] = {}
     for part in text.split(","):
         if part.strip() in ("", "none"):
@@ -173,7 +154,7 @@ def parse_faults(text: str) -> FaultConfig:
         if name in values:
             raise ConfigError(f"fault {name} is given twice in {text!r}")
         values[name] = _READERS[name](name, value)
-    return FaultConfig.of(**values)
+    return FaultConfig(**values)
 
 
 _SCRIPT_BYTES = 1_000_000

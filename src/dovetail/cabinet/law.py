@@ -46,9 +46,9 @@ class JointLaw:
             coriolis: Compensate Coriolis torques where the impedance acts.
         """
         self.chain = robot.chain()
-        self.armature = np.array(dynamics.joints.armature)
+        self.armature = np.array(dynamics.armature)
         """Rotor inertia at each joint [kg m2]."""
-        self.friction = np.array(dynamics.joints.damping)
+        self.friction = np.array(dynamics.damping)
         """Viscous friction of each joint [Nms/rad]."""
         self._K = np.array(stiffness)
         self._d = np.array(damping)

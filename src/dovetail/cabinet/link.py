@@ -46,8 +46,8 @@ class Link:
             faults: The faults.
             way: Which way this link is, "to_client" or "from_client".
         """
-        acts = faults.link.direction in ("both", way)
-        self.faults = faults.link if acts else LinkFaults()
+        acts = faults.direction in ("both", way)
+        self.faults = faults if acts else LinkFaults()
         self._is_clear = self.faults.is_clear
         self._random = random.Random(f"{way} {faults.seed}")
 

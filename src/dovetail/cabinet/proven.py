@@ -20,17 +20,17 @@ def find_unproven(
     said = {} if twin is None else twin.unproven()
     said.pop("command_delay", None)  # told below, with the wire's
     found = list(said.values())
-    slot = config.pace.period_ms * config.pace.receive_multiplier
+    slot = config.period_ms * config.receive_multiplier
     if slot not in [round(1e3 * period) for period in FRI_PERIODS]:
         found.append(
             f"period is {slot} ms between two commands; dovetail's limits are proven "
             "for 1, 2 and 5 ms (send period times receive multiplier): give one of "
             "these, or use another client than dovetail's"
         )
-    link = faults.link
+    link = faults
     ways = 2 if link.direction == "both" else 1
     wire = ways * (link.delay + link.jitter)
-    command_delay = 0.0 if twin is None else twin.channel.command_delay
+    command_delay = 0.0 if twin is None else twin.command_delay
     longest = DECLARED["delay"]
     if command_delay + wire > longest + 1e-9:
         found.append(

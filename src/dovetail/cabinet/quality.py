@@ -5,13 +5,16 @@ COMMANDING_ACTIVE and are all parameters.
 """
 
 from collections import deque
-from dataclasses import dataclass
+from typing import Self
+
+from pydantic import model_validator
 
 from dovetail.cabinet.protocol import Quality
 from dovetail.errors import ConfigError
+from dovetail.settings import settings
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(owner="quality")
 class QualityRule:
     """Thresholds of a poor, fair, good or excellent link."""
 
@@ -26,7 +29,8 @@ class QualityRule:
     misses_max: int = 10
     """Replies missed in a row that still are not POOR."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_quality_rule(self) -> Self:
         """Refuse thresholds that contradict each other."""
         if self.window < 1:
             raise ConfigError(f"quality window is {self.window}; give 1 or more")
@@ -38,6 +42,7 @@ class QualityRule:
                 f"quality thresholds are fair {shares[0]:g}, good {shares[1]:g}, "
                 f"excellent {shares[2]:g}; they must rise within 0 to 1"
             )
+        return self
 
 
 class LinkQuality:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dovetail.cabinet.body import Body
+from dovetail.cabinet.body import ArmBody
 from dovetail.cabinet.command_policy import CommandPolicy
 from dovetail.cabinet.config import CabinetConfig
 from dovetail.cabinet.protocol import (
@@ -20,7 +20,7 @@ from dovetail.cabinet.protocol import (
     SessionState,
 )
 from dovetail.cabinet.quality import LinkQuality
-from dovetail.cabinet.session import Application, Situation, next_state
+from dovetail.cabinet.session import Application, SessionInputs, next_state
 from dovetail.cabinet.signals import SignalTable
 from dovetail.cabinet.stops import StopCategory
 from dovetail.poses import Pose
@@ -58,14 +58,14 @@ class RobotController:
             report: Called as report(event, **facts) for the log.
         """
         self.config = config
-        self.body = Body(plant, config)
-        self.quality = LinkQuality(config.quality)
-        delay, period = config.start.restart_delay, config.pace.period
+        self.body = ArmBody(plant, config)
+        self.quality = LinkQuality(config)
+        delay, period = config.restart_delay, config.period
         self.application = Application(
-            config.start.ready_slots, None if delay is None else round(delay / period)
+            config.ready_slots, None if delay is None else round(delay / period)
         )
         self.policy = CommandPolicy(config, plant.robot)
-        self.signals = SignalTable(config.signals.io)
+        self.signals = SignalTable(config.io)
         self.transformations: dict[str, Any] = {}
         """Last answer to each requested transformation."""
         self.counts: Counter[str] = Counter()
@@ -101,7 +101,7 @@ class RobotController:
         """State of all drives."""
         if not self.application.has_motion or self.safety:
             return DriveState.OFF
-        if self._drives < self.config.start.drive_slots:
+        if self._drives < self.config.drive_slots:
             return DriveState.TRANSITIONING
         return DriveState.ACTIVE
 
@@ -113,7 +113,7 @@ class RobotController:
                 self.safety = SafetyState.NORMAL_OPERATION
                 self._report("safety", state=self.safety.name)
         application = self.application
-        situation = Situation(
+        situation = SessionInputs(
             application.is_open,
             self.quality.value,
             application.has_motion,
@@ -156,7 +156,7 @@ class RobotController:
     @property
     def is_slot_end(self) -> bool:
         """True if this message is the last of its receive slot."""
-        return self._phase >= self.config.pace.receive_multiplier
+        return self._phase >= self.config.receive_multiplier
 
     def receive(self, command: Any) -> bool:
         """Take a command that arrived now; one counts in each receive slot.
@@ -182,7 +182,7 @@ class RobotController:
             if not self.signals.write(*write):
                 self._report("io", refused=self.signals.last_refusal)
         for name, values in command.transformations:
-            if name in self.config.signals.transformations:
+            if name in self.config.transformations:
                 self.transformations[name] = values
             else:
                 self.counts["unknown_transformations"] += 1
@@ -278,7 +278,7 @@ class RobotController:
     def stop_safely(self, level: SafetyState, duration: float) -> None:
         """Stop the arm as the safety controller does, for a duration [s]."""
         self.safety = level
-        self._safety_left = max(1, round(duration / self.config.pace.period))
+        self._safety_left = max(1, round(duration / self.config.period))
         self._report("safety", state=level.name)
         name = level.name.lower().replace("_", " ")
         self.stop_motion(f"safety stop, {name}", _CATEGORIES[level])

@@ -11,7 +11,7 @@ from dovetail.cabinet.protocol import Quality, SessionState
 from dovetail.errors import ConfigError
 
 
-class Situation(NamedTuple):
+class SessionInputs(NamedTuple):
     """Inputs that decide the session's next state."""
 
     is_open: bool
@@ -26,7 +26,7 @@ class Situation(NamedTuple):
     """All drives are active and nothing has stopped them."""
 
 
-def next_state(state: SessionState, now: Situation) -> SessionState:
+def next_state(state: SessionState, now: SessionInputs) -> SessionState:
     """Return the session's state in the next message: at most one step on."""
     if not now.is_open:
         return SessionState.IDLE

@@ -43,15 +43,15 @@ class Wire:
         """Prepare the message's constant parts."""
         config = controller.config
         self._controller = controller
-        self._version = _core.fri_version(config.connection.version)
-        self._has_q_commanded = config.connection.version == "1.15"
+        self._version = _core.fri_version(config.version)
+        self._has_q_commanded = config.version == "1.15"
         message = _core.FriMonitoring()
         message.num_joints = 7
-        message.send_period_ms = config.pace.period_ms
-        message.receive_multiplier = config.pace.receive_multiplier
+        message.send_period_ms = config.period_ms
+        message.receive_multiplier = config.receive_multiplier
         message.operation_mode = _AUT
         message.requested_transformations = [
-            _core.FriTransformation(name) for name in config.signals.transformations
+            _core.FriTransformation(name) for name in config.transformations
         ]
         self._message = message
         self._last: tuple[Any, ...] = ()
@@ -63,7 +63,7 @@ class Wire:
             stamp: Unix time of the cabinet [s, ns].
         """
         controller, message = self._controller, self._message
-        body, torques = controller.body, controller.config.torques
+        body, torques = controller.body, controller.config
         now = (
             controller.state,
             controller.quality_value,
@@ -87,7 +87,7 @@ class Wire:
         message.tau_commanded = torques.commanded_sign * tau
         if self._has_q_commanded:
             message.q_commanded = controller.q_commanded
-        if controller.config.signals.io:
+        if controller.config.io:
             message.io = self._signals()
         return message.encode(self._version)
 
@@ -101,12 +101,12 @@ class Wire:
         message.safety = int(controller.safety)
         message.drive_states = [int(drives)] * 7
         held = ControlMode.JOINT_IMPEDANCE
-        if controller.config.law.mode == "position":
+        if controller.config.mode == "position":
             held = ControlMode.POSITION
         is_off = drives is DriveState.OFF
         message.control_mode = int(ControlMode.NO_CONTROL if is_off else held)
         message.command_mode = int(controller.command_mode)
-        is_wrench = controller.config.law.mode == "wrench"
+        is_wrench = controller.config.mode == "wrench"
         kind = Overlay.CARTESIAN if is_wrench else Overlay.JOINT
         message.overlay = int(kind if is_commanding else Overlay.NONE)
         message.ipo_q = controller.q_ipo

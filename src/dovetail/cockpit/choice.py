@@ -17,31 +17,35 @@ from dovetail.envs.registered import make, task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.learn.policy_env import known_env_id, make_policy_env, require_yes
+from dovetail.learn.policy_env import (
+    known_env_id,
+    make_policy_env,
+    require_contact_accepted,
+)
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins
 from dovetail.robots.find import DEFAULT_ROBOT
 from dovetail.search.script import SCRIPT_SETTINGS, CornerScript
 from dovetail.tasks.shipped import DEFAULT_ENV
 
-NOBODY = "none"
-"""The policy that there is not: only a person moves the arm."""
+NO_POLICY = "none"
+"""Name that means no policy: only a person moves the arm."""
 SCRIPT = "corner"
-"""The scripted corner search, in the place of a policy."""
+"""Name of the scripted corner search, in place of a policy."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """Policy, place and task by the user's choice; a new choice rebuilds everything."""
+    """Policy, place and task; a new choice rebuilds everything."""
 
-    policy: str = NOBODY
-    """A policy's file, the name of a shipped one, `SCRIPT` or `NOBODY`."""
+    policy: str = NO_POLICY
+    """A policy's file, the name of a shipped one, `SCRIPT` or `NO_POLICY`."""
     place: str = "mujoco"
     """Address of the arm: a plant, twin:NAME, fri://..., grpc://..."""
     env: str | None = None
     """Gymnasium id of the task; None is the policy's, or the usual one."""
     settings: Mapping[str, Any] = field(default_factory=dict)
-    """Settings of task and environment that go before the policy's."""
+    """Settings of task and environment; they override the policy's."""
     accept_contact: bool = False
     """Yes to laxer contact settings than the defaults, on a robot."""
 
@@ -53,22 +57,24 @@ def build(
 
     Args:
         choice: Policy, place and task.
-        fixture: Where it stands, if that is given.
+        fixture: Place of the fixture: x y z [m] and yaw [rad]; None is the task's.
 
     Raises:
-        DovetailError: No such policy, place or setting, or they do not fit one another;
-            or the fixture's place is not known.
+        DovetailError: No such policy, place or setting; they do not fit together; or
+            the fixture's place is unknown.
     """
     policy: Policy | CornerScript | None = None
     where: dict[str, Any] = {"arm": choice.place, "max_steps": ENDLESS}
     where |= choice.settings
-    if choice.policy in (NOBODY, SCRIPT):
+    if choice.policy in (NO_POLICY, SCRIPT):
         env_id = choice.env or DEFAULT_ENV
         task_class(env_id)
         where["period"] = _period(choice, {})
         if choice.policy == SCRIPT:
             policy, where = CornerScript(), {**SCRIPT_SETTINGS, **where}
-            require_yes(where, choice.place, is_given=choice.accept_contact)
+            require_contact_accepted(
+                where, choice.place, is_given=choice.accept_contact
+            )
         env = make(env_id, **where)
     else:
         policy = Policy.load(find_policy(choice.policy))
@@ -96,20 +102,20 @@ def build(
 
 
 def _period(choice: Choice, trained: Mapping[str, Any]) -> float:
-    """Return the control period [s]: asked for, the arm's, or the training's."""
+    """Return the control period [s]: the one set, the arm's, or the training's."""
     usual = trained.get("period", DEFAULT_PERIOD)
     asked = choice.settings.get("period")
     return parse_address(choice.place).control_period(asked, usual)
 
 
 def _trained_robot(trained: Mapping[str, Any]) -> str:
-    """Return the robot of a policy's training; a module's only the user may name."""
+    """Return the robot of a policy's training; only the user may name a module's."""
     robot = str(trained.get("robot", DEFAULT_ROBOT))
     return DEFAULT_ROBOT if ":" in robot else robot
 
 
 def describe(env: gymnasium.Env, choice: Choice) -> dict[str, Any]:
-    """Return what a log says of itself: enough to draw it again."""
+    """Return the metadata of a log: enough to draw it again."""
     core = require_contact_env(env)
     return describe_cell(env) | {
         "policy": choice.policy,
@@ -120,7 +126,7 @@ def describe(env: gymnasium.Env, choice: Choice) -> dict[str, Any]:
 
 
 def known_places(choice: Choice) -> tuple[str, ...]:
-    """Return where it could run too: the simulations, if it runs in one."""
+    """Return the places to choose from: the simulations, if it runs in one."""
     address = parse_address(choice.place)
     if not address.is_here:
         return (address.text,)
@@ -129,7 +135,7 @@ def known_places(choice: Choice) -> tuple[str, ...]:
 
 
 def known_words(choice: Choice) -> dict[str, tuple[str, ...]]:
-    """Return the settings that are one of a few words: the task's, and the scheme."""
+    """Return the settings with a few allowed words: the task's, and the scheme."""
     kind = task_class(_env_id(choice))
     kinds = get_type_hints(kind)
     found = {
@@ -141,15 +147,15 @@ def known_words(choice: Choice) -> dict[str, tuple[str, ...]]:
 
 
 def _env_id(choice: Choice) -> str:
-    if choice.policy in (NOBODY, SCRIPT):
+    if choice.policy in (NO_POLICY, SCRIPT):
         return choice.env or DEFAULT_ENV
     return known_env_id(Policy.load(find_policy(choice.policy)).metadata, choice.env)
 
 
 def _require_place(core: ContactEnv, fixture: Sequence[float] | None) -> None:
-    """Refuse to guess where the fixture is, for an arm that cannot move it."""
+    """Raise if the fixture's place is unknown: the arm cannot move it."""
     if fixture is None and not core.places_fixture:
         raise ConfigError(
-            "this arm cannot move the fixture: say where it is with --fixture X Y Z "
+            "this arm cannot move the fixture: give its place with --fixture X Y Z "
             "YAW [m, rad], or add control=HOST:PORT for a simulated cabinet"
         )

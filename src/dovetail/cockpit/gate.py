@@ -1,4 +1,4 @@
-"""The gate of a page: who gets in, and which of their messages reach viser.
+"""Access control of a page: tokens, and a filter of the messages to viser.
 
 A page's address has a random token in its path, so that no other page, user or program
 knows it. A second token gives an address that sees everything and may only stop. The
@@ -32,7 +32,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from dovetail.cockpit.messages import (
-    Camera,
+    CameraMoved,
     ControlUsed,
     DragBegun,
     DragEnded,
@@ -44,6 +44,7 @@ from dovetail.cockpit.messages import (
     write_message,
 )
 from dovetail.cockpit.page_log import LOG
+from dovetail.cockpit.software_rendering import ENTRY_PAGE
 from dovetail.errors import DovetailError, install_command
 
 _OWN_HOST = re.compile(r"(127\.0\.0\.1|localhost|\[::1\])(:\d{1,5})?")
@@ -81,8 +82,8 @@ class GateError(DovetailError, RuntimeError):
     """The installed viser or websockets does not let the gate be shut."""
 
 
-class Allowance:
-    """A budget that fills at a rate up to a largest amount (token bucket)."""
+class TokenBucket:
+    """A budget that fills at a rate up to a largest amount."""
 
     def __init__(self, rate: float, most: float) -> None:
         """Begin full; `rate` is per second."""
@@ -90,7 +91,7 @@ class Allowance:
         self._left, self._last = most, time.monotonic()
 
     def take(self, amount: float) -> bool:
-        """Take an amount; False where less than that is left."""
+        """Take an amount; False if less than that is left."""
         now = time.monotonic()
         filled = self._left + self._rate * (now - self._last)
         self._left, self._last = min(self._most, filled) - amount, now
@@ -101,10 +102,10 @@ class Visitor(ServerConnection):
     """A connection to the page."""
 
     def __init__(self, gate: "Gate", *args: Any, **more: Any) -> None:
-        """Begin as a stranger; `Gate.ask` says what it may do."""
+        """Begin without rights; `Gate.ask` gives them."""
         super().__init__(*args, **more)
         self._gate = gate
-        self._bytes, self._messages = Allowance(*BYTES), Allowance(*MESSAGES)
+        self._bytes, self._messages = TokenBucket(*BYTES), TokenBucket(*MESSAGES)
         self.may_drive = False
         """True if it came by the address that may drive."""
         self.heard = time.monotonic()
@@ -148,24 +149,22 @@ class Visitor(ServerConnection):
 
 
 class Gate:
-    """Knows the tokens, and what may be done with each.
+    """Knows the tokens and the rights of each.
 
-    Until `guard` and `take` were called, nothing passes but where a viewer looks from.
+    Before `guard` and `take` only camera motions pass.
     """
 
     def __init__(self, subprotocol: str) -> None:
         """Draw two tokens.
 
         Args:
-            subprotocol: What a page of this viser asks for when it opens its socket.
+            subprotocol: Name by which a page of this viser opens its socket.
         """
         self.subprotocol = subprotocol
         self.drive_token = secrets.token_urlsafe(24)
-        """In the path of the address that may drive."""
+        """Token of the address that may drive."""
         self.watch_token = secrets.token_urlsafe(24)
-        """In the path of the address that sees everything and may stop."""
-        self.stops = 0
-        """STOPs that came by the page."""
+        """Token of the address that sees everything and may stop."""
         self.refused = 0
         """Messages that did not reach viser."""
         self._entering: dict[Visitor, None] = {}
@@ -197,20 +196,20 @@ class Gate:
         stop: Callable[[], None] = lambda: None,
         gizmos: tuple[str, ...] = (),
     ) -> None:
-        """Take what decides for a page.
+        """Connect a page.
 
         Args:
-            may_drive: Whether a viewer, by viser's number, may act now.
+            may_drive: Returns whether a viewer, by viser's number, may act now.
             tell: Called with the number of a viewer whose action was refused, and
                 whether its address may drive.
             stop: Called for each STOP, in a thread of its own.
-            gizmos: Names of those that may be dragged.
+            gizmos: Names of the gizmos that may be dragged.
         """
         self._may_drive, self._tell, self._stop = may_drive, tell, stop
         self._gizmos = frozenset(gizmos)
 
     def add_stops(self, *handles: Any) -> None:
-        """Take controls and commands that stop; they do so for good, for everybody.
+        """Let controls and commands stop, for good and for every viewer.
 
         Also after they were removed: a browser may still show an older page.
         """
@@ -244,7 +243,6 @@ class Gate:
             self._pressed.clear()
             if self._is_closed:
                 return
-            self.stops += 1
             try:
                 self._stop()
             except Exception:
@@ -258,7 +256,7 @@ class Gate:
     # -- connections; in the server's thread -------------------------------------------
 
     def enter(self, visitor: Visitor) -> None:
-        """Count a connection; too many that ask for nothing lose their oldest."""
+        """Count a connection without a request; of too many the oldest is closed."""
         self._entering[visitor] = None
         if len(self._entering) > _ENTERING_MAX:
             oldest = next(iter(self._entering))
@@ -286,14 +284,20 @@ class Gate:
             if len(same) >= VIEWERS_MAX and visitor.may_drive:
                 busy = f"{VIEWERS_MAX} viewers have opened this address already\n"
                 return visitor.respond(http.HTTPStatus.SERVICE_UNAVAILABLE, busy)
-            if len(same) >= VIEWERS_MAX:  # who wants to stop must get in
+            if len(same) >= VIEWERS_MAX:  # one more must be able to stop
                 silent = min(same, key=lambda one: one.heard)
                 self.leave(silent)
                 silent.transport.abort()
             self._inside.add(visitor)
-        response = of_viser(visitor, Request("/", request.headers))
-        if response is not None:
-            response.headers.update(_HEADERS)
+            return of_viser(visitor, Request("/", request.headers))
+        if "?" in request.path:
+            response = of_viser(visitor, Request("/", request.headers))
+            assert response is not None
+        else:
+            response = visitor.respond(http.HTTPStatus.OK, ENTRY_PAGE)
+            del response.headers["Content-Type"]
+            response.headers["Content-Type"] = "text/html; charset=utf-8"
+        response.headers.update(_HEADERS)
         return response
 
     def _wrong_token(self, visitor: Visitor, request: Request) -> str:
@@ -308,7 +312,7 @@ class Gate:
         )
 
     def admit(self, visitor: Visitor, raw: object) -> bytes | None:
-        """Return what viser gets of a client's message; None is nothing."""
+        """Return the message for viser; None drops it."""
         message = read_message(raw)
         is_used = isinstance(message, ControlUsed | KeyPressed)
         if is_used and message.uuid in self._stop_words:
@@ -321,8 +325,8 @@ class Gate:
         return None
 
     def _may(self, visitor: Visitor, message: Message) -> bool:
-        """Say whether a message is one that this visitor may send now."""
-        if isinstance(message, Camera):
+        """Return whether this visitor may send the message now."""
+        if isinstance(message, CameraMoved):
             return True
         if not self._is_possible(message) or visitor.number is None:
             return False
@@ -333,7 +337,7 @@ class Gate:
         return False
 
     def _is_possible(self, message: Message) -> bool:
-        """Say whether the page has such a control, and the control such a value."""
+        """Return whether the page has such a control, and the control such a value."""
         if isinstance(message, ControlUsed):
             control = self._controls.get(message.uuid)
             return can_have(control, message.updates.value)
@@ -345,7 +349,7 @@ class Gate:
         return False
 
     def note(self, what: str) -> None:
-        """Log what was refused, now and then: a flood must not fill the terminal."""
+        """Log a refusal, at most every 10 s: a flood must not fill the terminal."""
         now = time.monotonic()
         if now - self._noted >= _SELDOM:
             self._noted = now
@@ -353,7 +357,7 @@ class Gate:
 
 
 def _wrong_place(request: Request) -> str:
-    """Say why a request does not come from a page of this server; empty if it may."""
+    """Return why a request is not from a page of this server; empty if it may be."""
     hosts = request.headers.get_all("Host")
     if len(hosts) != 1 or not _OWN_HOST.fullmatch(hosts[0].lower()):
         return "This page is opened as http://127.0.0.1:PORT/ or localhost only."
@@ -366,7 +370,7 @@ def _wrong_place(request: Request) -> str:
 
 @contextmanager
 def serving(gate: Gate) -> Iterator[None]:
-    """Let what viser serves in this block go through a gate."""
+    """Put a gate before the servers that viser starts in this block."""
     module: Any = websockets.asyncio.server
     original = module.serve
 
@@ -400,7 +404,7 @@ def require_closed(gate: Gate, port: int) -> None:
     """Try the gate from outside.
 
     Raises:
-        GateError: It lets in what it must not, or keeps out what it must not.
+        GateError: It lets in a client that must be refused, or does not answer.
     """
     here = f"ws://127.0.0.1:{port}"
     right = f"{here}/{gate.drive_token}"

@@ -16,8 +16,8 @@ class _Sent(msgspec.Struct, forbid_unknown_fields=True):
     """A message of viser's page; its `type` is viser's name of it."""
 
 
-class Camera(_Sent, tag="ViewerCameraMessage"):
-    """From where a viewer looks."""
+class CameraMoved(_Sent, tag="ViewerCameraMessage"):
+    """A viewer looks from elsewhere."""
 
     wxyz: _Four
     position: _Three
@@ -72,8 +72,7 @@ class DragEnded(_Sent, tag="TransformControlsDragEndMessage"):
     owner: Literal[""]
 
 
-Drag = DragBegun | Dragged | DragEnded
-Message = Camera | ControlUsed | KeyPressed | DragBegun | Dragged | DragEnded
+Message = CameraMoved | ControlUsed | KeyPressed | DragBegun | Dragged | DragEnded
 
 _DECODER = msgspec.msgpack.Decoder(Message)
 _ENCODER = msgspec.msgpack.Encoder()

@@ -1,7 +1,7 @@
-"""An arm in the cockpit: in slices, at the wall's pace, touched and held in between.
+"""An arm in the cockpit: stepped in slices, at the wall's pace, disturbed and held.
 
-The environment steps it as any other arm. A policy step of 50 ms is cut into slices
-where the arm is a simulation, so that a person's hand acts within one of them.
+The environment steps it as any other arm. A policy step of 50 ms is cut into slices of
+10 ms where the arm is a simulation, so that a user's disturbance or stop acts soon.
 """
 
 import time
@@ -12,7 +12,7 @@ import numpy as np
 
 from dovetail import _core
 from dovetail.arms.arm import Arm, ArmFacts, ArmState, is_simulated, require_simulated
-from dovetail.cockpit.hand import Hand
+from dovetail.cockpit.disturbance import UserDisturbance
 from dovetail.cockpit.pace import Pace
 from dovetail.errors import ArmError
 from dovetail.poses import Pose
@@ -20,14 +20,12 @@ from dovetail.types import Vec3
 
 SLICE = 0.01
 """Duration of one step of a simulation [s]: a multiple of each control period."""
-_NAP = 0.02
-"""Between two looks at what a person wishes, while nothing moves [s]."""
-_LOOK = 0.5
-"""Between two questions to an arm that another process moves [s]."""
+_NAP = 0.02  # [s] of a rest
+_LOOK = 0.5  # [s] between two checks of an arm that another process moves
 
 
 class PacedArm:
-    """Wraps an arm: a person acts on it by `hand`, and `pace` sets its speed."""
+    """Wraps an arm: a user disturbs and stops it, and `pace` sets its speed."""
 
     fixture: Pose
     """Pose of the fixture; `reset` sets it first."""
@@ -37,23 +35,23 @@ class PacedArm:
     def __init__(
         self,
         arm: Arm,
-        hand: Hand,
+        disturbance: UserDisturbance,
         pace: Pace,
-        see: Callable[[ArmState, Pose], None],
+        on_slice: Callable[[ArmState, Pose], None],
         is_stopped: Callable[[], bool] = lambda: False,
     ) -> None:
         """Wrap an arm.
 
         Args:
-            arm: To step; closed with this one.
-            hand: What acts on it, where it is a simulation.
-            pace: How fast simulated time may go.
-            see: Called after each slice with what the arm said and where the fixture
-                is; it must not take long.
-            is_stopped: Whether a STOP holds: then nothing ends it.
+            arm: The arm; closed with this one.
+            disturbance: Acts on it, where it is a simulation.
+            pace: Limits the speed of simulated time.
+            on_slice: Called after each slice with the arm's state and the fixture's
+                pose; it must not take long.
+            is_stopped: Returns whether a STOP holds: then `clear` does nothing.
         """
-        self._arm, self._hand, self._pace, self._see = arm, hand, pace, see
-        self._is_stopped = is_stopped
+        self._arm, self._disturbance, self._pace = arm, disturbance, pace
+        self._on_slice, self._is_stopped = on_slice, is_stopped
         self._hold: _core.Target | None = None
         self._is_held = False
         self._state: ArmState | None = None
@@ -65,15 +63,15 @@ class PacedArm:
         return self._arm.facts
 
     def reset(self, q: np.ndarray, fixture: Pose) -> ArmState:
-        """Go to q [rad], at rest, with the fixture at its pose; the hand lets go.
+        """Go to q [rad], at rest, with the fixture at its pose, undisturbed.
 
         Raises:
             ArmError: A STOP holds; or as the arm's own.
         """
-        self._hand.let_go()
+        self._disturbance.let_go()
         if self._is_stopped():
             raise ArmError("STOP was pressed before the arm was reset", "stopped")
-        if self._is_held:  # a service wants to be told that the stop is over
+        if self._is_held:  # a service that was stopped refuses a reset
             self.clear()
         self.fixture = fixture
         self._state = state = self._arm.reset(q, fixture)
@@ -81,7 +79,7 @@ class PacedArm:
         return state
 
     def resume_from(self, state: ArmState) -> None:
-        """Go on from a state that the arm gave to another caller, such as a tare."""
+        """Go on from a state that the arm returned elsewhere, as in a tare."""
         self._state = state
 
     def step(self, target: _core.Target, duration: float = 0.05) -> ArmState:
@@ -99,20 +97,22 @@ class PacedArm:
         parts = []
         for i in range(count):
             state, before = self._state, self.fixture
-            if self._hand.is_busy and state is not None:
+            if self._disturbance.is_active and state is not None:
                 arm = require_simulated(self._arm)
-                self.fixture = self._hand.act(arm, state.tool.position, before, length)
+                self.fixture = self._disturbance.act(
+                    arm, state.tool.position, before, length
+                )
             parts.append(self._slice(self._commanded(target, i * length), length))
         return _joined(parts)
 
     def rest(self, *, is_watched: bool) -> None:
-        """Let a moment pass in which nothing moves.
+        """Wait 20 ms without a step.
 
         Args:
-            is_watched: Whether to ask an arm elsewhere, now and then, if it is there.
+            is_watched: Check every half second that an arm elsewhere still answers.
 
         Raises:
-            ArmError: An arm elsewhere has gone: without a step nothing else says so.
+            ArmError: It does not: without a step nothing else tells.
         """
         time.sleep(_NAP)
         self._pace.begin()
@@ -129,11 +129,11 @@ class PacedArm:
         self.work = time.perf_counter() - begin
         if not self.facts.traits.is_real_time:
             self._pace.wait(duration)
-        self._see(state, self.fixture)
+        self._on_slice(state, self.fixture)
         return state
 
     def _commanded(self, target: _core.Target, age: float) -> _core.Target:
-        """Return what the arm is to follow now: the target, or what holds it."""
+        """Return the target of a slice: the one given, or the hold's."""
         hold = self._hold
         command = _core.Target(target)
         if hold is None:
@@ -149,7 +149,7 @@ class PacedArm:
         """Hold the arm where it is from the next slice on, until `clear` or `reset`.
 
         Raises:
-            ArmError: One that is elsewhere cannot be told; nothing more is asked of it.
+            ArmError: An arm elsewhere cannot be reached.
         """
         self._is_held = True
         if self._state is not None:  # None until the first reset has come to its end
@@ -160,18 +160,18 @@ class PacedArm:
             self._arm.stop()
 
     def clear(self) -> None:
-        """End a stop; nothing happens while a STOP of a person holds."""
+        """End a stop, unless a STOP of the user holds."""
         if not self._is_stopped():
             self.end_hold()
 
     def end_hold(self) -> None:
-        """End a stop, a person's STOP, too."""
+        """End a stop, also a STOP of the user."""
         self._arm.clear()
         self._hold, self._is_held = None, False
 
     @property
     def is_held(self) -> bool:
-        """True while a stop holds it."""
+        """True while a stop holds the arm."""
         return self._is_held
 
     def push(self, force: Vec3, duration: float) -> None:
@@ -187,7 +187,7 @@ class PacedArm:
         self._arm.seed(seed)
 
     def statistics(self) -> dict[str, Any]:
-        """Return what the arm counted and timed."""
+        """Return the arm's counters and times."""
         return self._arm.statistics()
 
     def close(self) -> None:

@@ -20,7 +20,7 @@ _NUMBERS = 64
 
 
 class LivePlots:
-    """Some plots below one another; their first column is the time."""
+    """Plots below one another over a common time."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class LivePlots:
             plots: Title of each plot, and its columns.
             columns: Names of the rows' columns, the time first.
             names: Sources of the curves; each label begins with its source's name.
-            every: Of so many rows one is drawn.
+            every: One of this many rows is drawn.
         """
         from viser import uplot
 

@@ -1,7 +1,7 @@
 """A recorded episode, ready to be drawn: its cell, and its state at any time.
 
-A log may come from a stranger: it may name one of dovetail's tasks and robots, but no
-module; only the user who replays it may name one.
+A log of unknown origin may name one of dovetail's tasks and robots, but no module: only
+the user who replays it may name one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,7 +11,7 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from dovetail.cockpit.diary import BELIEVED, FIXTURE, PULL
+from dovetail.cockpit.episode_logger import BELIEVED, FIXTURE, PULL
 from dovetail.envs.log_facts import CELL
 from dovetail.envs.registered import make_task, task_class
 from dovetail.episode import Episode
@@ -31,11 +31,15 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Motion:
-    """Motion of the arm, one row for each cycle."""
+class Recorded:
+    """One log and its cell."""
 
+    name: str
+    """Name of its file, with its folder."""
+    cell: Workcell
+    """Workcell of the episode."""
     time: Array
-    """Since the first cycle [s], shape (cycles,)."""
+    """Time of each cycle since the first [s], shape (cycles,)."""
     q: Array
     """Joint angles [rad], shape (cycles, 7)."""
     position: Array
@@ -45,32 +49,12 @@ class Motion:
     not measured, not-a-number where neither was known."""
     is_estimated: bool
     """True if no cycle has a measured force."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Changes:
-    """Poses of the fixture and pulls of the hand, each with its time of begin [s]."""
-
     fixtures: tuple[tuple[float, Pose], ...]
-    """True poses of the fixture."""
+    """True poses of the fixture, each with its time of begin [s]."""
     believed: tuple[tuple[float, Pose], ...]
     """Believed poses of the fixture, likewise; empty where the log has none."""
     pulls: tuple[tuple[float, Vec3], ...]
-    """Force of a hand's pull [N], world axes, likewise."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Recorded:
-    """One log and its cell."""
-
-    name: str
-    """Of its file, with its folder."""
-    cell: Workcell
-    """Workcell of the episode."""
-    motion: Motion
-    """Motion of the arm."""
-    changes: Changes
-    """Poses of the fixture and pulls of the hand."""
+    """Forces of the user's pull [N], world axes, likewise."""
     curves: Array
     """`COLUMNS` of some cycles, shape (points, columns)."""
 
@@ -82,8 +66,8 @@ class Recorded:
 
         Args:
             path: The Episode log.
-            env: Its environment, where the log does not say it, or says a module's.
-            robot: Its robot, in the same way.
+            env: Its environment, if the log does not name it, or names a module's.
+            robot: Its robot, likewise.
 
         Raises:
             LogError: Damaged, empty, or of another robot than the one given.
@@ -95,83 +79,79 @@ class Recorded:
         facts = episode.metadata.get(CELL, {})
         if not isinstance(facts, Mapping):
             raise LogError(f"the log {path}: its metadata {CELL!r} is no table")
-        told_robot = facts.get("robot", episode.metadata.get("robot"))
+        logged_robot = facts.get("robot", episode.metadata.get("robot"))
         env_id = _named("env", env, facts.get("env_id"), DEFAULT_ENV)
-        robot_name = _named("robot", robot, told_robot, DEFAULT_ROBOT)
+        robot_name = _named("robot", robot, logged_robot, DEFAULT_ROBOT)
         settings = facts.get("task", {})
         task = make_task(env_id, settings if isinstance(settings, Mapping) else {})
         columns = {name: episode[name] for name in episode.columns}
-        stamp = columns["time"]
-        time = stamp - stamp[0]
-        position = _stack(columns, "x", "y", "z")
+        begin = float(columns["time"][0])
+        time = columns["time"] - begin
         first = task_class(env_id).trial_poses[0]
+        pulls = _rows(path, episode.metadata, PULL, 4)
         return cls(
             name=f"{path.resolve().parent.name}/{path.stem}",
             cell=task.workcell(find_robot(robot_name)),
-            motion=Motion(
-                time=time,
-                q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
-                position=position,
-                force=_force(columns),
-                is_estimated=bool(np.isnan(columns["fx"]).all()),
-            ),
-            changes=Changes(
-                fixtures=_fixtures(path, episode.metadata, float(stamp[0]), first),
-                believed=_believed(path, episode.metadata, float(stamp[0])),
-                pulls=_pulls(path, episode.metadata, float(stamp[0])),
-            ),
+            time=time,
+            q=_stack(columns, *(f"q{i}" for i in range(1, 8))),
+            position=_stack(columns, "x", "y", "z"),
+            force=_force(columns),
+            is_estimated=bool(np.isnan(columns["fx"]).all()),
+            fixtures=_fixtures(path, episode.metadata, begin, first),
+            believed=_poses(_rows(path, episode.metadata, BELIEVED, 8), begin),
+            pulls=tuple((float(row[0]) - begin, row[1:]) for row in pulls),
             curves=_curves(columns, time),
         )
 
     @property
     def end(self) -> float:
         """Length [s]."""
-        return float(self.motion.time[-1])
+        return float(self.time[-1])
 
     def at(self, time: float) -> tuple[Vec7, Vec3, Pose]:
         """Return joint angles, contact force and fixture at a time [s] since its begin.
 
         Before the first cycle they are the first one's, after the last the last one's.
         """
-        row, motion = self._row(time), self.motion
-        return motion.q[row], motion.force[row], _latest(self.changes.fixtures, time)
+        row = self._row(time)
+        return self.q[row], self.force[row], _latest(self.fixtures, time)
 
-    def seen(self, time: float) -> Pose | None:
-        """Return where the fixture was believed at a time [s]; None is unknown."""
-        believed = self.changes.believed
-        return _latest(believed, time) if believed else None
+    def believed_at(self, time: float) -> Pose | None:
+        """Return the fixture's believed pose at a time [s]; None is unknown."""
+        return _latest(self.believed, time) if self.believed else None
 
-    def pull(self, time: float) -> Vec3:
-        """Return the force of a hand's pull at a time [s], world axes [N]."""
-        pulls = self.changes.pulls
-        return _latest(pulls, time) if pulls else np.zeros(3)
+    def pull_at(self, time: float) -> Vec3:
+        """Return the force of the user's pull at a time [s], world axes [N]."""
+        return _latest(self.pulls, time) if self.pulls else np.zeros(3)
 
     def path(self, time: float) -> Array:
-        """Return where the TCP was until a time [m], shape (points, 3)."""
+        """Return the path of the TCP until a time [m], shape (points, 3)."""
         end = self._row(time) + 1
-        return self.motion.position[: end : max(1, end // _POINTS)]
+        return self.position[: end : max(1, end // _POINTS)]
 
     def _row(self, time: float) -> int:
-        row = int(np.searchsorted(self.motion.time, time, side="right")) - 1
-        return min(max(row, 0), len(self.motion.time) - 1)
+        row = int(np.searchsorted(self.time, time, side="right")) - 1
+        return min(max(row, 0), len(self.time) - 1)
 
     def compared(self, other: "Recorded") -> Array:
-        """Return the curves, with how far the TCP is from another log's [mm].
+        """Return the curves, with the distance of the TCP from another log's [mm].
 
         Both are taken at the same time since their begin; beyond the other's end there
         is nothing to compare.
         """
-        curves, ours, theirs = self.curves.copy(), self.motion, other.motion
+        curves = self.curves.copy()
         for axis in range(3):
-            own = np.interp(curves[:, 0], ours.time, ours.position[:, axis])
-            their = np.interp(curves[:, 0], theirs.time, theirs.position[:, axis])
+            own, their = (
+                np.interp(curves[:, 0], log.time, log.position[:, axis])
+                for log in (self, other)
+            )
             curves[:, -1] = np.hypot(curves[:, -1], 1e3 * (own - their))
         curves[curves[:, 0] > other.end, -1] = np.nan
         return curves
 
 
 def _latest(changes: Sequence[tuple[float, T]], time: float) -> T:
-    """Return what holds at a time [s]: the last change before it, or the first."""
+    """Return the value at a time [s]: of the last change before it, or of the first."""
     found = changes[0][1]
     for begin, value in changes:
         if begin <= time:
@@ -198,28 +178,28 @@ def _curves(columns: Mapping[str, Array], time: Array) -> Array:
     return np.column_stack(rows)[chosen]
 
 
-def _named(what: str, asked: str | None, told: Any, usual: str) -> str:
-    """Return the name asked for, told by the log, or the usual one.
+def _named(what: str, given: str | None, logged: Any, usual: str) -> str:
+    """Return the name given, the one in the log, or the usual one.
 
     Raises:
-        ConfigError: The log names a module, or another than the one asked for.
+        ConfigError: The log names a module, or another than the one given.
     """
-    if not isinstance(told, str) or not told:
-        return asked or usual
-    if asked is None and ":" in told:
+    if not isinstance(logged, str) or not logged:
+        return given or usual
+    if given is None and ":" in logged:
         raise ConfigError(
-            f"the log's {what} is {told[:80]!r}, of a module; add --{what} "
-            f"{told[:80]} if you trust it"
+            f"the log's {what} is {logged[:80]!r}, of a module; add --{what} "
+            f"{logged[:80]} if you trust it"
         )
-    if asked is not None and asked.rpartition(":")[2] != told.rpartition(":")[2]:
+    if given is not None and given.rpartition(":")[2] != logged.rpartition(":")[2]:
         raise ConfigError(
-            f"{what} is {asked!r}, the log says {told[:80]!r}; leave --{what} out"
+            f"{what} is {given!r}, the log says {logged[:80]!r}; leave --{what} out"
         )
-    return asked or told
+    return given or logged
 
 
 def _rows(path: Path, metadata: Mapping[str, Any], key: str, width: int) -> Array:
-    """Return the rows of a path that a log holds; none where it does not."""
+    """Return the rows of a path in a log; none if it has no such path."""
     try:
         rows = np.array(metadata.get(key, []), dtype=float).reshape(-1, width)
     except (TypeError, ValueError) as error:
@@ -229,39 +209,22 @@ def _rows(path: Path, metadata: Mapping[str, Any], key: str, width: int) -> Arra
     return rows
 
 
-def _believed(
-    path: Path, metadata: Mapping[str, Any], begin: float
-) -> tuple[tuple[float, Pose], ...]:
-    return tuple(_poses(_rows(path, metadata, BELIEVED, 8), begin))
-
-
-def _pulls(
-    path: Path, metadata: Mapping[str, Any], begin: float
-) -> tuple[tuple[float, Vec3], ...]:
-    rows = _rows(path, metadata, PULL, 4)
-    return tuple((float(row[0]) - begin, row[1:]) for row in rows)
-
-
-def _poses(table: Any, begin: float) -> list[tuple[float, Pose]]:
+def _poses(rows: Array, begin: float) -> tuple[tuple[float, Pose], ...]:
     """Return rows of time, position and rotation as poses, by the time since begin."""
-    rows = np.array(table, dtype=float).reshape(-1, 8)
-    return [(float(row[0]) - begin, Pose(row[1:4], row[4:8])) for row in rows]
+    return tuple((float(row[0]) - begin, Pose(row[1:4], row[4:8])) for row in rows)
 
 
 def _fixtures(
     path: Path, metadata: Mapping[str, Any], begin: float, first: FixturePose
 ) -> tuple[tuple[float, Pose], ...]:
-    """Return where the fixture was; where the log does not say, the task's first."""
+    """Return the poses of the fixture; where the log has none, the task's first."""
+    poses = _poses(_rows(path, metadata, FIXTURE, 8), begin)
     try:
-        if FIXTURE in metadata:
-            poses = _poses(metadata[FIXTURE], begin)
-        elif "fixture_pose" in metadata:
-            poses = [(0.0, FixturePose(**metadata["fixture_pose"]).pose())]
-        elif "fixture" in metadata:
+        if FIXTURE not in metadata and "fixture_pose" in metadata:  # of `evaluate`
+            poses = ((0.0, FixturePose(**metadata["fixture_pose"]).pose()),)
+        elif FIXTURE not in metadata and "fixture" in metadata:
             place = FixturePose.given(metadata["fixture"], first.facing)
-            poses = [(0.0, place.pose())]
-        else:
-            poses = []
+            poses = ((0.0, place.pose()),)
         places = np.array([[*p.position, *p.quat_wxyz] for _, p in poses], dtype=float)
     except (TypeError, ValueError) as error:
         raise LogError(
@@ -269,4 +232,4 @@ def _fixtures(
         ) from error
     if not np.isfinite(places).all():
         raise LogError(f"the log {path}: a place of its fixture is not finite")
-    return tuple(poses) or ((0.0, first.pose()),)
+    return poses or ((0.0, first.pose()),)

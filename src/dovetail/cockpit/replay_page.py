@@ -1,4 +1,4 @@
-"""Recorded episodes in the browser: a time line, one log or two side by side."""
+"""Page of recorded episodes: a time line, one log or two side by side."""
 
 import html
 import threading
@@ -12,7 +12,7 @@ from dovetail.cockpit.plots import LivePlots
 from dovetail.cockpit.recorded import COLUMNS, Recorded
 from dovetail.cockpit.scene import CellScene
 from dovetail.cockpit.server import PageServer, light
-from dovetail.cockpit.slow_browser import DRAW_LESS
+from dovetail.cockpit.software_rendering import FRAME_LIMIT
 
 _FRAME = 1.0 / 30.0  # [s]
 _APART = 0.9  # [m] between two cells
@@ -49,7 +49,7 @@ class ReplayPage:
                 log.cell,
                 name=f"/log{i}",
                 shift=np.array([0.0, shift, 0.0]),
-                has_believed=bool(log.changes.believed),
+                has_believed=bool(log.believed),
             )
             for i, (log, shift) in enumerate(zip(logs, shifts, strict=True))
         ]
@@ -69,7 +69,7 @@ class ReplayPage:
 
     def _add_controls(self) -> None:
         gui = self._server.gui
-        gui.add_html(DRAW_LESS)
+        gui.add_html(FRAME_LIMIT)
         self._play = gui.add_button("Play / pause  (P)")
         self._play.on_click(lambda _: self.play(not self._is_playing))
         key = gui.add_command("Play / pause", hotkey="P")
@@ -101,22 +101,22 @@ class ReplayPage:
         panel.set_width(290)
         drawn.show(*curves)
 
-    # -- wishes; from any thread -----------------------------------------------------
+    # -- commands; from any thread -----------------------------------------------------
 
     def play(self, is_playing: bool) -> None:
-        """Play on, from the begin where the end was reached; or stand still."""
+        """Play, from the begin if the end was reached; or stand still."""
         if is_playing and self._now >= self._end:
             self._now = 0.0
         self._is_playing = is_playing
 
     def seek(self, time: float) -> None:
-        """Go to a time [s]; what lies outside is the nearest end."""
+        """Go to a time [s]; outside the log, to its nearest end."""
         if np.isfinite(time):
             self._now = float(min(max(time, 0.0), self._end))
 
     @property
     def now(self) -> float:
-        """The time that is shown [s]."""
+        """Time that is shown [s]."""
         return self._now
 
     def _on_line(self, event: Any) -> None:
@@ -146,14 +146,13 @@ class ReplayPage:
         words = []
         for log, scene in zip(self._logs, self.scenes, strict=True):
             q, force, fixture = log.at(now)
-            scene.place(q, fixture, log.seen(now))
-            scene.point(force, log.pull(now))
+            scene.place(q, fixture, log.believed_at(now))
+            scene.point(force, log.pull_at(now))
             scene.trace(log.path(now))
             size = float(np.linalg.norm(force))
-            told = "no force known" if np.isnan(size) else f"{size:.1f} N"
-            is_estimated = log.motion.is_estimated and not np.isnan(size)
-            told += " (estimated)" if is_estimated else ""
-            words.append(f"<div><b>{html.escape(log.name)}</b> {told}</div>")
+            kind = " (estimated)" if log.is_estimated else ""
+            text = "no force known" if np.isnan(size) else f"{size:.1f} N{kind}"
+            words.append(f"<div><b>{html.escape(log.name)}</b> {text}</div>")
         self._words.content = f"<div style='padding:0 .8em'>{''.join(words)}</div>"
         if self._is_playing or abs(self._line.value - now) > 0.006:
             self._line.value = round(now, 2)

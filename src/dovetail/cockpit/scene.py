@@ -1,11 +1,11 @@
-"""The workcell in the browser: the bodies of the one scene description, and marks."""
+"""The workcell in the browser: the bodies that MuJoCo simulates, and marks."""
 
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.cockpit.slow_browser import fewer_triangles
+from dovetail.cockpit.software_rendering import fewer_triangles
 from dovetail.poses import Pose, matrix_from_quat, quat_from_matrix
 from dovetail.types import Array, Mat33, Vec3, Vec7
 from dovetail.view.cell_model import LAST_DRAWN, cell_spec
@@ -28,10 +28,10 @@ PULL_COLOUR = (240, 150, 20)
 WALL_COLOUR, NEAR_COLOUR = (120, 130, 140), (11, 122, 117)
 EDGE_COLOUR, MOUTH_COLOUR = (48, 66, 84), (255, 214, 10)
 _PIECES = 32
-"""An edge is looked at in so many pieces."""
+"""Pieces of an edge that are shown or hidden each."""
 _BESIDE_EDGE, _AT_SIDE = 2e-5, 1e-3
-"""Distance beside an edge at which material is looked for, and largest distance of an
-edge from the outer side of the part that it belongs to [m]."""
+"""Distance beside an edge where material is tested, and largest distance of an outer
+edge from the side of its part [m]."""
 
 
 class CellScene:
@@ -50,10 +50,10 @@ class CellScene:
 
         Args:
             scene: The browser's.
-            cell: What is drawn.
-            name: Node below which it is.
-            shift: Where its base is drawn [m]; None is the world's origin.
-            has_believed: Draw where the fixture is believed, too.
+            cell: The workcell.
+            name: Name of its node in the scene.
+            shift: Position of its base in the scene [m]; None is the origin.
+            has_believed: Draw the fixture at its believed pose, too.
         """
         import mujoco
 
@@ -201,7 +201,7 @@ class CellScene:
         self.path.visible = True
 
     def lay_near(self, normal: Vec3, height: float) -> None:
-        """Put the plane near contact: its normal, and how far along it that is [m]."""
+        """Place the plane near contact: its normal, and its place along that [m]."""
         middle = (self._low + self._high) / 2.0
         self.near.position = middle + (height - float(normal @ middle)) * normal
         x = np.array([normal[2], 0.0, -normal[0]]) + 1e-12
@@ -240,7 +240,9 @@ def triangles(mujoco: Any, model: Any, geom: int) -> tuple[Array, Array, bool]:
     elif kind == kinds.mjGEOM_CAPSULE:
         shape = creation.capsule(radius=size[0], height=2.0 * size[1])
     else:
-        raise ValueError(f"geom {geom} of the cell is a {kind.name}: it is not drawn")
+        raise ValueError(
+            f"geom {geom} of the cell is a {kind.name}, which cannot be drawn"
+        )
     return shape.vertices, shape.faces, True
 
 
@@ -285,7 +287,7 @@ def feature_edges(part: Part) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _inside(points: Array, boxes: list[Primitive], turns: list[Mat33]) -> Array:
-    """Return which points [m], shape (points, 3), are inside of one of the boxes."""
+    """Return True for each point [m], shape (points, 3), inside one of the boxes."""
     return np.any(
         [
             (np.abs((points - box.position) @ turn) < box.size).all(axis=1)

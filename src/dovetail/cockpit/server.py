@@ -1,4 +1,4 @@
-"""The web server of the page: on this machine alone, at exactly the port asked for."""
+"""Web server of the page: on this machine alone, at exactly the port given."""
 
 import io
 import socket
@@ -15,34 +15,34 @@ if TYPE_CHECKING:
     from dovetail.cockpit.gate import Gate
 
 HOST = "127.0.0.1"
-"""Own address of the page; its URL decides who may drive, see `gate`."""
+"""Address that the server listens at."""
 PORT = 8080
 
 
 @dataclass(frozen=True)
 class PageServer:
-    """The web server of a page, and the gate in front of it."""
+    """Web server of a page, and the gate in front of it."""
 
     viser: "viser.ViserServer"
-    """Draws the page."""
+    """Server that draws the page."""
     gate: "Gate"
-    """Decides who gets in, and what of theirs reaches viser."""
+    """Access control."""
     log: PageLog
-    """Writes what the server says."""
+    """Log of the server."""
 
     @property
     def port(self) -> int:
-        """Port at which it listens."""
+        """Port that it listens at."""
         return self.viser.get_port()
 
     @property
     def address(self) -> str:
-        """Address of the page; who knows it may drive."""
+        """Address of the page; anyone who knows it may drive."""
         return f"http://{HOST}:{self.port}/{self.gate.drive_token}/"
 
     @property
     def watch_address(self) -> str:
-        """Address that sees everything, and may stop but never drive."""
+        """Address that sees everything and may stop, but never drive."""
         return f"http://{HOST}:{self.port}/{self.gate.watch_token}/"
 
     def stop(self) -> None:
@@ -53,14 +53,14 @@ class PageServer:
 
 
 def open_server(port: int = PORT) -> PageServer:
-    """Start the web server, behind a gate that was tried.
+    """Start the web server behind a gate, and test the gate.
 
     Args:
-        port: To listen at; 0 is any free one.
+        port: Port to listen at; 0 is any free one.
 
     Raises:
         MissingDependencyError: viser is not installed.
-        ConfigError: The port is not free, or none.
+        ConfigError: The port is not free, or out of range.
         GateError: The installed viser cannot be guarded.
     """
     try:
@@ -97,9 +97,10 @@ def open_server(port: int = PORT) -> PageServer:
 
 
 def light(scene: "viser.SceneApi") -> None:
-    """Light the scene so that a browser without a GPU draws it, too.
+    """Light the scene with two lights.
 
-    An environment map looks a little better and takes such a browser six times as long.
+    An environment map looks a little better and takes a browser without a GPU six times
+    as long.
     """
     scene.configure_environment_map(hdri=None)
     scene.configure_default_lights(enabled=False)
@@ -119,8 +120,8 @@ def _require_free(port: int) -> None:
             probe.bind((HOST, port))
         except PermissionError as error:
             raise ConfigError(
-                f"port {port} needs rights that this user has not: {error.strerror}; "
-                "give one from 1024 on with --port"
+                f"this user may not listen at port {port}: {error.strerror}; "
+                "give another with --port, 1024 or more"
             ) from error
         except OSError as error:
             raise _taken(port) from error
@@ -128,6 +129,6 @@ def _require_free(port: int) -> None:
 
 def _taken(port: int) -> ConfigError:
     return ConfigError(
-        f"port {port} is in use on {HOST}, by another cockpit perhaps: end that one, "
+        f"port {port} is in use on {HOST}, perhaps by another cockpit: end that one, "
         "or give another with --port; 0 is any free one"
     )

@@ -1,4 +1,4 @@
-"""A 3D mouse: how far its cap is moved and turned, read by a thread of its own.
+"""Deflection of a 3D mouse's cap, read by a thread of its own.
 
 A device that is unplugged leads nowhere: the arm is held, and the page says why.
 """
@@ -14,7 +14,7 @@ from dovetail.types import Vec6
 
 DEAD = 0.08
 """Deflection below which the cap rests [1]."""
-_INTERVAL = 0.005  # [s] between two looks; the devices say something 60 times a second
+_INTERVAL = 0.005  # [s] between two reads; the devices report 60 times a second
 
 
 def open_device() -> Any:
@@ -101,7 +101,7 @@ class SpaceMouse:
 def without_rest(raw: Vec6) -> Vec6:
     """Return a deflection that begins at 0 where the cap leaves its rest.
 
-    What is no number counts as rest.
+    Not-a-number counts as rest.
     """
     raw = np.where(np.isfinite(raw), raw, 0.0).clip(-1.0, 1.0)
     size = np.maximum(np.abs(raw) - DEAD, 0.0) / (1.0 - DEAD)

@@ -3,8 +3,7 @@
 import gc
 import sys
 import time
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -28,17 +27,16 @@ from dovetail.commands.cabinet_options import (
     SignalOptions,
 )
 from dovetail.commands.ended_by_signal import End, ended_by_signal
-from dovetail.commands.help_page import sections_of
-from dovetail.control.sections import Sectioned
 from dovetail.durations import parse_duration
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, PlantError
 from dovetail.plants.find import make_plant
 from dovetail.plants.plant import DrivenPlant
-from dovetail.plants.twin import TwinPlant, load_twin
+from dovetail.plants.twin import load_twin, make_twin
 from dovetail.poses import TOOL_DOWN, Pose, quat_about_z
 from dovetail.printable import printable
 from dovetail.robots.find import find_robot
+from dovetail.settings import settings
 
 _FIXTURE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 _ABOVE = 0.06
@@ -47,47 +45,36 @@ _PLAIN_EVERY = 10.0
 """Time between two status lines where there is no terminal [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cabinet(Sectioned):
+@settings()
+class Cabinet(
+    CellOptions,
+    ConnectionOptions,
+    PaceOptions,
+    LawOptions,
+    MotionEndOptions,
+    SignalOptions,
+    EventOptions,
+):
     """Simulate an LBR iiwa 14 on FRI, for dovetail's and for KUKA's own clients."""
-
-    whose: ClassVar[str] = "the command cabinet"
-
-    cell: CellOptions = field(default_factory=CellOptions)
-    """The robot and what stands around it."""
-    connection: ConnectionOptions = field(default_factory=ConnectionOptions)
-    """Addresses, ports and FRI version."""
-    pace: PaceOptions = field(default_factory=PaceOptions)
-    """Timing of messages and answers."""
-    law: LawOptions = field(default_factory=LawOptions)
-    """Client command mode and joint impedance."""
-    end: MotionEndOptions = field(default_factory=MotionEndOptions)
-    """Conditions that end a motion."""
-    signals: SignalOptions = field(default_factory=SignalOptions)
-    """IO signals and transformations."""
-    events: EventOptions = field(default_factory=EventOptions)
-    """Faults, and the log of events."""
 
     def run(self, console: Console) -> int:
         """Run until Ctrl-C or SIGTERM."""
         config = self.settings()
-        events, cell = self.events, self.cell
-        faults = parse_faults(events.fault)
-        script = read_script(events.script) if events.script else []
-        if self.pace.realtime:
+        cell = self
+        faults = parse_faults(self.fault)
+        script = read_script(self.script) if self.script else []
+        if self.realtime:
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
-        if cell.plant is None:
-            lack = load_twin(cell.twin or "medium").lacks(find_robot(cell.robot))
-            if lack:
-                console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
-        twin = plant.config if isinstance(plant, TwinPlant) else None
+        twin = None if cell.plant else load_twin(cell.twin or "medium")
+        if twin is not None and (lack := twin.lacks(find_robot(cell.robot))):
+            console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
         for text in find_unproven(config, faults, twin):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
         with ended_by_signal() as end:
             server = None
             try:
-                log = events.log
+                log = self.log
                 server = Server(plant, config, faults=faults, script=script, log=log)
                 _announce(server, console)
                 _prepare_process()
@@ -108,38 +95,38 @@ class Cabinet(Sectioned):
         Raises:
             ConfigError: One of them is wrong.
         """
-        place, pace, law, end = self.connection, self.pace, self.law, self.end
+        end = self
         delay, control = end.restart_delay, None
-        if place.control != "none":
-            control = parse_endpoint(place.control, "--control")
-        return CabinetConfig.of(
-            version=place.version,
-            period=pace.period,
-            receive_multiplier=pace.multiplier,
-            client=parse_endpoint(place.client, "--client"),
-            bind=parse_endpoint(f"{place.bind}:{place.port}", "--bind and --port"),
+        if self.control != "none":
+            control = parse_endpoint(self.control, "--control")
+        return CabinetConfig(
+            version=self.version,
+            period=self.period,
+            receive_multiplier=self.multiplier,
+            client=parse_endpoint(self.client, "--client"),
+            bind=parse_endpoint(f"{self.bind}:{self.port}", "--bind and --port"),
             control=control,
-            mode=law.mode,
-            clock=pace.clock,
-            patience=parse_duration(pace.patience, "--patience"),
-            stiffness=_seven(law.stiffness, "--stiffness"),
-            damping=_seven(law.damping, "--damping"),
+            mode=self.mode,
+            clock=self.clock,
+            patience=parse_duration(self.patience, "--patience"),
+            stiffness=_seven(self.stiffness, "--stiffness"),
+            damping=_seven(self.damping, "--damping"),
             fair_from=min(end.good_from, QualityRule.fair_from),
             good_from=end.good_from,
             excellent_from=max(end.good_from, QualityRule.excellent_from),
-            mirror_tolerance=law.mirror_tolerance,
+            mirror_tolerance=self.mirror_tolerance,
             hold_slots=end.hold_slots,
             stop_slots=end.stop_slots,
             restart_delay=(
                 None if delay == "never" else parse_duration(delay, "--restart-delay")
             ),
-            io=tuple(parse_signal(text) for text in self.signals.io),
-            transformations=self.signals.transformation,
+            io=tuple(parse_signal(text) for text in self.io),
+            transformations=self.transformation,
         )
 
     def _build_plant(self) -> DrivenPlant:
         """Return the arm, at rest over the fixture."""
-        given = self.cell
+        given = self
         if given.twin is not None and given.plant is not None:
             raise ConfigError(
                 "--twin and --plant exclude each other: a twin has its own"
@@ -148,8 +135,7 @@ class Cabinet(Sectioned):
         if given.plant is not None:
             plant = make_plant(given.plant, cell)
         else:
-            twin = load_twin(given.twin or "medium")
-            plant = TwinPlant(twin, cell)
+            plant = make_twin(given.twin or "medium", cell)
         above = _FIXTURE.position + np.array([0.0, 0.0, _ABOVE])
         robot = plant.robot
         pose = Pose(above, TOOL_DOWN)
@@ -158,7 +144,12 @@ class Cabinet(Sectioned):
         return plant
 
 
-GROUPS = sections_of(Cabinet)
+COMMON = (
+    *("twin", "plant", "robot", "env", "task_options", "version", "client", "bind"),
+    *("port", "control", "period", "multiplier", "clock", "realtime", "mode"),
+    *("stiffness", "damping", "fault", "script", "log"),
+)
+"""Settings that `--help` lists."""
 
 
 def _seven(text: str, name: str) -> tuple[float, ...]:
@@ -187,9 +178,9 @@ def _prepare_process() -> None:
 
 
 def _announce(server: Server, console: Console) -> None:
-    config, pace = server.config.connection, server.config.pace
+    config = server.config
     console.print(
-        f"cabinet: FRI {config.version}, {pace.period_ms} ms, clock {pace.clock}; "
+        f"cabinet: FRI {config.version}, {config.period_ms} ms, clock {config.clock}; "
         f"UDP {server.address} to client {config.client}; control "
         f"{server.control_address or 'none'}; Ctrl-C ends it",
         soft_wrap=True,
@@ -225,7 +216,7 @@ def _show_status(server: Server, console: Console, end: End) -> None:
                     live.update(Text(describe_status(status), no_wrap=True))
     else:
         _print_status(server, console, end)
-    if end.is_told():
+    if end.is_requested():
         console.print("cabinet: ends, says IDLE to the client")
 
 

@@ -1,21 +1,20 @@
 """Options of `dovetail cabinet`, in the groups of its help."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.period_option import Period
-from dovetail.control.sections import Section
+from dovetail.options import Period
 from dovetail.robots.find import DEFAULT_ROBOT
-from dovetail.tasks.options import TaskOptions
+from dovetail.settings import settings
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 
-@dataclass(frozen=True, kw_only=True)
-class CellOptions(Section):
+@settings()
+class CellOptions:
     """The robot."""
 
     twin: str | None = None
@@ -26,12 +25,12 @@ class CellOptions(Section):
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     env: str = DEFAULT_ENV
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ConnectionOptions(Section):
+@settings()
+class ConnectionOptions:
     """The connection."""
 
     version: str = "1.15"
@@ -46,8 +45,8 @@ class ConnectionOptions(Section):
     """Control port (TCP), or none."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PaceOptions(Section):
+@settings()
+class PaceOptions:
     """Time."""
 
     period: Period = DEFAULT_PERIOD
@@ -63,8 +62,8 @@ class PaceOptions(Section):
     """Ask for real-time priority (SCHED_FIFO)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LawOptions(Section):
+@settings()
+class LawOptions:
     """Control."""
 
     mode: Literal["torque", "position", "wrench"] = "torque"
@@ -77,8 +76,8 @@ class LawOptions(Section):
     """Distance from the interpolator that COMMANDING_WAIT accepts [rad]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionEndOptions(Section):
+@settings()
+class MotionEndOptions:
     """Conditions that end a motion."""
 
     good_from: float = 0.80
@@ -91,8 +90,8 @@ class MotionEndOptions(Section):
     """Time after a motion that ended with an error until the next, or never."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SignalOptions(Section):
+@settings()
+class SignalOptions:
     """IO signals and transformations."""
 
     io: tuple[str, ...] = ()
@@ -102,8 +101,8 @@ class SignalOptions(Section):
     """Names of transformations that are requested from the client."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EventOptions(Section):
+@settings()
+class EventOptions:
     """Faults and events."""
 
     fault: str = "none"

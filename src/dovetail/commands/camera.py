@@ -9,19 +9,19 @@ import tyro
 from rich.console import Console
 from rich.progress import track
 
-from dovetail.camera_checks import standing
 from dovetail.commands.camera_result import decide, now
 from dovetail.commands.hand_eye import CameraHandEye
-from dovetail.control.ranges import in_count
+from dovetail.doctor.camera import standing
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, TrackerError
 from dovetail.files import require_new, write_atomic
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.settings import in_count
 
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera as CameraFile
-    from dovetail.perceive.detect import Sight
+    from dovetail.perceive.detect import Detection
     from dovetail.plants.twin_camera import TwinCamera
     from dovetail.trackers.tracker import Estimate
 
@@ -74,7 +74,7 @@ class CameraIntrinsics:
         """Fit, and write where it is good enough."""
         from dovetail.perceive.board import Board
         from dovetail.perceive.camera import Camera, Lens
-        from dovetail.perceive.detect import Blind, Detector, explain
+        from dovetail.perceive.detect import DetectionFailure, Detector, explain
         from dovetail.perceive.intrinsics import fit_lens
         from dovetail.perceive.picture import read_picture
         from dovetail.perceive.sources import Folder
@@ -93,7 +93,7 @@ class CameraIntrinsics:
             guess = Lens.ideal(shape[1], shape[0], 1.2 * max(shape))
             detector = Detector(board, guess)
             seen = detector.find_corners(picture)
-            if isinstance(seen, Blind):
+            if isinstance(seen, DetectionFailure):
                 reason = explain(detector, picture, seen)
                 console.print(f"{path.name}: {reason}", soft_wrap=True)
                 continue
@@ -109,7 +109,7 @@ class CameraIntrinsics:
             + (f"; {' and '.join(fit.fixed)} not told, 0" if fit.fixed else ""),
             highlight=False,
         )
-        camera = Camera.of(
+        camera = Camera(
             lens=lens,
             mount="world",
             position=(0.0, 0.0, 0.0),
@@ -144,7 +144,7 @@ class CameraWatch:
             DovetailError: No such camera or twin, or no simulated one for a twin.
         """
         from dovetail.perceive.camera import load_camera
-        from dovetail.perceive.detect import Blind, Detector, explain
+        from dovetail.perceive.detect import DetectionFailure, Detector, explain
         from dovetail.perceive.open_source import open_source
         from dovetail.perceive.rehearsal import FIXTURE
         from dovetail.trackers.marker import locate
@@ -152,22 +152,20 @@ class CameraWatch:
         in_count("count", self.count, 0, _PICTURES_MAX, "pictures")
         camera, cell = load_camera(self.camera), find_cell(robot=self.robot)
         if self.twin is not None and not camera.is_simulated:
-            raise ConfigError(
-                f"twin is given, and the pictures are of {camera.pictures.source}"
-            )
+            raise ConfigError(f"twin is given, and the pictures are of {camera.source}")
         twin = None if self.twin is None else load_twin(self.twin).camera
-        detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
+        detector = Detector(camera.board, camera.lens, camera.edge_noise)
         source, seen_once, number = open_source(camera, cell, twin), False, 0
         is_placed = self._is_placed(camera, twin, console)
         q = cell.robot.posture("down")
         try:
             while number < self.count or not self.count:
                 number += 1
-                frame = source.look(FIXTURE, standing(q, number / camera.pictures.rate))
+                frame = source.look(FIXTURE, standing(q, number / camera.rate))
                 if frame is None:
                     continue
                 sight = detector.find(frame.picture)
-                if isinstance(sight, Blind):
+                if isinstance(sight, DetectionFailure):
                     line = explain(detector, frame.picture, sight)
                 else:
                     seen_once = True
@@ -184,7 +182,7 @@ class CameraWatch:
         self, camera: "CameraFile", twin: "TwinCamera | None", console: Console
     ) -> bool:
         """Say whether the camera's place is known, and what follows where it is not."""
-        is_exact = twin is None or not any(twin.misplaced.numbers())
+        is_exact = twin is None or not any(twin.numbers())
         try:
             camera.require_calibrated(is_exact=is_exact)
         except ConfigError as error:
@@ -198,7 +196,7 @@ class CameraWatch:
         return True
 
 
-def describe_sight(sight: "Sight", told: "Estimate | None") -> str:
+def describe_sight(sight: "Detection", told: "Estimate | None") -> str:
     """Return where the fixture is, and how sure, for a person.
 
     Args:

@@ -1,8 +1,8 @@
 """`dovetail cockpit`: see the arm in the browser, start and stop it, touch it."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from rich.console import Console
 
@@ -11,26 +11,24 @@ from dovetail.cockpit.choice import Choice
 from dovetail.cockpit.server import PORT, PageServer, open_server
 from dovetail.commands.demo import DEFAULT_TWIN
 from dovetail.commands.ended_by_signal import ended_by_signal
-from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
-from dovetail.control.limits import TABLE, DeclaredErrors
-from dovetail.control.period_option import Period
-from dovetail.control.sections import Section, Sectioned
+from dovetail.control.limits import DeclaredErrors
 from dovetail.errors import ConfigError
 from dovetail.files import dated_folder, require_writable
-from dovetail.tasks.options import TaskOptions
+from dovetail.options import Period, Placement
+from dovetail.settings import settings
 from dovetail.tasks.shipped import DEFAULT_POLICY
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShownPolicyOptions(Section):
+@settings()
+class ShownPolicyOptions:
     """The policy that runs."""
 
     policy: str = DEFAULT_POLICY
     """Policy: the name of a shipped one, a file, or none."""
     env: str | None = None
     """Environment of the policy; needed for one of your own, MODULE:ID."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
     tare: bool | None = None
     """Measure at each reset the weight that gravity compensation misses. Default as in
@@ -39,8 +37,8 @@ class ShownPolicyOptions(Section):
     """Yes to a policy on a robot whose contact settings are laxer than the defaults."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShownPlaceOptions(Section):
+@settings()
+class ShownPlaceOptions:
     """Twin or arm to run on, one of the two."""
 
     twin: str | None = None
@@ -49,8 +47,8 @@ class ShownPlaceOptions(Section):
     """Arm to run on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShownCellOptions(Section):
+@settings()
+class ShownCellOptions:
     """Robot, tracker, control period and fixture."""
 
     robot: str | None = None
@@ -60,13 +58,13 @@ class ShownCellOptions(Section):
     own."""
     period: Period | None = None
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
-    fixture: tuple[float, float, float, float] | None = None
+    fixture: Placement = None
     """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes; default
     the task's first trial pose. Needed for an arm that cannot move it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PageOptions(Section):
+@settings()
+class PageOptions:
     """The page."""
 
     port: int = PORT
@@ -77,26 +75,15 @@ class PageOptions(Section):
     """Folder for the Episode logs; default a new one, by the time, in cockpit-logs."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cockpit(Sectioned):
+@settings()
+class Cockpit(
+    ShownPolicyOptions, ShownPlaceOptions, ShownCellOptions, DeclaredErrors, PageOptions
+):
     """Show an arm in the browser: start, stop, pull it, move its fixture, replay it."""
-
-    whose: ClassVar[str] = "the command cockpit"
-
-    actor: ShownPolicyOptions = field(default_factory=ShownPolicyOptions)
-    """The policy that runs."""
-    place: ShownPlaceOptions = field(default_factory=ShownPlaceOptions)
-    """Twin or arm to run on, one of the two."""
-    cell: ShownCellOptions = field(default_factory=ShownCellOptions)
-    """Robot, tracker, control period and fixture."""
-    declared: DeclaredErrors = TABLE
-    """Largest deviations of the arm from its model."""
-    page: PageOptions = field(default_factory=PageOptions)
-    """The page."""
 
     def run(self, console: Console) -> int:
         """Show the page until Ctrl-C or SIGTERM, then hold the arm and close."""
-        self.show(console, self.page.logs or dated_folder("cockpit-logs"))
+        self.show(console, self.logs or dated_folder("cockpit-logs"))
         return 0
 
     def show(self, console: Console, logs: Path) -> list[Path]:
@@ -110,12 +97,12 @@ class Cockpit(Sectioned):
 
         require_writable(logs, "--logs")
         choice = self.choice()
-        warn_of_arm(console, None, choice.place, self.cell.robot, self.declared)
-        session = Session(choice, logs=logs, fixture=self.cell.fixture)
+        warn_of_arm(console, None, choice.place, self.robot, self)
+        session = Session(choice, logs=logs, fixture=self.fixture)
         try:
-            server = open_server(self.page.port)
+            server = open_server(self.port)
             try:
-                keep_running = self.page.keep_running
+                keep_running = self.keep_running
                 page = Page(server, session, keep_running=keep_running)
                 serve_page(server, console, is_driven=True)
                 page.close()
@@ -124,11 +111,11 @@ class Cockpit(Sectioned):
                 server.stop()
         finally:
             session.close()
-        for file in session.diary.files:
+        for file in session.logger.files:
             console.print(f"  {file}", highlight=False, soft_wrap=True)
-        if session.diary.problem:
-            console.print(session.diary.problem, soft_wrap=True)
-        return session.diary.demonstrations
+        if session.logger.problem:
+            console.print(session.logger.problem, soft_wrap=True)
+        return session.logger.demonstrations
 
     def choice(self) -> Choice:
         """Return what runs at first.
@@ -136,31 +123,35 @@ class Cockpit(Sectioned):
         Raises:
             ConfigError: Both a twin and an arm.
         """
-        actor, where = self.actor, self.place
+        where = self
         if where.twin is not None and where.arm is not None:
             raise ConfigError("--twin and --arm exclude each other; give one")
         twin = where.twin or DEFAULT_TWIN
         if Path(twin).suffix == ".toml":
             twin = str(Path(twin).expanduser().absolute())
         names = ("robot", "tracker", "period")
-        given = {name: vars(self.cell)[name] for name in names}
+        given = {name: vars(self)[name] for name in names}
         settings: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
-        settings |= actor.task_options
-        settings |= vars(self.declared)
-        if actor.tare is not None:
-            settings["tare"] = actor.tare
+        settings |= self.task_options
+        settings |= self.declared_errors()
+        if self.tare is not None:
+            settings["tare"] = self.tare
         place = where.arm or f"twin:{twin}"
         parse_address(place)
         return Choice(
-            policy=actor.policy,
+            policy=self.policy,
             place=place,
-            env=actor.env,
+            env=self.env,
             settings=settings,
-            accept_contact=actor.accept_contact,
+            accept_contact=self.accept_contact,
         )
 
 
-GROUPS = sections_of(Cockpit)
+COMMON = (
+    *("policy", "twin", "arm", "env", "task_options", "robot", "tracker", "period"),
+    *("fixture", "accept_contact", "port", "keep_running", "logs"),
+)
+"""Settings that `--help` lists."""
 
 
 def serve_page(server: PageServer, console: Console, *, is_driven: bool) -> None:

@@ -1,19 +1,17 @@
 """`dovetail demo`: the main job with the policy that ships in the package."""
 
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
 
 from rich.console import Console
 
 from dovetail.commands.evaluate import print_files
-from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
-from dovetail.control.period_option import Period
-from dovetail.control.sections import Section, Sectioned
 from dovetail.evaluation.cover import compare
 from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 from dovetail.files import dated_folder
+from dovetail.options import Period
+from dovetail.settings import settings, values_of
 from dovetail.tasks.shipped import DEFAULT_POLICY, TRUSTING_POLICY
 
 SEARCHING_POLICY = "search_square"
@@ -22,8 +20,8 @@ DEFAULT_TWIN = "medium"
 """The twin where none is said."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DemoPolicyOptions(Section):
+@settings()
+class DemoPolicyOptions:
     """Policy and tries."""
 
     policy: str = DEFAULT_POLICY
@@ -35,8 +33,8 @@ class DemoPolicyOptions(Section):
     compares a policy without a search, the scripted search, and a learned one."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DemoPlaceOptions(Section):
+@settings()
+class DemoPlaceOptions:
     """Twin to try on, and its settings."""
 
     twin: str = DEFAULT_TWIN
@@ -51,8 +49,8 @@ class DemoPlaceOptions(Section):
     """Control period: 1ms, 2ms, 2.5ms or 5ms; default that of the policy's training."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DemoResultsOptions(Section):
+@settings()
+class DemoResultsOptions:
     """The results."""
 
     out: Path | None = None
@@ -63,27 +61,18 @@ class DemoResultsOptions(Section):
     """Processes that share the tries."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Demo(Sectioned):
+@settings()
+class Demo(DemoPolicyOptions, DemoPlaceOptions, DemoResultsOptions):
     """Try the shipped policy 20 times at each of 3 fixture poses on a twin."""
-
-    whose: ClassVar[str] = "the command demo"
-
-    tried: DemoPolicyOptions = field(default_factory=DemoPolicyOptions)
-    """Policy and tries."""
-    place: DemoPlaceOptions = field(default_factory=DemoPlaceOptions)
-    """Twin to try on, and its settings."""
-    results: DemoResultsOptions = field(default_factory=DemoResultsOptions)
-    """The results."""
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
-        given = self.flat()
-        warn_of_arm(console, self.place.twin)
+        given = values_of(self)
+        warn_of_arm(console, self.twin)
         del given["cover"]
-        given["out"] = self.results.out or dated_folder("demo-results")
-        config = EvaluationConfig.of(**given)
-        if self.tried.cover:
+        given["out"] = self.out or dated_folder("demo-results")
+        config = EvaluationConfig(**given)
+        if self.cover:
             return self._compare(config, console)
         print_files(evaluate(config, console), console)
         return 0
@@ -91,16 +80,13 @@ class Demo(Sectioned):
     def _compare(self, config: EvaluationConfig, console: Console) -> int:
         """Say who finds a fixture that was moved unseen."""
         # Told the truth, and then covered.
-        config = config.having(tracker=None, keep_logs=False, video=False)
+        config = replace(config, tracker=None, keep_logs=False, video=False)
         actors = [
-            ("no search", config.having(policy=TRUSTING_POLICY)),
-            ("script", config.having(search="corner")),
-            ("learned search", config.having(policy=SEARCHING_POLICY)),
+            ("no search", replace(config, policy=TRUSTING_POLICY)),
+            ("script", replace(config, search="corner")),
+            ("learned search", replace(config, policy=SEARCHING_POLICY)),
         ]
-        folder = config.trials.out or dated_folder("demo-results")
+        folder = config.out or dated_folder("demo-results")
         compare(actors, folder, console)
         console.print(f"written to {folder}: cover.html, cover.json, a report for each")
         return 0
-
-
-GROUPS = sections_of(Demo)

@@ -6,16 +6,18 @@ from dataclasses import dataclass, fields
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.fri_address import FriAddress
+from dovetail.arms.fri_arm import FriAddress
+from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.asking import ask
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
-from dovetail.control.period_option import Delay, Period
 from dovetail.control.proven import DECLARED
-from dovetail.doctor import Check, run_checks
+from dovetail.doctor.check import Check
+from dovetail.doctor.installation import run_checks
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError
+from dovetail.options import Delay, Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
 
@@ -91,25 +93,25 @@ class Doctor:
                 raise ConfigError(f"--{name.replace('_', '-')} would be ignored: {why}")
 
     def _check_arm(self, text: str) -> Iterator[Check]:
-        from dovetail.arm_checks import run_arm_checks
-        from dovetail.local_arm_checks import run_local_checks
+        from dovetail.doctor.fri_arm import run_fri_checks
+        from dovetail.doctor.simulated_arm import run_simulated_checks
 
         address = parse_address(text)
         declared = self._declared()
         if isinstance(address, FriAddress):
             asks = None if self.yes else ask
-            return run_arm_checks(address, asks, declared, self.robot)
+            return run_fri_checks(address, asks, declared, self.robot)
         period = require_period(self.period, "--period")
-        plant = address.make_plant(find_cell(robot=self.robot))
-        if plant is None:
+        if not isinstance(address, LocalAddress):
             raise ConfigError(
                 f"the doctor checks arms behind FRI and simulated ones, not {text!r}; "
                 "run it where the arm is served, with fri://HOST:PORT?KEY=VALUE&..."
             )
-        return run_local_checks(plant, period, declared)
+        plant = address.make_plant(find_cell(robot=self.robot))
+        return run_simulated_checks(plant, period, declared)
 
     def _check_camera(self, file: str) -> Iterator[Check]:
-        from dovetail.camera_doctor import run_camera_checks
+        from dovetail.doctor.camera import run_camera_checks
         from dovetail.perceive.camera import load_camera
 
         return run_camera_checks(
@@ -123,6 +125,6 @@ class Doctor:
     def _declared(self) -> dict[str, float]:
         given = {"delay": self.delay, "payload_error": self.payload_error}
         declared = DeclaredErrors(**DECLARED | given)
-        if problems := declared.unproven():
+        if problems := declared.beyond_proven():
             raise ConfigError("; ".join(problems))
         return vars(declared)

@@ -14,20 +14,20 @@ class End:
     """
 
     def __init__(self) -> None:
-        self._told: SimpleQueue[int] = SimpleQueue()
+        self._signals: SimpleQueue[int] = SimpleQueue()
 
-    def tell(self, number: int, frame: object = None) -> None:
+    def request(self, number: int, frame: object = None) -> None:
         """Ask the command to end; a signal handler, harmless when repeated."""
-        self._told.put(number)
+        self._signals.put(number)
 
-    def is_told(self) -> bool:
+    def is_requested(self) -> bool:
         """Return True once the command was asked to end."""
-        return not self._told.empty()
+        return not self._signals.empty()
 
     def wait(self, seconds: float | None = None) -> bool:
         """Wait for a signal, a time [s] at most; return True once one has come."""
         try:
-            self._told.put(self._told.get(timeout=seconds))  # for the next call
+            self._signals.put(self._signals.get(timeout=seconds))  # for the next call
         except Empty:
             return False
         return True
@@ -42,7 +42,7 @@ def ended_by_signal() -> Iterator[End]:
     """
     end = End()
     before = {
-        number: signal.signal(number, end.tell)
+        number: signal.signal(number, end.request)
         for number in (signal.SIGINT, signal.SIGTERM)
     }
     try:

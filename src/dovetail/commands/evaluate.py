@@ -1,17 +1,16 @@
 """`dovetail evaluate`: any policy, any plant or twin, any held part."""
 
-from dataclasses import dataclass
 from typing import Annotated
 
 import tyro
 from rich.console import Console
 
-from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.evaluation.evaluate import Evaluation, EvaluationConfig, evaluate
+from dovetail.settings import settings
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class Evaluate(EvaluationConfig):
     """Try a policy at three fixture poses; write table, figures, report and logs."""
 
@@ -21,13 +20,17 @@ class Evaluate(EvaluationConfig):
 
     def run(self, console: Console) -> int:
         """Evaluate and say where everything is."""
-        place = self.place
-        warn_of_arm(console, place.twin, place.arm, declared=self.declared)
+        warn_of_arm(console, self.twin, self.arm, declared=self)
         print_files(evaluate(self, console), console)
         return 0
 
 
-GROUPS = sections_of(Evaluate)
+COMMON = (
+    *("policy", "twin", "arm", "plant", "env", "task_options", "tracker", "fixture"),
+    *("tries", "seed", "fixture_shift", "push", "search"),
+    *("tare", "fall_back", "period", "robot", "accept_contact", "video", "out"),
+)
+"""Settings that `--help` lists."""
 
 
 def print_files(evaluation: Evaluation, console: Console) -> None:

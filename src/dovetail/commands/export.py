@@ -1,23 +1,22 @@
 """`dovetail export`: a model of Stable-Baselines3 or SBX as a policy of dovetail."""
 
 import shlex
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from rich.console import Console
 
-from dovetail.commands.help_page import sections_of
 from dovetail.envs.registered import make
 from dovetail.errors import ConfigError
-from dovetail.learn.env_settings import EnvSettings, find_task
 from dovetail.learn.foreign import import_file
 from dovetail.learn.policy import policy_files
+from dovetail.learn.policy_env_config import PolicyEnvConfig, find_task
+from dovetail.settings import settings
 
 
-@dataclass(frozen=True, kw_only=True)
-class Export:
+@settings()
+class Export(PolicyEnvConfig):
     """Write a model.zip of Stable-Baselines3 or SBX as a policy.
 
     The model does not say how its environment was set: give the settings that differ
@@ -33,8 +32,6 @@ class Export:
     trust: bool = False
     """Load the file with its library, which runs the code in it: for files of your own.
     Without it the file is only inspected."""
-    environment: EnvSettings = field(default_factory=EnvSettings)
-    """Task and environment of its training."""
 
     def run(self, console: Console) -> int:
         """Export, and say what to do next."""
@@ -48,11 +45,10 @@ class Export:
         for file in policy_files(out):
             if file.exists():
                 raise ConfigError(f"{file} exists; choose another --out")
-        settings = self.environment
-        find_task(settings.env, type(self))
-        env = make(settings.env, **settings.env_options())
+        find_task(self.env, type(self))
+        env = make(self.env, **self.env_options())
         try:
-            policy = import_file(model, env, settings, is_trusted=self.trust)
+            policy = import_file(model, env, self, is_trusted=self.trust)
             weights = policy.save(out)
             note = policy.metadata["provenance"].get("note", "")
         finally:
@@ -68,4 +64,9 @@ class Export:
         return 0
 
 
-GROUPS = sections_of(Export)
+COMMON = (
+    *("model", "out", "trust", "env", "task_options", "task", "f_scale"),
+    *("force_damping", "theta_range", "position_range", "near_speed", "near_press"),
+    *("period", "max_steps", "also", "recall", "stack", "robot"),
+)
+"""Settings that `--help` lists."""

@@ -1,9 +1,9 @@
 """`dovetail camera hand-eye`: find where a camera sits, by the poses of an arm."""
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import tyro
@@ -14,8 +14,6 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.commands.asking import ask
 from dovetail.commands.camera_result import decide, now
-from dovetail.control.ranges import in_count
-from dovetail.control.sections import Section, Sectioned
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.arm_setup import build_arm
 from dovetail.envs.registered import find_cell
@@ -23,11 +21,12 @@ from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, require_new
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.settings import in_count, settings
 
 if TYPE_CHECKING:
     from dovetail.perceive.camera import Camera
     from dovetail.perceive.detect import Detector
-    from dovetail.perceive.hand_eye import HandEye, View
+    from dovetail.perceive.hand_eye import HandEye, HandEyeSample
     from dovetail.perceive.rehearsal import Shot
 
 _PICTURES_MAX = 1000
@@ -40,8 +39,8 @@ _MOVED = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PictureOptions(Section):
+@settings()
+class PictureOptions:
     """The pictures, taken or read."""
 
     folder: Path | None = None
@@ -55,8 +54,8 @@ class PictureOptions(Section):
     """Folder, new or empty, for the pictures and poses.csv: --folder takes it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MovedArmOptions(Section):
+@settings()
+class MovedArmOptions:
     """The arm that goes through the poses."""
 
     arm: str | None = None
@@ -70,8 +69,8 @@ class MovedArmOptions(Section):
     """Robot model of the arm: one of dovetail's, or MODULE:FUNCTION of your own."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class KnownCameraOptions(Section):
+@settings()
+class KnownCameraOptions:
     """Mount and twin of the camera."""
 
     mount: str | None = None
@@ -82,23 +81,15 @@ class KnownCameraOptions(Section):
     calibrated file. With --folder: that with which the pictures were taken."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraHandEye(Sectioned):
+@settings()
+class CameraHandEye(PictureOptions, MovedArmOptions, KnownCameraOptions):
     """Find where a camera sits, and say how sure that is: go or no-go."""
-
-    whose: ClassVar[str] = "the command camera hand-eye"
 
     camera: Annotated[Path, tyro.conf.Positional]
     """Camera file with the lens, and its place, roughly: from there the poses are
     drawn, but with --folder."""
     out: Path = Path("calibrated.toml")
     """Camera file to write; not overwritten."""
-    pictures: PictureOptions = field(default_factory=PictureOptions)
-    """The pictures, taken or read."""
-    moved: MovedArmOptions = field(default_factory=MovedArmOptions)
-    """The arm that goes through the poses."""
-    known: KnownCameraOptions = field(default_factory=KnownCameraOptions)
-    """Mount and twin of the camera."""
 
     def run(self, console: Console) -> int:
         """Calibrate, and write where it is good enough."""
@@ -107,24 +98,21 @@ class CameraHandEye(Sectioned):
         from dovetail.perceive.hand_eye import calibrate
 
         file, camera = require_new(self.out), load_camera(self.camera)
-        if self.known.mount is not None:
-            if self.known.mount not in ("world", "flange"):
-                raise ConfigError(
-                    f"mount is {self.known.mount!r}; known: world, flange"
-                )
-            camera = camera.having(mount=self.known.mount)
-        if self.known.twin is not None and not camera.is_simulated:
+        if self.mount is not None:
+            if self.mount not in ("world", "flange"):
+                raise ConfigError(f"mount is {self.mount!r}; known: world, flange")
+            camera = replace(camera, mount=self.mount)
+        if self.twin is not None and not camera.is_simulated:
             raise ConfigError(
-                f"twin is given, and the pictures are of {camera.pictures.source}; "
-                "leave it out"
+                f"twin is given, and the pictures are of {camera.source}; leave it out"
             )
-        address = None if self.moved.arm is None else parse_address(self.moved.arm)
-        twin = self.known.twin or (address and address.twin) or camera.twin or None
-        detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
+        address = None if self.arm is None else parse_address(self.arm)
+        twin = self.twin or (address and address.twin) or camera.twin or None
+        detector = Detector(camera.board, camera.lens, camera.edge_noise)
         views = self._views(
             detector, self._shots(camera, address, twin, console), console
         )
-        found = calibrate(views, camera.lens, camera.place.mount)
+        found = calibrate(views, camera.lens, camera.mount)
         print_hand_eye(console, found, len(views))
         objections = found.objections()
         camera = camera.calibrated_from(self.camera, twin)
@@ -144,82 +132,76 @@ class CameraHandEye(Sectioned):
         from dovetail.perceive.hand_eye import VIEWS_MIN
         from dovetail.perceive.recorded import keep_shots, read_shots
 
-        if self.pictures.folder is not None:
-            if self.pictures.keep is not None or address is not None:
+        if self.folder is not None:
+            if self.keep is not None or address is not None:
                 raise ConfigError(
                     "folder has pictures that were taken: --keep and --arm are for "
                     "taking them; leave them out"
                 )
-            robot = find_robot(self.moved.robot)
+            robot = find_robot(self.robot)
             return read_shots(
-                self.pictures.folder,
+                self.folder,
                 robot,
                 lambda text: console.print(text, highlight=False, soft_wrap=True),
             )
         if address is None and not camera.is_simulated:
             raise ConfigError(
-                f"the camera's source is {camera.pictures.source}: give the --arm that "
+                f"the camera's source is {camera.source}: give the --arm that "
                 "is to go through poses, or take pictures in 20 poses and give their "
                 "--folder"
             )
-        in_count("count", self.pictures.count, VIEWS_MIN, _PICTURES_MAX, "pictures")
+        in_count("count", self.count, VIEWS_MIN, _PICTURES_MAX, "pictures")
         if address is None:
             shots = self._rehearsed(camera, twin)
         else:
             shots = self._taken(camera, address, twin)
-        if self.pictures.keep is not None:
-            shots = keep_shots(shots, claim_output_folder(self.pictures.keep))
-        return track(shots, "poses", total=self.pictures.count, console=console)
+        if self.keep is not None:
+            shots = keep_shots(shots, claim_output_folder(self.keep))
+        return track(shots, "poses", total=self.count, console=console)
 
     def _rehearsed(self, camera: "Camera", twin: str | None) -> "Iterator[Shot]":
         from dovetail.perceive.rehearsal import shoot
 
         errors = None if twin is None else load_twin(twin).camera
-        cell = find_cell(robot=self.moved.robot)
-        return shoot(
-            camera.as_it_is(), cell, errors, self.pictures.count, self.pictures.seed
-        )
+        cell = find_cell(robot=self.robot)
+        return shoot(camera.as_it_is(), cell, errors, self.count, self.seed)
 
     def _taken(
         self, camera: "Camera", address: ArmAddress, twin: str | None
     ) -> "Iterator[Shot]":
         from dovetail.perceive.arm_shots import TASK, take_shots
 
-        if self.moved.approach:
+        if self.approach:
             address = parse_address(address.with_approach())
-        if not (address.is_here or self.moved.yes):
-            holds = "holds the board" if camera.place.mount == "world" else "is empty"
-            question = _MOVED.format(
-                count=self.pictures.count, held=f"the tool {holds}"
-            )
+        if not (address.is_here or self.yes):
+            holds = "holds the board" if camera.mount == "world" else "is empty"
+            question = _MOVED.format(count=self.count, held=f"the tool {holds}")
             if not ask(question):
                 raise ConfigError("the arm was not moved; nothing is written")
         errors = None if twin is None else load_twin(twin).camera
-        cell = find_cell(robot=self.moved.robot)
+        cell = find_cell(robot=self.robot)
         arm = build_arm(address, cell, TaskSpec.parse(TASK))
         try:
             taken = camera.as_it_is() if camera.is_simulated else camera
-            yield from take_shots(
-                taken, arm, cell, errors, self.pictures.count, self.pictures.seed
-            )
+            yield from take_shots(taken, arm, cell, errors, self.count, self.seed)
         finally:
             arm.close()
 
     def _views(
         self, detector: "Detector", shots: "Iterable[Shot]", console: Console
-    ) -> "list[View]":
-        from dovetail.perceive.detect import Blind, explain
-        from dovetail.perceive.hand_eye import View
+    ) -> "list[HandEyeSample]":
+        from dovetail.perceive.detect import DetectionFailure, explain
+        from dovetail.perceive.hand_eye import HandEyeSample
 
-        robot, views = find_robot(self.moved.robot), []
+        robot, views = find_robot(self.robot), []
         for number, shot in enumerate(shots, 1):
             seen = detector.find(shot.picture)
-            if isinstance(seen, Blind):
+            if isinstance(seen, DetectionFailure):
                 reason = explain(detector, shot.picture, seen)
                 console.print(f"picture {number}: {reason}", soft_wrap=True)
                 continue
             flange = robot.tool_pose(shot.q)
-            views.append(View(flange, seen.pose, seen.corners, seen.points))
+            views.append(HandEyeSample(flange, seen.pose, seen.corners, seen.points))
         return views
 
     def _elsewhere(self, camera: "Camera", found: "HandEye") -> list[str]:
@@ -267,7 +249,8 @@ def _placed(camera: "Camera", found: "HandEye") -> "Camera":
     """Return the camera with the place that was found."""
     deviation = np.sqrt(np.diag(found.covariance))
     correlation = found.covariance / np.outer(deviation, deviation)
-    return camera.having(
+    return replace(
+        camera,
         mount=found.mount,
         position=tuple(found.camera.position.tolist()),
         rotation=tuple(found.camera.quat_wxyz.tolist()),

@@ -1,6 +1,5 @@
 """`dovetail identify`: record scripted motions, fit a model to them, report on it."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from shlex import quote
 from typing import Annotated
@@ -14,21 +13,21 @@ from dovetail.identify.fit import FitConfig, FitResult, fit
 from dovetail.identify.fit_folder import MODEL
 from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
+from dovetail.settings import settings
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class IdentifyRecord(RecordConfig):
     """Play scripted motions on an arm, in free air, and log them."""
 
     def run(self, console: Console) -> int:
         """Record, and say what to do with it."""
-        place = self.place
-        warn_of_arm(console, None, place.arm, place.robot, self.declared)
+        warn_of_arm(console, None, self.arm, self.robot, self)
         recording = record(self, console)
         cycles = sum(len(s.log) for s in recording.sequences)
         console.print(
             f"{self.out}: {len(recording.sequences)} sequences, {cycles} control "
-            f"cycles of {1e3 * recording.period:g} ms, from {self.place.arm}\n"
+            f"cycles of {1e3 * recording.period:g} ms, from {self.arm}\n"
             f"  next: dovetail identify fit {quote(str(self.out))} --out identified",
             soft_wrap=True,
             highlight=False,
@@ -36,7 +35,7 @@ class IdentifyRecord(RecordConfig):
         return 0
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class IdentifyFit(FitConfig):
     """Fit gravity, masses and friction to a recording; write a model file."""
 
@@ -59,7 +58,7 @@ class IdentifyFit(FitConfig):
         return 0
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class IdentifyReport:
     """Write figures, error and identifiability of a fit, and a go / no-go line."""
 

@@ -1,45 +1,35 @@
 """`dovetail record`: a person shows the task; Episode logs and a LeRobotDataset."""
 
 import shlex
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated
 
 from rich.console import Console
 
-from dovetail.cockpit.choice import NOBODY
-from dovetail.commands.cockpit import GROUPS as _OF_COCKPIT
-from dovetail.commands.cockpit import Cockpit, ShownPolicyOptions
-from dovetail.commands.help_page import Groups
+from dovetail.cockpit.choice import NO_POLICY
+from dovetail.commands.cockpit import COMMON as _OF_COCKPIT
+from dovetail.commands.cockpit import Cockpit
 from dovetail.errors import LogError
 from dovetail.files import dated_folder
 from dovetail.learn.lerobot_folder import require_room, write_lerobot
-from dovetail.paths_option import some_paths
+from dovetail.options import some_paths
+from dovetail.settings import settings
 
-GROUPS: Groups = {"what was recorded already": ("written",), **_OF_COCKPIT}
+COMMON = ("written", *_OF_COCKPIT)
+"""Settings that `--help` lists."""
 LEROBOT = "lerobot"
 """Folder of the data set, in that of the logs."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CorrectedPolicyOptions(ShownPolicyOptions):
-    """The policy that runs."""
-
-    policy: str = NOBODY
-    """Policy that is corrected: the name of a shipped one, a file, or none."""
-
-
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class Record(Cockpit):
     """Record demonstrations: the cockpit's page, then a LeRobotDataset of them."""
-
-    whose: ClassVar[str] = "the command record"
 
     written: Annotated[tuple[Path, ...], some_paths("--written", Path)] = ()
     """Episode logs of before, or folders of them. They become the data set, and no page
     is shown."""
-    actor: CorrectedPolicyOptions = field(default_factory=CorrectedPolicyOptions)
-    """The policy that runs, and is corrected."""
+    policy: str = NO_POLICY
+    """Policy that is corrected: the name of a shipped one, a file, or none."""
 
     def run(self, console: Console) -> int:
         """Show the page until it is ended, and write what was shown there.
@@ -48,7 +38,7 @@ class Record(Cockpit):
             LogError: Nothing was shown; or logs do not make one data set.
             ConfigError: The folder has a data set already.
         """
-        folder = self.page.logs or dated_folder("demonstrations")
+        folder = self.logs or dated_folder("demonstrations")
         require_room(folder / LEROBOT, "--logs")
         shown = list(self.written) or self.show(console, folder)
         if not shown:

@@ -1,40 +1,37 @@
 """`dovetail serve`: the controller process; learners reach its arm over gRPC."""
 
 import resource
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from rich.console import Console
 from rich.text import Text
 
 from dovetail.arms.address import parse_address
-from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.from_address import arm_from_address
+from dovetail.arms.local_address import LocalAddress
 from dovetail.commands.ended_by_signal import End, ended_by_signal
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
-from dovetail.control.period import format_period
-from dovetail.control.period_option import Period
-from dovetail.control.sections import Section, Sectioned
-from dovetail.control.settings import ControllerSettings
+from dovetail.durations import format_ms
 from dovetail.envs.registered import find_cell
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
+from dovetail.options import Delay, Period
 from dovetail.printable import printable
 from dovetail.robots.find import DEFAULT_ROBOT
-from dovetail.tasks.options import TaskOptions
+from dovetail.settings import ranges_of, settings
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 if TYPE_CHECKING:
-    from dovetail.rpc.arm_host import ArmBuilder
+    from dovetail.rpc.offered_arm import OfferedArm
 
 _STATUS_PERIOD = 0.5  # s
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfferedArmOptions(Section):
+@settings()
+class OfferedArmOptions:
     """The arm."""
 
     arm: str = "mujoco"
@@ -48,20 +45,20 @@ class OfferedArmOptions(Section):
     """Ask the system for real-time priority and locked memory; fri:// only."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class OfferedCellOptions(Section):
+@settings()
+class OfferedCellOptions:
     """Robot, and the parts around it."""
 
     env: str = DEFAULT_ENV
     """Task whose parts stand in the cell: a Gymnasium id, or MODULE:ID of your own."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ServiceOptions(Section):
+@settings()
+class ServiceOptions:
     """Address and certificates of the service."""
 
     listen: str = "127.0.0.1:50051"
@@ -75,20 +72,22 @@ class ServiceOptions(Section):
     """Certificate of the authority that signs the clients' certificates, PEM."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Serve(Sectioned):
+@settings()
+class KnownErrors(DeclaredErrors):
+    """Known differences between the arm and its model, which a learner must declare."""
+
+    delay: Annotated[Delay, ranges_of(DeclaredErrors)["delay"]] = 0.0
+    """Delay from a measurement to the torque it leads to [s], the period not counted.
+    A learner that declares less is refused."""
+    mass_error: Annotated[float, ranges_of(DeclaredErrors)["mass_error"]] = 0.0
+    """Error of a link's mass, as a share [1]."""
+    payload_error: Annotated[float, ranges_of(DeclaredErrors)["payload_error"]] = 0.0
+    """Error of the payload's mass [kg]."""
+
+
+@settings()
+class Serve(OfferedArmOptions, KnownErrors, OfferedCellOptions, ServiceOptions):
     """Offer an arm to one learner at a time, and to watchers, until Ctrl-C."""
-
-    whose: ClassVar[str] = "the command serve"
-
-    offered: OfferedArmOptions = field(default_factory=OfferedArmOptions)
-    """The arm."""
-    declared: DeclaredErrors = field(default_factory=DeclaredErrors)
-    """Errors of the arm that a learner has to declare at least."""
-    cell: OfferedCellOptions = field(default_factory=OfferedCellOptions)
-    """Robot, and the parts around it."""
-    service: ServiceOptions = field(default_factory=ServiceOptions)
-    """Address and certificates of the service."""
 
     def run(self, console: Console) -> int:
         """Serve until Ctrl-C or SIGTERM, then hold the arm and close."""
@@ -101,7 +100,7 @@ class Serve(Sectioned):
                 f"{install_command('rpc')}"
             ) from error
         names = ("--cert", "--key", "--client-ca")
-        service = self.service
+        service = self
         files = certificates(
             cert=service.cert, key=service.key, ca=service.client_ca, names=names
         )
@@ -112,24 +111,18 @@ class Serve(Sectioned):
                 f"{now:%H:%M:%S} {line}", markup=False, highlight=False, soft_wrap=True
             )
 
-        offered = self.offered
-        address = _address(offered)
-        builder = _builder(self.cell, address, self.declared)
-        robot = self.cell.robot
-        warn_of_arm(console, offered.twin, offered.arm, robot, self.declared)
+        address = _address(self)
+        arm = _offered(self, address, self)
+        warn_of_arm(console, self.twin, self.arm, self.robot, self)
         _allow_many_connections()
-        try:
-            server = ArmServer(builder, service.listen, files, notify)
-        except BaseException:
-            builder.close()
-            raise
+        server = ArmServer(arm, service.listen, files, notify)
         with ended_by_signal() as end, server:
             how = "mutual TLS" if files else "this machine only, no TLS"
             learners = server.url
             if address.period is not None:
                 mark = "&" if "?" in learners else "?"
-                learners += f"{mark}period={format_period(address.period)}"
-            notify(f"{builder.name} is served at {learners} ({how})")
+                learners += f"{mark}period={format_ms(address.period)}"
+            notify(f"{address.text} is served at {learners} ({how})")
             _show_status(console, server, end)
             notify("closing: the arm is held")
         notify(f"closed after {server.service.steps} steps")
@@ -157,27 +150,15 @@ def _show_status(console: Console, server: Any, end: End) -> None:
                 return
 
 
-def _builder(
+def _offered(
     around: OfferedCellOptions, address: ArmAddress, declared: DeclaredErrors
-) -> "ArmBuilder":
-    from dovetail.rpc.builders import LocalBuilder, RebuiltArm, require_offered
+) -> "OfferedArm":
+    from dovetail.rpc.offered_arm import OfferedArm
 
     cell = find_cell(around.env, around.robot, **around.task_options)
-    plant = address.make_plant(cell)
-    if plant is not None:
-        return LocalBuilder(address.text, plant, address.period, declared)
-
-    def make(learner: ControllerSettings) -> Arm:
-        require_offered(address.text, address.period, declared, learner)
-        return arm_from_address(address, cell, learner)
-
-    return RebuiltArm(
-        address.text,
-        cell,
-        make,
-        is_real_time=address.is_real_time,
-        places_fixture=address.places_fixture,
-    )
+    if isinstance(address, LocalAddress):
+        address.make_plant(cell).close()  # what is wrong is said now, not to a learner
+    return OfferedArm(address, cell, declared)
 
 
 def _address(settings: OfferedArmOptions) -> ArmAddress:

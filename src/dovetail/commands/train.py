@@ -2,60 +2,71 @@
 
 import argparse
 import shlex
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
-from dovetail.commands.help_page import sections_of
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
-from dovetail.control.sections import option_words, settings_in
 from dovetail.learn.config import TrainConfig
-from dovetail.learn.run_folder import settings_of
-from dovetail.learn.searching import SEARCHING
+from dovetail.learn.config_file import find_recipe, read_settings
+from dovetail.learn.run_folder import run_config
 from dovetail.learn.train import TrainResult, train
-from dovetail.strangers import named_modules
+from dovetail.options import option_words
+from dovetail.plugins import named_modules
+from dovetail.settings import defaults_of, names_in, settings, values_of
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class Train(TrainConfig):
     """Train a policy in a simulation or on an arm, and evaluate and export it."""
 
+    recipe: str | None = None
+    """Settings to begin with: the name of a shipped recipe, such as search, or a file
+    of your own. What `config` and the command line say goes before it."""
+    config: Path | None = None
+    """Settings in a TOML file, or those of a run by its folder. The command line goes
+    before it."""
+
     def run(self, console: Console) -> int:
         """Train and say what came out and where it is."""
-        model, env = self.dynamics.model, self.environment.config
-        warn_of_arm(console, model, self.place.arm, env.place.robot, env.declared)
+        warn_of_arm(console, self.model, self.arm, self.robot, self)
         for result in train(self, console):
             console.print(_describe(result, self), soft_wrap=True, highlight=False)
         return 0
 
 
-GROUPS = sections_of(Train)
-_OF_ARM = ("arm", "approach", "fixture", *settings_in(DeclaredErrors))
+COMMON = (
+    *("recipe", "config", "env", "task_options", "robot", "plant", "model", "arm"),
+    *("from_policy", "demos", "steps", "seed", "out", "resume", "period", "tracker"),
+    *("max_steps", "near_speed", "near_press", "doubt", "algorithm"),
+)
+"""Settings that `--help` lists."""
+_OF_ARM = ("arm", "approach", "fixture", *names_in(DeclaredErrors))
 """Options of a training on an arm that its evaluation needs, too."""
 
 
 def defaults(words: list[str]) -> Train | None:
     """Return the settings that a command line changes, or None for the usual ones.
 
-    Those of the run that it resumes: what else it says is then compared with them,
-    option by option. Or those of a search, where it says `--doubt`.
+    They are those of the run that it resumes: what else it says is then compared with
+    them. Or those of its recipe and its file.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--resume", action="store_true")
-    parser.add_argument("--out", type=Path, nargs="?")
-    parser.add_argument("--arm", nargs="?")
-    parser.add_argument("--doubt", nargs="?")
-    parser.add_argument("--teacher", nargs="?", default="corner")
+    for name in ("--out", "--arm", "--recipe", "--config"):
+        parser.add_argument(name, nargs="?")
     found, _ = parser.parse_known_args(words)
-    if not found.resume or found.out is None:
-        usual = dict(SEARCHING)
-        if found.teacher not in ("none", "corner"):
-            del usual["learning_starts"]  # logs are there already; chance finds nothing
-        return None if found.doubt is None else Train.of(**usual)
-    folder = found.out.expanduser().absolute()
-    return Train.of(**settings_of(folder, found.arm), out=found.out, resume=True)
+    if found.resume and found.out is not None:
+        folder = Path(found.out).expanduser().absolute()
+        return Train(**values_of(run_config(folder, found.arm)) | {"out": found.out})
+    given: dict[str, Any] = {}
+    if found.recipe is not None:
+        given |= read_settings(find_recipe(found.recipe), found.arm)
+    if found.config is not None:
+        given |= read_settings(Path(found.config), found.arm)
+    return Train(**given) if given else None
 
 
 def _describe(result: TrainResult, config: TrainConfig) -> str:
@@ -63,7 +74,7 @@ def _describe(result: TrainResult, config: TrainConfig) -> str:
     if result.evaluation is not None:
         successes, episodes = (result.evaluation[k] for k in ("successes", "episodes"))
         low, high = result.evaluation["wilson_95"]
-        arm, done = config.place.arm, config.environment.task_class.done_word
+        arm, done = config.arm, config.task_class.done_word
         place = f"on {arm}" if arm else "in the training simulation"
         lines.append(
             f"  {successes}/{episodes} {done} {place} "
@@ -75,12 +86,12 @@ def _describe(result: TrainResult, config: TrainConfig) -> str:
 
 def next_words(policy: Path, config: TrainConfig) -> list[str]:
     """Return the command that tries a policy: what its file alone may not choose."""
-    given = config.flat()
+    given = values_of(config)
     words = ["dovetail", "evaluate", str(policy), *named_modules(given)]
     if given["arm"] is None:
         return [*words, "--twin", "medium"]
-    usual = settings_in(TrainConfig)
+    usual = defaults_of(TrainConfig)
     for name in _OF_ARM:
-        if given[name] != usual[name].default:
+        if given[name] != usual[name]:
             words += option_words(name, given[name])
     return words

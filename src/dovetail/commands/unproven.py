@@ -5,7 +5,7 @@ from pathlib import Path
 from rich.console import Console
 
 from dovetail.arms.address import parse_address
-from dovetail.control.limits import TABLE, DeclaredErrors
+from dovetail.control.limits import DeclaredErrors
 from dovetail.plants.twin import load_twin
 from dovetail.robots.find import find_robot
 
@@ -15,7 +15,7 @@ def warn_of_arm(
     twin: str | Path | None,
     arm: str | None = None,
     robot: str | None = None,
-    declared: DeclaredErrors = TABLE,
+    declared: DeclaredErrors | None = None,
 ) -> None:
     """Name each value that is outside, with its range and what to do.
 
@@ -26,21 +26,22 @@ def warn_of_arm(
         twin: A twin's name or file; None is no twin, or the arm's.
         arm: An arm's address.
         robot: The robot's name; None is not known yet.
-        declared: What is declared of the arm.
+        declared: Errors declared for the arm; None is the table.
     """
-    said = [f"warning: {text}" for text in declared.unproven()]
+    beyond = [] if declared is None else declared.beyond_proven()
+    said = [f"warning: {text}" for text in beyond]
     if arm is not None:
         address = parse_address(arm)
         twin = address.twin or twin
         if doubt := address.unproven_margins:
             said.append(f"warning: {doubt}")
+    own = None if robot is None else find_robot(robot)
     if twin is not None:
         config = load_twin(twin)
         said += [f"warning: twin {twin}: {t}" for t in config.unproven().values()]
-        if robot is not None and (lack := config.lacks(find_robot(robot))):
+        if own is not None and (lack := config.lacks(own)):
             said.append(f"note: {lack}")
-    if robot is not None:
-        own = find_robot(robot)
+    if own is not None:
         said += [f"note: {text}" for text in (*own.notes, *own.motors.notes)]
     for text in said:
         console.print(text, soft_wrap=True, highlight=False)

@@ -5,8 +5,8 @@ checked once, here, so that the control cycle never has to.
 """
 
 import warnings
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -31,8 +31,8 @@ from dovetail.control.limits import (
     ToolLimits,
 )
 from dovetail.control.proven import DECLARED
-from dovetail.control.sections import Sectioned
 from dovetail.errors import ConfigError, UnprovenWarning
+from dovetail.settings import settings, values_of
 
 if TYPE_CHECKING:
     from dovetail import _core
@@ -71,27 +71,12 @@ def check_period(period: float) -> float:
     return float(period)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class OscConfig(Sectioned):
-    """The operational-space law (Khatib 1987), axes in twist order X Y Z C B A.
+@settings(eq=False)
+class OscConfig(
+    AxisGains, ClampConfig, SagConfig, NullSpaceGains, TaskInertiaConfig, JointGains
+):
+    """The operational-space law (Khatib 1987), axes in twist order X Y Z C B A."""
 
-    `OscConfig.of(stiffness=200.0)` takes the settings of every section by their names.
-    """
-
-    whose: ClassVar[str] = "the law"
-
-    axes: AxisGains = field(default_factory=AxisGains)
-    """Gains of the task axes."""
-    clamps: ClampConfig = field(default_factory=ClampConfig)
-    """Bounds on the errors used and on f*."""
-    sag: SagConfig = field(default_factory=SagConfig)
-    """Integrator that removes the sag of pose and hold axes."""
-    null_space: NullSpaceGains = field(default_factory=NullSpaceGains)
-    """Gains of the motion that the task leaves free."""
-    task_inertia: TaskInertiaConfig = field(default_factory=TaskInertiaConfig)
-    """Computation of the task inertia."""
-    joints: JointGains = field(default_factory=JointGains)
-    """Gains of joint targets."""
     use_jdot: bool = False
     """Subtract dJ dq from f*; off as in the paper."""
     use_coriolis: bool = False
@@ -101,42 +86,29 @@ class OscConfig(Sectioned):
     def for_period(cls, period: float, **overrides: Any) -> Self:
         """Return the law for a control period [s]. Its defaults serve each period."""
         check_period(period)
-        return cls.of(**overrides)
+        return cls(**overrides)
 
     def params(self) -> "_core.OscParams":
         """Copy into the C++ parameter struct."""
         from dovetail import _core
 
         params = _core.OscParams()
-        for name, value in self.flat().items():
+        for name, value in values_of(self).items():
             setattr(params, name, value)
         return params
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class LimitConfig(Sectioned):
-    """Every limit of the motion; each one is enforced in C++ and has a flag.
-
-    `for_period` takes the settings of every section by their names, and so does
-    `limits.having(walls=False)`.
-    """
-
-    whose: ClassVar[str] = "the limits"
-
-    joints: JointLimits
-    """Limits of each joint."""
-    tool: ToolLimits
-    """Limits of the TCP."""
-    approach: ApproachLimits = field(default_factory=ApproachLimits)
-    """Limits of the TCP below a Target's near plane."""
-    declared: DeclaredErrors = field(default_factory=DeclaredErrors)
-    """Largest declared differences between the arm and its model."""
-    disturbance: DisturbanceConfig = field(default_factory=DisturbanceConfig)
-    """Reaction to pushes and to motions that no Target explains."""
-    prediction: PredictionConfig = field(default_factory=PredictionConfig)
-    """The model that the limits predict with."""
-    saturation: SaturationConfig = field(default_factory=SaturationConfig)
-    """Scheme that keeps accelerations inside the limits."""
+@settings(eq=False)
+class LimitConfig(
+    JointLimits,
+    ToolLimits,
+    ApproachLimits,
+    DeclaredErrors,
+    DisturbanceConfig,
+    PredictionConfig,
+    SaturationConfig,
+):
+    """Every limit of the motion; each one is enforced in C++ and has a flag."""
 
     @classmethod
     def for_period(
@@ -170,7 +142,7 @@ class LimitConfig(Sectioned):
         declared = DeclaredErrors(**{n: overrides.get(n, table[n]) for n in table})
         lag, share = period, 0.0
         if hardware or any(vars(declared).values()):
-            for text in declared.unproven():
+            for text in declared.beyond_proven():
                 warnings.warn(text, UnprovenWarning, stacklevel=2)
             delay = max(declared.delay, DECLARED["delay"])
             lag += delay
@@ -201,22 +173,22 @@ class LimitConfig(Sectioned):
             "armature": robot.motors.armature,
         } | overrides
         if "ddq_max" in settings:
-            return cls.of(**settings)
-        checked = cls.of(ddq_max=REFERENCE, **settings)
-        model = checked.prediction
+            return cls(**settings)
+        checked = cls(ddq_max=REFERENCE, **settings)
+        model = checked
         ddq_max = available_acceleration(
-            robot, checked.joints.tau_max, model.damping, model.armature
+            robot, checked.tau_max, model.damping, model.armature
         )
-        return checked.having(ddq_max=ddq_max)
+        return replace(checked, ddq_max=ddq_max)
 
     def params(self) -> "_core.LimitParams":
         """Copy into the C++ parameter struct."""
         from dovetail import _core
 
         params = _core.LimitParams()
-        for name, value in self.flat().items():
+        for name, value in values_of(self).items():
             if name not in ("scheme", "bounds", *DECLARED):
                 setattr(params, name, value)
-        params.scheme = _core.Scheme(SCHEMES.index(self.saturation.scheme))
-        params.bounds = _core.BoundsKind(BOUNDS.index(self.saturation.bounds))
+        params.scheme = _core.Scheme(SCHEMES.index(self.scheme))
+        params.bounds = _core.BoundsKind(BOUNDS.index(self.bounds))
         return params

@@ -1,20 +1,19 @@
 """Sections of the operational-space law, axes in twist order X Y Z C B A."""
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Annotated
 
 import numpy as np
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
 from dovetail.control.task_spec import AXES
+from dovetail.settings import Range, settings
 from dovetail.types import Vec6
 
 _TASK_AXES = tuple(AXES)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class AxisGains(Section):
+@settings(eq=False)
+class AxisGains:
     """Gains of the task axes."""
 
     stiffness: Annotated[Vec6, Range(0.0, 1e4, "1/s2", _TASK_AXES)] = field(
@@ -31,8 +30,8 @@ class AxisGains(Section):
     """Damping of force axes [1/s]; 0 is the paper: f* accelerates to the limits."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ClampConfig(Section):
+@settings(eq=False)
+class ClampConfig:
     """Bounds on the errors that the law uses, and on f*."""
 
     error_clamp_rotation: Annotated[float, Range(1e-3, np.pi, "rad")] = 0.09
@@ -51,8 +50,8 @@ class ClampConfig(Section):
     """Largest f* on a rotation axis [rad/s2]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SagConfig(Section):
+@settings(eq=False)
+class SagConfig:
     """Integrator that removes the sag of pose and hold axes left by the tare.
 
     In contact it presses up to its bound, so the bound is small.
@@ -67,8 +66,8 @@ class SagConfig(Section):
     """The same of a rotation [rad/s2]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class NullSpaceGains(Section):
+@settings(eq=False)
+class NullSpaceGains:
     """Gains of the motion that the task leaves free."""
 
     k_null: Annotated[float, Range(0.0, 100.0, "1/s")] = 10.0
@@ -78,8 +77,8 @@ class NullSpaceGains(Section):
     without it the elbow falls where gravity compensation is wrong."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TaskInertiaConfig(Section):
+@settings(eq=False)
+class TaskInertiaConfig:
     """Computation of the task inertia from the joint-space inertia."""
 
     length_scale: Annotated[float, Range(1e-2, 10.0, "m/rad")] = 0.15
@@ -89,8 +88,8 @@ class TaskInertiaConfig(Section):
     inertia in the model the tool-down home pose has 0.0145: 0.02 would fade there."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class JointGains(Section):
+@settings(eq=False)
+class JointGains:
     """Gains of joint targets."""
 
     joint_stiffness: Annotated[float, Range(0.0, 1e4, "1/s2")] = 100.0

@@ -3,26 +3,29 @@
 Values are those that benchmarks/adversary.py shows to hold (docs/safety.md).
 """
 
-from dataclasses import dataclass, field
-from typing import Annotated
+from dataclasses import field
+from typing import Annotated, Any, Self
 
 import numpy as np
+from pydantic import model_validator
 
-from dovetail.control.period_option import Delay
 from dovetail.control.proven import DECLARED, unproven
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
 from dovetail.errors import ConfigError
+from dovetail.options import Delay
+from dovetail.settings import Range, settings
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 SCHEMES = ("qp", "paper")
 BOUNDS = ("viability", "paper-corrected", "paper-printed")
 
+NEAR_SPEED = Range(1e-4, 10.0, "m/s")
+NEAR_PRESS = Range(1e-3, 1e3, "m/s2")
+
 _XYZ = ("X", "Y", "Z")
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class JointLimits(Section):
+@settings(eq=False)
+class JointLimits:
     """Limits of each joint, and what is kept free before them."""
 
     q_min: Annotated[Vec7, Range(-10.0, 10.0, "rad", JOINTS)]
@@ -42,14 +45,15 @@ class JointLimits(Section):
     delta_v: Annotated[float, Range(0.0, 0.9, "1")] = 0.01
     """Margin below the joint speed limit, as a share of it [1]."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_joint_limits(self) -> Self:
         """Refuse what is out of its range, and a joint without room."""
-        super().__post_init__()
         _require_room("q", self.q_min, self.q_max, JOINTS, "rad", 2 * self.delta_q)
+        return self
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ToolLimits(Section):
+@settings(eq=False)
+class ToolLimits:
     """Limits of the TCP: walls in the world, speed and acceleration."""
 
     walls: bool = True
@@ -71,52 +75,53 @@ class ToolLimits(Section):
     delta_x: Annotated[float, Range(0.0, 0.2, "m")] = 0.005
     """Margin before a wall [m]."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_tool_limits(self) -> Self:
         """Refuse what is out of its range, and walls without room."""
-        super().__post_init__()
         _require_room("x", self.x_min, self.x_max, _XYZ, "m", 2 * self.delta_x)
+        return self
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ApproachLimits(Section):
+@settings(eq=False)
+class ApproachLimits:
     """Limits of the TCP below a Target's near plane."""
 
-    near_speed: Annotated[float, Range(1e-4, 10.0, "m/s")] = 0.5
+    near_speed: Annotated[float, NEAR_SPEED] = 0.5
     """TCP speed limit per axis below a Target's near plane [m/s]: contact at this
     speed is what the tool must bear. It holds for force, pose and hold axes with walls
     on; not on a free axis, nor for a joint target."""
-    near_press: Annotated[float, Range(1e-3, 1e3, "m/s2")] = 1e3
+    near_press: Annotated[float, NEAR_PRESS] = 1e3
     """Largest f* there against the plane's normal, a Target's tare not counted [m/s2]:
     times the effective mass, about 10 kg, it is the force of standing on a rim. It
     acts from 2 mm above the plane on, more and more, and whole below it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DeclaredErrors(Section):
+@settings()
+class DeclaredErrors:
     """Largest declared differences between the arm and its model.
 
     The margins of the limits are made for them.
     """
 
-    delay: Annotated[Delay, Range(0.0, 0.05, "s")] = 0.0
+    delay: Annotated[Delay, Range(0.0, 0.05, "s")] = DECLARED["delay"]
     """Largest delay from a measurement to the torque it leads to [s]. The period is not
     counted; margins, intervals and rates are made for it."""
-    mass_error: Annotated[float, Range(0.0, 0.5, "1")] = 0.0
+    mass_error: Annotated[float, Range(0.0, 0.5, "1")] = DECLARED["mass_error"]
     """Largest error of a link's mass, as a share [1]."""
-    payload_error: Annotated[float, Range(0.0, 5.0, "kg")] = 0.0
+    payload_error: Annotated[float, Range(0.0, 5.0, "kg")] = DECLARED["payload_error"]
     """Largest error of the payload's mass [kg]."""
 
-    def unproven(self) -> list[str]:
+    def declared_errors(self) -> dict[str, Any]:
+        """Return the declared errors alone, by name."""
+        return {name: vars(self)[name] for name in DECLARED}
+
+    def beyond_proven(self) -> list[str]:
         """Say what is declared beyond the table: value, range and remedy of each."""
-        return [f"as declared, {text}" for text in unproven(**vars(self))]
+        return [f"as declared, {text}" for text in unproven(**self.declared_errors())]
 
 
-TABLE = DeclaredErrors(**DECLARED)
-"""Errors declared for an arm when no others are given."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DisturbanceConfig(Section):
+@settings(eq=False)
+class DisturbanceConfig:
     """Reaction to pushes and to motions that no Target explains."""
 
     estimate_rate: Annotated[float, Range(0.0, 1e3, "1/s")] = 60.0
@@ -134,8 +139,8 @@ class DisturbanceConfig(Section):
     """Most braking beyond a limit, over ddq_max and ddx_max [1]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PredictionConfig(Section):
+@settings(eq=False)
+class PredictionConfig:
     """The model that the limits predict with."""
 
     damping: Annotated[Vec7, Range(0.0, 100.0, "Nms/rad", JOINTS)] = field(
@@ -150,8 +155,8 @@ class PredictionConfig(Section):
     """Evaluate the model half a period ahead; five times less prediction error."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SaturationConfig(Section):
+@settings(eq=False)
+class SaturationConfig:
     """Scheme that keeps accelerations inside the limits."""
 
     scheme: str = "qp"
@@ -168,12 +173,13 @@ class SaturationConfig(Section):
     exact_sjs: bool = False
     """Paper scheme: continue SJS with an active set to the QP's answer."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_saturation_config(self) -> Self:
         """Refuse what is out of its range, and an unknown scheme or formula."""
-        super().__post_init__()
         for name, known in (("scheme", SCHEMES), ("bounds", BOUNDS)):
             if (word := vars(self)[name]) not in known:
                 raise ConfigError(f"unknown {name} {word!r}; known: {', '.join(known)}")
+        return self
 
 
 def _require_room(

@@ -6,6 +6,7 @@ whole number of milliseconds.
 
 import math
 
+from dovetail.durations import format_ms
 from dovetail.errors import ConfigError
 
 POLICY_PERIOD = 0.05
@@ -16,11 +17,6 @@ FRI_PERIODS = (0.001, 0.002, 0.005)
 """Those of them that a cabinet can send at [s]."""
 DEFAULT_PERIOD = 0.005
 """Control period where nothing else is asked for [s]."""
-
-
-def format_period(period: float) -> str:
-    """Return a period [s] as it is given on a command line, such as 2.5ms."""
-    return f"{1e3 * period:g}ms"
 
 
 def require_period(
@@ -48,7 +44,7 @@ def require_period(
     shorter = [known for known in allowed if known < period] or [allowed[0]]
     raise ConfigError(
         f"{name} is {1e3 * period:g} ms{_reason(period, allowed)}; {listed}; take "
-        f"{format_period(shorter[-1])}"
+        f"{format_ms(shorter[-1])}"
     )
 
 

@@ -29,9 +29,9 @@ def check_torque(robot: "Robot", limits: "LimitConfig") -> None:
         TorqueError: Gravity takes the whole torque of a joint somewhere inside its
             limits; names the joint, its torque and what gravity takes.
     """
-    joints, model = limits.joints, limits.prediction
-    span = tuple(map(as_key, (joints.q_min, joints.q_max, joints.dq_max)))
-    gravity, tau_max = largest_gravity(robot, *span), np.asarray(joints.tau_max)
+    model = limits
+    span = tuple(map(as_key, (limits.q_min, limits.q_max, limits.dq_max)))
+    gravity, tau_max = largest_gravity(robot, *span), np.asarray(limits.tau_max)
     enough = _GRAVITY_ROOM * gravity
     if (gravity >= tau_max).any():
         i = int(np.argmax(gravity / tau_max))
@@ -55,7 +55,7 @@ def check_torque(robot: "Robot", limits: "LimitConfig") -> None:
         )
         return
     at = samples(robot, *span)
-    braking = (at.inertia + np.diag(model.armature)) @ (joints.eta * joints.ddq_max)
+    braking = (at.inertia + np.diag(model.armature)) @ (limits.eta * limits.ddq_max)
     bias = np.abs(at.coriolis) + model.damping * np.abs(at.dq)
     most = (braking + bias + np.abs(at.gravity)).max(axis=0)
     if (most > tau_max).any():
@@ -63,8 +63,8 @@ def check_torque(robot: "Robot", limits: "LimitConfig") -> None:
         warnings.warn(
             f"tau_max[{JOINTS[i]}] is {tau_max[i]:g} Nm; to brake from full speed "
             f"takes up to {most[i]:.3g} Nm, gravity included: less is unproven; lower "
-            f"dq_max ({joints.dq_max[i]:.3g} rad/s) or ddq_max "
-            f"({joints.ddq_max[i]:.3g} rad/s2)",
+            f"dq_max ({limits.dq_max[i]:.3g} rad/s) or ddq_max "
+            f"({limits.ddq_max[i]:.3g} rad/s2)",
             UnprovenWarning,
             stacklevel=3,
         )

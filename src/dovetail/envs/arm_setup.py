@@ -1,22 +1,23 @@
 """Build the arm of an environment: in this process, or behind an address."""
 
 import warnings
+from dataclasses import replace
 
 from dovetail.arms.address import parse_address
 from dovetail.arms.arm import Arm, ArmFacts
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.arms.from_address import arm_from_address
 from dovetail.arms.local_address import TwinAddress, local_address
 from dovetail.arms.local_arm import LocalArm
 from dovetail.control.config import LimitConfig, OscConfig
-from dovetail.control.limits import TABLE
 from dovetail.control.period import require_period
+from dovetail.control.proven import DECLARED
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
 from dovetail.envs.commands import per_axis
 from dovetail.envs.config import USUAL, EnvConfig
 from dovetail.errors import ConfigError, UnprovenWarning
 from dovetail.plants.twin import load_twin
+from dovetail.settings import values_of
 from dovetail.workcell.workcell import Workcell
 
 SPEED_MAX = 0.25
@@ -43,9 +44,9 @@ def build_arm(
         ConfigError: An unknown address or name, or a setting out of range.
         MissingDependencyError: What the address needs is not installed.
     """
-    place, period = config.place, require_period(config.control.period)
+    period = require_period(config.period)
     if arm is None:
-        address = local_address(place.plant, place.twin)
+        address = local_address(config.plant, config.twin)
     elif isinstance(arm, str):
         address = parse_address(arm)
     elif isinstance(arm, ArmAddress):
@@ -54,28 +55,28 @@ def build_arm(
         require_period(arm.facts.period, "the arm's control period")
         _require_as_built(arm.facts, config)
         return arm
-    if arm is not None and place.twin is not None:
+    if arm is not None and config.twin is not None:
         raise ConfigError("an arm's address and a twin exclude each other; give one")
-    if (arm or place.twin) and place.plant not in (USUAL.place.plant, place.engine):
+    if (arm or config.twin) and config.plant not in (USUAL.plant, config.engine):
         raise ConfigError(
-            f"plant is {place.plant!r}, which is the plain plant's engine, beside an "
+            f"plant is {config.plant!r}, which is the plain plant's engine, beside an "
             "arm or a twin: give a twin's engine as engine, or leave the arm out"
         )
     if isinstance(address, TwinAddress):
         _warn_of(address)
     if doubt := address.unproven_margins:
         warnings.warn(doubt, UnprovenWarning, stacklevel=2)
-    if place.engine is not None:
-        address = address.with_engine(place.engine)
-    if place.dynamics is not None:
-        address = address.with_dynamics(place.dynamics)
+    if config.engine is not None:
+        address = address.with_engine(config.engine)
+    if config.dynamics is not None:
+        address = address.with_dynamics(config.dynamics)
     period = address.period or period
     is_hardware = address.margins == "hardware"
     osc, limits = make_settings(
-        cell, config.having(period=period), is_hardware=is_hardware
+        cell, replace(config, period=period), is_hardware=is_hardware
     )
     settings = ControllerSettings(osc=osc, limits=limits, task=axes, period=period)
-    return arm_from_address(address, cell, settings)
+    return address.build(cell, settings)
 
 
 def _require_as_built(facts: ArmFacts, config: EnvConfig) -> None:
@@ -84,12 +85,12 @@ def _require_as_built(facts: ArmFacts, config: EnvConfig) -> None:
     Raises:
         ConfigError: Names the setting and both values.
     """
-    limits, usual = facts.limits.flat(), USUAL.flat()
+    limits, usual = values_of(facts.limits), values_of(USUAL)
     built = {name: limits[name] for name in ("scheme", "near_speed", "near_press")}
     built |= {"period": facts.period, "plant": None, "engine": None, "dynamics": None}
-    built |= {"force_damping": tuple(facts.osc.axes.force_damping[:3])}
-    built |= dict.fromkeys(vars(config.declared))
-    for name, value in config.flat().items():
+    built |= {"force_damping": tuple(facts.osc.force_damping[:3])}
+    built |= dict.fromkeys(DECLARED)
+    for name, value in values_of(config).items():
         if name not in built or value == usual[name]:
             continue
         given = per_axis(name, value) if name == "force_damping" else value
@@ -133,15 +134,15 @@ def make_settings(
 
     Args:
         cell: Its robot, tool and held part, and its walls.
-        config: Its sections action, approach, control and declared.
+        config: Actions, limits near contact, control and declared errors.
         is_hardware: Margins for an arm that is not as the model says.
 
     Raises:
         ConfigError: Something is declared of an arm that is said to be its model.
     """
-    control, approach, declared = config.control, config.approach, config.declared
-    if not is_hardware and declared != TABLE:
-        given = ", ".join(f"{n} {x:g}" for n, x in vars(declared).items())
+    declared = config.declared_errors()
+    if not is_hardware and declared != DECLARED:
+        given = ", ".join(f"{n} {x:g}" for n, x in declared.items())
         raise ConfigError(
             f"the arm's address says margins=model, of an arm that is exactly its "
             f"model, and errors are declared ({given}); give one of the two"
@@ -149,18 +150,18 @@ def make_settings(
     x_min, x_max = cell.walls
     limits = LimitConfig.for_period(
         cell.loaded_robot(),
-        control.period,
+        config.period,
         hardware=is_hardware,
-        **(vars(declared) if is_hardware else {}),
+        **(declared if is_hardware else {}),
         x_min=x_min,
         x_max=x_max,
         dx_max=[SPEED_MAX] * 3,
-        near_speed=approach.near_speed,
-        near_press=approach.near_press,
-        scheme=control.scheme,
+        near_speed=config.near_speed,
+        near_press=config.near_press,
+        scheme=config.scheme,
     )
-    damping = per_axis("force_damping", config.action.force_damping)
+    damping = per_axis("force_damping", config.force_damping)
     osc = OscConfig.for_period(
-        control.period, force_damping=[*damping, *[max(damping)] * 3]
+        config.period, force_damping=[*damping, *[max(damping)] * 3]
     )
     return osc, limits

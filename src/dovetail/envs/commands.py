@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.ranges import Range, in_range, ranges_of
 from dovetail.control.task_spec import AXES, FORCE, MODES, POSE, TaskSpec
 from dovetail.envs.config import ActionConfig
 from dovetail.errors import ConfigError
+from dovetail.settings import Range, in_range, ranges_of
 from dovetail.types import Vec3, Vec4, Vec6
 
 if TYPE_CHECKING:

@@ -1,25 +1,21 @@
-"""Settings of an environment: nested, frozen, each default written here alone.
-
-`EnvConfig.of(near_speed=0.05, twin="medium")` takes the fields of every section by
-their short names, which are those of the command line; `flat` gives them back.
-"""
+"""Settings of an environment: flat, frozen, each default written here alone."""
 
 import math
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, Self, TypeAlias
 
-from tyro.conf import Fixed
+import numpy as np
+import tyro
+from pydantic import BeforeValidator, model_validator
 
-from dovetail.control.limits import TABLE, DeclaredErrors
+from dovetail.control.limits import NEAR_PRESS, NEAR_SPEED, DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.period_option import Period
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
+from dovetail.options import Period
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import Twin
 from dovetail.robots.find import DEFAULT_ROBOT
+from dovetail.settings import Range, fill_in, settings
 from dovetail.tasks.shipped import EPISODE_STEPS
 from dovetail.trackers.find import DEFAULT_TRACKER
 
@@ -35,11 +31,28 @@ SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
 """Scripts that an action may correct, and the environment in which it does."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ActionConfig(Section):
+def _as_tuple(value: Any) -> Any:
+    """Return one number as a tuple of it, and three as they are."""
+    if np.ndim(value) == 0:
+        return (value,)
+    if len(value) not in (1, 3):
+        raise ValueError("one number, or three: X Y Z")
+    return value
+
+
+PerAxis: TypeAlias = Annotated[
+    tuple[float, ...] | float,
+    BeforeValidator(_as_tuple),
+    tyro.conf.arg(metavar="FLOAT [FLOAT FLOAT]"),
+]
+"""Type of a setting of X Y Z: three numbers, or one that holds for all."""
+
+
+@settings()
+class ActionConfig:
     """Meaning of an action in [-1, 1]."""
 
-    f_scale: tuple[float, ...] | float = F_SCALE
+    f_scale: PerAxis = (F_SCALE,)
     """f* at action 1 on X Y Z [m/s2]: one number, or three."""
     f_scale_angular: Annotated[float, Range(0.0, 1000.0, "rad/s2")] = 20.0
     """f* at action 1 on A B C [rad/s2]."""
@@ -47,7 +60,7 @@ class ActionConfig(Section):
     """Rotation at action 1 on pose axes A B C [rad]."""
     position_range: Annotated[float, Range(0.0, 1.0, "m")] = 0.05
     """Displacement at action 1 on pose axes X Y Z [m]."""
-    force_damping: tuple[float, ...] | float = FORCE_DAMPING
+    force_damping: PerAxis = (FORCE_DAMPING,)
     """Damping D of force axes X Y Z [1/s], one number or three. f_scale / D is the top
     speed. The paper has 0; near_speed and near_press act all the same, until they are
     0.25 m/s (the limit everywhere) and f_scale; tare needs damping."""
@@ -61,36 +74,37 @@ class ActionConfig(Section):
     """Time after which the corner search takes over [s]; 0 is never.
     It does where the policy is used: a training is of the policy alone."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_action_config(self) -> Self:
         """Refuse a script that is not there, and a number out of range."""
         if self.script == "none":
-            object.__setattr__(self, "script", None)
+            fill_in(self, script=None)
         if self.script is not None and self.script not in SCRIPTS:
             known = ", ".join(SCRIPTS)
             raise ConfigError(f"script {self.script!r} is unknown; known: {known}")
-        super().__post_init__()
         if self.script is not None and self.fall_back:
             raise ConfigError(
                 f"fall_back is {self.fall_back:g} s with script {self.script!r}, whose "
                 "corrections fade: it acts alone in the end; leave fall_back out"
             )
+        return self
 
 
-@dataclass(frozen=True, kw_only=True)
-class ApproachConfig(Section):
+@settings()
+class ApproachConfig:
     """Limits near contact, for every policy."""
 
-    near_speed: float = 0.02
+    near_speed: Annotated[float, NEAR_SPEED] = 0.02
     """Speed limit of the tool there, per axis [m/s]."""
-    near_press: float = 1.5
+    near_press: Annotated[float, NEAR_PRESS] = 1.5
     """Largest f* towards the fixture there [m/s2], tare not counted. Times the
     effective mass, about 10 kg, it is the force of standing on the rim."""
     near_distance: Annotated[float, Range(0.0, 1.0, "m")] = 0.01
     """Height above the fixture's mouth below which contact is near [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ControlConfig(Section):
+@settings()
+class ControlConfig:
     """Control period, and scheme of the limits."""
 
     period: Period = DEFAULT_PERIOD
@@ -100,8 +114,8 @@ class ControlConfig(Section):
     """Scheme that keeps the limits: qp or paper."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ObservationConfig(Section):
+@settings()
+class ObservationConfig:
     """Observation of the policy: the task's columns, and more."""
 
     also: tuple[str, ...] = ()
@@ -109,7 +123,7 @@ class ObservationConfig(Section):
     recall: tuple[int, ...] = ()
     """Ages [steps] of past tool positions that the policy sees. Past tilts are added if
     the tilt is shown; with any age the last action is added, too."""
-    stack: int = 0
+    stack: Annotated[int, Range(0, 100, "pairs")] = 0
     """Past (observation, action) pairs in the observation."""
     tracker: str = DEFAULT_TRACKER
     """Source of the fixture's pose: truth, late or a camera's file.
@@ -117,26 +131,18 @@ class ObservationConfig(Section):
     and error are taken, not its pictures; MODULE:CLASS is one of your own."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlaceConfig(Section):
-    """Plant or arm, and robot. `Fixed` fields are no options of a command."""
+@settings()
+class PlantConfig:
+    """Plant and robot."""
 
     plant: str = "mujoco"
     """Physics engine: mujoco or bullet. Of the plain plant, not of a twin or an arm."""
-    twin: Annotated[Twin | str | Path | None, Fixed] = None
-    """A twin, its name or its file, to use in place of the plain plant."""
-    arm: Annotated[str | None, Fixed] = None
-    """Address of the arm, see `arms.address`; None is the plant or twin."""
-    engine: Annotated[str | None, Fixed] = None
-    """Physics engine of the twin, if not the one in its file."""
-    dynamics: Annotated[DynamicsConfig | None, Fixed] = None
-    """Physics of the plain plant, if not the robot's; a twin has its own."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell, or MODULE:FUNCTION of your own."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EpisodeConfig(Section):
+@settings()
+class EpisodeConfig:
     """Length of an episode, and the tare before it."""
 
     max_steps: Annotated[int, Range(1, ENDLESS, "steps")] = EPISODE_STEPS
@@ -148,26 +154,31 @@ class EpisodeConfig(Section):
     damped enough for it."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EnvConfig(Sectioned):
-    """Everything about an environment but its task and its arm."""
+@settings()
+class EnvOptions(
+    ActionConfig,
+    ApproachConfig,
+    ControlConfig,
+    DeclaredErrors,
+    ObservationConfig,
+    PlantConfig,
+    EpisodeConfig,
+):
+    """Settings of an environment that a command line gives."""
 
-    whose: ClassVar[str] = "an environment"
 
-    action: ActionConfig = field(default_factory=ActionConfig)
-    """Meaning of an action."""
-    approach: ApproachConfig = field(default_factory=ApproachConfig)
-    """Limits near contact."""
-    control: ControlConfig = field(default_factory=ControlConfig)
-    """Control period, and scheme of the limits."""
-    declared: DeclaredErrors = TABLE
-    """Largest declared differences between the arm and its model."""
-    observation: ObservationConfig = field(default_factory=ObservationConfig)
-    """Observation of the policy."""
-    place: PlaceConfig = field(default_factory=PlaceConfig)
-    """Plant or arm, and robot."""
-    episode: EpisodeConfig = field(default_factory=EpisodeConfig)
-    """Length of an episode, and the tare before it."""
+@settings()
+class EnvConfig(EnvOptions):
+    """Everything about an environment but its task."""
+
+    twin: Twin | str | Path | None = None
+    """A twin, its name or its file, to use in place of the plain plant."""
+    arm: str | None = None
+    """Address of the arm, see `arms.address`; None is the plant or twin."""
+    engine: str | None = None
+    """Physics engine of the twin, if not the one in its file."""
+    dynamics: DynamicsConfig | None = None
+    """Physics of the plain plant, if not the robot's; a twin has its own."""
 
 
 USUAL = EnvConfig()

@@ -18,10 +18,10 @@ from dovetail.envs.contract import read_pose, read_progress, read_reward, requir
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
 from dovetail.envs.free_start import OVERLAP_MAX, Overlap, OverlapError, StartCheck
-from dovetail.envs.lookout import look_from_above
+from dovetail.envs.history_features import HistoryFeatures
 from dovetail.envs.observation import Layout, sight
 from dovetail.envs.pictures import EpisodePictures
-from dovetail.envs.recall import Recall
+from dovetail.envs.pre_grasp_view import look_from_above
 from dovetail.envs.stacking import History
 from dovetail.envs.tare import ToolTare, can_tare
 from dovetail.envs.violations import BAD_INPUT, ViolationCounter, count_bad_input
@@ -36,7 +36,7 @@ from dovetail.errors import ConfigError
 from dovetail.poses import Pose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Progress, Task
-from dovetail.trackers.find import Site, find_tracker
+from dovetail.trackers.find import TrackerContext, find_tracker
 from dovetail.trackers.tracker import Tracker, close_tracker
 from dovetail.types import Array, Vec3, Vec6, Vec7
 
@@ -134,7 +134,7 @@ class ContactEnv(
     believed: Pose
     """Believed pose of the fixture: the tracker's last, moved on until now."""
     steps: int  # of the episode so far
-    is_led: bool = False  # whether the next action is a person's; set by `Led`
+    is_led: bool = False  # whether a person acts next; set by `TeleopWrapper`
 
     def __init__(
         self,
@@ -146,15 +146,15 @@ class ContactEnv(
         render_mode: str | None = None,
     ) -> None:
         self.task, self.config = task, config or EnvConfig()
-        action = self.config.action
-        self.cell = task.workcell(find_robot(self.config.place.robot))
+        action = self.config
+        self.cell = task.workcell(find_robot(self.config.robot))
         self.render_mode = render_mode
         self._pictures = EpisodePictures(self.cell, render_mode, self.metadata)
         self.axes = TaskSpec.parse(task.axes)
-        given = self.config.place.arm if arm is None else arm
+        given = self.config.arm if arm is None else arm
         self.arm = build_arm(given, self.cell, self.axes, self.config)
-        site = Site.of(self.cell, self.config.place.twin, self.arm)
-        self.tracker = tracker or find_tracker(self.config.observation.tracker, site)
+        at = TrackerContext.for_arm(self.cell, self.config.twin, self.arm)
+        self.tracker = tracker or find_tracker(self.config.tracker, at)
         self.commands = CommandMap(
             self.axes,
             f_scale=action.f_scale,
@@ -167,7 +167,7 @@ class ContactEnv(
 
     def _find_tare(self, holds_its_weight: bool) -> ToolTare | None:
         """Return the tare where it is asked for, or usual and possible."""
-        asked, damping = self.config.episode.tare, self.config.action.force_damping
+        asked, damping = self.config.tare, self.config.force_damping
         if asked is None:
             asked = not holds_its_weight and can_tare(self.axes, damping)
         return ToolTare(self.arm, self.commands, damping) if asked else None
@@ -186,17 +186,17 @@ class ContactEnv(
         require_axes(self.arm, self.axes)
         require_task(self.task, self.arm.facts.robot)
         require_columns(self.arm, self.task.columns)
-        self.max_steps = self.config.episode.max_steps
-        facts, seen, own = self.arm.facts, self.config.observation, self.task.columns
+        self.max_steps = self.config.max_steps
+        facts, seen, own = self.arm.facts, self.config, self.task.columns
         self.scaling = Layout((*own, *seen.also), facts.robot, self.task.zero_offset())
         self._walls = self.cell.walls
-        if (tool := facts.limits.tool).walls:
+        if (tool := facts.limits).walls:
             self._walls = tuple(tool.x_min), tuple(tool.x_max)
         self.violations = ViolationCounter(facts.robot, *self._walls)
         self.places_fixture = facts.traits.places_fixture
         self._target = _core.Target()
         size = len(self.commands)
-        self._recall = Recall(seen.recall, self.scaling, size)
+        self._recall = HistoryFeatures(seen.recall, self.scaling, size)
         self.columns = (*self.scaling.columns, *self._recall.columns)
         self._history = History(seen.stack, len(self.columns), size)
         self.remembers = bool(seen.recall or seen.stack)  # what was, see `remember`
@@ -429,7 +429,7 @@ class ContactEnv(
             self._seen = seen
             self.believed = Pose(pose.position.copy(), pose.quat_wxyz.copy())
             self._goal = goal = self.task.goal(pose)
-            near = goal.surface + self.config.approach.near_distance
+            near = goal.surface + self.config.near_distance
             self._target.near_plane = np.append(goal.normal, near)
         goal = self._goal
         if pose is not self.fixture:

@@ -5,7 +5,7 @@ ranges are ours.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import gymnasium
@@ -61,10 +61,11 @@ class DynamicsRandomisation:
         """
         for i, sign in enumerate((-1.0, 1.0)):
             residual = np.add(base.gravity_residual, sign * self.gravity)
-            base.having(
+            replace(
+                base,
                 gravity_residual=tuple(residual),
                 mass_scale=tuple(np.multiply(base.mass_scale, self.mass[i])),
-                damping=tuple(np.multiply(base.joints.damping, self.damping[i])),
+                damping=tuple(np.multiply(base.damping, self.damping[i])),
             )
 
     def sample(self, rng: np.random.Generator, base: DynamicsConfig) -> DynamicsConfig:
@@ -72,10 +73,11 @@ class DynamicsRandomisation:
         low, high = map(math.log, self.damping)
         damping = np.exp(rng.uniform(low, high, 7))
         residual = rng.uniform(-self.gravity, self.gravity, 3)
-        return base.having(
+        return replace(
+            base,
             gravity_residual=tuple(residual + base.gravity_residual),
             mass_scale=tuple(rng.uniform(*self.mass, 7) * base.mass_scale),
-            damping=tuple(damping * base.joints.damping),
+            damping=tuple(damping * base.damping),
             contact_friction=float(rng.uniform(*self.friction)),
         )
 

@@ -33,11 +33,11 @@ def describe_cell(env: gymnasium.Env) -> dict[str, Any]:
     action = {
         "axes": list(core.commands.axes),
         "scale": [float(value) for value in core.commands.scale],
-        "force_damping": list(per_axis("", core.config.action.force_damping)),
+        "force_damping": list(per_axis("", core.config.force_damping)),
         "force_weight": core.task.reward.force_weight,
-        "script": core.config.action.script or "none",
+        "script": core.config.script or "none",
     }
-    robot = core.config.place.robot
+    robot = core.config.robot
     return {CELL: {"env_id": name, "robot": robot, "task": plain}, ACTION: action}
 
 

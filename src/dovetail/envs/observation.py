@@ -29,7 +29,7 @@ MOMENT_SCALE = 0.1
 """The same for moments [Nm]."""
 
 
-class Sight(NamedTuple):
+class ToolError(NamedTuple):
     """The tool beside a goal: what a policy sees, and what it is judged by."""
 
     state: ArmState
@@ -42,10 +42,10 @@ class Sight(NamedTuple):
     """Rotation about the vertical minus the goal's [rad]."""
 
 
-def sight(state: ArmState, goal: Goal) -> Sight:
+def sight(state: ArmState, goal: Goal) -> ToolError:
     """Compare the tool with a goal."""
     turn = theta_about_vertical(state.tool.quat_wxyz, goal.quat_wxyz)
-    return Sight(state, goal, state.tool.position - goal.position, turn)
+    return ToolError(state, goal, state.tool.position - goal.position, turn)
 
 
 class Column(NamedTuple):
@@ -67,7 +67,7 @@ class Group(NamedTuple):
     for all columns, or one for each."""
     high: float
     """Bound of the scaled numbers; further values are clipped."""
-    read: Callable[["Sight"], Any]
+    read: Callable[["ToolError"], Any]
     """Gives the unscaled numbers."""
 
 
@@ -167,7 +167,7 @@ class Layout:
         size = len(self.columns)
         self._zero, self._unit = np.zeros(size), np.ones(size)
         self._is_log, high = np.ones(size, dtype=bool), np.zeros(size)
-        self._read: list[tuple[slice | int, Callable[[Sight], Any]]] = []
+        self._read: list[tuple[slice | int, Callable[[ToolError], Any]]] = []
         self.places: dict[str, slice] = {}
         start = 0
         for name in groups:
@@ -195,7 +195,7 @@ class Layout:
         """Return the number of columns."""
         return len(self.columns)
 
-    def read(self, sight: Sight) -> Array:
+    def read(self, sight: ToolError) -> Array:
         """Return the unscaled observation, shape (len(self),)."""
         raw = np.empty(len(self.columns))
         for place, read in self._read:

@@ -8,21 +8,21 @@ the package is registered by its own module with `register_task` and named
 import copy
 import importlib
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from typing import Any
 
 import gymnasium
 
 from dovetail.arms.arm import Arm
-from dovetail.control.sections import settings_in
 from dovetail.envs.batch_vector_env import BatchVectorEnv
 from dovetail.envs.config import ENDLESS, FALL_BACK, SCRIPTS, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.contract import build_task, require_class
 from dovetail.errors import ConfigError, did_you_mean
+from dovetail.plugins import import_names
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
-from dovetail.strangers import import_names
+from dovetail.settings import names_in
 from dovetail.tasks.shipped import DEFAULT_ENV, EPISODE_STEPS
 from dovetail.tasks.task import Task
 from dovetail.trackers.tracker import Tracker
@@ -94,13 +94,13 @@ def make_untimed(
     """
     base = config or EnvConfig()
     _require_untimed(max_steps, base)
-    whole = base.having(max_steps=ENDLESS)
+    whole = replace(base, max_steps=ENDLESS)
     return make_env(task_class, config=whole, **settings)
 
 
 def _require_untimed(max_steps: int | None, config: EnvConfig | None) -> None:
     """Refuse a length of episodes that Gymnasium would not know."""
-    given = (config or USUAL).episode.max_steps if max_steps is None else max_steps
+    given = (config or USUAL).max_steps if max_steps is None else max_steps
     if max_steps is not None or given != EPISODE_STEPS:
         raise ConfigError(
             f"max_steps is {given}, which gymnasium.make calls max_episode_steps: give "
@@ -135,8 +135,8 @@ def make_env(
     own, rest = split_settings(kind, settings)
     base = config or EnvConfig()
     if isinstance(tracker, str):
-        base, tracker = base.having(tracker=tracker), None
-    whole = base.having(**rest)
+        base, tracker = replace(base, tracker=tracker), None
+    whole = replace(base, **rest)
     return _kind(whole)(
         build_task(kind, own), arm, whole, tracker=tracker, render_mode=render_mode
     )
@@ -144,9 +144,9 @@ def make_env(
 
 def _kind(config: EnvConfig) -> type[ContactEnv]:
     """Return the class of the environment whose actions mean what a config says."""
-    if config.action.script is not None:
-        return _named(SCRIPTS[config.action.script])
-    return _named(FALL_BACK) if config.action.fall_back else ContactEnv
+    if config.script is not None:
+        return _named(SCRIPTS[config.script])
+    return _named(FALL_BACK) if config.fall_back else ContactEnv
 
 
 vars(make_env)["metadata"] = ContactEnv.metadata
@@ -201,7 +201,7 @@ def split_settings(
     """
     given = {("axes" if k == "task" else k): v for k, v in settings.items()}
     known = {f.name for f in fields(task) if f.init}
-    if unknown := sorted(set(given) - known - set(settings_in(EnvConfig))):
+    if unknown := sorted(set(given) - known - set(names_in(EnvConfig))):
         raise UnknownSettingError(_unknown(task, unknown, sorted(known)))
     # None is what a caller says who has nothing to say.
     own = {k: v for k, v in given.items() if k in known and v is not None}
@@ -210,7 +210,7 @@ def split_settings(
 
 def _unknown(task: type[Task], unknown: Sequence[str], known: Sequence[str]) -> str:
     """Word a refusal as Python does: TorchRL knows one of `frameskip` by that alone."""
-    usual = list(settings_in(EnvConfig))
+    usual = names_in(EnvConfig)
     first, *others = (f"{n!r}{did_you_mean(n, [*known, *usual])}" for n in unknown)
     return (
         f"{task.__name__} got an unexpected keyword argument {first}"

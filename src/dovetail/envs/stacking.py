@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.ranges import in_count
+from dovetail.settings import in_count
 
 
 class History:

@@ -197,7 +197,7 @@ class ToolTare:
         self._arm, self._commands = arm, commands
         self._axes = tared_axes(commands.task, force_damping)
         is_held = np.isin(commands.task.modes, (POSE, HOLD))
-        self._stiffness: Vec6 = np.where(is_held, arm.facts.osc.axes.stiffness, 0.0)
+        self._stiffness: Vec6 = np.where(is_held, arm.facts.osc.stiffness, 0.0)
 
     def take(
         self, state: ArmState, fixture: Pose, near_plane: Array, walls: Walls

@@ -39,7 +39,7 @@ def require_inside(task: Task, cell: Workcell, arm: Arm, fixture: Pose) -> None:
     """
     cell.require_reachable(fixture)
     low, high = cell.walls
-    margin = max(0.005, arm.facts.limits.tool.delta_x - task.slack())
+    margin = max(0.005, arm.facts.limits.delta_x - task.slack())
     for place, point in task.places(fixture).items():
         for i, name in enumerate("xyz"):
             excess = max(low[i] - point[i], point[i] - high[i]) + margin
@@ -136,7 +136,7 @@ def require_columns(arm: Arm, columns: Sequence[str]) -> None:
         ConfigError: The force of contact, on an arm that has none, or the wrench, where
             its estimate is off.
     """
-    if "wrench" in columns and arm.facts.limits.disturbance.estimate_rate == 0.0:
+    if "wrench" in columns and arm.facts.limits.estimate_rate == 0.0:
         raise ConfigError(
             "the task's column 'wrench' is what the disturbance estimate says, and the "
             "limits' estimate_rate is 0 1/s, which is off: give it above 0, as 60"

@@ -1,38 +1,36 @@
 """Settings of an evaluation, and the options of its environment."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any
 
 from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
-from dovetail.control.limits import TABLE, DeclaredErrors
+from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
-from dovetail.control.period_option import Period
-from dovetail.control.ranges import Range, check_ranges
-from dovetail.control.sections import Section, Sectioned
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
 from dovetail.evaluation.perturbation import Perturbation
 from dovetail.learn.policy_env import known_env_id, policy_settings
+from dovetail.options import Period, Placement
 from dovetail.plants.plant import PLANTS
 from dovetail.plants.twin import list_twins, load_twin
 from dovetail.search.script import SCRIPT_SETTINGS
+from dovetail.settings import names_in, settings
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.options import TaskOptions
 
 
-@dataclass(frozen=True, kw_only=True)
-class TriedTaskConfig(Section):
+@settings()
+class TriedTaskConfig:
     """The task, by default as in the policy's training."""
 
     env: str | None = None
     """Environment of the policy; needed for one of your own, MODULE:ID. A policy's file
     alone lets no module be imported."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are the policy's."""
-    fixture: tuple[float, float, float, float] | None = None
+    fixture: Placement = None
     """Place of the fixture: x y z [m] of its frame and yaw [rad], world axes. Default
     three poses, which an arm must be able to put the fixture at."""
     max_steps: int | None = None
@@ -46,8 +44,8 @@ class TriedTaskConfig(Section):
     arm but the nominal simulation, which misses none."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TriedPlaceConfig(Section):
+@settings()
+class TriedPlaceConfig:
     """Plant, twin or arm to try on."""
 
     plant: str | None = None
@@ -71,35 +69,8 @@ class TriedPlaceConfig(Section):
     else the policy's training's."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class HarderConfig(Perturbation):
-    """Disturbances of the tries."""
-
-    cover: Annotated[float, Range(0.0, 50.0, "mm")] = 0.0
-    """The shift in millimetres, 0 to 50 [mm]."""
-
-    def __post_init__(self) -> None:
-        """Leave it to `perturbation`, whose message a command says in one line."""
-
-    def perturbation(self) -> Perturbation:
-        """Return what is done to arm and fixture.
-
-        Raises:
-            ConfigError: A number out of range, or the shift given twice.
-        """
-        check_ranges(self)
-        if self.cover and self.fixture_shift:
-            raise ConfigError(
-                f"cover is {self.cover:g} mm and fixture_shift is "
-                f"{self.fixture_shift:g} m, which are the same distance; give one"
-            )
-        given = {f.name: vars(self)[f.name] for f in fields(Perturbation)}
-        given["fixture_shift"] = self.fixture_shift or 1e-3 * self.cover
-        return Perturbation(**given)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TriesConfig(Section):
+@settings()
+class TriesConfig:
     """The tries and their results."""
 
     tries: int = 20
@@ -117,28 +88,19 @@ class TriesConfig(Section):
     the time, in results."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EvaluationConfig(Sectioned):
-    """Settings of an evaluation: policy, place, disturbances and tries.
-
-    `EvaluationConfig.of(policy=..., twin="medium")` takes the settings by the names of
-    the command line's options.
-    """
-
-    whose: ClassVar[str] = "an evaluation"
+@settings()
+class EvaluationConfig(
+    TriedTaskConfig, TriedPlaceConfig, DeclaredErrors, Perturbation, TriesConfig
+):
+    """Settings of an evaluation: policy, place, disturbances and tries."""
 
     policy: str
     """Policy: a file (.safetensors, .json), a training's folder or a shipped name."""
-    task: TriedTaskConfig = field(default_factory=TriedTaskConfig)
-    """The task, by default as in the policy's training."""
-    place: TriedPlaceConfig = field(default_factory=TriedPlaceConfig)
-    """Plant, twin or arm to try on."""
-    declared: DeclaredErrors = TABLE
-    """Largest deviations of the arm from its model."""
-    harder: HarderConfig = field(default_factory=HarderConfig)
-    """Disturbances of the tries."""
-    trials: TriesConfig = field(default_factory=TriesConfig)
-    """The tries and their results."""
+
+    @property
+    def perturbation(self) -> Perturbation:
+        """The disturbances alone."""
+        return Perturbation(**{n: vars(self)[n] for n in names_in(Perturbation)})
 
 
 def environment_options(
@@ -153,60 +115,59 @@ def environment_options(
     Raises:
         ConfigError: Neither or both of plant and twin, or an unknown one.
     """
-    task, where = config.task, config.place
     places = ("plant", "twin", "arm")
-    if sum(vars(where)[name] is not None for name in places) != 1:
+    if sum(vars(config)[name] is not None for name in places) != 1:
         raise ConfigError(
             "give either a plant or a twin or an arm to try the policy on; known "
             f"plants: {', '.join(PLANTS)}; shipped twins: {', '.join(list_twins())}; "
             f"arms: {', '.join(SCHEMES)}"
         )
-    options = policy_settings(policy, task.env) | task.task_options
-    options |= _trained_robot(config, policy) | vars(config.declared)
+    options = policy_settings(policy, config.env) | config.task_options
+    options |= _trained_robot(config, policy) | config.declared_errors()
     for name in (*places, "robot", "tracker"):
-        if (value := vars(where)[name]) is not None:
+        if (value := vars(config)[name]) is not None:
             options[name] = value
-    if where.plant is None:
+    if config.plant is None:
         options.pop("plant", None)
-    if where.twin is not None:
-        if Path(where.twin).suffix == ".toml":
-            options["twin"] = str(Path(where.twin).expanduser().absolute())
+    if config.twin is not None:
+        if Path(config.twin).suffix == ".toml":
+            options["twin"] = str(Path(config.twin).expanduser().absolute())
         load_twin(options["twin"])
-    arm = None if where.arm is None else parse_address(where.arm)
+    arm = None if config.arm is None else parse_address(config.arm)
     _require_used(config)
     trained = options.get("period", DEFAULT_PERIOD)
     if arm is None:
-        options["period"] = require_period(where.period or trained, "period")
+        options["period"] = require_period(config.period or trained, "period")
     else:
-        options["period"] = arm.control_period(where.period, trained)
+        options["period"] = arm.control_period(config.period, trained)
         options["arm"] = _usable(config, arm)
-    if config.harder.search != "none":
+    if config.search != "none":
         options |= SCRIPT_SETTINGS
     return options | _episode(config)
 
 
 def _require_used(config: EvaluationConfig) -> None:
     """Refuse what is given beside another option that would override it."""
-    where, shift = config.place, config.harder.perturbation().fixture_shift
-    if where.approach and where.arm is None:
+    shift = config.fixture_shift
+    if config.approach and config.arm is None:
         raise ConfigError("approach is given, which needs --arm fri://HOST:PORT")
-    if where.tracker is not None and shift:
+    if config.tracker is not None and shift:
         raise ConfigError(
-            f"the tracker {where.tracker} and a covered camera (fixture_shift "
+            f"the tracker {config.tracker} and a covered camera (fixture_shift "
             f"{shift:g} m) exclude each other: leave one of them out"
         )
 
 
 def _episode(config: EvaluationConfig) -> dict[str, Any]:
     """Return what is asked of an episode's course."""
-    task, search = config.task, config.harder.search
-    if search != "none" and task.fall_back:
+    search = config.search
+    if search != "none" and config.fall_back:
         raise ConfigError(
-            f"fall_back is {task.fall_back:g} s, but with --search {search} "
+            f"fall_back is {config.fall_back:g} s, but with --search {search} "
             "the search acts from the start; give one of the two"
         )
     names = ("fall_back", "max_steps", "tare")
-    return {n: vars(task)[n] for n in names if vars(task)[n] is not None}
+    return {n: vars(config)[n] for n in names if vars(config)[n] is not None}
 
 
 def _trained_robot(
@@ -218,7 +179,7 @@ def _trained_robot(
         ConfigError: It is a module's, which only the command line may name.
     """
     told = policy["env"].get("robot")
-    if config.place.robot is not None or not isinstance(told, str):
+    if config.robot is not None or not isinstance(told, str):
         return {}
     if ":" in told:
         raise ConfigError(
@@ -230,21 +191,21 @@ def _trained_robot(
 
 def _usable(config: EvaluationConfig, arm: ArmAddress) -> str:
     """Return the address, or refuse what an arm outside this process cannot do."""
-    config.harder.perturbation().require_possible(arm)
-    workers, where = config.trials.workers, config.place
+    config.perturbation.require_possible(arm)
+    workers = config.workers
     if not arm.is_here and workers > 1:
         raise ConfigError(
-            f"workers is {workers}, but there is one arm at {where.arm}; needs 1"
+            f"workers is {workers}, but there is one arm at {config.arm}; needs 1"
         )
     require_place(config, can_place=arm.places_fixture)
-    return arm.with_approach() if where.approach else str(where.arm)
+    return arm.with_approach() if config.approach else str(config.arm)
 
 
 def require_place(config: EvaluationConfig, *, can_place: bool) -> None:
     """Refuse to guess where the fixture is, for an arm that cannot move it."""
-    if config.task.fixture is None and not can_place:
+    if config.fixture is None and not can_place:
         raise ConfigError(
-            f"the arm at {config.place.arm} cannot move the fixture: say where it is "
+            f"the arm at {config.arm} cannot move the fixture: say where it is "
             "with --fixture X Y Z YAW [m, rad], or add control=HOST:PORT for a "
             "simulated cabinet"
         )
@@ -254,7 +215,7 @@ def fixture_poses(
     config: EvaluationConfig, policy: Mapping[str, Any]
 ) -> tuple[FixturePose, ...]:
     """Return where the fixture is for the tries: the policy's own poses, or given."""
-    poses = task_class(known_env_id(policy, config.task.env)).trial_poses
-    if config.task.fixture is None:
+    poses = task_class(known_env_id(policy, config.env)).trial_poses
+    if config.fixture is None:
         return poses
-    return (FixturePose.given(config.task.fixture, poses[0].facing),)
+    return (FixturePose.given(config.fixture, poses[0].facing),)

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from io import StringIO
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ SHIFTS = (0.0, 5.0, 10.0, 20.0, 30.0)
 HEADS = ("who", "moved [mm]", "success", "median / max [s]", "peak force p95 [N]")
 
 
-class Cell(NamedTuple):
+class CoverResult(NamedTuple):
     """One entry of the table."""
 
     who: str
@@ -54,13 +55,13 @@ def compare(
     folder: Path,
     console: Console,
     shifts: Sequence[float] = SHIFTS,
-) -> list[Cell]:
+) -> list[CoverResult]:
     """Compare actors on a fixture that was moved unseen; print and write the table.
 
     Each cell's own report lies in a folder of its name.
 
     Args:
-        actors: Name and evaluation of each; its `cover` and `out` are set here.
+        actors: Name and evaluation of each; its `fixture_shift` and `out` are set here.
         folder: Where to, new or empty.
         console: Where bar and table go.
         shifts: Distances by which the fixture is moved [mm].
@@ -69,7 +70,7 @@ def compare(
         DovetailError: See `evaluate`.
     """
     folder = claim_output_folder(folder)
-    cells: list[Cell] = []
+    cells: list[CoverResult] = []
     jobs = [(who, config, shift) for who, config in actors for shift in shifts]
     with Progress(
         TextColumn("{task.description}"),
@@ -81,9 +82,9 @@ def compare(
         for who, config, shift in jobs:
             progress.update(bar, description=f"{who}, moved by {shift:g} mm")
             out = folder / f"{who.replace(' ', '-')}-{shift:g}-mm"
-            asked = config.having(cover=shift, out=out)
+            asked = replace(config, fixture_shift=1e-3 * shift, out=out)
             found = evaluate(asked, Console(file=StringIO()))
-            cells.append(Cell(who, shift, found.rows[-1]))
+            cells.append(CoverResult(who, shift, found.rows[-1]))
             progress.advance(bar)
     console.print(_render(cells))
     write_atomic(
@@ -96,13 +97,13 @@ def compare(
     return cells
 
 
-def _plain(cells: Sequence[Cell]) -> Iterator[dict[str, Any]]:
+def _plain(cells: Sequence[CoverResult]) -> Iterator[dict[str, Any]]:
     for cell in cells:
         numbers = {name: finite(value) for name, value in cell.row.numbers().items()}
         yield {"who": cell.who, "moved_mm": cell.shift, **numbers}
 
 
-def _render(cells: Sequence[Cell]) -> Table:
+def _render(cells: Sequence[CoverResult]) -> Table:
     shown = Table(box=SIMPLE_HEAD)
     for name in HEADS:
         shown.add_column(name, justify="left" if name == HEADS[0] else "right")

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
@@ -13,7 +14,6 @@ import gymnasium as gym
 import numpy as np
 from rich.console import Console
 
-from dovetail.control.ranges import in_count
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.evaluation.config import (
     EvaluationConfig,
@@ -39,10 +39,11 @@ from dovetail.evaluation.transfer import Row, summarise
 from dovetail.evaluation.trials import film_name, plan_trials, run_trials
 from dovetail.files import claim_output_folder, dated_folder, write_atomic
 from dovetail.learn.policy import Policy, find_policy
-from dovetail.learn.policy_env import known_env_id, require_yes
+from dovetail.learn.policy_env import known_env_id, require_contact_accepted
 from dovetail.learn.spaces import require_spaces
 from dovetail.robots.robot import Robot
 from dovetail.search.script import CornerScript
+from dovetail.settings import in_count
 from dovetail.tasks.task import Outline, Task
 from dovetail.view.renderer import Renderer
 
@@ -70,30 +71,30 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
         DovetailError: A setting, the policy or the disk; see its message.
     """
     console = console or Console(stderr=True)
-    in_count("workers", config.trials.workers, 1, _WORKERS_MAX, "processes")
+    in_count("workers", config.workers, 1, _WORKERS_MAX, "processes")
     file = find_policy(config.policy)
     policy = Policy.load(file)
     poses = fixture_poses(config, policy.metadata)
-    jobs = plan_trials(len(poses), config.trials.tries, config.trials.seed)
+    jobs = plan_trials(len(poses), config.tries, config.seed)
     options = environment_options(config, policy.metadata)
-    perturbation = config.harder.perturbation()
-    lax = require_yes(options, config.place.arm, is_given=config.place.accept_contact)
+    perturbation = config.perturbation
+    lax = require_contact_accepted(options, config.arm, is_given=config.accept_contact)
     said = "; ".join(filter(None, (lax, outside_measured(file, config, options))))
     if said:
         console.print(f"note: {said}", soft_wrap=True)  # before anything moves
-    env_id = known_env_id(policy.metadata, config.task.env)
+    env_id = known_env_id(policy.metadata, config.env)
     make_env = partial(make_perturbed, env_id, perturbation, options)
     with closing(_inspect(config, make_env, policy)) as env:
         core = require_contact_env(env)
         task, robot = core.task, core.cell.robot
-        folder = claim_output_folder(config.trials.out or dated_folder("results"))
-        logs = folder / "logs" if config.trials.keep_logs else None
+        folder = claim_output_folder(config.out or dated_folder("results"))
+        logs = folder / "logs" if config.keep_logs else None
         if logs is not None:
             logs.mkdir()
         started = datetime.now(UTC)
         # One process tries on the environment that is there: it may hold the only arm.
-        make = make_env if config.trials.workers > 1 else lambda: env
-        is_script = config.harder.search != "none"
+        make = make_env if config.workers > 1 else lambda: env
+        is_script = config.search != "none"
         load: Any = CornerScript if is_script else partial(Policy.load, file)
         trials = run_trials(
             make,
@@ -101,8 +102,8 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
             jobs,
             poses=poses,
             logs=logs,
-            films=folder if config.trials.video else None,
-            workers=config.trials.workers,
+            films=folder if config.video else None,
+            workers=config.workers,
         )
         title = _title(file.stem, task, config, options["period"])
         names = [pose.name for pose in poses]
@@ -117,11 +118,11 @@ def evaluate(config: EvaluationConfig, console: Console | None = None) -> Evalua
         outcomes=outcomes,
         done_word=task.done_word,
         origin=describe_origin(
-            config.having(out=folder), options, poses, policy.metadata, started
+            replace(config, out=folder), options, poses, policy.metadata, started
         ),
     )
     _print(report, said, console)
-    films = [folder / film_name(pose) for pose in poses] if config.trials.video else []
+    films = [folder / film_name(pose) for pose in poses] if config.video else []
     searched = None
     if perturbation.fixture_shift:
         searched = draw_search(report, poses, task.outline())
@@ -135,7 +136,7 @@ def _title(policy: str, task: Task, config: EvaluationConfig, period: float) -> 
     parts = [
         policy,
         *task.describe(),
-        *config.harder.perturbation().describe(),
+        *config.perturbation.describe(),
         f"on {name_ground(config)}",
         f"control period {1e3 * period:g} ms",
     ]
@@ -180,15 +181,15 @@ def _inspect(
     """Return an environment; says what is wrong before anything is written."""
     env = make_env()
     try:
-        if config.trials.video:
+        if config.video:
             Renderer(require_contact_env(env).cell).close()
         can_place = require_contact_env(env).places_fixture
         require_place(config, can_place=can_place)
         pose = fixture_poses(config, policy.metadata)[0].pose()
-        if config.harder.search != "none":
+        if config.search != "none":
             CornerScript().take(require_contact_env(env))
             return env
-        observation, _ = env.reset(seed=config.trials.seed, options={"fixture": pose})
+        observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
         policy.require_size(observation, env.action_space.shape or ())
         require_spaces(policy.metadata, env)
     except BaseException:

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 
-class Job(NamedTuple):
+class TrialJob(NamedTuple):
     """One try to run."""
 
     pose: int

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 from dovetail.evaluation.config import EvaluationConfig
 from dovetail.learn.policy import POLICY_FOLDER
 from dovetail.plants.twin import load_twin
+from dovetail.settings import values_of
 from dovetail.trackers.find import TWIN, find_tracker
 from dovetail.trackers.late import Late
 
@@ -86,15 +87,15 @@ def _disturbed(
     config: EvaluationConfig, options: Mapping[str, Any]
 ) -> dict[str, float]:
     """Return how hard each disturbance of an evaluation is [SI]."""
-    harder = config.harder.perturbation()
+    harder = config.perturbation
     found = {"push": harder.push, "fixture_speed": harder.fixture_speed}
     if "clearance" in options:
         found["clearance"] = float(options["clearance"])
     twin = None if options.get("twin") is None else load_twin(options["twin"])
-    camera = {} if twin is None or twin.camera is None else twin.camera.flat()
+    camera = {} if twin is None or twin.camera is None else values_of(twin.camera)
     if twin is not None:
-        found["contact_friction"] = twin.contact.contact_friction
-        found["command_delay"] = twin.channel.command_delay
+        found["contact_friction"] = twin.contact_friction
+        found["command_delay"] = twin.command_delay
     tracker = str(options.get("tracker") or "")
     if tracker == TWIN:
         found |= {name: camera[name] for name in ("bias", "turn") if name in camera}

@@ -4,7 +4,7 @@ import os
 import platform
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -12,11 +12,12 @@ from dovetail.arms.address import parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.arms.local_address import local_address
 from dovetail.control.period import DEFAULT_PERIOD, POLICY_PERIOD
-from dovetail.control.sections import option_words
 from dovetail.evaluation.config import EvaluationConfig
 from dovetail.learn.export import commit, versions
+from dovetail.options import option_words
 from dovetail.plants.twin import load_twin
 from dovetail.robots.robot import Robot
+from dovetail.settings import values_of
 from dovetail.tasks.fixture_pose import FixturePose
 
 
@@ -40,9 +41,9 @@ def name_ground(config: EvaluationConfig) -> str:
 
 
 def _address(config: EvaluationConfig) -> ArmAddress:
-    if config.place.arm is not None:
-        return parse_address(config.place.arm)
-    return local_address(config.place.plant or "", config.place.twin)
+    if config.arm is not None:
+        return parse_address(config.arm)
+    return local_address(config.plant or "", config.twin)
 
 
 def shared_engine(config: EvaluationConfig, policy: Mapping[str, Any]) -> str:
@@ -106,9 +107,9 @@ def describe_origin(
         policy: The policy's description.
         started: When the tries began.
     """
-    if config.place.arm is not None:
+    if config.arm is not None:
         arm = {"arm": _address(config).text}  # without its token
-        config, options = config.having(**arm), {**options, **arm}
+        config, options = replace(config, **arm), {**options, **arm}
     return Origin(
         config=describe_settings(config, options, poses),
         policy=policy,
@@ -127,14 +128,14 @@ def describe_settings(
         options: Keyword arguments of the environment.
         poses: Where the fixture is.
     """
-    settings = config.flat()
+    settings = values_of(config)
     settings |= settings.pop("task_options")
     settings["environment"] = dict(options)
     settings["fixture poses (x y z [m], theta [rad])"] = {
         pose.name: f"{pose.x:g} {pose.y:g} {pose.z:g}, {pose.theta:g}" for pose in poses
     }
-    if config.place.twin is not None:
-        settings["twin file"] = load_twin(config.place.twin).table()
+    if config.twin is not None:
+        settings["twin file"] = load_twin(config.twin).table()
     return {name: value for name, value in settings.items() if value is not None}
 
 
@@ -145,14 +146,14 @@ _ASIDE = ("policy", "task_options", "out", "workers", "keep_logs")
 
 def command_line(config: EvaluationConfig) -> str:
     """Return the command that makes an evaluation again, its folder aside."""
-    usual = EvaluationConfig.of(policy=config.policy).flat()
+    usual = values_of(EvaluationConfig(policy=config.policy))
     given = {
         name: value
-        for name, value in config.flat().items()
+        for name, value in values_of(config).items()
         if name in _ALWAYS or (name not in _ASIDE and value != usual[name])
     }
     words = ["dovetail", "evaluate", config.policy]
-    for name, value in (given | config.task.task_options).items():
+    for name, value in (given | config.task_options).items():
         words += option_words(name, value)
     return shlex.join(words)
 

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.types import Array
 
 
@@ -72,7 +72,7 @@ class TryFiles:
 class Outcome:
     """Result of one try of a policy."""
 
-    job: Job
+    job: TrialJob
     """Pose, number and seed of the try."""
     conditions: Conditions = field(default_factory=Conditions)
     """Conditions fixed before its first step."""
@@ -120,7 +120,7 @@ class Outcome:
         }
         usual = Conditions()
         return cls(
-            job=Job(told["pose"], told["attempt"], told["seed"]),
+            job=TrialJob(told["pose"], told["attempt"], told["seed"]),
             conditions=Conditions(
                 tare=tuple(told.get("tare", usual.tare)),
                 perturbation=told.get("perturbation", usual.perturbation),

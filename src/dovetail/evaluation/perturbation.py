@@ -1,7 +1,6 @@
 """Perturbed trials: a covered camera, pushes, a fixture that moves, low starts."""
 
 import math
-from dataclasses import dataclass
 from typing import Annotated, Any, Literal, NamedTuple
 
 import gymnasium as gym
@@ -10,13 +9,12 @@ import numpy as np
 from dovetail.arms.arm import require_simulated
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
 from dovetail.envs.registered import make, task_class
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.envs.workspace import require_inside
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose
+from dovetail.settings import Range, settings, values_of
 from dovetail.tasks.fixture_pose import UPRIGHT
 from dovetail.trackers.covered import Covered
 from dovetail.types import Vec3
@@ -34,8 +32,8 @@ _STREAM = 0x5E7BAC
 """Keeps these draws apart from those of start and noise, which have the same seed."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Perturbation(Section):
+@settings()
+class Perturbation:
     """Disturbances of the arm and the fixture during the tries."""
 
     fixture_shift: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
@@ -53,9 +51,10 @@ class Perturbation(Section):
     """corner: the scripted corner search acts in place of the policy. It feels for the
     opening with a corner of the tilted part."""
 
-    def __bool__(self) -> bool:
-        """Return True if anything is perturbed."""
-        return self != Perturbation()
+    @property
+    def is_any(self) -> bool:
+        """True if anything is perturbed."""
+        return values_of(self) != values_of(Perturbation())
 
     def describe(self) -> list[str]:
         """Return what is done in words, for a title; empty for nothing."""
@@ -80,8 +79,13 @@ class Perturbation(Section):
             ConfigError: Names the option and what would make it possible.
         """
         for name, size in (("push", self.push), ("fixture-speed", self.fixture_speed)):
-            if size and arm.undisturbed:
-                raise ConfigError(f"--{name} {arm.undisturbed}")
+            if size and not arm.can_be_disturbed:
+                raise ConfigError(
+                    f"--{name} needs a simulation at this end: --plant, --twin, or "
+                    "fri:// with the control port of a simulated cabinet "
+                    "(control=HOST:PORT). It is not offered over gRPC; a real arm is "
+                    "pushed by hand"
+                )
 
 
 class Push(NamedTuple):
@@ -221,7 +225,7 @@ def make_perturbed(
         ConfigError: This cannot be done in this environment.
     """
     task = task_class(env_id)
-    if not perturbation:
+    if not perturbation.is_any:
         return make(env_id, **options)
     is_upright = task.trial_poses[0].facing == UPRIGHT
     if not is_upright and (perturbation.fixture_shift or perturbation.start == "below"):

@@ -14,7 +14,6 @@ import gymnasium as gym
 import numpy as np
 
 from dovetail.arms.arm import ArmState
-from dovetail.control.ranges import in_count
 from dovetail.envs.log_facts import (
     SUCCESS,
     describe_cell,
@@ -24,7 +23,7 @@ from dovetail.envs.log_facts import (
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
 from dovetail.errors import ArmError, UnprovenWarning
-from dovetail.evaluation.job import Job
+from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.outcome import (
     ArmStop,
     Conditions,
@@ -37,6 +36,7 @@ from dovetail.learn.policy import Actor
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS, FLAG_MASK
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.search.script import CornerScript
+from dovetail.settings import in_count
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.types import Array
 from dovetail.view.film import Film
@@ -57,7 +57,7 @@ CONTACT_THRESHOLD = 0.1
 """A control cycle with at least this contact force counts as in contact [N]."""
 
 
-def plan_trials(num_poses: int, tries: int, seed: int) -> list[Job]:
+def plan_trials(num_poses: int, tries: int, seed: int) -> list[TrialJob]:
     """Return every try with a seed of its own, in the order of the table.
 
     Raises:
@@ -66,7 +66,7 @@ def plan_trials(num_poses: int, tries: int, seed: int) -> list[Job]:
     in_count("tries", tries, 1, TRIES_MAX, "at each pose")
     in_count("seed", seed, 0, SEED_MAX, "(2^63 - 1)")
     return [
-        Job(pose, attempt, _seed_of(seed, pose, attempt))
+        TrialJob(pose, attempt, _seed_of(seed, pose, attempt))
         for pose in range(num_poses)
         for attempt in range(tries)
     ]
@@ -81,7 +81,7 @@ def film_name(pose: FixturePose) -> str:
     return f"{pose.name}.gif"
 
 
-class Trialist:
+class TrialRunner:
     """One environment and one policy, ready for any number of tries."""
 
     def __init__(
@@ -109,7 +109,7 @@ class Trialist:
         self._poses = poses
         self._logs, self._films = logs, films
 
-    def run(self, job: Job) -> Outcome:
+    def run(self, job: TrialJob) -> Outcome:
         """Run one try from reset to success, time-out or the arm's stop, and log it."""
         fixture = self._poses[job.pose].pose()
         file = self._log_file(job)
@@ -166,7 +166,7 @@ class Trialist:
         )
         return replace(outcome, success=False) if stopped else outcome
 
-    def _show(self, film: Film, job: Job) -> str:
+    def _show(self, film: Film, job: TrialJob) -> str:
         """Write the film of the first try at a pose, if films are wanted.
 
         Returns:
@@ -186,19 +186,19 @@ class Trialist:
         """Release the environment."""
         self._env.close()
 
-    def _describe(self, job: Job) -> dict[str, Any]:
+    def _describe(self, job: TrialJob) -> dict[str, Any]:
         pose = self._poses[job.pose]
         own = {"fixture_pose": pose._asdict(), **job._asdict()}
         return own | describe_cell(self._env)
 
-    def _log_file(self, job: Job) -> Path | None:
+    def _log_file(self, job: TrialJob) -> Path | None:
         if self._logs is None:
             return None
         return self._logs / f"{self._poses[job.pose].name}_{job.attempt:02d}.npz"
 
 
 def _outcome(
-    job: Job,
+    job: TrialJob,
     blocks: list[Array],
     fixture: Pose,
     steps: int,
@@ -247,7 +247,7 @@ def _columns(log: Array, *names: str) -> Array:
 def run_trials(
     make_env: Callable[[], gym.Env],
     load_policy: Callable[[], Actor],
-    jobs: Sequence[Job],
+    jobs: Sequence[TrialJob],
     *,
     poses: Sequence[FixturePose],
     logs: Path | None = None,
@@ -269,7 +269,7 @@ def run_trials(
         workers: Number of processes, at least 1; 1 stays in this one.
     """
     if workers == 1:
-        trialist = Trialist(make_env, load_policy, poses, logs, films)
+        trialist = TrialRunner(make_env, load_policy, poses, logs, films)
         try:
             yield from map(trialist.run, jobs)
         finally:
@@ -284,13 +284,13 @@ def run_trials(
         yield from pool.map(_run_in_worker, jobs)
 
 
-_of_this_process: list[Trialist] = []
+_of_this_process: list[TrialRunner] = []
 
 
 def _start_worker(*settings: Any) -> None:
     warnings.simplefilter("ignore", UnprovenWarning)  # the parent process has warned
-    _of_this_process.append(Trialist(*settings))
+    _of_this_process.append(TrialRunner(*settings))
 
 
-def _run_in_worker(job: Job) -> Outcome:
+def _run_in_worker(job: TrialJob) -> Outcome:
     return _of_this_process[0].run(job)

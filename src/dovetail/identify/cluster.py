@@ -12,7 +12,7 @@ from dovetail.errors import (
     install_command,
 )
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.plants.twin import Twin
 from dovetail.types import Array
 
@@ -115,7 +115,7 @@ def _require_listener(address: str) -> None:
         ) from error
 
 
-_replays: dict[str, Replay] = {}
+_replays: dict[str, LogReplay] = {}
 
 
 def _replay_in_task(
@@ -123,5 +123,5 @@ def _replay_in_task(
 ) -> Array | None:
     if key not in _replays:
         _replays.clear()
-        _replays[key] = Replay(recording, engine)
+        _replays[key] = LogReplay(recording, engine)
     return _replays[key].error(model)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dovetail.control.period import POLICY_PERIOD
-from dovetail.control.ranges import in_count
+from dovetail.settings import in_count
 from dovetail.types import Array
 
 EXCITED = "XYZ:force A:pose BC:hold"

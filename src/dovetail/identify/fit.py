@@ -4,10 +4,10 @@ import os
 import shlex
 import time
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 from rich.console import Console
 from rich.progress import (
@@ -18,17 +18,10 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from dovetail.control.sections import Section, Sectioned, option_words, settings_in
 from dovetail.distribution import installed_version
 from dovetail.errors import ConfigError, LogError
 from dovetail.files import write_atomic
 from dovetail.identify.fit_folder import MODEL, SUMMARY, FitFolder
-from dovetail.identify.outset import (
-    NO_EFFECT,
-    Outset,
-    describe_sensitivity,
-    measure_outset,
-)
 from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.population import (
     Population,
@@ -37,8 +30,16 @@ from dovetail.identify.population import (
 )
 from dovetail.identify.recording import Recording
 from dovetail.identify.search import Search, space_of
+from dovetail.identify.warm_start import (
+    NO_EFFECT,
+    WarmStart,
+    describe_sensitivity,
+    measure_warm_start,
+)
+from dovetail.options import option_words
 from dovetail.plants.find import find_engine
 from dovetail.plants.twin import Twin
+from dovetail.settings import defaults_of, settings, values_of
 from dovetail.types import Array
 
 EVALUATIONS_PER_PARAMETER = 200
@@ -47,8 +48,8 @@ AT_BOUND = 0.01
 """Distance from a bound that counts as there, as a share of the range."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitSearchConfig(Section):
+@settings()
+class FitSearchConfig:
     """The search for the parameters."""
 
     evaluations: int | None = None
@@ -59,8 +60,8 @@ class FitSearchConfig(Section):
     """Begin CMA-ES at a least-squares answer; without, at the nominal model."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SimulatedLogsConfig(Section):
+@settings()
+class SimulatedLogsConfig:
     """Engine and processes that simulate the logs."""
 
     plant: str = "mujoco"
@@ -71,15 +72,9 @@ class SimulatedLogsConfig(Section):
     """Simulate on a Ray cluster: its address, auto, or local."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FitConfig(Sectioned):
-    """Settings of a fit: parameters, log and budget.
-
-    `FitConfig.of(log=..., plant="bullet")` takes the settings by the names of the
-    command line's options.
-    """
-
-    whose: ClassVar[str] = "a fit"
+@settings()
+class FitConfig(FitSearchConfig, SimulatedLogsConfig):
+    """Settings of a fit: parameters, log and budget."""
 
     log: Path
     """Recording to fit, made by `dovetail identify record`."""
@@ -90,10 +85,6 @@ class FitConfig(Sectioned):
     """Folder for model.toml and fit.json; new or empty, or with --resume a fit's."""
     resume: bool = False
     """Go on with the fit that is in the folder."""
-    search: FitSearchConfig = field(default_factory=FitSearchConfig)
-    """The search for the parameters."""
-    simulation: SimulatedLogsConfig = field(default_factory=SimulatedLogsConfig)
-    """Engine and processes that simulate the logs."""
 
 
 @dataclass(frozen=True)
@@ -145,52 +136,50 @@ def fit(config: FitConfig, console: Console) -> FitResult:
 def resume_words(config: FitConfig) -> list[str]:
     """Return the command that goes on with a fit: what differs from the defaults."""
     words = ["identify", "fit", str(config.log)]
-    usual = settings_in(FitConfig)
-    given = config.having(resume=True).flat()
-    for name in usual:
-        is_named = given[name] != usual[name].default or name == "out"
+    usual = defaults_of(FitConfig)
+    for name, value in values_of(replace(config, resume=True)).items():
+        is_named = value != usual.get(name) or name == "out"
         if name != "log" and is_named:
-            words += option_words(name, given[name])
+            words += option_words(name, value)
     return words
 
 
 def _fit(config: FitConfig, console: Console) -> FitResult:
-    engine, asked = config.simulation, config.search
-    find_engine(engine.plant)  # what it does not know is refused before any work
+    find_engine(config.plant)  # what it does not know is refused before any work
     parameters = ParameterSet.parse(config.parameters)
-    budget = asked.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
-    if budget < 1 or asked.seed < 0:
+    budget = config.evaluations or EVALUATIONS_PER_PARAMETER * len(parameters.names)
+    if budget < 1 or config.seed < 0:
         raise ConfigError(
-            f"evaluations is {budget} and seed {asked.seed}; needs at least 1 and 0"
+            f"evaluations is {budget} and seed {config.seed}; needs at least 1 and 0"
         )
     recording = Recording.load(config.log)
     parameters = parameters.of_robot(recording.cell.robot)
     settings = _settings(config, parameters, recording)
     folder = FitFolder.claim(config.out, settings, resume=config.resume)
-    workers = os.cpu_count() or 1 if engine.workers is None else engine.workers
-    population = make_population(recording, engine.plant, workers, engine.cluster)
+    workers = os.cpu_count() or 1 if config.workers is None else config.workers
+    population = make_population(recording, config.plant, workers, config.cluster)
     begin = time.monotonic()
     with closing(population):
-        outset = _begin(folder, settings, parameters, population, config)
-        search = _Fit(config, parameters, outset, folder, population)
+        warm_start = _begin(folder, settings, parameters, population, config)
+        search = _Fit(config, parameters, warm_start, folder, population)
         search.repeat()
         earlier = folder.generations[-1]["time"] if folder.generations else 0.0
         search.run(budget, begin - earlier, console)
         vector, after = search.conclude()
     wall_time = time.monotonic() - begin + earlier
-    warnings = _warnings(parameters, outset, vector, population.deaths)
-    model = parameters.to_model(vector, engine.plant)
+    warnings = _warnings(parameters, warm_start, vector, population.deaths)
+    model = parameters.to_model(vector, config.plant)
     result = FitResult(
         _describe(model, recording, after),
         vector,
-        outset.before,
+        warm_start.before,
         after,
-        search.search.evaluations + outset.evaluations,
+        search.search.evaluations + warm_start.evaluations,
         wall_time,
         parameters,
         warnings,
     )
-    _write(folder, parameters, outset, result, search.search.history, config)
+    _write(folder, parameters, warm_start, result, search.search.history, config)
     for warning in warnings:
         console.print(f"warning: {warning}", soft_wrap=True, highlight=False)
     return result
@@ -205,12 +194,12 @@ def _settings(
         "robot": recording.metadata["robot"],
         "task": recording.metadata["task"],
         "period": recording.period,
-        "plant": config.simulation.plant,
+        "plant": config.plant,
         "parameters": [
             [p.name, p.unit, p.low, p.high, p.start] for p in parameters.parameters
         ],
-        "seed": config.search.seed,
-        "warm_start": config.search.warm_start,
+        "seed": config.seed,
+        "warm_start": config.warm_start,
     }
 
 
@@ -220,17 +209,17 @@ def _begin(
     parameters: ParameterSet,
     population: Population,
     config: FitConfig,
-) -> Outset:
+) -> WarmStart:
     """Measure where the search begins, or read it where it is known."""
     if folder.summary is not None:
-        return Outset.from_dict(folder.summary["outset"])
-    plant, warm = config.simulation.plant, config.search.warm_start
-    outset = measure_outset(parameters, population, plant, warm=warm)
+        return WarmStart.from_dict(folder.summary["warm_start"])
+    plant, warm = config.plant, config.warm_start
+    warm_start = measure_warm_start(parameters, population, plant, warm=warm)
     folder.write_summary(
-        {"state": "running", "settings": settings, "outset": outset.to_dict()}
+        {"state": "running", "settings": settings, "warm_start": warm_start.to_dict()}
     )
     folder.begin_generations()
-    return outset
+    return warm_start
 
 
 class _Fit:
@@ -240,18 +229,18 @@ class _Fit:
         self,
         config: FitConfig,
         parameters: ParameterSet,
-        outset: Outset,
+        warm_start: WarmStart,
         folder: FitFolder,
         population: Population,
     ) -> None:
         self._config = config
         self._parameters = parameters
-        self._active = list(outset.active)
+        self._active = list(warm_start.active)
         self._folder = folder
         self._population = population
-        space = space_of(parameters, outset.active)
+        space = space_of(parameters, warm_start.active)
         self.search = Search(
-            space, outset.mean, outset.covariance, outset.start, config.search.seed
+            space, warm_start.mean, warm_start.covariance, warm_start.start, config.seed
         )
 
     def _whole(self, vector: Array) -> Array:
@@ -261,7 +250,7 @@ class _Fit:
         return whole
 
     def _values(self, vectors: list[Array]) -> list[float]:
-        engine = self._config.simulation.plant
+        engine = self._config.plant
         models = [self._parameters.to_model(self._whole(v), engine) for v in vectors]
         return evaluate_population(models, self._population)
 
@@ -319,18 +308,18 @@ class _Fit:
 
 
 def _warnings(
-    parameters: ParameterSet, outset: Outset, vector: Array, deaths: int
+    parameters: ParameterSet, warm_start: WarmStart, vector: Array, deaths: int
 ) -> tuple[str, ...]:
     """Return what a reader of the result has to know."""
     lines = [
         f"{describe_sensitivity(p, size)}: it has no effect on this log and stays at "
         f"{p.start:g} {p.unit}"
-        for p, size in zip(parameters.parameters, outset.sensitivity, strict=True)
+        for p, size in zip(parameters.parameters, warm_start.sensitivity, strict=True)
         if size < NO_EFFECT
     ]
     shares = space_of(parameters).to_shares(vector)
     for i, p in enumerate(parameters.parameters):
-        if i not in outset.active or AT_BOUND < shares[i] < 1.0 - AT_BOUND:
+        if i not in warm_start.active or AT_BOUND < shares[i] < 1.0 - AT_BOUND:
             continue
         name, bound = ("lower", p.low) if shares[i] <= AT_BOUND else ("upper", p.high)
         lines.append(
@@ -347,13 +336,13 @@ def _warnings(
 def _describe(model: Twin, recording: Recording, after: float) -> Twin:
     arm = recording.metadata["arm"].partition("?")[0]
     text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
-    return model.having(description=text)
+    return replace(model, description=text)
 
 
 def _write(
     folder: FitFolder,
     parameters: ParameterSet,
-    outset: Outset,
+    warm_start: WarmStart,
     result: FitResult,
     history: list[float],
     config: FitConfig,
@@ -381,10 +370,15 @@ def _write(
             "start": p.start,
             "value": float(value),
             "sensitivity_mm": 1e3 * size,
-            "has_effect": i in outset.active,
+            "has_effect": i in warm_start.active,
         }
         for i, (p, value, size) in enumerate(
-            zip(parameters.parameters, result.vector, outset.sensitivity, strict=True)
+            zip(
+                parameters.parameters,
+                result.vector,
+                warm_start.sensitivity,
+                strict=True,
+            )
         )
     ]
     folder.write_summary(

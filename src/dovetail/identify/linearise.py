@@ -8,7 +8,7 @@ import numpy as np
 
 from dovetail.errors import ConfigError
 from dovetail.identify.parameters import Parameter, ParameterSet
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.plants.plant import DynamicsConfig, physics_steps
 from dovetail.types import Array
 
@@ -36,7 +36,7 @@ class Linearisation:
 
 
 def linearise(
-    replay: Replay,
+    replay: LogReplay,
     parameters: ParameterSet,
     vector: Array,
     progress: Progress = tuple,

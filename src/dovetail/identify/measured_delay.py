@@ -3,10 +3,11 @@
 from typing import NamedTuple
 
 from dovetail.arms.local_arm import LocalArm
+from dovetail.doctor.check import Check
+from dovetail.doctor.diagnosis import diagnose_arm
+from dovetail.doctor.excitation import excitation_gains, simulated_step
+from dovetail.doctor.loop_delay import check_delay
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.feel.declared_delay import JudgedDelay, judge_delay
-from dovetail.feel.feeling import feel_arm
-from dovetail.feel.gains import quiet, simulated_step
 from dovetail.poses import Pose
 from dovetail.types import Vec7
 
@@ -16,33 +17,33 @@ class MeasuredDelay(NamedTuple):
 
     facts: dict[str, float]
     """Measured, its standard deviation, and declared [s]; `recording.json` keeps it."""
-    judged: JudgedDelay
-    """The same in words."""
+    check: Check
+    """Comparison with the declared delay, in words."""
 
 
 def measure_delay(env: ContactEnv, q: Vec7, fixture: Pose) -> MeasuredDelay:
     """Push every joint a little at a start.
 
-    A simulated arm of this process is felt with gains that bear any delay. Another one
-    has a motion of its own for each controller, and is felt with the gains that the
-    recording runs with.
+    A simulated arm of this process is measured with gains that bear any delay. Another
+    one has a motion of its own for each controller, and is measured with the gains of
+    the recording.
 
     Args:
         env: Its arm is moved.
         q: A start in free air [rad].
-        fixture: Where the fixture is.
+        fixture: Pose of the fixture.
 
     Raises:
         ArmError: The arm was stopped, or too many cycles were lost.
     """
     arm, facts = env.arm, env.arm.facts
-    declared = float(facts.limits.declared.delay)
+    declared = float(facts.limits.delay)
     if isinstance(arm, LocalArm):
-        osc, limits = quiet(facts.osc, facts.limits)
+        osc, limits = excitation_gains(facts.osc, facts.limits)
         arm = LocalArm(arm.plant, facts.robot, osc, limits, facts.task, facts.period)
     arm.reset(q, fixture)
     step = simulated_step(facts.period) if env.places_fixture else 0.0
-    feeling = feel_arm(arm, q, facts.limits.prediction.armature, integration_step=step)
-    delay = feeling.delay
+    found = diagnose_arm(arm, q, integration_step=step)
+    delay = found.delay
     told = {"measured": delay.delay, "spread": delay.spread, "declared": declared}
-    return MeasuredDelay(told, judge_delay(feeling, declared))
+    return MeasuredDelay(told, check_delay(delay, found.turned, declared))

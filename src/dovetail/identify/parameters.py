@@ -5,13 +5,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from dovetail.control.ranges import ranges_of
-from dovetail.control.sections import settings_in
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.find import find_engine
 from dovetail.plants.plant import DynamicsConfig
 from dovetail.plants.twin import Twin
 from dovetail.robots.motors import Motors
+from dovetail.settings import ranges_of
 from dovetail.types import Array
 
 if TYPE_CHECKING:
@@ -156,7 +155,7 @@ class ParameterSet:
 
     def nominal(self, engine: str = "mujoco") -> Twin:
         """Return the controller's own model as a twin without noise."""
-        return nominal_model(engine).having(**self.motors.flat())
+        return replace(nominal_model(engine), **self.motors.values())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -198,30 +197,30 @@ class ParameterSet:
         changed: dict[str, list[float]] = {}
         for p, value in zip(self.parameters, values.tolist(), strict=True):
             _put(changed, model, p.name, value)
-        delay = changed.pop("command_delay", [model.channel.command_delay])[0]
+        delay = changed.pop("command_delay", [model.command_delay])[0]
         arrays: dict[str, Any] = {name: tuple(v) for name, v in changed.items()}
-        return model.having(command_delay=delay, **arrays)
+        return replace(model, command_delay=delay, **arrays)
 
 
 def nominal_model(engine: str = "mujoco") -> Twin:
     """Return the iiwa's own model as a twin without noise."""
     d = _NOMINAL
-    return Twin.of(
+    return Twin(
         description="the controller's model",
         engine=find_engine(engine),
         seed=0,
         inertia=d.inertia,
         mass_scale=d.mass_scale,
         gravity_residual=d.gravity_residual,
-        damping=d.joints.damping,
-        coulomb=d.joints.coulomb,
-        armature=d.joints.armature,
+        damping=d.damping,
+        coulomb=d.coulomb,
+        armature=d.armature,
         command_delay=0.0,
         torque_noise=0.0,
         position_noise=0.0,
         velocity_noise=0.0,
-        contact_friction=d.contact.contact_friction,
-        contact_time=d.contact.contact_time,
+        contact_friction=d.contact_friction,
+        contact_time=d.contact_time,
         clearance_offset=0.0,
     )
 
@@ -231,7 +230,7 @@ def _allowed(name: str) -> tuple[float, float]:
     if name == "command_delay":
         return DELAY_RANGE
     stem = "gravity_residual" if name.startswith("gravity") else name.rstrip("_1234567")
-    allowed = ranges_of(settings_in(DynamicsConfig)[stem].owner)[stem]
+    allowed = ranges_of(DynamicsConfig)[stem]
     return allowed.low, allowed.high
 
 
@@ -242,12 +241,10 @@ def _put(changed: dict[str, list[float]], model: Twin, name: str, value: float) 
         return
     stem, _, part = name.rpartition("_")
     if stem == "gravity":
-        residual = changed.setdefault(
-            "gravity_residual", list(model.arm.gravity_residual)
-        )
+        residual = changed.setdefault("gravity_residual", list(model.gravity_residual))
         residual["xyz".index(part)] = value
     elif part.isdigit():
-        changed.setdefault(stem, list(vars(model.arm)[stem]))[int(part) - 1] = value
+        changed.setdefault(stem, list(vars(model)[stem]))[int(part) - 1] = value
     else:
         changed[name] = [value] * 7
 
@@ -256,7 +253,7 @@ def _started(parameter: Parameter, motors: Motors) -> Parameter:
     """Return a parameter of the joints with the start that the motors are."""
     stem, _, joint = parameter.name.partition("_")
     usual = KNOWN[parameter.name]
-    if stem not in motors.flat() or parameter.start != usual.start:
+    if stem not in motors.values() or parameter.start != usual.start:
         return parameter
     values = vars(motors)[stem]
     start = float(values[int(joint) - 1] if joint else values.mean())

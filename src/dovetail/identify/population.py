@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay, rms_of
+from dovetail.identify.replay import LogReplay, rms_of
 from dovetail.interrupt import left_to_the_parent
 from dovetail.plants.twin import Twin
 from dovetail.types import Array
@@ -52,7 +52,7 @@ class Here:
 
     def __init__(self, recording: Recording, engine: str) -> None:
         """Build the replay."""
-        self._replay = Replay(recording, engine)
+        self._replay = LogReplay(recording, engine)
 
     def errors(self, models: Sequence[Twin]) -> list[Array | None]:
         """Return the error of each model, one after the other."""
@@ -156,7 +156,7 @@ class _Worker(NamedTuple):
 def _work(pipe: Any, recording: Recording, engine: str) -> None:
     """Answer models with errors until the pipe ends, also by the parent's death."""
     try:
-        replay = Replay(recording, engine)
+        replay = LogReplay(recording, engine)
     except DovetailError as error:
         pipe.send(error)
         return

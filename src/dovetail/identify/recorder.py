@@ -4,22 +4,22 @@ import json
 import math
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 from rich.progress import track
 
 from dovetail.arms.address import parse_address
-from dovetail.control.limits import TABLE, ApproachLimits, DeclaredErrors
+from dovetail.control.limits import ApproachLimits, DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD
-from dovetail.control.period_option import Period
-from dovetail.control.sections import Section, Sectioned
+from dovetail.control.proven import DECLARED
 from dovetail.control.target_columns import TARGET_UNITS, target_row
 from dovetail.distribution import installed_version
+from dovetail.envs.commands import per_axis
 from dovetail.envs.config import FORCE_DAMPING, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.registered import make_task
@@ -39,10 +39,12 @@ from dovetail.identify.recording import (
     usual_place,
 )
 from dovetail.identify.starts import plan_starts, start_box
+from dovetail.options import Period, Placement
 from dovetail.plants.plant import COLUMN
 from dovetail.robots.find import find_robot
+from dovetail.settings import settings
 from dovetail.tasks.fixture_pose import FixturePose
-from dovetail.tasks.options import TaskOptions, option_types, require_apart
+from dovetail.tasks.options import option_types, require_apart
 from dovetail.tasks.shipped import DEFAULT_ENV
 from dovetail.tasks.task import Task
 from dovetail.types import Array, Vec7
@@ -53,21 +55,21 @@ PLAY = 0.002
 """Distance from the block that counts as contact where no force is measured [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordedArmConfig(Section):
+@settings()
+class RecordedArmConfig:
     """The arm that moves."""
 
     arm: str = "twin:medium"
     """Arm: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
-    robot: str = USUAL.place.robot
+    robot: str = USUAL.robot
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class MotionsConfig(Section):
-    """The scripted motions."""
+@settings()
+class MotionsConfig:
+    """The scripted config."""
 
     seed: int = 0
     """Seed of the excitation and the starts; another one makes a held-out log."""
@@ -82,41 +84,29 @@ class MotionsConfig(Section):
     """Damping of X Y Z [1/s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordedTaskConfig(Section):
+@settings()
+class RecordedTaskConfig:
     """Held part, and the fixture around it."""
 
     env: str = DEFAULT_ENV
     """Task whose part is held: a Gymnasium id, or MODULE:ID of your own."""
-    task_options: TaskOptions = field(default_factory=TaskOptions)
+    task_options: dict[str, Any] = field(default_factory=dict)
     """Fields of the task; left out, they are its own."""
-    fixture: tuple[float, float, float, float] | None = None
+    fixture: Placement = None
     """Pose of the fixture: x y z [m] of its frame and yaw [rad], world axes. Left out,
     it is the task's own."""
     allow_contact: bool = False
     """Keep a sequence in which the held part touched something."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RecordConfig(Sectioned):
-    """Settings of a recording: motions, arm, task and folder.
-
-    `RecordConfig.of(out=..., arm="twin:hard")` takes the settings by the names of the
-    command line's options.
-    """
-
-    whose: ClassVar[str] = "a recording"
+@settings()
+class RecordConfig(
+    RecordedArmConfig, DeclaredErrors, MotionsConfig, RecordedTaskConfig
+):
+    """Settings of a recording: motions, arm, task and folder."""
 
     out: Path
     """Folder for the recording; one that was cut short is continued."""
-    place: RecordedArmConfig = field(default_factory=RecordedArmConfig)
-    """The arm that moves."""
-    declared: DeclaredErrors = TABLE
-    """Largest declared differences between the arm and its model."""
-    motions: MotionsConfig = field(default_factory=MotionsConfig)
-    """The scripted motions."""
-    task: RecordedTaskConfig = field(default_factory=RecordedTaskConfig)
-    """Held part, and the fixture around it."""
 
 
 def record(
@@ -133,38 +123,38 @@ def record(
         ConfigError: A setting, or a folder that holds another recording.
         ArmError: The arm, or the held part in contact.
     """
-    motions, held, where = config.motions, config.task, config.place
-    count = motions.sequences
-    actions = excitation(motions.seed, count, motions.steps)
-    address = parse_address(where.arm)
+    where = config
+    count = config.sequences
+    actions = excitation(config.seed, count, config.steps)
+    address = parse_address(config.arm)
     _require_fixture(config, can_place=address.places_fixture)
     asked = None if where.period == DEFAULT_PERIOD else where.period
-    task = replace(make_task(held.env, held.task_options), axes=EXCITED)
+    task = replace(make_task(config.env, config.task_options), axes=EXCITED)
     place = _place(task, config)
-    settings = EnvConfig.of(
+    settings = EnvConfig(
         robot=where.robot,
         period=address.control_period(asked, DEFAULT_PERIOD),
-        max_steps=motions.steps + 1,
-        f_scale=motions.f_scale,
-        force_damping=motions.force_damping,
+        max_steps=config.steps + 1,
+        f_scale=config.f_scale,
+        force_damping=config.force_damping,
         near_press=ApproachLimits.near_press,  # none: motions are as they were drawn
         tare=False,  # a motion without it is what a replay repeats
-        **vars(config.declared),
+        **config.declared_errors(),
     )
     cell = task.workcell(find_robot(where.robot))
-    box = start_box(cell, place.pose(), may_touch=held.allow_contact)
-    env = ContactEnv(task, where.arm, settings)
+    box = start_box(cell, place.pose(), may_touch=config.allow_contact)
+    env = ContactEnv(task, config.arm, settings)
     with closing(env):
         _require_fixture(config, can_place=env.places_fixture)
         require_inside(task, cell, env.arm, place.pose())
         if starts is None:
             robot = env.arm.facts.robot
-            starts = plan_starts(task, robot, motions.seed, count, place, box)
+            starts = plan_starts(task, robot, config.seed, count, place, box)
         metadata = _describe(config, env, place, starts)
         if not _is_begun(config.out, metadata):
             _begin(env, config.out, metadata, place, console)
         left = [n for n in range(count) if not sequence_path(config.out, n).is_file()]
-        for number in track(left, f"recording {where.arm}", console=console):
+        for number in track(left, f"recording {config.arm}", console=console):
             _play(env, config, metadata, place, number, actions[number])
     return Recording.load(config.out)
 
@@ -172,16 +162,16 @@ def record(
 def _place(task: Task, config: RecordConfig) -> FixturePose:
     """Return where the fixture is, or is put."""
     usual = usual_place(task)
-    if config.task.fixture is None:
+    if config.fixture is None:
         return usual
-    return FixturePose.given(config.task.fixture, usual.facing)
+    return FixturePose.given(config.fixture, usual.facing)
 
 
 def _require_fixture(config: RecordConfig, *, can_place: bool) -> None:
     """Refuse to guess where the fixture is, for an arm that cannot move it."""
-    if config.task.fixture is None and not can_place:
+    if config.fixture is None and not can_place:
         raise ConfigError(
-            f"the arm at {config.place.arm} cannot move the fixture: say where it is "
+            f"the arm at {config.arm} cannot move the fixture: say where it is "
             "with --fixture X Y Z YAW [m, rad]; the motions stay above it"
         )
 
@@ -193,39 +183,39 @@ def _describe(
     starts: Sequence[Vec7],
 ) -> dict[str, Any]:
     """Return what `recording.json` holds."""
-    address, motions = parse_address(config.place.arm), config.motions
-    action, approach = env.config.action, env.config.approach
+    address = parse_address(config.arm)
+    declared = config.declared_errors()
     facts = env.arm.facts
     is_hardware = address.margins == "hardware"
     about = {
         "format": FORMAT,
         "robot": facts.robot.name,
-        "env_id": config.task.env,
-        "arm_model": config.place.robot,
+        "env_id": config.env,
+        "arm_model": config.robot,
         "task": str(env.axes),
         "period": facts.period,
         "fixture": [place.x, place.y, place.z, place.theta],
-        "arm": parse_address(config.place.arm).text,
+        "arm": parse_address(config.arm).text,
         "tare": env.is_tared,
         "commands": {
-            "f_scale": action.f_scale,
-            "f_scale_angular": action.f_scale_angular,
-            "theta_range": action.theta_range,
-            "position_range": action.position_range,
+            "f_scale": list(per_axis("f_scale", env.config.f_scale)),
+            "f_scale_angular": env.config.f_scale_angular,
+            "theta_range": env.config.theta_range,
+            "position_range": env.config.position_range,
         },
         "controller": {
-            "force_damping": action.force_damping,
-            "near_speed": approach.near_speed,
+            "force_damping": list(per_axis("", env.config.force_damping)),
+            "near_speed": env.config.near_speed,
             "walls": [list(side) for side in env.cell.walls],
-            "scheme": env.config.control.scheme,
+            "scheme": env.config.scheme,
             "is_hardware": is_hardware,
-            **({} if config.declared == TABLE else vars(config.declared)),
+            **({} if declared == DECLARED else declared),
         },
         "excitation": {
             "description": EXCITATION,
-            "seed": motions.seed,
-            "sequences": motions.sequences,
-            "steps": motions.steps,
+            "seed": config.seed,
+            "sequences": config.sequences,
+            "steps": config.steps,
         },
         "q_start": [np.asarray(q).tolist() for q in starts],
     }
@@ -263,12 +253,12 @@ def _begin(
     place: FixturePose,
     console: Console,
 ) -> None:
-    """Measure and say the arm's delay, and write the description."""
+    """Measure and print the arm's delay, and write the description."""
     q_start = np.array(metadata["q_start"][0])
     delay = measure_delay(env, q_start, place.pose())
-    colour, status = ("green", "ok") if delay.judged.is_within else ("red", "broken")
+    colour = "green" if delay.check.status == "ok" else "red"
     console.print(
-        f"[{colour}]{status}[/] delay {delay.judged.text}",
+        f"[{colour}]{delay.check.status}[/] delay {delay.check.detail}",
         markup=True,
         highlight=False,
         soft_wrap=True,
@@ -292,7 +282,7 @@ def _play(
 ) -> None:
     """Play one sequence and write its log."""
     fixture, q_start = place.pose(), np.array(metadata["q_start"][number])
-    seed = config.motions.seed * 1000 + number
+    seed = config.seed * 1000 + number
     env.reset(seed=seed, options={"fixture": fixture, "start": q_start})
     facts = {name: metadata[name] for name in ("robot", "task", "period")}
     facts |= {"q_start": env.state.q, "sequence": number}
@@ -304,7 +294,7 @@ def _play(
         targets.append(target_row(env.begin_step(action)).tolist())
         _, reward, _, _, info = env.step(action)
         contact = _contact(env, info["contact_force_max"])
-        if contact and not config.task.allow_contact:
+        if contact and not config.allow_contact:
             raise ArmError(
                 f"the held part is in contact: {contact} in sequence {number}, step "
                 f"{step}; a fit needs free motion: move it away with --fixture, or "

@@ -32,11 +32,11 @@ from dovetail.identify.log_checks import (
     require_same_facts,
 )
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
+from dovetail.plugins import require_trusted
 from dovetail.poses import Pose
 from dovetail.reading import read_json
 from dovetail.robots.find import find_robot
 from dovetail.robots.robot import Robot
-from dovetail.strangers import require_trusted
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.options import option_types
 from dovetail.tasks.task import Task
@@ -114,7 +114,7 @@ class Recording:
         """Return law and limits of the controller that played the motions."""
         given = self.metadata["controller"]
         low, high = given["walls"]
-        config = EnvConfig.of(
+        config = EnvConfig(
             period=self.period,
             force_damping=given["force_damping"],
             near_speed=given["near_speed"],

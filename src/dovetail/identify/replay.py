@@ -15,14 +15,14 @@ from dovetail.errors import PlantError
 from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording, Sequence
 from dovetail.plants.plant import COLUMN
-from dovetail.plants.twin import Twin, TwinPlant
+from dovetail.plants.twin import Twin, make_twin
 from dovetail.types import Array
 
 DIVERGED = 10.0
 """Error of a model whose simulation diverges [m]: worse than anything in reach."""
 
 
-class Replay:
+class LogReplay:
     """The recording's controller, Targets and starts, over any model."""
 
     def __init__(self, recording: Recording, engine: str = "mujoco") -> None:
@@ -40,7 +40,7 @@ class Replay:
         self.engine = engine
         cell = recording.cell
         self._robot = cell.loaded_robot()
-        self._plant = TwinPlant(nominal_model(), cell, engine=engine)
+        self._plant = make_twin(nominal_model(), cell, engine=engine)
         self._controller = make_controller(
             self._robot, *recording.settings(), recording.task, recording.period
         )
@@ -64,10 +64,10 @@ class Replay:
         self._plant.configure(model.on(self.recording.cell.robot).dynamics())
         self._plant.attach_channel(
             _core.Channel(
-                delay=model.channel.command_delay,
-                torque_noise=model.channel.torque_noise,
-                position_noise=model.channel.position_noise,
-                velocity_noise=model.channel.velocity_noise,
+                delay=model.command_delay,
+                torque_noise=model.torque_noise,
+                position_noise=model.position_noise,
+                velocity_noise=model.velocity_noise,
                 seed=model.seed,
             )
         )

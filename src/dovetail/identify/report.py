@@ -30,12 +30,12 @@ from dovetail.identify.fitted import Fitted
 from dovetail.identify.hidden_delay import hidden_delay
 from dovetail.identify.recorder import MotionsConfig
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.transfer_limit import Verdict, judge_transfer
 from dovetail.identify.uncertainty import (
     KNOWN_SHARE,
-    Estimate,
     Identifiability,
+    ParameterEstimate,
     analyse,
 )
 from dovetail.page import facts, figure, finite, page, table, text
@@ -111,7 +111,7 @@ def write_identification_report(
     if held_out is not None:
         _require_comparable(fit.recording, held_out)
     folder = claim_output_folder(out)
-    replay = Replay(fit.recording, fit.plant)
+    replay = LogReplay(fit.recording, fit.plant)
     comparisons = [_compare("fitting log", replay, fit)]
     bar = partial(track, description="sensitivities", console=console)
     result = analyse(replay, fit.parameters, fit.vector, bar)
@@ -119,7 +119,7 @@ def write_identification_report(
     delay_left = hidden_delay(replay, model)
     replay.close()
     if held_out is not None:
-        other = Replay(held_out, fit.plant)
+        other = LogReplay(held_out, fit.plant)
         comparisons.append(_compare("held-out log", other, fit))
         other.close()
     errors = [c.errors("after")[0] for c in comparisons]
@@ -169,7 +169,7 @@ def _is_standard(recording: Recording) -> bool:
     )
 
 
-def _compare(log: str, replay: Replay, fit: Fitted) -> Comparison:
+def _compare(log: str, replay: LogReplay, fit: Fitted) -> Comparison:
     return Comparison(
         log,
         replay.recording.positions(),
@@ -326,7 +326,7 @@ _HEADS = (
 )
 
 
-def _cells(estimate: Estimate) -> list[str]:
+def _cells(estimate: ParameterEstimate) -> list[str]:
     step, name = _STEPS.get(estimate.unit, (1.0, estimate.unit))
     low, high = estimate.uncertainty.interval
     others = estimate.confounding

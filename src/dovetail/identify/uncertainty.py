@@ -26,7 +26,7 @@ import numpy as np
 from dovetail.errors import ConfigError
 from dovetail.identify.linearise import Linearisation, Progress, linearise
 from dovetail.identify.parameters import KNOWN, Parameter, ParameterSet
-from dovetail.identify.replay import Replay
+from dovetail.identify.replay import LogReplay
 from dovetail.identify.student import student_t
 from dovetail.types import Array
 
@@ -78,7 +78,7 @@ class Judgement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Estimate:
+class ParameterEstimate:
     """One parameter as the log determines it."""
 
     name: str
@@ -114,7 +114,7 @@ class Estimate:
 class Identifiability:
     """Identifiability of a set of parameters by a log."""
 
-    estimates: tuple[Estimate, ...]
+    estimates: tuple[ParameterEstimate, ...]
     condition_number: float
     """Of the Jacobian with columns of unit length [1]; infinite without full rank."""
     sequences: int
@@ -126,7 +126,7 @@ class Identifiability:
 
 
 def analyse(
-    replay: Replay,
+    replay: LogReplay,
     parameters: ParameterSet,
     vector: Array,
     progress: Progress = tuple,
@@ -241,9 +241,9 @@ class _Motion:
         return weights
 
 
-def _no_effect(parameter: Parameter, value: float, size: float) -> Estimate:
+def _no_effect(parameter: Parameter, value: float, size: float) -> ParameterEstimate:
     span = parameter.high - parameter.low
-    return Estimate(
+    return ParameterEstimate(
         name=parameter.name,
         unit=parameter.unit,
         value=value,
@@ -276,7 +276,7 @@ def _estimate(
     names: Sequence[str],
     unit: float,
     quantile: float,
-) -> Estimate:
+) -> ParameterEstimate:
     error = float(motion.errors[at] / unit)
     row = motion.correlation[at].copy()
     row[at] = 0.0
@@ -284,7 +284,7 @@ def _estimate(
     alone = len(names) == 1
     verdict, sentence = _verdict(parameter, error * quantile, motion, at, names)
     sentence += _at_bound(parameter, value)
-    return Estimate(
+    return ParameterEstimate(
         name=parameter.name,
         unit=parameter.unit,
         value=value,

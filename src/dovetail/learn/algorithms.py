@@ -74,29 +74,27 @@ def make_vec_env(config: TrainConfig) -> Any:
     from dovetail.envs.registered import make as make_one
 
     options: dict[str, Any] = {}
-    arm, dynamics, returns = config.place.arm, config.dynamics, config.learner.returns
-    options["reward"] = RewardConfig(force_weight=returns.force_weight)
-    if arm is not None:
-        approaches = config.place.approach
-        options["arm"] = parse_address(arm).with_approach() if approaches else arm
-    if dynamics.model_file is not None:
-        plant = config.environment.config.place.plant
-        options |= {"twin": dynamics.model_file.twin, "engine": plant}
+    options["reward"] = RewardConfig(force_weight=config.force_weight)
+    if config.arm is not None:
+        address = parse_address(config.arm)
+        options["arm"] = address.with_approach() if config.approach else config.arm
+    if config.model_file is not None:
+        options |= {"twin": config.model_file.twin, "engine": config.plant}
 
     def make(index: int) -> Any:
-        given = config.variation.options(config.environment, index) | options
-        env = make_one(config.environment.env, **given)
-        if dynamics.randomise_dynamics:
-            env = RandomDynamics(env, dynamics.ranges)
+        given = config.varied_options(index) | options
+        env = make_one(config.env, **given)
+        if config.randomise_dynamics:
+            env = RandomDynamics(env, config.ranges)
         if (place := config.fixed_place) is not None:
             env = FixedFixture(env, place.pose())
-        return TransformReward(Monitor(env), lambda r: returns.reward_scale * float(r))
+        return TransformReward(Monitor(env), lambda r: config.reward_scale * float(r))
 
-    makers = [partial(make, index) for index in range(config.runs.num_envs)]
+    makers = [partial(make, index) for index in range(config.num_envs)]
     if config.is_batch:
         from dovetail.learn.batch_vec_env import BatchVecEnv
 
-        return BatchVecEnv(makers, config.runs.threads or None)
+        return BatchVecEnv(makers, config.threads or None)
     return DummyVecEnv(makers)
 
 
@@ -125,9 +123,7 @@ def make_model(
         MissingDependencyError: The extra `learn` is not installed.
         LogError: A demonstration cannot be learned from; says which, and what to do.
     """
-    learner, teaching = config.learner, config.teaching
-    gradient = learner.gradient
-    logs, script = teaching.logs, config.environment.config.action.script
+    logs, script = config.logs, config.script
     demos = load_demonstrations(logs, env.envs[0]) if logs else None
     sbx = import_sbx()
     num_seen = env.observation_space.shape[0]
@@ -139,97 +135,97 @@ def make_model(
         "td3": sbx.TD3,
         "tqc": sbx.TQC,
         "crossq": sbx.CrossQ,
-    }[learner.algorithm]
+    }[config.algorithm]
 
     def rate(remaining: float) -> float:
-        falling = falling_rate(actor_rate, gradient.final_rate, remaining)
-        settling = actor_rate * share(round(config.length.steps * (1.0 - remaining)))
+        falling = falling_rate(actor_rate, config.final_rate, remaining)
+        settling = actor_rate * share(round(config.steps * (1.0 - remaining)))
         return min(falling, settling)
 
-    is_good = teaching.from_policy is not None or script is not None
-    is_careful = is_good and learner.algorithm != "ppo"
-    actor_rate = (ACTOR_SHARE if is_careful else 1.0) * gradient.full_rate
+    is_good = config.from_policy is not None or script is not None
+    is_careful = is_good and config.algorithm != "ppo"
+    actor_rate = (ACTOR_SHARE if is_careful else 1.0) * config.full_rate
     settings: dict[str, Any] = {
         "learning_rate": rate,
-        "gamma": learner.returns.gamma,
-        "batch_size": gradient.batch_size,
-        "seed": derive_seed(config.runs.seed),
-        "policy_kwargs": {"net_arch": list(learner.net)},
+        "gamma": config.gamma,
+        "batch_size": config.batch_size,
+        "seed": derive_seed(config.seed),
+        "policy_kwargs": {"net_arch": list(config.net)},
     }
-    if teaching.has_teacher:
+    if config.has_teacher:
         kind = taught(kind)
-    if learner.algorithm == "ppo":
-        settings["n_steps"] = learner.rollout_steps
+    if config.algorithm == "ppo":
+        settings["n_steps"] = config.rollout_steps
     else:
         count = 0 if demos is None else len(demos)
         settings |= _off_policy_settings(config, env.action_space.shape[0], count)
-        settings["policy_kwargs"]["layer_norm"] = learner.layer_norm
-        if learner.algorithm == "sac":
-            from dovetail.learn.networks import Actor, Critics
+        settings["policy_kwargs"]["layer_norm"] = config.layer_norm
+        if config.algorithm == "sac":
+            from dovetail.learn.networks import Critics, SbxActor
 
-            actor = partial(Actor, num_seen=num_seen)
+            actor = partial(SbxActor, num_seen=num_seen)
             kinds = {"actor_class": actor, "vector_critic_class": Critics}
             settings["policy_kwargs"] |= kinds
-            settings["policy_delay"] = gradient.policy_delay
+            settings["policy_delay"] = config.policy_delay
         if is_careful:
-            settings["qf_learning_rate"] = gradient.full_rate
+            settings["qf_learning_rate"] = config.full_rate
     model = kind("MlpPolicy", env, **settings)
     if script is not None:
         from dovetail.learn.fine_tune import start_still
 
         start_still(model)
-    if teaching.has_teacher:
-        seed = derive_seed(config.runs.seed, 3)
-        model.teacher = Teacher(env.envs, teaching.teacher_noise, seed)
+    if config.has_teacher:
+        seed = derive_seed(config.seed, 3)
+        model.teacher = Teacher(env.envs, config.teacher_noise, seed)
     if demos is not None:
-        fill(model.replay_buffer, demos, learner.returns.reward_scale)
+        fill(model.replay_buffer, demos, config.reward_scale)
     return model
 
 
 def _informed(env: Any, config: TrainConfig) -> Any:
     """Return environments that show the truth, where critics are to be told it."""
-    if not config.variation.informed:
+    if not config.informed:
         return env
-    from dovetail.learn.informed import Informed
+    from dovetail.learn.privileged_critic import PrivilegedCritic
 
-    kinds = config.variation.kinds(config.environment, config.runs.num_envs)
-    return Informed(env, kinds)
+    kinds = config.kinds(config.num_envs)
+    return PrivilegedCritic(env, kinds)
 
 
 def _off_policy_settings(
     config: TrainConfig, num_actions: int, num_demos: int
 ) -> dict[str, Any]:
-    learner, teaching, num_envs = config.learner, config.teaching, config.runs.num_envs
+    num_envs = config.num_envs
     shown = rows_of(num_demos, num_envs)
-    own = min(config.length.steps + num_envs, _LARGEST_BUFFER)
+    own = min(config.steps + num_envs, _LARGEST_BUFFER)
     settings: dict[str, Any] = {
         "buffer_size": own + shown * num_envs,
-        "learning_starts": teaching.learning_starts,
-        "n_steps": learner.returns.n_steps,
+        "learning_starts": config.learning_starts,
+        "n_steps": config.n_steps,
         "train_freq": 1,
         "gradient_steps": config.gradient_steps,
     }
-    if learner.algorithm != "crossq":  # has no target
-        settings["tau"] = learner.gradient.tau
-    if teaching.has_teacher or num_demos:
+    if config.algorithm != "crossq":  # has no target
+        settings["tau"] = config.tau
+    if config.has_teacher or num_demos:
         from dovetail.learn.taught_replay import TaughtReplay
 
-        if teaching.has_teacher:
-            shown += teaching.learning_starts // num_envs
+        if config.has_teacher:
+            shown += config.learning_starts // num_envs
 
         settings["replay_buffer_class"] = TaughtReplay
         settings["replay_buffer_kwargs"] = {
-            "n_steps": learner.returns.n_steps,
-            "gamma": learner.returns.gamma,
+            "n_steps": config.n_steps,
+            "gamma": config.gamma,
             "taught": shown,
-            "share": teaching.teacher_share,
+            "share": config.teacher_share,
         }
         settings["n_steps"] = 1  # the buffer sums rewards up
-    if learner.algorithm in _WITH_ENTROPY:
-        settings["ent_coef"] = learner.entropy_coefficient()
+    if config.algorithm in _WITH_ENTROPY:
+        settings["ent_coef"] = config.entropy_coefficient()
     else:
         from stable_baselines3.common.noise import NormalActionNoise
 
-        spread = np.full(num_actions, learner.exploration_noise)
+        spread = np.full(num_actions, config.exploration_noise)
         settings["action_noise"] = NormalActionNoise(np.zeros(num_actions), spread)
     return settings

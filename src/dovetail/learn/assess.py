@@ -16,7 +16,7 @@ TEST_SEED = 20_200_419
 """First number of the test episodes' seeds: the same episodes for every run."""
 
 
-class Episode(NamedTuple):
+class EpisodeResult(NamedTuple):
     """Result of an episode."""
 
     success: bool
@@ -29,7 +29,7 @@ class Episode(NamedTuple):
     """Limit violations."""
 
 
-class Stage(NamedTuple):
+class TestEnvs(NamedTuple):
     """Environments to play episodes in; left open."""
 
     envs: Sequence[gym.Env]
@@ -42,7 +42,7 @@ class Stage(NamedTuple):
     """Called after every step; raises KeyboardInterrupt to end it."""
 
 
-def assess(policy: Actor, episodes: int, stage: Stage) -> dict[str, Any]:
+def assess(policy: Actor, episodes: int, stage: TestEnvs) -> dict[str, Any]:
     """Run a policy in the environments of its training.
 
     The test episodes are the same for every training seed; their seeds are hashed from
@@ -86,7 +86,7 @@ def assess(policy: Actor, episodes: int, stage: Stage) -> dict[str, Any]:
     }
 
 
-def play(policy: Actor, seeds: Sequence[int], stage: Stage) -> list[Episode]:
+def play(policy: Actor, seeds: Sequence[int], stage: TestEnvs) -> list[EpisodeResult]:
     """Play one episode for each seed, without exploration.
 
     Args:
@@ -104,7 +104,7 @@ def play(policy: Actor, seeds: Sequence[int], stage: Stage) -> list[Episode]:
     players = [
         _Player(policy, env, numbered[i :: len(envs)]) for i, env in enumerate(envs)
     ]
-    results: dict[int, Episode] = {}
+    results: dict[int, EpisodeResult] = {}
     try:
         while going := [p for p in enumerate(players) if p[1].is_playing()]:
             for index, player in going:
@@ -144,7 +144,7 @@ class _Player:
         self._action = self._policy(self._observation)
         return self._action
 
-    def step(self, results: dict[int, Episode]) -> None:
+    def step(self, results: dict[int, EpisodeResult]) -> None:
         """Go on by a step; note the episode where it ends."""
         self._observation, _, ended, cut, info = self._env.step(self._action)
         self._steps += 1
@@ -152,7 +152,7 @@ class _Player:
         self._force = float(np.maximum(self._force, felt))  # nan: not measured
         self._violations += int(info.get("limit_violations", 0))
         if (ended or cut) and self._number is not None:
-            results[self._number] = Episode(
+            results[self._number] = EpisodeResult(
                 bool(info["success"]), self._steps, self._force, self._violations
             )
             self._number = None

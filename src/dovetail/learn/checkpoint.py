@@ -20,7 +20,6 @@ from zipfile import ZipFile
 import numpy as np
 
 from dovetail.archives import open_zip, read_array
-from dovetail.control.ranges import in_count
 from dovetail.errors import ConfigError, LogError
 from dovetail.learn.algorithms import derive_seed
 from dovetail.learn.checkpoint_facts import (
@@ -43,6 +42,7 @@ from dovetail.learn.sbx_model import (
     trained_states,
 )
 from dovetail.reading import read_bytes
+from dovetail.settings import in_count
 
 KEPT = 2
 _BESIDE = 1_000_000

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dovetail.control.ranges import Range, in_count, in_range
 from dovetail.errors import ConfigError
 from dovetail.reading import open_regular, read_json
+from dovetail.settings import Range, in_count, in_range
 
 VERSION = 1
 FACTS = "checkpoint.json"

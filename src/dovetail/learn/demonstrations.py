@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.history_features import HistoryFeatures
 from dovetail.envs.log_facts import ACTION, CELL, describe_cell, observed_columns
-from dovetail.envs.recall import Recall
 from dovetail.envs.stacking import History
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import LogError
@@ -85,9 +85,9 @@ def _as_seen_by(core: ContactEnv, path: Path, steps: RecordedSteps) -> Transitio
             "record it in the environment that is trained in (the same --also), or "
             "leave the log out"
         )
-    scaling, config = core.scaling, core.config.observation
+    scaling, config = core.scaling, core.config
     size = len(core.commands)
-    recall = Recall(config.recall, scaling, size)
+    recall = HistoryFeatures(config.recall, scaling, size)
     history = History(config.stack, len(core.columns), size)
     raw = steps.seen[:, [steps.columns.index(name) for name in names]]
     seen = [history.reset(recall.reset(scaling.scale(raw[0])))]

@@ -33,16 +33,16 @@ def export_policy(
         env: One environment of the run.
         wall_time: Time spent training [s].
     """
-    bare, model_file = current_policy(model, config), config.dynamics.model_file
+    bare, model_file = current_policy(model, config), config.model_file
     metadata = {
         **bare.metadata,
-        "env_id": config.environment.env,
-        "env": config.environment.policy_env(),
+        "env_id": config.env,
+        "env": config.policy_env(),
         **describe_spaces(env),
         "provenance": {
             "command": config.command(),
-            "algorithm": config.learner.algorithm,
-            "seed": config.runs.seed,
+            "algorithm": config.algorithm,
+            "seed": config.seed,
             "steps": int(model.num_timesteps),
             "wall_time_s": round(wall_time, 1),
             "date": datetime.now(UTC).date().isoformat(),
@@ -64,7 +64,7 @@ def current_policy(model: Any, config: TrainConfig, actor: Any = None) -> Policy
         actor: Its weights and optimiser, as SBX has them; None is the model's own.
     """
     layers = actor_layers(model, actor)
-    is_ppo = config.learner.algorithm == "ppo"
+    is_ppo = config.algorithm == "ppo"
     network = {
         "layers": [list(weight.shape) for weight, _ in layers],
         "activation": "tanh" if is_ppo else "relu",

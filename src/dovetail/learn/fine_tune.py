@@ -28,9 +28,9 @@ def load_start(config: TrainConfig) -> Policy | None:
         ConfigError: No such policy.
         PolicyError: It is not one for these settings; says what to change.
     """
-    if config.teaching.from_policy is None:
+    if config.from_policy is None:
         return None
-    policy = Policy.load(find_policy(config.teaching.from_policy))
+    policy = Policy.load(find_policy(config.from_policy))
     try:
         _require_settings(policy, config)
     except PolicyError as error:
@@ -57,24 +57,23 @@ def require_fit(policy: Policy, config: TrainConfig, env: Any) -> None:
 
 
 def _refused(config: TrainConfig, error: PolicyError) -> PolicyError:
-    return PolicyError(f"cannot start from {config.teaching.from_policy}: {error}")
+    return PolicyError(f"cannot start from {config.from_policy}: {error}")
 
 
 def _require_settings(policy: Policy, config: TrainConfig) -> None:
-    env, learner = config.environment, config.learner
-    policy.require_env(env.env, env.env_options())
+    policy.require_env(config.env, config.env_options())
     hidden = tuple(int(weight.shape[1]) for weight, _ in policy.layers[:-1])
-    if hidden != learner.net:
+    if hidden != config.net:
         raise PolicyError(
-            f"its hidden layers have widths {hidden}, this run's {learner.net}; add "
+            f"its hidden layers have widths {hidden}, this run's {config.net}; add "
             f"--net {' '.join(map(str, hidden))}"
         )
     network = policy.metadata["network"]
-    kind = ("tanh", "clip") if learner.algorithm == "ppo" else ("relu", "tanh")
+    kind = ("tanh", "clip") if config.algorithm == "ppo" else ("relu", "tanh")
     if (network["activation"], network["output"]) != kind:
         raise PolicyError(
             f"its layers use {network['activation']} and its output "
-            f"{network['output']}, those of {learner.algorithm} {kind[0]} and "
+            f"{network['output']}, those of {config.algorithm} {kind[0]} and "
             f"{kind[1]}; policies of ppo go on with ppo, the others with sac, tqc, "
             "td3 or ddpg"
         )

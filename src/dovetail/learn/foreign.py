@@ -10,14 +10,12 @@ import gymnasium
 import numpy as np
 from gymnasium.spaces import Box
 
-from dovetail.control.sections import settings_in
 from dovetail.envs import registered
 from dovetail.envs.config import ENDLESS
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, PolicyError
-from dovetail.learn.env_settings import EnvSettings
 from dovetail.learn.export import commit, versions
-from dovetail.learn.foreign_actor import Actor, read_actor
+from dovetail.learn.foreign_actor import ActorLayers, read_actor
 from dovetail.learn.model_zip import (
     ZIP_BYTES,
     load_model,
@@ -25,8 +23,10 @@ from dovetail.learn.model_zip import (
     require_raw_observations,
 )
 from dovetail.learn.policy import Layer, Policy
+from dovetail.learn.policy_env_config import PolicyEnvConfig
 from dovetail.learn.spaces import describe_spaces
 from dovetail.reading import read_bytes
+from dovetail.settings import names_in
 from dovetail.tasks.options import gather_options, option_types
 
 TOLERANCE = 1e-5
@@ -38,7 +38,7 @@ _BEYOND = 3.0
 """Largest of these, in half widths of the observation space."""
 
 
-def settings_of_env(env: Any) -> EnvSettings:
+def settings_of_env(env: Any) -> PolicyEnvConfig:
     """Return the settings of an environment that `gymnasium.make` built.
 
     Args:
@@ -57,14 +57,14 @@ def settings_of_env(env: Any) -> EnvSettings:
             'gymnasium.make("dovetail/...", ...)'
         )
     task = task_class(spec.id)
-    known = {*settings_in(EnvSettings), *option_types(task)}
+    known = {*names_in(PolicyEnvConfig), *option_types(task)}
     given = {n: v for n, v in spec.kwargs.items() if n in known and v is not None}
     own = (
         env.get_attr("max_steps")[0] if is_vector else env.get_wrapper_attr("max_steps")
     )
     if (length := spec.max_episode_steps or own) != ENDLESS:
         given["max_steps"] = length
-    return EnvSettings.of(env=spec.id, **gather_options(given, task))
+    return PolicyEnvConfig(env=spec.id, **gather_options(given, task))
 
 
 def _require_unchanged(env: Any, is_vector: bool) -> None:
@@ -91,7 +91,7 @@ def make_policy(
     activation: str,
     output: str,
     provenance: Mapping[str, Any] | None = None,
-    settings: EnvSettings | None = None,
+    settings: PolicyEnvConfig | None = None,
 ) -> Policy:
     """Return weights from anywhere as a policy for an environment.
 
@@ -131,7 +131,7 @@ def make_policy(
 
 
 def import_file(
-    path: Path, env: gymnasium.Env, settings: EnvSettings, *, is_trusted: bool
+    path: Path, env: gymnasium.Env, settings: PolicyEnvConfig, *, is_trusted: bool
 ) -> Policy:
     """Return the policy in a model.zip of Stable-Baselines3 or SBX.
 
@@ -200,9 +200,9 @@ def import_model(model: Any, env: Any) -> Policy:
 
 
 def _policy_of(
-    model: Any, env: gymnasium.Env, file: Mapping[str, Any], settings: EnvSettings
+    model: Any, env: gymnasium.Env, file: Mapping[str, Any], settings: PolicyEnvConfig
 ) -> Policy:
-    actor: Actor = read_actor(model)
+    actor: ActorLayers = read_actor(model)
     policy = make_policy(
         actor.layers,
         env,

@@ -18,7 +18,7 @@ ADVICE = (
 )
 
 
-class Actor(NamedTuple):
+class ActorLayers(NamedTuple):
     """The deterministic part of a trained model."""
 
     layers: list[Layer]
@@ -30,7 +30,7 @@ class Actor(NamedTuple):
     """Policy class and steps, for the provenance."""
 
 
-def read_actor(model: Any) -> Actor:
+def read_actor(model: Any) -> ActorLayers:
     """Return the actor of a model.
 
     Args:
@@ -64,7 +64,7 @@ def read_actor(model: Any) -> Actor:
             f"the model's activation is {activation[:80]!r}; known: "
             f"{', '.join(ACTIVATIONS)}"
         )
-    return Actor(layers, activation, output, facts)
+    return ActorLayers(layers, activation, output, facts)
 
 
 def _from_sbx(model: Any) -> tuple[list[Layer], str, str]:

@@ -26,7 +26,7 @@ _SPREAD = 0.87962566
 """Standard deviation of what is left of a standard normal one [1]."""
 
 
-class Actor(SquashedGaussianActor):
+class SbxActor(SquashedGaussianActor):
     """SBX's actor, drawn without a compilation."""
 
     num_seen: int | None = None

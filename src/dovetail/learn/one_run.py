@@ -12,7 +12,7 @@ from dovetail.errors import ArmError, PlantError
 from dovetail.files import write_atomic
 from dovetail.interrupt import Interrupt, ends_whole
 from dovetail.learn.algorithms import make_model, make_vec_env
-from dovetail.learn.assess import Stage, assess
+from dovetail.learn.assess import TestEnvs, assess
 from dovetail.learn.best_actor import BestActor
 from dovetail.learn.checkpoint import (
     list_checkpoints,
@@ -21,6 +21,7 @@ from dovetail.learn.checkpoint import (
     seed_run,
 )
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.early_stopping import EarlyStopping
 from dovetail.learn.fine_tune import load_start, require_fit, start_from
 from dovetail.learn.policy import RUN_POLICY, Policy
 from dovetail.learn.pretrain import pretrain
@@ -41,9 +42,9 @@ from dovetail.learn.run_folder import (
     require_run,
 )
 from dovetail.learn.sbx_model import num_updates
-from dovetail.learn.stop import Stop
 from dovetail.learn.tester import Tester, stage_of
-from dovetail.strangers import named_modules
+from dovetail.plugins import named_modules
+from dovetail.settings import values_of
 
 
 class TrainResult(NamedTuple):
@@ -65,8 +66,8 @@ CUT_SHORT = "finishing this step, then a checkpoint is saved"
 
 def resume_command(config: TrainConfig, folder: Path) -> str:
     """Return the command line that goes on with a run."""
-    own = named_modules(config.flat())  # a run's folder alone lets none be imported
-    arm = None if config.place.arm is None else parse_address(config.place.arm)
+    own = named_modules(values_of(config))  # a run's folder alone lets none be imported
+    arm = None if config.arm is None else parse_address(config.arm)
     if arm is not None and not arm.is_here:  # nor does it let one be reached
         own += ["--arm", arm.text]
     return shlex.join(["dovetail", "train", "--resume", "--out", str(folder), *own])
@@ -101,7 +102,7 @@ def train_one(
             policy = _export(model, config, folder, wall_time)
             steps = int(model.num_timesteps)
             rows = read_progress(folder / PROGRESS)
-            phase = "evaluating" if config.runs.eval_episodes else "done"
+            phase = "evaluating" if config.eval_episodes else "done"
             report(summarise(rows, steps, 0.0)._replace(phase=phase))
             stage = stage_of(model.get_env())._replace(check=told.check)
             evaluation = _evaluate(policy, config, folder, stage)
@@ -115,7 +116,7 @@ class Prepared(NamedTuple):
     """The algorithm with its environments."""
     best: BestActor | None
     """The judge of a run that starts from a policy."""
-    stop: Stop
+    stop: EarlyStopping
     """Says when it has learned."""
 
 
@@ -132,9 +133,9 @@ def prepared(config: TrainConfig) -> Iterator[Prepared]:
     start = load_start(config)  # and before the learning stack is, which takes seconds
     env = make_vec_env(config)
     try:
-        stop = Stop(config)
+        stop = EarlyStopping(config)
         model = make_model(config, env, stop.rate)
-        teaching = config.teaching
+        teaching = config
         if start is not None or (teaching.pretrain and not teaching.has_teacher):
             model.learning_starts = 0  # its own actions are better than random ones
         best = None
@@ -165,8 +166,8 @@ def _learn(
     checkpoints = folder / CHECKPOINTS
     step, wall_time = 0, 0.0
     if found := list_checkpoints(checkpoints):
-        step, wall_time = load_checkpoint(found[-1], model, config.runs.seed)
-    if step >= config.length.steps:
+        step, wall_time = load_checkpoint(found[-1], model, config.seed)
+    if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
     for row in log.before:
@@ -177,8 +178,8 @@ def _learn(
     watch = Stopwatch(wall_time, step, lambda: num_updates(model))
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     if not found:
-        seed_run(model, config.runs.seed, 0)
-        if config.teaching.pretrain:
+        seed_run(model, config.seed, 0)
+        if config.pretrain:
             report(summarise([], 0, 0.0)._replace(phase="pretraining"))
             pretrain(model, config, check)
     recorder = Recorder(
@@ -186,14 +187,14 @@ def _learn(
         watch,
         report,
         lambda: save_checkpoint(checkpoints, model, watch.elapsed()),
-        config.runs.checkpoint_interval,
+        config.checkpoint_interval,
         stop,
         tester.is_passed,
         run.best,
     )
     ended = ConvertCallback(lambda *_: check() is None)  # or it raises
     try:
-        left = config.length.steps - step
+        left = config.steps - step
         model.learn(left, callback=[recorder, ended], reset_num_timesteps=False)
         wall_time = watch.elapsed()
         save_checkpoint(checkpoints, model, wall_time)
@@ -217,11 +218,11 @@ def _export(model: Any, config: TrainConfig, folder: Path, wall_time: float) -> 
 
 
 def _evaluate(
-    policy: Policy, config: TrainConfig, folder: Path, stage: Stage
+    policy: Policy, config: TrainConfig, folder: Path, stage: TestEnvs
 ) -> dict[str, Any] | None:
-    if config.runs.eval_episodes == 0:
+    if config.eval_episodes == 0:
         return None
     # The run's own environments: what a policy's file says leaves arm and model out.
-    evaluation = assess(policy, config.runs.eval_episodes, stage)
+    evaluation = assess(policy, config.eval_episodes, stage)
     write_atomic(folder / EVALUATION, json.dumps(evaluation, indent=2) + "\n")
     return evaluation

@@ -4,65 +4,28 @@ A policy's file may be a stranger's. It says what the task was and how actions a
 user chooses where it runs (plant, twin, arm), never the file.
 """
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import gymnasium
 
 from dovetail.arms.address import parse_address
-from dovetail.envs.config import USUAL
+from dovetail.control.proven import DECLARED
+from dovetail.envs.config import USUAL, EnvOptions
 from dovetail.envs.registered import make, task_class
 from dovetail.errors import ConfigError, PolicyError
 from dovetail.learn.policy import Policy
 from dovetail.learn.spaces import require_spaces
-from dovetail.tasks.options import option_types
+from dovetail.settings import names_in, values_of
+from dovetail.tasks.options import option_types, require_types
 
-TOLD = ("plant", "robot", "tracker")
+TRAINED_IN = ("plant", "robot", "tracker")
 """Settings that say where the policy was trained: read, and never taken."""
-
-
-def _is_number(value: Any) -> bool:
-    is_real = isinstance(value, (int, float)) and not isinstance(value, bool)
-    return is_real and abs(value) < 1e12 and math.isfinite(value)
-
-
-def _is_count(value: Any) -> bool:
-    return _is_number(value) and isinstance(value, int)
-
-
-def _is_one_or_three(value: Any) -> bool:
-    values = value if isinstance(value, (list, tuple)) else [value]
-    return len(values) in (1, 3) and all(map(_is_number, values))
-
-
-def _is_list(value: Any, kind: type) -> bool:
-    return isinstance(value, (list, tuple)) and all(type(x) is kind for x in value)
-
-
-_WORD = ("a word", lambda value: isinstance(value, str))
-_NUMBER = ("a number", _is_number)
-_COUNT = ("a whole number", _is_count)
-_ONE_OR_THREE = ("one number or three", _is_one_or_three)
-_WORDS = ("words", lambda value: _is_list(value, str))
-_COUNTS = ("whole numbers", lambda value: _is_list(value, int))
-_SWITCH = ("true or false", lambda value: isinstance(value, bool))
-
-TAKEN: dict[str, tuple[str, Callable[[Any], bool]]] = {
-    **dict.fromkeys(("task", "scheme", "script"), _WORD),
-    **dict.fromkeys(("stack", "max_steps"), _COUNT),
-    **dict.fromkeys(("f_scale", "force_damping"), _ONE_OR_THREE),
-    **dict.fromkeys(("period", "f_scale_angular"), _NUMBER),
-    **dict.fromkeys(("near_speed", "near_press", "near_distance"), _NUMBER),
-    **dict.fromkeys(("theta_range", "position_range", "correction"), _NUMBER),
-    "fall_back": _NUMBER,
-    "tare": _SWITCH,
-    "also": _WORDS,
-    "recall": _COUNTS,
-}
-"""Settings of the environment that a policy's file chooses, and what each must be; the
-environment checks their ranges. The task's options are such settings, too."""
-_OPTIONS = {str: _WORD, float: _NUMBER, int: _COUNT, bool: _SWITCH}
+CHOSEN = (
+    "task",
+    *(n for n in names_in(EnvOptions) if n not in (*TRAINED_IN, *DECLARED)),
+)
+"""Settings of the environment that a policy's file chooses, beside the task's own."""
 
 
 def known_env_id(metadata: Mapping[str, Any], said: str | None = None) -> str:
@@ -111,23 +74,27 @@ def policy_settings(
         raise PolicyError(
             "the policy's JSON file has no section 'env'; export the policy again"
         )
-    options = option_types(task_class(known_env_id(metadata, said)))
-    taken = {name: _OPTIONS[kind] for name, kind in options.items()} | TAKEN
+    task = task_class(known_env_id(metadata, said))
+    options = option_types(task)
+    known = [*CHOSEN, *options]
     for name in env:
-        if name not in (*taken, *TOLD):
+        if name not in (*known, *TRAINED_IN):
             raise PolicyError(
                 f"the policy's JSON file sets {name!r} of its environment, which is "
-                f"not a policy's to choose; known: {', '.join(taken)}. Where a policy "
+                f"not a policy's to choose; known: {', '.join(known)}. Where a policy "
                 "runs is said by --plant, --twin or --arm. Do not use a file that "
                 "somebody has changed; ask for the one that was exported"
             )
-    for name, (wanted, is_fine) in taken.items():
-        if name in env and not is_fine(env[name]):
-            raise PolicyError(
-                f"the policy's JSON file gives {name} as {str(env[name])[:80]!r}; "
-                f"needs {wanted}"
-            )
-    return {name: value for name, value in env.items() if name in taken}
+    shared = {name: env[name] for name in names_in(EnvOptions) if name in env}
+    try:
+        checked = values_of(EnvOptions(**shared))
+        require_types(env, task)
+        if not isinstance(env.get("task", ""), str):
+            raise ConfigError(f"task is {env['task']!r}; needed: str")
+    except ConfigError as error:
+        raise PolicyError(f"the policy's JSON file is damaged: {error}") from error
+    own = {name: env[name] for name in ("task", *options) if name in env}
+    return own | {name: checked[name] for name in shared if name in CHOSEN}
 
 
 class LaxSetting(NamedTuple):
@@ -155,7 +122,7 @@ def lax_contact(settings: Mapping[str, Any]) -> list[LaxSetting]:
     Args:
         settings: Keyword arguments of an environment, by `policy_settings`.
     """
-    usual, lax = USUAL.approach, []
+    usual, lax = USUAL, []
     for name, unit in (("near_speed", "m/s"), ("near_press", "m/s2")):
         default = vars(usual)[name]
         if (value := settings.get(name, default)) > default:
@@ -168,7 +135,9 @@ def lax_contact(settings: Mapping[str, Any]) -> list[LaxSetting]:
     return lax
 
 
-def require_yes(settings: Mapping[str, Any], arm: str | None, *, is_given: bool) -> str:
+def require_contact_accepted(
+    settings: Mapping[str, Any], arm: str | None, *, is_given: bool
+) -> str:
     """Refuse laxer contact than usual on what may be a robot, unless it is wanted.
 
     Args:
@@ -221,7 +190,7 @@ def make_policy_env(
     """
     settings = policy_settings(policy.metadata, env_id) | where
     env_id = known_env_id(policy.metadata, env_id)
-    require_yes(settings, where.get("arm"), is_given=accept_contact)
+    require_contact_accepted(settings, where.get("arm"), is_given=accept_contact)
     env = make(env_id, **settings)
     try:
         require_spaces(policy.metadata, env)

@@ -31,7 +31,7 @@ def pretrain(
     """
     states = trained_states(model)
     waiting = {name: states[name] for name in states if name == ENTROPY}
-    for _ in range(math.ceil(config.teaching.first_updates / config.gradient_steps)):
+    for _ in range(math.ceil(config.first_updates / config.gradient_steps)):
         check()
-        model.train(config.gradient_steps, config.learner.gradient.batch_size)
+        model.train(config.gradient_steps, config.batch_size)
         put_states(model, trained_states(model) | waiting)

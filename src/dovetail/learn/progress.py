@@ -41,7 +41,7 @@ class EpisodeRow(NamedTuple):
     """Training time of the run when it ended [s]."""
 
 
-class Status(NamedTuple):
+class TrainingStatus(NamedTuple):
     """Progress of a run."""
 
     step: int
@@ -60,7 +60,7 @@ class Status(NamedTuple):
     """True once the rate is of steps with updates, so that the time left follows."""
 
 
-Report = Callable[[Status], None]
+Report = Callable[[TrainingStatus], None]
 """Called now and then with the progress of a run."""
 
 
@@ -86,7 +86,7 @@ class EpisodeLog:
         self._file.write(_format(row) + "\n")
         self._recent.append(row)
 
-    def status(self, step: int, rate: float) -> Status:
+    def status(self, step: int, rate: float) -> TrainingStatus:
         """Return where the run stands, by the recent episodes."""
         return summarise(self._recent, step, rate)
 
@@ -95,7 +95,7 @@ class EpisodeLog:
         self._file.close()
 
 
-def summarise(rows: Iterable[EpisodeRow], step: int, rate: float) -> Status:
+def summarise(rows: Iterable[EpisodeRow], step: int, rate: float) -> TrainingStatus:
     """Return success rate and mean reward of the last `WINDOW` rows.
 
     Args:
@@ -105,10 +105,10 @@ def summarise(rows: Iterable[EpisodeRow], step: int, rate: float) -> Status:
     """
     last = list(rows)[-WINDOW:]
     if not last:
-        return Status(step, math.nan, math.nan, rate)
+        return TrainingStatus(step, math.nan, math.nan, rate)
     success = sum(row.success for row in last) / len(last)
     reward = sum(row.reward for row in last) / len(last)
-    return Status(step, success, reward, rate)
+    return TrainingStatus(step, success, reward, rate)
 
 
 def _format(row: EpisodeRow) -> str:
@@ -198,7 +198,7 @@ class ProgressBar:
         """Leave the bars where they are."""
         self._progress.stop()
 
-    def show(self, index: int, status: Status) -> None:
+    def show(self, index: int, status: TrainingStatus) -> None:
         """Move one bar."""
         is_terminal = self._console.is_terminal
         room = self._console.width - self._beside if is_terminal else None
@@ -222,7 +222,7 @@ class ProgressBar:
             )
 
 
-def describe_status(status: Status, total: int, room: int | None = None) -> str:
+def describe_status(status: TrainingStatus, total: int, room: int | None = None) -> str:
     """Return success, reward, speed and time left as a line of text.
 
     Args:

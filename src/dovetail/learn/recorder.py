@@ -7,8 +7,8 @@ import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: TID253
 
 from dovetail.learn.best_actor import BestActor
+from dovetail.learn.early_stopping import EarlyStopping
 from dovetail.learn.progress import EpisodeLog, EpisodeRow, Report, Stopwatch
-from dovetail.learn.stop import Stop
 
 _REPORT_INTERVAL = 100
 
@@ -23,7 +23,7 @@ class Recorder(BaseCallback):
         report: Report,
         checkpoint: Callable[[], object],
         interval: int,
-        stop: Stop,
+        stop: EarlyStopping,
         test: Callable[[], bool],
         best: BestActor | None = None,
     ) -> None:

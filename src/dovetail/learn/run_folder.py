@@ -1,14 +1,10 @@
 """The folder of a training run: claimed for one process, and only for its settings."""
 
 import fcntl
-import json
-import shlex
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Annotated, Any, Literal, get_args, get_origin
+from typing import IO
 
-from dovetail.arms.address import parse_address
-from dovetail.control.sections import settings_in
-from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
 from dovetail.files import (
     claim_output_folder,
@@ -18,13 +14,17 @@ from dovetail.files import (
     write_atomic,
 )
 from dovetail.learn.config import NOT_COMPARED, TrainConfig
-from dovetail.reading import read_json
-from dovetail.strangers import OPTIONS, require_trusted
-from dovetail.tasks.options import gather_options, option_types
+from dovetail.learn.config_file import (
+    CONFIG,
+    MODEL,
+    load_config,
+    read_settings,
+    to_toml,
+)
+from dovetail.settings import defaults_of
+from dovetail.tasks.options import option_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 
-CONFIG = "config.json"
-MODEL = "model.toml"
 PROGRESS = "progress.csv"
 EVALUATION = "evaluation.json"
 CHECKPOINTS = "checkpoints"
@@ -35,90 +35,14 @@ _LOCK = ".lock"
 
 def place_run(config: TrainConfig) -> TrainConfig:
     """Return the settings with a folder: a new one by the time where none is given."""
-    if config.runs.out is not None or config.runs.resume:
+    if config.out is not None or config.resume:
         return config
-    env = config.environment
+    env = config
     name = env.env.replace(":", "/").rpartition("/")[2]
     if env.env == DEFAULT_ENV:
         options, kinds = env.env_options(), option_types(env.task_class)
         name = "_".join(f"{k}_{options[k]}" for k in kinds if kinds[k] is str)
-    return config.having(out=dated_folder("runs", f"{name}-"))
-
-
-def settings_of(folder: Path, arm: str | None = None) -> dict[str, Any]:
-    """Return a run's settings as keyword arguments of `TrainConfig.of`.
-
-    Args:
-        folder: The run's.
-        arm: The arm as the user gives it again. A folder may come from a stranger: it
-            must not choose an arm outside this process.
-
-    Raises:
-        ConfigError: There is no run, its config.json is damaged, or it names an arm, a
-            robot perhaps, that the user has not given; names it.
-    """
-    content = _read_config(folder)
-    kinds = {name: known.kind for name, known in settings_in(TrainConfig).items()}
-    for name in OPTIONS:
-        if name in content:
-            require_trusted(folder / CONFIG, name, content[name], is_option=True)
-    task = task_class(content.get("env", DEFAULT_ENV))
-    kinds |= {name: kind | None for name, kind in option_types(task).items()}
-    settings = {
-        name: tuple(value) if isinstance(value, list) else value
-        for name, value in content.items()
-        if name in kinds and name not in NOT_COMPARED
-    }
-    if settings.get("model") is not None:  # config.json has its content
-        file = folder / MODEL
-        settings["model"] = file if file.exists() else None
-    for name, value in settings.items():
-        if not _is_of(kinds[name], value):
-            raise ConfigError(
-                f"{folder / CONFIG} is damaged: {name} is {str(value)[:80]!r}, which "
-                "is no such setting; start a new run"
-            )
-    if (named := settings.get("arm")) is not None:
-        _require_given(str(named), arm, folder / CONFIG)
-    if not settings.get("fixed_goal"):  # older versions write a place all the same
-        settings.pop("fixture", None)
-    return gather_options(settings, task)
-
-
-def _require_given(named: str, given: str | None, file: Path) -> None:
-    """Refuse an arm outside this process that only a file names.
-
-    Raises:
-        ConfigError: It is not the given one, or none is given.
-    """
-    address = parse_address(named)
-    if address.is_here or (given is not None and parse_address(given) == address):
-        return
-    what = "which may be a robot" if address.may_be_robot else "outside this process"
-    wrong = "is not given again" if given is None else f"is not the given {given!r}"
-    raise ConfigError(
-        f"{file} names the arm {named!r}, {what}, and it {wrong}; if this run may use "
-        f"that arm, add --arm {shlex.quote(named)}"
-    )
-
-
-def _is_of(kind: Any, value: Any) -> bool:
-    """Say whether a value that JSON gave is of a field's type."""
-    parts = get_args(kind)
-    if get_origin(kind) is Annotated:
-        return _is_of(parts[0], value)
-    if get_origin(kind) is Literal:
-        return value in parts
-    if get_origin(kind) is tuple:
-        if not isinstance(value, tuple):
-            return False
-        has_length = parts[-1] is Ellipsis or len(value) == len(parts)
-        return has_length and all(_is_of(parts[0], element) for element in value)
-    if parts:
-        return any(_is_of(part, value) for part in parts)
-    if kind is float:
-        kind = (int, float)
-    return isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+    return replace(config, out=dated_folder("runs", f"{name}-"))
 
 
 def require_run(config: TrainConfig) -> Path:
@@ -131,9 +55,9 @@ def require_run(config: TrainConfig) -> Path:
         ConfigError: Not empty and not to be resumed; nothing there to resume; started
             with other settings (names the field); in use.
     """
-    folder = config.runs.folder
-    if config.runs.resume:
-        config.require_same(_read_config(folder))
+    folder = config.folder
+    if config.resume:
+        config.require_same(run_config(folder, config.arm))
         with RunLock(folder):
             return folder
     if (folder / CONFIG).exists():
@@ -149,32 +73,47 @@ def open_run(config: TrainConfig) -> Path:
     """Create the run folder, or return the one to resume; see `require_run`.
 
     Returns:
-        The folder, absolute; it holds config.json.
+        The folder, absolute; it holds config.toml.
     """
     folder = require_run(config)
-    if not config.runs.resume:
+    if not config.resume:
         claim_output_folder(folder)
-        write_atomic(folder / CONFIG, json.dumps(config.to_json(), indent=2) + "\n")
-        if config.dynamics.model_file is not None:
-            write_atomic(folder / MODEL, config.dynamics.model_file.content)
+        write_atomic(folder / CONFIG, to_toml(config))
+        if config.model_file is not None:
+            write_atomic(folder / MODEL, config.model_file.content)
     return folder
 
 
-def _read_config(folder: Path) -> dict[str, Any]:
-    path = folder / CONFIG
-    try:
-        settings = read_json(path)
-        if not isinstance(settings, dict):
-            raise ValueError("it holds no table")
-        return settings
-    except FileNotFoundError as error:
+def run_config(folder: Path, arm: str | None = None) -> TrainConfig:
+    """Return the settings of a run.
+
+    Args:
+        folder: The run's.
+        arm: The arm as the user gives it again.
+
+    Raises:
+        ConfigError: There is no run, its config.toml is damaged or of another version,
+            or it names an arm, a robot perhaps, that the user has not given.
+    """
+    if not (folder / CONFIG).exists():
         raise ConfigError(
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
             "start one"
-        ) from error
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ConfigError(f"{path} is damaged: {reason}; start a new run") from error
+        )
+    try:
+        given = read_settings(folder / CONFIG, arm)
+        usual = defaults_of(TrainConfig)
+        written = {name for name, value in usual.items() if value is not None}
+        if missing := sorted(written - given.keys() - set(NOT_COMPARED)):
+            raise ConfigError(
+                f"{folder / CONFIG} lacks {', '.join(missing)}", name=missing[0]
+            )
+        return load_config(folder / CONFIG, arm, out=folder, resume=True)
+    except ConfigError as error:
+        if error.name:
+            again = "if another version of dovetail began this run, start a new one"
+            error.args = (f"{error}; {again}",)
+        raise
 
 
 class RunLock:

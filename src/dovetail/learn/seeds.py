@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -43,20 +44,20 @@ def train_seeds(
         KeyboardInterrupt: Ctrl-C; each seed that ran has saved a checkpoint.
     """
     require_run(config)
-    runs = [config.for_seed(config.runs.seed + i) for i in range(config.runs.seeds)]
+    runs = [config.for_seed(config.seed + i) for i in range(config.seeds)]
     runs = [
-        run.having(resume=config.runs.resume and (run.runs.folder / CONFIG).exists())
+        replace(run, resume=config.resume and (run.folder / CONFIG).exists())
         for run in runs
     ]
     cores = len(os.sched_getaffinity(0))
     workers = min(len(runs), cores)
-    if not config.runs.threads and config.is_batch:
-        runs = [run.having(threads=cores // workers) for run in runs]
+    if not config.threads and config.is_batch:
+        runs = [replace(run, threads=cores // workers) for run in runs]
     context = multiprocessing.get_context("spawn")
     channel, told = context.Queue(), context.Event()
-    names = [f"seed {run.runs.seed}" for run in runs]
+    names = [f"seed {run.seed}" for run in runs]
     with (
-        ProgressBar(config.length.steps, names, console) as bar,
+        ProgressBar(config.steps, names, console) as bar,
         ProcessPoolExecutor(
             workers, context, _start, (channel, told, os.getpid())
         ) as pool,
@@ -102,18 +103,18 @@ def _result(future: Future[_Result], run: TrainConfig) -> _Result:
         return future.result()
     except BrokenProcessPool as error:
         raise DovetailError(
-            f"the process of seed {run.runs.seed} died (killed, or out of memory); "
+            f"the process of seed {run.seed} died (killed, or out of memory); "
             "continue with --resume"
         ) from error
     except DovetailError as error:
-        raise type(error)(f"seed {run.runs.seed}: {error}") from error
+        raise type(error)(f"seed {run.seed}: {error}") from error
 
 
 def _summarise(
     folder: Path, runs: list[TrainConfig], results: list[TrainResult]
 ) -> None:
     summary = {
-        f"seed-{run.runs.seed}": {
+        f"seed-{run.seed}": {
             "steps": result.steps,
             "wall_time_s": round(result.wall_time, 1),
             "evaluation": result.evaluation,

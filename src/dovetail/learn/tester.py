@@ -4,11 +4,11 @@ from collections.abc import Callable
 from typing import Any
 
 from dovetail.learn.algorithms import make_vec_env
-from dovetail.learn.assess import Stage, play
+from dovetail.learn.assess import TestEnvs, play
 from dovetail.learn.best_actor import BestActor
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.early_stopping import EarlyStopping
 from dovetail.learn.export import current_policy
-from dovetail.learn.stop import Stop
 
 
 class Tester:
@@ -19,7 +19,7 @@ class Tester:
         model: Any,
         best: BestActor | None,
         config: TrainConfig,
-        stop: Stop,
+        stop: EarlyStopping,
         check: Callable[[], None] = lambda: None,
     ) -> None:
         """Take what is tested; nothing is built before the first test.
@@ -57,10 +57,10 @@ class Tester:
             self._env.close()
 
 
-def stage_of(env: Any) -> Stage:
+def stage_of(env: Any) -> TestEnvs:
     """Return a vector environment of `make_vec_env` to play episodes in."""
     from dovetail.learn.batch_vec_env import BatchVecEnv
 
     if isinstance(env, BatchVecEnv):
-        return Stage(env.envs, env.begin, env.drop)
-    return Stage(env.envs)
+        return TestEnvs(env.envs, env.begin, env.drop)
+    return TestEnvs(env.envs)

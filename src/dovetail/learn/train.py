@@ -16,7 +16,7 @@ __all__ = ["TrainConfig", "TrainResult", "train"]
 def train(config: TrainConfig, console: Console | None = None) -> list[TrainResult]:
     """Train, evaluate and export one policy per seed.
 
-    The run folder gets config.json (and model.toml), progress.csv (a row per episode),
+    The run folder gets config.toml (and model.toml), progress.csv (a row per episode),
     tensorboard/, checkpoints/, policy.safetensors with policy.json, and
     evaluation.json. Several seeds each have such a folder, `seed-<n>`, inside it.
 
@@ -46,10 +46,10 @@ def train(config: TrainConfig, console: Console | None = None) -> list[TrainResu
         console.print(text, soft_wrap=True, highlight=False)
 
     try:
-        if config.runs.seeds > 1:
+        if config.seeds > 1:
             return train_seeds(config, console, begin)
-        names = [f"seed {config.runs.seed}"]
-        with ProgressBar(config.length.steps, names, console) as bar:
+        names = [f"seed {config.seed}"]
+        with ProgressBar(config.steps, names, console) as bar:
             return [train_one(config, lambda status: bar.show(0, status), begin)]
     except KeyboardInterrupt:
         if way_on:

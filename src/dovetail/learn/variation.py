@@ -1,22 +1,20 @@
 """Differences between the episodes of a training that the policy does not know."""
 
-from dataclasses import dataclass
 from itertools import product
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
 from dovetail.errors import ConfigError
-from dovetail.learn.env_settings import EnvSettings
+from dovetail.learn.policy_env_config import PolicyEnvConfig
+from dovetail.settings import Range, settings
 from dovetail.tasks.options import parse_values
 from dovetail.trackers.find import DEFAULT_TRACKER
 
 
-@dataclass(frozen=True, kw_only=True)
-class VariationConfig(Section):
+@settings()
+class VariationConfig(PolicyEnvConfig):
     """Differences between episodes."""
 
     vary: str | None = None
@@ -26,8 +24,7 @@ class VariationConfig(Section):
     doubt: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Largest distance of the fixture from where it is believed [m]. It is
     drawn for each episode. Reward and success use the true place, the policy cannot.
-    On the command line it gives other options other defaults: see learn/searching.py.
-    A search tilts the part, so that the task must let it."""
+    A search tilts the part, so that the task must let it: see the recipe search."""
     doubt_turn: Annotated[float, Range(0.0, 0.5, "rad")] = 0.0
     """Largest turn of the fixture from what is believed [rad].
     It is about the vertical; a doubt must be given, too."""
@@ -35,31 +32,21 @@ class VariationConfig(Section):
     """Tell the critics where the fixture truly is, and which values it has.
     The actor does not see them, so the policy runs as any other; for sac."""
 
-    def kinds(self, env: EnvSettings, num_envs: int) -> NDArray[np.float32]:
-        """Return which values each environment has, a one among zeros in each row.
-
-        Args:
-            env: What they have in common.
-            num_envs: Environments among which the values are shared.
-        """
-        count = len(self._varied(env))
+    def kinds(self, num_envs: int) -> NDArray[np.float32]:
+        """Return which values each environment has, a one among zeros in each row."""
+        count = len(self._varied())
         kinds = np.eye(count, dtype=np.float32)[np.arange(num_envs) % count]
         return kinds if count > 1 else kinds[:, :0]
 
-    def require_possible(self, env: EnvSettings, num_envs: int) -> None:
+    def require_possible(self, num_envs: int) -> None:
         """Refuse a doubt beside a tracker, a turn without one, and too many values.
-
-        Args:
-            env: What the environments have in common.
-            num_envs: Environments among which the values are shared.
 
         Raises:
             ConfigError: Says what to give.
         """
-        tracker = env.config.observation.tracker
-        if self.doubt > 0.0 and tracker != DEFAULT_TRACKER:
+        if self.doubt > 0.0 and self.tracker != DEFAULT_TRACKER:
             raise ConfigError(
-                f"doubt and the tracker {tracker} exclude each other: with a "
+                f"doubt and the tracker {self.tracker} exclude each other: with a "
                 "doubt the camera is covered; leave one of them out"
             )
         if self.doubt_turn > 0.0 and self.doubt == 0.0:
@@ -67,35 +54,27 @@ class VariationConfig(Section):
                 f"doubt_turn is {self.doubt_turn:g} rad and doubt 0 m: give the "
                 "largest distance, too, --doubt 0.005 for example"
             )
-        if self.vary is not None:
-            varied = self._varied(env)
-            if len(varied) > num_envs:
-                names = " and ".join(varied[0])
-                raise ConfigError(
-                    f"vary gives {len(varied)} values of {names} to {num_envs} "
-                    f"environments; needed: --num-envs {len(varied)} or more"
-                )
+        varied = self._varied()
+        if len(varied) > num_envs:
+            names = " and ".join(varied[0])
+            raise ConfigError(
+                f"vary gives {len(varied)} values of {names} to {num_envs} "
+                f"environments; needed: --num-envs {len(varied)} or more"
+            )
 
-    def options(self, env: EnvSettings, index: int) -> dict[str, Any]:
-        """Return the keyword arguments of one of the environments of a training.
-
-        Args:
-            env: What they have in common.
-            index: Which one.
-        """
-        options = env.env_options()
+    def varied_options(self, index: int) -> dict[str, Any]:
+        """Return the keyword arguments of one of the environments, by its number."""
+        options = self.env_options()
         if self.doubt > 0.0:
             doubt = f"doubt={self.doubt}&turn={self.doubt_turn}"
             options["tracker"] = f"covered?{doubt}"
-        if self.vary is not None:
-            values = self._varied(env)
-            options |= values[index % len(values)]
-        return options
+        values = self._varied()
+        return options | values[index % len(values)]
 
-    def _varied(self, env: EnvSettings) -> list[dict[str, Any]]:
+    def _varied(self) -> list[dict[str, Any]]:
         """Return every set of values; the option that is given first changes first."""
         given = [] if self.vary is None else self.vary.split("&")
-        parts = [parse_values(text, env.task_class) for text in given]
+        parts = [parse_values(text, self.task_class) for text in given]
         names = [name for name, _ in reversed(parts)]
         if len(set(names)) < len(names):
             raise ConfigError(

@@ -67,7 +67,7 @@ def _go_through(
     count: int,
     seed: int,
 ) -> Iterator[Shot]:
-    rng, margin = np.random.default_rng(seed), 2.0 * arm.facts.limits.tool.delta_x
+    rng, margin = np.random.default_rng(seed), 2.0 * arm.facts.limits.delta_x
     for number in range(count):
         q = reachable(camera, cell, rng, margin=margin)
         state = arm.reset(q, FIXTURE)
@@ -87,7 +87,7 @@ def _stand(
     target = _core.Target(
         position_d=state.tool.position.copy(), quat_wxyz_d=state.tool.quat_wxyz.copy()
     )
-    wait = _SETTLE + camera.pictures.delay + _PATIENCE
+    wait = _SETTLE + camera.delay + _PATIENCE
     for _ in range(round(wait / POLICY_PERIOD)):
         state = arm.step(target, POLICY_PERIOD)
         frame = source.look(board_of(camera, cell, state.q), state)

@@ -5,15 +5,14 @@ the fixture, its middle over the origin of the fixture's frame, "x" along the fr
 """
 
 import io
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dovetail.control.ranges import Range, check_ranges
 from dovetail.perceive.opencv import opencv
+from dovetail.settings import Range, settings
 from dovetail.types import Array
 
 MARKERS = 8
@@ -27,7 +26,7 @@ _DPI = 600
 _INCH = 0.0254  # m
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(owner="board")
 class Board:
     """Printed board of markers, and its place on the fixture."""
 
@@ -40,10 +39,6 @@ class Board:
     part: str = ""
     """Name of the fixture that it is glued to; empty if not given. A task with another
     fixture refuses it."""
-
-    def __post_init__(self) -> None:
-        """Refuse a board that cannot be printed."""
-        check_ranges(self, "board")
 
     @property
     def marker(self) -> float:

@@ -5,30 +5,30 @@ middle has whole coordinates. ``T_mount_camera`` maps camera coordinates into th
 what it is mounted on, the world or the arm's flange.
 """
 
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import field, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
+import tomlkit
+from pydantic import model_validator
 
-from dovetail.control.ranges import Range, check_ranges
-from dovetail.control.sections import Sectioned, settings_in
 from dovetail.errors import ConfigError
 from dovetail.perceive.board import Board
 from dovetail.perceive.camera_parts import CameraOrigin, CameraPictures, CameraPlace
 from dovetail.poses import Pose
 from dovetail.reading import read_toml
+from dovetail.settings import Range, defaults_of, names_in, settings, values_of
 from dovetail.types import Array, Mat33
 
 PIXELS = Range(16, 20_000, "pixels")
 DISTORTION = Range(-5.0, 5.0, "1", ("k1", "k2", "p1", "p2", "k3"))
-TABLE = "a table of a file"
 """Note on what is given as a whole: its numbers have no flat names."""
 _TWIN = "?twin="
 _AXES = tuple("xy")
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(owner="lens")
 class Lens:
     """A pinhole with the distortion k1 k2 p1 p2 k3 of Brown's model, as OpenCV has."""
 
@@ -47,9 +47,9 @@ class Lens:
     ] = (0.0,) * 4
     """Standard deviations of focal lengths and centre [pixels]; 0 is unknown."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_lens(self) -> Self:
         """Refuse a lens that there is not."""
-        check_ranges(self, "lens")
         for middle, size, name in zip(
             self.centre, (self.width, self.height), _AXES, strict=True
         ):
@@ -58,6 +58,7 @@ class Lens:
                     f"lens centre[{name}] is {middle:g} pixels, outside of a picture "
                     f"of {size} pixels; give both for the same resolution"
                 )
+        return self
 
     def matrix(self) -> Mat33:
         """Return the matrix K of the pinhole."""
@@ -75,46 +76,37 @@ class Lens:
         return cls(width=width, height=height, focal=(focal, focal), centre=middle)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Camera(Sectioned):
+@settings()
+class Camera(CameraPlace, CameraPictures, CameraOrigin):
     """Everything that is known of a camera, and how well.
 
-    `of` and `having` know every number by its key in a camera's file; lens and board
-    are tables there.
+    Lens and board are tables of a camera's file.
     """
 
-    whose: ClassVar[str] = "a camera"
-
-    lens: Annotated[Lens, TABLE]
+    lens: Lens
     """Its lens."""
-    place: CameraPlace
-    """Its place on its mount."""
-    pictures: CameraPictures = field(default_factory=CameraPictures)
-    """Source, rate, delay and noise of its pictures."""
-    board: Annotated[Board, TABLE] = field(default_factory=Board)
+    board: Board = field(default_factory=Board)
     """Board that it looks for."""
-    origin: CameraOrigin = field(default_factory=CameraOrigin)
-    """Origin of its file."""
 
     @property
     def pose(self) -> Pose:
         """The camera in its mount's frame."""
-        return Pose(np.array(self.place.position), np.array(self.place.rotation))
+        return Pose(np.array(self.position), np.array(self.rotation))
 
     @property
     def is_simulated(self) -> bool:
         """True if its pictures are rendered."""
-        return self.pictures.source.partition(":")[0] == "simulated"
+        return self.source.partition(":")[0] == "simulated"
 
     @property
     def twin(self) -> str:
         """The twin with which a simulated camera was calibrated; empty is none."""
-        return self.pictures.source.partition(_TWIN)[2] if self.is_simulated else ""
+        return self.source.partition(_TWIN)[2] if self.is_simulated else ""
 
     @property
     def is_calibrated(self) -> bool:
         """True if its place was measured: no calibration has deviations of 0."""
-        return any(self.place.deviation)
+        return any(self.deviation)
 
     def calibrated_from(self, path: Path, twin: str | None) -> "Camera":
         """Return the camera with the source from which it can be drawn again.
@@ -125,13 +117,13 @@ class Camera(Sectioned):
         """
         if not self.is_simulated:
             return self
-        first = self.pictures.source.partition(_TWIN)[0].partition(":")[2]
+        first = self.source.partition(_TWIN)[0].partition(":")[2]
         source = f"simulated:{first or path.expanduser().absolute()}"
         if twin is not None:
             is_file = Path(twin).suffix == ".toml"
             name = Path(twin).expanduser().absolute() if is_file else twin
             source += f"{_TWIN}{name}"
-        return self.having(source=source)
+        return replace(self, source=source)
 
     def as_it_is(self) -> "Camera":
         """Return the simulated camera that this file is a calibration of, or itself.
@@ -139,20 +131,20 @@ class Camera(Sectioned):
         Raises:
             ConfigError: Its file is not there, or is of no simulated camera.
         """
-        path = self.pictures.source.partition(_TWIN)[0].partition(":")[2]
+        path = self.source.partition(_TWIN)[0].partition(":")[2]
         if not path:
             return self
         camera = load_camera(path)
-        if camera.pictures.source != "simulated":
+        if camera.source != "simulated":
             raise ConfigError(
                 f"camera file {path} is to be of a simulated camera and has the source "
-                f"{camera.pictures.source!r}"
+                f"{camera.source!r}"
             )
-        return camera.having(mount=self.place.mount)
+        return replace(camera, mount=self.mount)
 
     def covariance(self) -> Array:
         """Return that of position [m] and rotation vector [rad], shape (6, 6)."""
-        scale, rows = np.array(self.place.deviation), self.place.correlation
+        scale, rows = np.array(self.deviation), self.correlation
         R = np.array(rows) if rows else np.eye(6)
         return R * np.outer(scale, scale)
 
@@ -165,7 +157,7 @@ class Camera(Sectioned):
         Raises:
             ConfigError: The deviations are all 0, which no calibration gives.
         """
-        if self.is_calibrated or (is_exact and self.pictures.source == "simulated"):
+        if self.is_calibrated or (is_exact and self.source == "simulated"):
             return
         raise ConfigError(
             "this camera is not calibrated: its deviations are 0; run `dovetail camera "
@@ -175,35 +167,11 @@ class Camera(Sectioned):
 
     def to_toml(self) -> str:
         """Write the camera as the text of a file that `load_camera` reads."""
-        parts = (self.place, self.pictures, self.origin)
-        lines = [line for part in parts for line in _lines(part)]
-        for name, table in (("lens", self.lens), ("board", self.board)):
-            lines += ["", f"[{name}]", *_lines(table)]
-        return "\n".join(lines) + "\n"
-
-
-def _lines(config: Any) -> list[str]:
-    lines = []
-    for f in fields(config):
-        value = vars(config)[f.name]
-        if value in ("", ()):
-            continue
-        note = f'"{_escaped(value)}"' if isinstance(value, str) else _numbers(value)
-        lines.append(f"{f.name} = {note}")
-    return lines
-
-
-def _numbers(value: Any) -> str:
-    if isinstance(value, tuple):
-        return "[" + ", ".join(map(_numbers, value)) + "]"
-    return repr(value)
-
-
-def _escaped(text: str) -> str:
-    return "".join(
-        f"\\{c}" if c in '"\\' else c if c.isprintable() else f"\\u{ord(c):04x}"
-        for c in text
-    )
+        table = values_of(self) | {
+            "lens": values_of(self.lens),
+            "board": values_of(self.board),
+        }
+        return tomlkit.dumps({n: v for n, v in table.items() if v not in ("", ())})
 
 
 def load_camera(path: str | Path) -> Camera:
@@ -227,7 +195,7 @@ def load_camera(path: str | Path) -> Camera:
         lens = Lens(**_known(Lens, table.pop("lens", None), "lens"))
         board = Board(**_known(Board, table.pop("board", {}), "board"))
         known = _known(Camera, table, "camera", given=("lens", "board"))
-        return Camera.of(lens=lens, board=board, **known)
+        return Camera(lens=lens, board=board, **known)
     except ConfigError as error:
         raise ConfigError(f"camera file {path}: {error}") from error
     except TypeError as error:  # a value that is no number, or a row that is none
@@ -240,9 +208,9 @@ def _known(
     """Return the keys of a table, or say which are unknown or missing."""
     if not isinstance(table, dict):
         raise ConfigError(f"the table [{name}] is missing; calibrate the camera first")
-    known = {n: s for n, s in settings_in(kind).items() if n not in given}
-    needed = {n for n, setting in known.items() if setting.default is MISSING}
-    unknown, missing = sorted(set(table) - set(known)), sorted(needed - set(table))
+    known = set(names_in(kind)) - set(given)
+    needed = known - set(defaults_of(kind))
+    unknown, missing = sorted(set(table) - known), sorted(needed - set(table))
     if unknown or missing:
         raise ConfigError(
             f"[{name}] has unknown keys: {', '.join(unknown) or 'none'}; missing keys: "

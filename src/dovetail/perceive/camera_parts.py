@@ -1,24 +1,21 @@
 """The parts of a camera: its place, its pictures and where its file is from."""
 
-from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
 from dovetail.errors import ConfigError
 from dovetail.poses import quat_normalized
+from dovetail.settings import Range, fill_in, settings
 
 _AXES = tuple("xyz")
 _SIX = tuple(f"{what} {axis}" for what in ("shift", "turn") for axis in _AXES)
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraPlace(Section):
+@settings(owner="camera")
+class CameraPlace:
     """Place of a camera on its mount, and its uncertainty."""
-
-    owner: ClassVar[str] = "camera"
 
     mount: Literal["world", "flange"]
     """Body that it is fixed to."""
@@ -35,25 +32,23 @@ class CameraPlace(Section):
     correlation: tuple[tuple[float, ...], ...] = ()
     """Correlation of these six, rows; empty is none."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_camera_place(self) -> Self:
         """Refuse a number out of range, and what is no correlation."""
-        super().__post_init__()
         quat = quat_normalized(np.array(self.rotation))
-        object.__setattr__(self, "rotation", tuple(quat.tolist()))
         rows = tuple(tuple(map(float, row)) for row in self.correlation)
-        object.__setattr__(self, "correlation", rows)
+        fill_in(self, rotation=tuple(quat.tolist()), correlation=rows)
         if rows and not _is_correlation(rows):
             raise ConfigError(
                 "camera correlation is not 6 rows of 6 numbers, 1 on the diagonal, "
                 "symmetric and positive; leave it out or calibrate again"
             )
+        return self
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraPictures(Section):
+@settings(owner="camera")
+class CameraPictures:
     """Source, rate, delay and noise of a camera's pictures."""
-
-    owner: ClassVar[str] = "camera"
 
     edge_noise: Annotated[float, Range(0.005, 5.0, "pixels")] = 0.05
     """Standard deviation of the place of a marker's edge in a picture [pixels]."""
@@ -67,8 +62,8 @@ class CameraPictures(Section):
     believed, and the twin whose file holds its errors."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CameraOrigin(Section):
+@settings()
+class CameraOrigin:
     """Origin of a camera's file."""
 
     made_by: str = ""

@@ -37,7 +37,7 @@ _FREEDOM = 20.0
 """Weight of the camera file's noise: as so many residuals of a picture's 64."""
 
 
-class Blind(NamedTuple):
+class DetectionFailure(NamedTuple):
     """No pose, and why."""
 
     reason: str
@@ -46,7 +46,7 @@ class Blind(NamedTuple):
     """For a person."""
 
 
-class Sight(NamedTuple):
+class Detection(NamedTuple):
     """One board in one picture."""
 
     pose: Pose
@@ -104,7 +104,7 @@ class Detector:
         settings.cornerRefinementMethod = aruco.CORNER_REFINE_NONE
         self._finder: Any = aruco.ArucoDetector(board.dictionary, settings)
 
-    def find(self, picture: NDArray[np.uint8]) -> Sight | Blind:
+    def find(self, picture: NDArray[np.uint8]) -> Detection | DetectionFailure:
         """Return the board's pose, or why there is none.
 
         Args:
@@ -115,7 +115,7 @@ class Detector:
         """
         self._require_size(picture)
         found = self._markers(picture)
-        if isinstance(found, Blind):
+        if isinstance(found, DetectionFailure):
             return found
         names, seen = found
         points = self.board.corners[names - self.board.first_id]
@@ -124,14 +124,14 @@ class Detector:
         keep = np.flatnonzero(edges.is_clean)
         return self._fit(points[keep], edges.of(keep), names[keep])
 
-    def find_corners(self, picture: NDArray[np.uint8]) -> Corners | Blind:
+    def find_corners(self, picture: NDArray[np.uint8]) -> Corners | DetectionFailure:
         """Return where the markers' corners are; the lens does not matter.
 
         Args:
             picture: Grey values, shape (height, width).
         """
         found = self._markers(picture)
-        if isinstance(found, Blind):
+        if isinstance(found, DetectionFailure):
             return found
         names, seen = found
         points = self.board.corners[names - self.board.first_id]
@@ -141,10 +141,14 @@ class Detector:
         edges = find_edges(picture, expected)
         keep = np.flatnonzero(edges.is_clean)
         if len(keep) < MARKERS_MIN:
-            return Blind("misfit", "the markers have no straight edges: is it blurred?")
+            return DetectionFailure(
+                "misfit", "the markers have no straight edges: is it blurred?"
+            )
         return Corners(edges.corners[keep], points[keep])
 
-    def _markers(self, picture: NDArray[np.uint8]) -> tuple[_Names, Array] | Blind:
+    def _markers(
+        self, picture: NDArray[np.uint8]
+    ) -> tuple[_Names, Array] | DetectionFailure:
         """Return numbers and rough corners of the board's markers."""
         corners, ids, _ = self._finder.detectMarkers(picture)
         found = [] if ids is None else np.ravel(ids).tolist()
@@ -152,7 +156,9 @@ class Detector:
         names = [found[i] for i in own]
         if len(set(names)) < len(names):
             twice = sorted({name for name in names if names.count(name) > 1})
-            return Blind("two", f"two boards are in sight: markers {twice} twice")
+            return DetectionFailure(
+                "two", f"two boards are in sight: markers {twice} twice"
+            )
         if len(names) < MARKERS_MIN:
             return self._blind(found, names)
         seen = np.array([np.reshape(corners[i], (4, 2)) for i in own], dtype=float)
@@ -167,17 +173,17 @@ class Detector:
                 "camera to that resolution, or calibrate it at this one"
             )
 
-    def _blind(self, found: list[int], names: list[int]) -> Blind:
+    def _blind(self, found: list[int], names: list[int]) -> DetectionFailure:
         first, last = self.board.ids[0], self.board.ids[-1]
         if not found:
-            return Blind("none", "no marker is in sight")
+            return DetectionFailure("none", "no marker is in sight")
         if not names:
-            return Blind(
+            return DetectionFailure(
                 "other",
                 f"another board is in sight: markers {sorted(found)}, and this one has "
                 f"{first} to {last}",
             )
-        return Blind(
+        return DetectionFailure(
             "few",
             f"{len(names)} of {len(self.board.ids)} markers are in sight; a pose needs "
             f"{MARKERS_MIN}",
@@ -185,7 +191,7 @@ class Detector:
 
     def _fit(
         self, points: Array, edges: Edges, names: NDArray[np.intp]
-    ) -> Sight | Blind:
+    ) -> Detection | DetectionFailure:
         """Fit both poses to the markers that agree with each other."""
         limit = max(_MISFIT * self.noise, _MISFIT_MIN)
         while len(points) >= MARKERS_MIN:
@@ -199,7 +205,7 @@ class Detector:
                 return self._judged(best, other, points, edges, names)
             keep = np.delete(np.arange(len(points)), errors.argmax())
             points, edges, names = points[keep], edges.of(keep), names[keep]
-        return Blind(
+        return DetectionFailure(
             "misfit",
             f"fewer than {MARKERS_MIN} markers fit the board to {limit:.2f} pixels: it "
             "is bent, blurred, covered, another one, or the lens is not this",
@@ -247,11 +253,11 @@ class Detector:
         points: Array,
         edges: Edges,
         names: NDArray[np.intp],
-    ) -> Sight | Blind:
+    ) -> Detection | DetectionFailure:
         excess = other.residuals @ other.residuals - best.residuals @ best.residuals
         turn = rotation_error(best.pose.quat_wxyz, other.pose.quat_wxyz)
         if np.linalg.norm(turn) > _SAME and excess / best.variance < _TELL_APART:
-            return Blind(
+            return DetectionFailure(
                 "ambiguous",
                 "the board's two possible poses cannot be told apart: look at it more "
                 "from the side, or from nearer",
@@ -259,16 +265,18 @@ class Detector:
         # An edge moved in by 1 pixel moves both of its corners with it.
         inwards = edges.normal + np.roll(edges.normal, 1, axis=1)
         corners = edges.corners - best.spread * inwards
-        return Sight(
+        return Detection(
             best.pose, best.covariance, float(best.residuals.std()),
             other.pose, float(other.residuals.std()),
             tuple(names.tolist()), corners, points,
         )  # fmt: skip
 
 
-def explain(detector: Detector, picture: NDArray[np.uint8], blind: Blind) -> str:
+def explain(
+    detector: Detector, picture: NDArray[np.uint8], blind: DetectionFailure
+) -> str:
     """Return why there is no pose, for a person, after another look at the picture."""
     flipped = np.ascontiguousarray(picture[:, ::-1])
-    if blind.reason != "two" and isinstance(detector.find(flipped), Sight):
+    if blind.reason != "two" and isinstance(detector.find(flipped), Detection):
         return "the picture is mirrored: switch the camera's mirroring off"
     return blind.words

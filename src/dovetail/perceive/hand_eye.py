@@ -48,7 +48,7 @@ _ITERATIONS = 12
 _GO_LEAVE_ONE_OUT, _GO_INTERVAL, _GO_PIXELS = 1e-3, 1e-3, 1.0
 
 
-class View(NamedTuple):
+class HandEyeSample(NamedTuple):
     """One picture of the board, and where the arm was."""
 
     flange: Pose
@@ -116,7 +116,7 @@ class HandEye:
 
 
 def calibrate(
-    views: Sequence[View], lens: Lens, mount: Literal["world", "flange"]
+    views: Sequence[HandEyeSample], lens: Lens, mount: Literal["world", "flange"]
 ) -> HandEye:
     """Find where the camera sits.
 
@@ -256,7 +256,10 @@ class _Problem:
     """Least squares over the corners of all pictures."""
 
     def __init__(
-        self, views: Sequence[View], mounts: Sequence[Pose], projection: Projection
+        self,
+        views: Sequence[HandEyeSample],
+        mounts: Sequence[Pose],
+        projection: Projection,
     ) -> None:
         self._views, self._projection = views, projection
         self._back = [inverse(mount) for mount in mounts]
@@ -368,7 +371,7 @@ def _require_size(problem: _Problem, answer: _Answer) -> None:
         )
 
 
-def _inflation(errors: Array, views: Sequence[View], answer: _Answer) -> float:
+def _inflation(errors: Array, views: Sequence[HandEyeSample], answer: _Answer) -> float:
     """Return by how much more than the corners the arm's own errors spread, at least 1.
 
     Corners alone say how far each board is off; where it is off more than twice that,
@@ -387,7 +390,7 @@ def _inflation(errors: Array, views: Sequence[View], answer: _Answer) -> float:
     return ratio**2 if ratio > 2.0 else 1.0
 
 
-def _seen_spread(views: Sequence[View], error: float) -> float:
+def _seen_spread(views: Sequence[HandEyeSample], error: float) -> float:
     """Return how far one picture's board is off for corners off by `error` [m]."""
     spreads = []
     for view in views:

@@ -28,16 +28,16 @@ def open_source(
     Raises:
         ConfigError: No such source, or a calibration with another twin.
     """
-    kind, _, rest = camera.pictures.source.partition(":")
+    kind, _, rest = camera.source.partition(":")
     if camera.is_simulated:
         return Simulated(camera.as_it_is(), cell, twin_of(camera, twin))
     if kind == "folder" and rest:
-        return Folder(Path(rest).expanduser(), camera.pictures.delay)
+        return Folder(Path(rest).expanduser(), camera.delay)
     if kind == "device" and rest.isdecimal():
         lens = camera.lens
-        return Device(int(rest), lens.width, lens.height, camera.pictures.delay)
+        return Device(int(rest), lens.width, lens.height, camera.delay)
     raise ConfigError(
-        f"camera source {camera.pictures.source!r} is unknown; known: simulated, "
+        f"camera source {camera.source!r} is unknown; known: simulated, "
         "device:NUMBER, folder:PATH"
     )
 
@@ -53,9 +53,9 @@ def twin_of(camera: Camera, twin: "TwinCamera | None") -> "TwinCamera | None":
         ConfigError: The two put the camera in different places.
     """
     own = load_twin(camera.twin).camera if camera.twin else None
-    if twin is None or camera.pictures.source == "simulated":
+    if twin is None or camera.source == "simulated":
         return twin or own
-    if twin.misplaced != (own or TwinCamera()).misplaced:
+    if twin != (own or TwinCamera()):
         with_what = f"twin {camera.twin}" if camera.twin else "no twin"
         raise ConfigError(
             f"the camera was calibrated with {with_what}, and the twin that is given "

@@ -86,7 +86,7 @@ def viewpoint(camera: Camera, cell: Workcell, seed: int = 0) -> Vec7:
 
 def board_of(camera: Camera, cell: Workcell, q: Vec7) -> Pose:
     """Return where the board is: on the fixture, or in the tool, the arm at q [rad]."""
-    if camera.place.mount == "flange":
+    if camera.mount == "flange":
         return FIXTURE
     return compose(cell.robot.tool_pose(q), _IN_FLANGE)
 
@@ -118,7 +118,7 @@ def reachable(
         high[2] = np.inf
     low, high = low + (margin or 0.0), high - (margin or 0.0)
     for _ in range(_TRIES):
-        draw = _above if camera.place.mount == "flange" else _before
+        draw = _above if camera.mount == "flange" else _before
         tip = compose(draw(camera, rng), tool)
         is_inside = (low <= tip.position).all() and (tip.position <= high).all()
         if not is_inside or tip.position[2] < FIXTURE.position[2] + _CLEAR:

@@ -16,7 +16,7 @@ from dovetail.plants.plant import COLUMN
 from dovetail.plants.twin_camera import TwinCamera, TwinImage
 from dovetail.poses import Pose, compose, inverse, quat_from_vector, quat_multiply
 from dovetail.types import Array, Vec7
-from dovetail.view.renderer import Plate, Renderer, View
+from dovetail.view.renderer import CameraView, Plate, Renderer
 from dovetail.workcell.workcell import Workcell
 
 _SAMPLES = 4  # of a pixel: edges of markers must be where they are
@@ -37,18 +37,19 @@ class _Moment(NamedTuple):
 
 def true_camera(camera: Camera, twin: TwinCamera) -> Camera:
     """Return the camera as it is, where the file says what is believed of it."""
-    lens, misplaced = camera.lens, twin.misplaced
+    lens, misplaced = camera.lens, twin
     focal = tuple(f * (1.0 + misplaced.focal_error) for f in lens.focal)
     centre = tuple(np.add(lens.centre, misplaced.centre_error).tolist())
     turn = quat_from_vector(np.array(misplaced.rotation_error))
     rotation = quat_multiply(turn, camera.pose.quat_wxyz)
-    position = np.add(camera.place.position, misplaced.position_error)
-    return camera.having(
+    position = np.add(camera.position, misplaced.position_error)
+    return replace(
+        camera,
         lens=replace(lens, focal=focal, centre=centre),
         position=tuple(position.tolist()),
         rotation=tuple(rotation.tolist()),
-        delay=twin.pictures.delay,
-        rate=twin.pictures.rate,
+        delay=twin.delay,
+        rate=twin.rate,
     )
 
 
@@ -65,8 +66,8 @@ class Simulated:
             cell: What it looks at.
             twin: In what it differs from that; None is in nothing.
         """
-        told = camera.pictures
-        errors = twin or TwinCamera.of(delay=told.delay, rate=told.rate)
+        told = camera
+        errors = twin or TwinCamera(delay=told.delay, rate=told.rate)
         self.errors = errors
         self.camera = true_camera(camera, errors)
         self._cell = cell
@@ -77,7 +78,7 @@ class Simulated:
     def _begin(self, seed: int) -> None:
         self._seed, self._last = seed, -1_000_000
         rng = np.random.default_rng([_STREAM, seed])
-        self._phase = float(rng.uniform(0.0, 1.0 / self.camera.pictures.rate))
+        self._phase = float(rng.uniform(0.0, 1.0 / self.camera.rate))
         half = 0.4 * self.camera.board.side
         self._spot = np.array([*rng.uniform(-half, half, 2), 0.0])
         self._past.clear()
@@ -88,17 +89,17 @@ class Simulated:
         A camera on the flange gives none: the arm has to take it to where it sees.
         """
         self._begin(seed)
-        if self.camera.place.mount == "flange":
+        if self.camera.mount == "flange":
             return None
         q = self._cell.robot.posture("down")
         still = _Moment(0.0, q, fixture)
         picture = self._expose(still, still, self._rng(self._last))
-        return Frame(picture, self.camera.pictures.delay, q)
+        return Frame(picture, self.camera.delay, q)
 
     def look(self, fixture: Pose, state: ArmState) -> Frame | None:
         """Return the newest picture whose delay is over, if it was not lost."""
         self._remember(fixture, state)
-        made, now = self.camera.pictures, state.stamp
+        made, now = self.camera, state.stamp
         newest = int(np.floor((now - made.delay - self._phase) * made.rate + 1e-9))
         while newest > self._last and self._is_lost(newest):
             newest -= 1
@@ -106,7 +107,7 @@ class Simulated:
             return None
         self._last = newest
         stamp = newest / made.rate + self._phase
-        half = self.errors.image.exposure / 2.0
+        half = self.errors.exposure / 2.0
         begin, middle, end = (self._at(stamp + part) for part in (-half, 0.0, half))
         picture = self._expose(begin, end, self._rng(newest))
         return Frame(picture, now - stamp, middle.q)
@@ -116,7 +117,7 @@ class Simulated:
         return np.random.default_rng([_STREAM, self._seed, number + 1_000_000])
 
     def _is_lost(self, number: int) -> bool:
-        return bool(self._rng(number).random() < self.errors.pictures.dropout)
+        return bool(self._rng(number).random() < self.errors.dropout)
 
     def _remember(self, fixture: Pose, state: ArmState) -> None:
         """Keep where arm and fixture were; in between the fixture moves evenly."""
@@ -130,7 +131,7 @@ class Simulated:
                     moved = _between(before, fixture, share)
                     past.append(_Moment(float(row[0]), row[_Q].copy(), moved))
         past.append(_Moment(state.stamp, state.q.copy(), fixture))
-        while past[0].stamp < state.stamp - self.camera.pictures.delay - _MEMORY:
+        while past[0].stamp < state.stamp - self.camera.delay - _MEMORY:
             past.popleft()
 
     def _at(self, stamp: float) -> _Moment:
@@ -148,7 +149,7 @@ class Simulated:
 
     def place(self, q: Vec7) -> Pose:
         """Return the camera in the world with the arm at q [rad]."""
-        if self.camera.place.mount == "world":
+        if self.camera.mount == "world":
             return self.camera.pose
         return compose(self._cell.robot.tool_pose(q), self.camera.pose)
 
@@ -171,9 +172,9 @@ class Simulated:
         smear = studio.smear(boards)
         if np.linalg.norm(smear) > 0.3:
             grey = _smeared(grey, smear)
-        if self.errors.image.glare:
-            grey = studio.shine(grey, boards[0], self._spot, self.errors.image.glare)
-        return spoil(grey, self.errors.image, rng)
+        if self.errors.glare:
+            grey = studio.shine(grey, boards[0], self._spot, self.errors.glare)
+        return spoil(grey, self.errors, rng)
 
     def still(
         self, q: Vec7, fixture: Pose, board: Pose, seed: int
@@ -187,7 +188,7 @@ class Simulated:
             seed: Of the noise.
         """
         grey = self._open().draw(q, fixture, self.place(q), board)
-        return spoil(grey, self.errors.image, np.random.default_rng([_STREAM, seed]))
+        return spoil(grey, self.errors, np.random.default_rng([_STREAM, seed]))
 
     def _open(self) -> "_Studio":
         if self._studio is None:
@@ -254,7 +255,7 @@ class _Studio:
         """Return grey values, not rounded, shape (height, width)."""
         up = Pose(np.array([0.0, 0.0, self._board.thickness]), np.eye(4)[0])
         picture = self._renderer.draw(
-            q, fixture, plate=compose(board, up), view=View(camera, self._edges)
+            q, fixture, plate=compose(board, up), view=CameraView(camera, self._edges)
         )
         grey = self._cv.cvtColor(picture, self._cv.COLOR_RGB2GRAY).astype(np.float32)
         if self._maps is not None:

@@ -103,7 +103,7 @@ class BulletPlant:
         self._mass = robot.links.mass * scale
         self._inertia = robot.links.inertia * scale[:, None, None]
         spin = np.zeros((7, 3, 3))
-        spin[:, 2, 2] = _SPIN * np.array(dynamics.joints.armature)
+        spin[:, 2, 2] = _SPIN * np.array(dynamics.armature)
         self._body_inertia = self._inertia + spin
         self._com = robot.links.com
         self._gravity = np.add(GRAVITY, dynamics.gravity_residual)
@@ -123,9 +123,9 @@ class BulletPlant:
 
         self._true = chain(self._inertia)
         self._simulated = chain(self._body_inertia)
-        self._armature = np.array(dynamics.joints.armature)
-        self._damping = np.array(dynamics.joints.damping)
-        self._coulomb = np.array(dynamics.joints.coulomb)
+        self._armature = np.array(dynamics.armature)
+        self._damping = np.array(dynamics.damping)
+        self._coulomb = np.array(dynamics.coulomb)
         self.dynamics = dynamics
         self._body = -1
 
@@ -166,14 +166,14 @@ class BulletPlant:
             self.robot,
             self.cell.tool_primitives(),
             (self._mass, self._com, self._body_inertia),
-            self.dynamics.contact.contact_friction,
+            self.dynamics.contact_friction,
         )
         for joint in _JOINTS:
             p.resetJointState(
                 self._body, joint, float(q[joint]), physicsClientId=client
             )
         self._channel.reset()
-        self._coulomb = np.array(self.dynamics.joints.coulomb)
+        self._coulomb = np.array(self.dynamics.coulomb)
         self._time = 0.0
         self._force = self._peak = np.zeros(3)
         self._contact_torque = np.zeros(7)
@@ -218,11 +218,11 @@ class BulletPlant:
 
     def close_brakes(self, torque: Vec7) -> None:
         """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
-        self._coulomb = np.add(self.dynamics.joints.coulomb, torque)
+        self._coulomb = np.add(self.dynamics.coulomb, torque)
 
     def open_brakes(self) -> None:
         """Take the brakes' friction away, the arm at rest."""
-        self._coulomb = np.array(self.dynamics.joints.coulomb)
+        self._coulomb = np.array(self.dynamics.coulomb)
         q, _ = self._state()
         for joint in _JOINTS:
             self._bullet.resetJointState(

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
 
 
-class Body(Protocol):
+class CyclePlant(Protocol):
     """Part of a plant that the cycle needs; `Plant` has it."""
 
     robot: "Robot"
@@ -45,7 +45,7 @@ class Stepper(Protocol):
 
 
 def run_cycles(
-    plant: Body,
+    plant: CyclePlant,
     controller: Stepper,
     target: _core.Target,
     cycles: int,

@@ -117,11 +117,11 @@ class MujocoPlant:
             model.body_ipos[body] = robot.links.com[i]
             model.body_inertia[body] = moments * scale
             model.body_iquat[body] = quat_from_matrix(axes)
-        model.dof_damping[:] = dynamics.joints.damping
-        self._set_friction(dynamics.joints.coulomb, self._soft)
-        model.dof_armature[:] = dynamics.joints.armature
-        model.geom_friction[:, 0] = dynamics.contact.contact_friction
-        model.geom_solref[:, 0] = dynamics.contact.contact_time
+        model.dof_damping[:] = dynamics.damping
+        self._set_friction(dynamics.coulomb, self._soft)
+        model.dof_armature[:] = dynamics.armature
+        model.geom_friction[:, 0] = dynamics.contact_friction
+        model.geom_solref[:, 0] = dynamics.contact_time
         model.opt.gravity[:] = np.add(GRAVITY, dynamics.gravity_residual)
         self._mujoco.mj_resetData(model, self.data)
         self._mujoco.mj_setConst(model, self.data)
@@ -203,11 +203,11 @@ class MujocoPlant:
 
     def close_brakes(self, torque: Vec7) -> None:
         """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
-        self._set_friction(np.add(self.dynamics.joints.coulomb, torque), _HARD)
+        self._set_friction(np.add(self.dynamics.coulomb, torque), _HARD)
 
     def open_brakes(self) -> None:
         """Take the brakes' friction away, the arm at rest."""
-        self._set_friction(self.dynamics.joints.coulomb, self._soft)
+        self._set_friction(self.dynamics.coulomb, self._soft)
         self.data.qvel[:] = 0.0
 
     def _set_friction(self, torque: Any, softness: Any) -> None:
@@ -314,7 +314,7 @@ class MujocoPlant:
             raise PlantError("plant was not reset since it was built or configured")
         # MuJoCo (refsafe) would make contacts softer than two steps show.
         dynamics = self.dynamics
-        longest = min(dynamics.physics_dt, 0.5 * dynamics.contact.contact_time)
+        longest = min(dynamics.physics_dt, 0.5 * dynamics.contact_time)
         self._steps = physics_steps(period, longest)
         self.model.opt.timestep = period / self._steps
         self._period = period

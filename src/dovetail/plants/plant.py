@@ -1,11 +1,9 @@
 """Contract of a plant: joint torques in for one control period, joint state out."""
 
 import math
-from dataclasses import dataclass, field
 from typing import (
     TYPE_CHECKING,
     Annotated,
-    ClassVar,
     Literal,
     Protocol,
     Self,
@@ -13,14 +11,14 @@ from typing import (
 )
 
 import numpy as np
+from pydantic import model_validator
 
 from dovetail import _core
-from dovetail.control.ranges import Range, check_ranges
-from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError, PlantError
 from dovetail.poses import Pose
 from dovetail.robots.iiwa14 import INERTIA_SETS
 from dovetail.robots.links import NOMINAL
+from dovetail.settings import Range, settings
 from dovetail.types import JOINTS, Array, Vec3, Vec7
 
 if TYPE_CHECKING:
@@ -72,8 +70,8 @@ def require_inertia_set(name: str, owner: str) -> None:
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class JointDynamics(Section):
+@settings(owner=_OWNER)
+class JointDynamics:
     """Friction and rotors of the joints."""
 
     damping: Annotated[tuple[float, ...], DAMPING] = (0.5,) * 7
@@ -83,13 +81,9 @@ class JointDynamics(Section):
     armature: Annotated[tuple[float, ...], ARMATURE] = (0.1,) * 7
     """Rotor inertia at each joint [kg m2]."""
 
-    def __post_init__(self) -> None:
-        """Refuse numbers that no joint has, by name and index."""
-        check_ranges(self, _OWNER)
 
-
-@dataclass(frozen=True, kw_only=True)
-class ContactDynamics(Section):
+@settings(owner=_OWNER)
+class ContactDynamics:
     """Contact of the tool with fixture and table."""
 
     contact_friction: Annotated[float, CONTACT_FRICTION] = 0.3
@@ -100,20 +94,10 @@ class ContactDynamics(Section):
     MuJoCo's physics step is at most half of it. Bullet's contacts always end within one
     step, at any value."""
 
-    def __post_init__(self) -> None:
-        """Refuse numbers that no contact has, by name."""
-        check_ranges(self, _OWNER)
 
-
-@dataclass(frozen=True, kw_only=True)
-class DynamicsConfig(Sectioned):
-    """The physics behind the torque: everything here may differ from the model.
-
-    `DynamicsConfig.of(damping=(0.0,) * 7)` takes the settings of both sections by their
-    names.
-    """
-
-    whose: ClassVar[str] = "the dynamics"
+@settings(owner=_OWNER)
+class DynamicsConfig(JointDynamics, ContactDynamics):
+    """The physics behind the torque: everything here may differ from the model."""
 
     inertia: str = "drake"
     """Published inertia set of the simulated arm; the iiwa 14's controller has drake,
@@ -128,22 +112,19 @@ class DynamicsConfig(Sectioned):
     """True gravity minus the compensated one, world axes [m/s2]."""
     gravity_compensation: bool = True
     """The lowest level adds the nominal model's gravity torque, as the cabinet does."""
-    joints: JointDynamics = field(default_factory=JointDynamics)
-    """Friction and rotors of the joints."""
-    contact: ContactDynamics = field(default_factory=ContactDynamics)
-    """Contact of the tool with fixture and table."""
     physics_dt: Annotated[float, Range(1e-4, 5e-3, "s")] = 0.0025
     """Largest physics step [s]; a control period is split into equal steps."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_dynamics_config(self) -> Self:
         """Refuse numbers that no arm has, by name and index."""
         require_inertia_set(self.inertia, _OWNER)
-        check_ranges(self, _OWNER)
+        return self
 
     @classmethod
     def of_robot(cls, robot: "Robot") -> Self:
         """Return the dynamics that a robot's model has."""
-        return cls.of(inertia=robot.links.inertia_set, **robot.motors.flat())
+        return cls(inertia=robot.links.inertia_set, **robot.motors.values())
 
     def is_compensated(self, robot: "Robot") -> bool:
         """Return True if gravity compensation by the robot's model misses no weight."""

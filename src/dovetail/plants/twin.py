@@ -6,24 +6,31 @@ the table [camera], which may be left out. A result on a twin says "twin", never
 """
 
 import warnings
-from dataclasses import MISSING, dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import tomlkit
+from pydantic import field_validator
 
 from dovetail.control.proven import unproven
-from dovetail.control.ranges import Range, check_ranges, ranges_of
-from dovetail.control.sections import Sectioned, settings_in
 from dovetail.errors import ConfigError, UnprovenWarning, did_you_mean
 from dovetail.plants.find import make_plant
-from dovetail.plants.plant import DrivenPlant, DynamicsConfig, Engine
+from dovetail.plants.plant import DrivenPlant, DynamicsConfig
 from dovetail.plants.twin_camera import TwinCamera
-from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact
-from dovetail.plants.wrapped_plant import WrappedPlant
+from dovetail.plants.twin_parts import TwinArm, TwinChannel, TwinContact, TwinRun
 from dovetail.reading import read_toml
-from dovetail.types import Array, Vec7
+from dovetail.settings import (
+    Range,
+    defaults_of,
+    names_in,
+    ranges_of,
+    settings,
+    values_of,
+)
 
 if TYPE_CHECKING:
-    from dovetail import _core
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
@@ -31,59 +38,39 @@ TWIN_FOLDER = Path(__file__).parent.parent / "twins"
 """Folder of the shipped twins."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Twin(Sectioned):
-    """Everything in which a twin differs from the model. No number has a default.
+@settings(owner="twin")
+class Twin(TwinRun, TwinArm, TwinChannel, TwinContact):
+    """Everything in which a twin differs from the model. No number has a default."""
 
-    `of`, `having` and `table` know every number by its key in a twin's file.
-    """
-
-    whose: ClassVar[str] = "a twin"
-
-    description: str
-    """Description of the twin, one line."""
-    engine: Engine
-    """Physics engine: another one than the policy was trained in."""
-    seed: Annotated[int, Range(0, 2**63 - 1, "1")]
-    """Seed of the noise, >= 0."""
-    arm: TwinArm
-    """The arm: masses, gravity, friction and rotors."""
-    channel: TwinChannel
-    """Between controller and joints."""
-    contact: TwinContact
-    """Contact of the tool."""
     clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
     camera: TwinCamera | None = None
     """Errors of its camera; None if the twin's file gives none."""
 
-    def __post_init__(self) -> None:
-        """Refuse a number out of range, by name."""
-        if not isinstance(self.description, str):
-            raise ConfigError(
-                f"twin description is {self.description!r}; give one line of text"
-            )
-        if self.camera is not None and not isinstance(self.camera, TwinCamera):
-            object.__setattr__(self, "camera", _camera(self.camera))
-        check_ranges(self, "twin")
+    @field_validator("camera", mode="before")
+    @classmethod
+    def _read_camera(cls, table: Any) -> Any:
+        """Return what a table of a file says."""
+        return TwinCamera(**table) if isinstance(table, dict) else table
 
     def table(self) -> dict[str, Any]:
         """Return what its file holds by key, the camera's as a table of its own."""
-        camera = None if self.camera is None else self.camera.flat()
-        return self.flat() | {"camera": camera}
+        camera = None if self.camera is None else values_of(self.camera)
+        return values_of(self) | {"camera": camera}
 
     def dynamics(self) -> DynamicsConfig:
         """Return the part that the engine simulates."""
-        return DynamicsConfig.of(**vars(self.arm), **vars(self.contact))
+        shared = [n for n in names_in(DynamicsConfig) if n in names_in(Twin)]
+        return DynamicsConfig(**{name: vars(self)[name] for name in shared})
 
     def on(self, robot: "Robot") -> Self:
         """Return the twin of a robot: with its own inertia set where it lacks this."""
         own = robot.links.inertia_set
-        return self.having(inertia=own) if self.lacks(robot) else self
+        return replace(self, inertia=own) if self.lacks(robot) else self
 
     def lacks(self, robot: "Robot") -> str:
         """Say that a robot has not the twin's inertia set; empty where it has."""
-        own, inertia = robot.links.inertia_set, self.arm.inertia
+        own, inertia = robot.links.inertia_set, self.inertia
         if inertia in (own, *robot.links.inertia_sets):
             return ""
         return (
@@ -99,9 +86,9 @@ class Twin(Sectioned):
         Returns:
             A sentence with value, allowed range and remedy for each such field.
         """
-        error = max(abs(scale - 1.0) for scale in self.arm.mass_scale)
+        error = max(abs(scale - 1.0) for scale in self.mass_scale)
         said = {
-            "command_delay": unproven(delay=self.channel.command_delay),
+            "command_delay": unproven(delay=self.command_delay),
             "mass_scale": unproven(mass_error=error),
         }
         return {name: texts[0] for name, texts in said.items() if texts}
@@ -112,37 +99,39 @@ class Twin(Sectioned):
         Args:
             is_ascii: Escape every other character, for a terminal that has none.
         """
-        lines = _keys(self, is_ascii)
+        document = tomlkit.document()
+        for name, value in _items(self):
+            document.add(name, value)
         if self.camera is not None:
-            lines += ["", "[camera]", *_keys(self.camera, is_ascii)]
-        return "\n".join(lines) + "\n"
+            camera = tomlkit.table()
+            for name, value in _items(self.camera):
+                camera.add(name, value)
+            document.add(tomlkit.nl())
+            document.add("camera", camera)
+        lines = tomlkit.dumps(document).split("\n")
+        return "\n".join(
+            "".join(_escaped(c, is_ascii=is_ascii) for c in line) for line in lines
+        )
 
 
-def _keys(config: "Twin | TwinCamera", is_ascii: bool) -> list[str]:
-    """Return a line for each key that is no table."""
-    lines, known = [], settings_in(type(config))
-    for name, value in config.flat().items():
-        if isinstance(value, TwinCamera) or value is None:
+def _items(config: "Twin | TwinCamera") -> Iterator[tuple[str, Any]]:
+    """Yield each number and text with its unit beside it, as TOML."""
+    ranges = ranges_of(type(config))
+    for name, value in values_of(config).items():
+        if name == "camera":
             continue
-        if isinstance(value, str):
-            text = f'"{"".join(_escaped(c, is_ascii) for c in value)}"'
-        elif isinstance(value, tuple):
-            text = "[" + ", ".join(repr(v) for v in value) + "]"
-        else:
-            text = repr(value)
-        ranges = ranges_of(known[name].owner)
-        unit = ranges[name].unit if name in ranges else "1"
-        lines.append(f"{name} = {text}" + (f"  # {unit}" if unit != "1" else ""))
-    return lines
+        item = tomlkit.item(value)
+        if name in ranges and ranges[name].unit != "1":
+            item.comment(ranges[name].unit)
+        yield name, item
 
 
-def _escaped(c: str, is_ascii: bool) -> str:
-    """Return a character of a TOML string; what steers a terminal is escaped, too."""
-    if c in '"\\':
-        return f"\\{c}"
+def _escaped(c: str, *, is_ascii: bool) -> str:
+    """Return a character of a TOML text; what steers a terminal is escaped, too."""
     if c.isprintable() and (c.isascii() or not is_ascii):
         return c
-    return f"\\u{ord(c):04x}" if ord(c) < 0x10000 else f"\\U{ord(c):08x}"
+    code = ord(c)
+    return f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
 
 
 def list_twins() -> tuple[str, ...]:
@@ -176,10 +165,10 @@ def load_twin(name_or_path: Twin | str | Path) -> Twin:
         raise ConfigError(f"cannot read twin file {path}: {error.strerror}") from error
     except ConfigError as error:
         raise ConfigError(f"twin file {error}") from error
-    known = settings_in(Twin)
+    known = names_in(Twin)
     unknown = [key for key in table if key not in known]
-    needed = [name for name, setting in known.items() if setting.default is MISSING]
-    missing = [key for key in needed if key not in table]
+    optional = defaults_of(Twin)
+    missing = [key for key in known if key not in table and key not in optional]
     if unknown or missing:
         names = ", ".join(key + did_you_mean(key, known) for key in unknown)
         raise ConfigError(
@@ -187,96 +176,40 @@ def load_twin(name_or_path: Twin | str | Path) -> Twin:
             f"{', '.join(missing) or 'none'}; known keys: {', '.join(known)}"
         )
     try:
-        return Twin.of(**table)
+        return Twin(**table)
     except ConfigError as error:
         raise ConfigError(f"twin file {path}: {error}") from error
 
 
-def _camera(table: object) -> TwinCamera:
-    """Return what a table of a file says."""
-    known = [*settings_in(TwinCamera)]
-    if not isinstance(table, dict):
-        raise ConfigError("camera is no table; give [camera] and its keys below it")
-    if unknown := [str(key) for key in table if key not in known]:
-        raise ConfigError(
-            f"[camera] has unknown keys: "
-            f"{', '.join(key + did_you_mean(key, known) for key in unknown)}; known: "
-            f"{', '.join(known)}"
+def make_twin(
+    config: Twin | str | Path, cell: "Workcell", *, engine: str | None = None
+) -> DrivenPlant:
+    """Build a plant with a twin's dynamics, and its delay and noise at the joints.
+
+    Args:
+        config: The twin, its name, or its file.
+        cell: As the policy knows it; the twin's clearance differs.
+        engine: Another engine than the twin's.
+
+    Raises:
+        ConfigError: The twin's clearance would be negative.
+        MissingDependencyError: The engine is not installed.
+    """
+    from dovetail import _core
+
+    config = load_twin(config)
+    if lack := config.lacks(cell.robot):
+        warnings.warn(lack, UnprovenWarning, stacklevel=2)
+    config = config.on(cell.robot)
+    name, widened = engine or config.engine, cell.widened(config.clearance_offset)
+    plant = make_plant(name, widened, config.dynamics())
+    plant.attach_channel(
+        _core.Channel(
+            delay=config.command_delay,
+            torque_noise=config.torque_noise,
+            position_noise=config.position_noise,
+            velocity_noise=config.velocity_noise,
+            seed=config.seed,
         )
-    return TwinCamera.of(**{str(key): value for key, value in table.items()})
-
-
-class TwinPlant(WrappedPlant[DrivenPlant]):
-    """A plant with a twin's dynamics, and its delay and noise at the joints."""
-
-    def __init__(
-        self, config: Twin, cell: "Workcell", *, engine: str | None = None
-    ) -> None:
-        """Build the engine with the twin's dynamics.
-
-        Args:
-            config: The twin.
-            cell: As the policy knows it; the twin's clearance differs.
-            engine: Another engine than the file's.
-
-        Raises:
-            ConfigError: The twin's clearance would be negative.
-            MissingDependencyError: The engine is not installed.
-        """
-        from dovetail import _core
-
-        if lack := config.lacks(cell.robot):
-            warnings.warn(lack, UnprovenWarning, stacklevel=2)
-        self.config = config = config.on(cell.robot)
-        name, widened = engine or config.engine, cell.widened(config.clearance_offset)
-        super().__init__(make_plant(name, widened, config.dynamics()))
-        self.plant.attach_channel(
-            _core.Channel(
-                delay=config.channel.command_delay,
-                torque_noise=config.channel.torque_noise,
-                position_noise=config.channel.position_noise,
-                velocity_noise=config.channel.velocity_noise,
-                seed=config.seed,
-            )
-        )
-
-    def read(self) -> tuple[Vec7, Vec7]:
-        """Return the measured configuration [rad] and velocity [rad/s], with noise."""
-        return self.plant.read()
-
-    @property
-    def command_delay(self) -> float:
-        """Delay until an overlay torque acts [s]."""
-        return self.plant.command_delay
-
-    def apply(self, tau: Vec7, dt: float, drive: Vec7 | None = None) -> None:
-        """Hold the overlay torque [Nm] for dt [s], late and noisy as configured.
-
-        Args:
-            tau: Overlay torque [Nm].
-            dt: Time [s].
-            drive: Torque of the arm's own drives [Nm], which acts at once.
-        """
-        self.plant.apply(tau, dt, drive)
-
-    def drop_commands(self) -> None:
-        """Forget overlay torques that are still on their way."""
-        self.plant.drop_commands()
-
-    def close_brakes(self, torque: Vec7) -> None:
-        """Add dry friction [Nm] to every joint, until `open_brakes` or `reset`."""
-        self.plant.close_brakes(torque)
-
-    def open_brakes(self) -> None:
-        """Take the brakes' friction away, the arm at rest."""
-        self.plant.open_brakes()
-
-    def run_cycles(
-        self,
-        controller: "_core.Controller",
-        target: "_core.Target",
-        cycles: int,
-        period: float,
-    ) -> tuple[Array, Vec7, Vec7]:
-        """Run the controller against the twin; see `Plant.run_cycles`."""
-        return self.plant.run_cycles(controller, target, cycles, period)
+    )
+    return plant

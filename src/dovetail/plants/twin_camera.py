@@ -1,20 +1,16 @@
 """Errors of a twin's camera: the differences from its calibration and timing."""
 
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section, Sectioned
+from dovetail.settings import Range, settings
 
 _AXES = tuple("xyz")
 _SHIFT, _TURN = Range(-0.1, 0.1, "m", _AXES), Range(-0.2, 0.2, "rad", _AXES)
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinPictures(Section):
+@settings(owner="twin camera")
+class TwinPictures:
     """Delay, rate and dropout of the pictures."""
-
-    owner: ClassVar[str] = "twin camera"
 
     delay: Annotated[float, Range(0.0, 5.0, "s")] = 0.05
     """Age of a picture when it can be used [s]."""
@@ -24,11 +20,9 @@ class TwinPictures(Section):
     """Share of the pictures that are lost."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinSight(Section):
+@settings(owner="twin camera")
+class TwinSight:
     """Errors of a camera simulated without pictures, the tracker `twin`."""
-
-    owner: ClassVar[str] = "twin camera"
 
     bias: Annotated[float, Range(0.0, 0.05, "m")] = 0.0
     """Offset of the seen fixture [m], in a horizontal direction that is drawn for each
@@ -39,11 +33,9 @@ class TwinSight(Section):
     """Standard deviation of a normal error of each picture, each of x y z [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinMisplaced(Section):
+@settings(owner="twin camera")
+class TwinMisplaced:
     """Errors of lens and place, which a calibration has to find."""
-
-    owner: ClassVar[str] = "twin camera"
 
     focal_error: Annotated[float, Range(-0.2, 0.2, "1")] = 0.0
     """True focal lengths over the camera file's, minus 1."""
@@ -66,11 +58,9 @@ class TwinMisplaced(Section):
         )
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinImage(Section):
+@settings(owner="twin camera")
+class TwinImage:
     """Imperfections of a picture against a clean drawing."""
-
-    owner: ClassVar[str] = "twin camera"
 
     noise: Annotated[float, Range(0.0, 100.0, "grey values")] = 2.0
     """Standard deviation of each pixel [grey values of 255]."""
@@ -83,21 +73,10 @@ class TwinImage(Section):
     values]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinCamera(Sectioned):
+@settings()
+class TwinCamera(TwinPictures, TwinSight, TwinMisplaced, TwinImage):
     """The table [camera] of a twin's file; what is left out is exact.
 
     Without pictures `sight` holds, with pictures it comes about by itself, from
     `misplaced` and `image`. When pictures come holds for both.
     """
-
-    whose: ClassVar[str] = "a twin's camera"
-
-    pictures: TwinPictures = field(default_factory=TwinPictures)
-    """Delay, rate and dropout of the pictures."""
-    sight: TwinSight = field(default_factory=TwinSight)
-    """Errors of a camera simulated without pictures."""
-    misplaced: TwinMisplaced = field(default_factory=TwinMisplaced)
-    """Errors of lens and place."""
-    image: TwinImage = field(default_factory=TwinImage)
-    """Imperfections of a picture against a clean drawing."""

@@ -1,10 +1,9 @@
 """The parts of a twin: its arm, the way to its joints and back, and contact."""
 
-from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import Annotated, Self
 
-from dovetail.control.ranges import Range
-from dovetail.control.sections import Section
+from pydantic import model_validator
+
 from dovetail.plants.plant import (
     ARMATURE,
     CONTACT_FRICTION,
@@ -13,15 +12,27 @@ from dovetail.plants.plant import (
     DAMPING,
     GRAVITY_RESIDUAL,
     MASS_SCALE,
+    Engine,
     require_inertia_set,
 )
+from dovetail.settings import Range, settings
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinArm(Section):
+@settings(owner="twin")
+class TwinRun:
+    """Description of a twin, its engine and its random numbers."""
+
+    description: str
+    """Description of the twin, one line."""
+    engine: Engine
+    """Physics engine: another one than the policy was trained in."""
+    seed: Annotated[int, Range(0, 2**63 - 1, "1")]
+    """Seed of the noise, >= 0."""
+
+
+@settings(owner="twin")
+class TwinArm:
     """Arm of a twin: masses, gravity, friction and rotors."""
-
-    owner: ClassVar[str] = "twin"
 
     inertia: str
     """Published inertia set of the arm; the controller's is drake."""
@@ -36,17 +47,16 @@ class TwinArm(Section):
     armature: Annotated[tuple[float, ...], ARMATURE]
     """Rotor inertia at each joint [kg m2]."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_twin_arm(self) -> Self:
         """Refuse an inertia set that there is not, and a number out of range."""
         require_inertia_set(self.inertia, "twin")
-        super().__post_init__()
+        return self
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinChannel(Section):
+@settings(owner="twin")
+class TwinChannel:
     """Between controller and joints: how late a torque acts, and the noise."""
-
-    owner: ClassVar[str] = "twin"
 
     command_delay: Annotated[float, Range(0.0, 0.1, "s")]
     """Delay of the torque command [s], the same at every control period: where it is no
@@ -59,11 +69,9 @@ class TwinChannel(Section):
     """Standard deviation of the measured velocity, per joint and reading [rad/s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TwinContact(Section):
+@settings(owner="twin")
+class TwinContact:
     """Contact of the tool in a twin."""
-
-    owner: ClassVar[str] = "twin"
 
     contact_friction: Annotated[float, CONTACT_FRICTION]
     """Sliding friction coefficient of the tool [1]."""

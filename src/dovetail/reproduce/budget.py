@@ -1,15 +1,15 @@
 """Sizes of the experiments: smoke, quick or full."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from dataclasses import field
+from typing import Any
 
-from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
+from dovetail.settings import settings, values_of
 
 
-@dataclass(frozen=True, kw_only=True)
-class IdentificationBudget(Section):
+@settings()
+class IdentificationBudget:
     """Sizes of the logs and the fits."""
 
     sequences: int = 10
@@ -20,8 +20,8 @@ class IdentificationBudget(Section):
     """Simulations of the log that a fit may use; None is the fit's own default."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RobustnessBudget(Section):
+@settings()
+class RobustnessBudget:
     """Disturbances, and what is tried under them."""
 
     shifts: tuple[float, ...] = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03)
@@ -40,15 +40,9 @@ class RobustnessBudget(Section):
     """Variants whose robustness is measured."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Budget(Sectioned):
-    """Sizes of the experiments; what is not here is the default of its command.
-
-    `Budget.of(name="mine", seeds=2, tries=5)` takes them by their own names, which are
-    those in a results folder.
-    """
-
-    whose: ClassVar[str] = "a budget"
+@settings()
+class Budget(IdentificationBudget, RobustnessBudget):
+    """Sizes of the experiments; what is not here is the default of its command."""
 
     name: str
     """Name of the budget."""
@@ -56,12 +50,8 @@ class Budget(Sectioned):
     """Training seeds per variant."""
     train: Mapping[str, Any] = field(default_factory=dict)
     """Settings of every training that differ from `TrainConfig`."""
-    identification: IdentificationBudget = field(default_factory=IdentificationBudget)
-    """Sizes of the logs and the fits."""
     tries: int = 20
     """Tries at each hole pose."""
-    robustness: RobustnessBudget = field(default_factory=RobustnessBudget)
-    """Disturbances."""
     other_direction: bool = False
     """Also train in MuJoCo and try on the twin in PyBullet."""
 
@@ -69,11 +59,11 @@ class Budget(Sectioned):
         """Return the sizes as JSON knows them."""
         return {
             name: list(value) if isinstance(value, tuple) else value
-            for name, value in self.flat().items()
+            for name, value in values_of(self).items()
         }
 
 
-SMOKE = Budget.of(
+SMOKE = Budget(
     name="smoke",
     seeds=1,
     train={
@@ -102,7 +92,7 @@ SMOKE = Budget.of(
 QUICK = Budget(name="quick", seeds=1)
 """One seed per variant, everything else at full size."""
 
-FULL = Budget.of(
+FULL = Budget(
     name="full",
     seeds=5,
     search_tries=20,

@@ -23,7 +23,7 @@ from dovetail.errors import ConfigError, DovetailError
 from dovetail.files import open_lock
 from dovetail.reproduce.stage import (
     STAGE,
-    Sitting,
+    StageContext,
     read_json,
     stage_folder,
     write_done,
@@ -53,7 +53,7 @@ def _run(root: Path, name: str) -> None:
     stage = read_json(stage_folder(root, name) / STAGE)
     module, _, function = stage["run"].partition(":")
     console = Console(file=sys.stdout, width=120, force_terminal=False)
-    sitting = Sitting(root, name, dict(stage["settings"]), console)
+    sitting = StageContext(root, name, dict(stage["settings"]), console)
     start = time.monotonic()
     result = pkgutil.resolve_name(f"{module}:{function}")(sitting)
     write_done(

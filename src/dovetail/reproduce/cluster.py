@@ -17,7 +17,7 @@ from dovetail.errors import (
     MissingDependencyError,
     install_command,
 )
-from dovetail.reproduce.executor import Job, start_process
+from dovetail.reproduce.executor import StageJob, start_process
 from dovetail.reproduce.stage import STAGE, stage_folder
 
 LOCAL = "local"
@@ -148,7 +148,7 @@ class RayExecutor:
         self.slots = max(1, min(workers or cores, cores))
         self._task = ray.remote(num_cpus=1, max_retries=RETRIES)(run_task)
 
-    def start(self, root: Path, name: str) -> Job:
+    def start(self, root: Path, name: str) -> StageJob:
         """Start a stage whose folder holds its stage.json."""
         return _Task(self._ray, self._task.remote(str(root), name))
 

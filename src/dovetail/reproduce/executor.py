@@ -18,7 +18,7 @@ ONE_THREAD = {
 """Environment of a stage: as many stages as cores run at once."""
 
 
-class Job(Protocol):
+class StageJob(Protocol):
     """A stage that was started."""
 
     def poll(self) -> int | None:
@@ -36,7 +36,7 @@ class Executor(Protocol):
     slots: int
     """Number of stages that may run at once."""
 
-    def start(self, root: Path, name: str) -> Job:
+    def start(self, root: Path, name: str) -> StageJob:
         """Start a stage whose folder holds its stage.json."""
         ...
 
@@ -91,7 +91,7 @@ class LocalExecutor:
         if self.slots < 1:
             raise ConfigError(f"workers is {self.slots}; needs at least 1")
 
-    def start(self, root: Path, name: str) -> Job:
+    def start(self, root: Path, name: str) -> StageJob:
         """Start a stage whose folder holds its stage.json."""
         return _Process(start_process(root, name))
 

@@ -5,10 +5,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dovetail.learn.config_file import CONFIG
 from dovetail.learn.policy import RUN_POLICY
 from dovetail.page import finite
 from dovetail.reproduce.settings import as_config
-from dovetail.reproduce.stage import Sitting
+from dovetail.reproduce.stage import StageContext
 
 TWINS = "twins"
 """Folder of the twins in the results folder: copies, so that a change of the original
@@ -22,13 +23,13 @@ def twin_file(root: Path, twin: str) -> Path:
     return root / TWINS / f"{twin}.toml"
 
 
-def record_log(sitting: Sitting) -> dict[str, Any]:
+def record_log(sitting: StageContext) -> dict[str, Any]:
     """Play the scripted sequences on the twin and log them."""
     from dovetail.identify.recorder import RecordConfig, record
 
     settings = sitting.settings
     recording = record(
-        RecordConfig.of(
+        RecordConfig(
             arm=f"twin:{twin_file(sitting.root, settings['twin'])}",
             out=sitting.folder / RECORDING,
             seed=settings["seed"],
@@ -40,7 +41,7 @@ def record_log(sitting: Sitting) -> dict[str, Any]:
     return {"cycles": sum(len(sequence.log) for sequence in recording.sequences)}
 
 
-def fit_model(sitting: Sitting) -> dict[str, Any]:
+def fit_model(sitting: StageContext) -> dict[str, Any]:
     """Fit the simulation to a log."""
     from dovetail.identify.fit import FitConfig, fit
 
@@ -48,7 +49,7 @@ def fit_model(sitting: Sitting) -> dict[str, Any]:
     out = sitting.folder / FIT
     limit = settings["evaluations"]
     result = fit(
-        FitConfig.of(
+        FitConfig(
             log=sitting.of(settings["log_of"]) / RECORDING,
             plant=settings["plant"],
             parameters=settings["parameters"],
@@ -70,7 +71,7 @@ def fit_model(sitting: Sitting) -> dict[str, Any]:
     }
 
 
-def report_fit(sitting: Sitting) -> dict[str, Any]:
+def report_fit(sitting: StageContext) -> dict[str, Any]:
     """Judge a fit by a log that it has not seen: figures, intervals, go or no-go."""
     from dovetail.identify.recording import Recording
     from dovetail.identify.report import write_identification_report
@@ -88,7 +89,7 @@ def report_fit(sitting: Sitting) -> dict[str, Any]:
     return finite(result)
 
 
-def train_policy(sitting: Sitting) -> dict[str, Any]:
+def train_policy(sitting: StageContext) -> dict[str, Any]:
     """Train one policy of one seed; a sitting that was cut short is gone on with."""
     settings = dict(sitting.settings)
     model_of = settings.pop("model_of", None)
@@ -97,7 +98,7 @@ def train_policy(sitting: Sitting) -> dict[str, Any]:
     return _train(sitting, settings)
 
 
-def train_on_twin(sitting: Sitting) -> dict[str, Any]:
+def train_on_twin(sitting: StageContext) -> dict[str, Any]:
     """Train on the twin itself over FRI, as the paper does on the robot, one pose."""
     from dovetail.reproduce.served_twin import serve_twin
 
@@ -110,13 +111,13 @@ def train_on_twin(sitting: Sitting) -> dict[str, Any]:
         return _train(sitting, settings | {"arm": address})
 
 
-def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
+def _train(sitting: StageContext, settings: dict[str, Any]) -> dict[str, Any]:
     from dovetail.learn.config import TrainConfig
     from dovetail.learn.train import train
 
     out = sitting.folder / RUN
-    resume = _is_begun(out, "config.json")
-    config = TrainConfig.of(out=out, resume=resume, **as_config(settings))
+    resume = _is_begun(out, CONFIG)
+    config = TrainConfig(out=out, resume=resume, **as_config(settings))
     (result,) = train(config, sitting.console)
     return {
         "steps": result.steps,
@@ -126,7 +127,7 @@ def _train(sitting: Sitting, settings: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
+def evaluate_policy(sitting: StageContext) -> dict[str, Any]:
     """Try a policy on a twin and keep its table."""
     from dovetail.evaluation.evaluate import EvaluationConfig, evaluate
 
@@ -137,7 +138,7 @@ def evaluate_policy(sitting: Sitting) -> dict[str, Any]:
     out = sitting.folder / EVALUATION
     shutil.rmtree(out, ignore_errors=True)  # of a sitting that was cut short
     evaluation = evaluate(
-        EvaluationConfig.of(policy=str(policy), twin=str(twin), out=out, **settings),
+        EvaluationConfig(policy=str(policy), twin=str(twin), out=out, **settings),
         sitting.console,
     )
     ends = [outcome.stop.reason for outcome in evaluation.outcomes]

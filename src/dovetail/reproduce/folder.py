@@ -4,6 +4,7 @@ import fcntl
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ def write_twins(root: Path, twins: Mapping[str, Twin]) -> None:
     (root / TWINS).mkdir(exist_ok=True)
     for name, twin in twins.items():
         write_atomic(twin_file(root, name), twin.to_toml())
-        other = twin.having(engine="bullet")
+        other = replace(twin, engine="bullet")
         write_atomic(twin_file(root, f"{name}-in-bullet"), other.to_toml())
 
 

@@ -117,7 +117,7 @@ def _seeds(config: PlanConfig) -> range:
 
 
 def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
-    budget = config.budget.identification
+    budget = config.budget
     logs = {"fitted": config.seed, "held-out": config.seed + HELD_OUT_SEED}
     for log, seed in logs.items():
         yield Stage(
@@ -180,7 +180,7 @@ simulations and from the served arm."""
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as JSON knows them."""
     chosen = {"plant": config.plant, **RECIPE, **config.budget.train, **changes}
-    settings = TrainConfig.of(**as_config(chosen)).to_json()
+    settings = TrainConfig(**as_config(chosen)).to_json()
     settings["hole"] = settings.pop("fixture")
     return {name: value for name, value in settings.items() if value is not None}
 
@@ -271,7 +271,7 @@ def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any
 
     Level 0 is nothing: the transfer table has it.
     """
-    sizes = budget.robustness
+    sizes = budget
     for shift in sizes.shifts:
         yield "shift", shift, {"hole_shift": shift}
     for shift in sizes.searches:
@@ -288,7 +288,7 @@ def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any
 
 def _robustness(config: PlanConfig) -> Iterator[Stage]:
     for seed in _seeds(config):
-        for variant in config.budget.robustness.robust:
+        for variant in config.budget.robust:
             for what, level, settings in robustness_cases(config.budget):
                 if level == 0.0:
                     continue

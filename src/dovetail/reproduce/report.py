@@ -22,7 +22,7 @@ from dovetail.reproduce.figures import (
 from dovetail.reproduce.folder import SETTINGS
 from dovetail.reproduce.plan import PlanConfig, fit_name
 from dovetail.reproduce.results import Gathered, gather, seeds_of
-from dovetail.reproduce.schedule import Tally
+from dovetail.reproduce.schedule import RunSummary
 from dovetail.reproduce.stage import Stage, stage_folder
 from dovetail.zoomable import NOTE
 
@@ -47,7 +47,7 @@ _FIT_FIGURES = {
 
 
 def write_reproduction(
-    root: Path, config: PlanConfig, stages: Sequence[Stage], tally: Tally
+    root: Path, config: PlanConfig, stages: Sequence[Stage], tally: RunSummary
 ) -> list[Path]:
     """Write figures, JSON and HTML, the HTML last; what is missing is named.
 
@@ -142,7 +142,7 @@ def _where(config: PlanConfig) -> dict[str, Any]:
     }
 
 
-def _lead(config: PlanConfig, tally: Tally, total: int) -> list[str]:
+def _lead(config: PlanConfig, tally: RunSummary, total: int) -> list[str]:
     engine = "PyBullet" if config.plant == "bullet" else "MuJoCo"
     twin = config.twins[0]
     parts = [

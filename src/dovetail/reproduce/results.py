@@ -160,7 +160,7 @@ def _grounds(root: Path, config: PlanConfig) -> Iterable[tuple[str, str, Table |
 
 def _robustness(root: Path, config: PlanConfig) -> dict[tuple[str, str], list[Level]]:
     found: dict[tuple[str, str], list[Level]] = {}
-    for variant in config.budget.robustness.robust:
+    for variant in config.budget.robust:
         for what, level, _ in robustness_cases(config.budget):
 
             def name(

@@ -16,7 +16,7 @@ from dovetail.reproduce.executor import Executor, LocalExecutor
 from dovetail.reproduce.folder import locked, open_folder, write_twins
 from dovetail.reproduce.plan import PlanConfig, plan
 from dovetail.reproduce.report import write_reproduction
-from dovetail.reproduce.schedule import Tally, check_plan, find_done, run_stages
+from dovetail.reproduce.schedule import RunSummary, check_plan, find_done, run_stages
 from dovetail.reproduce.show import StageDisplay
 
 
@@ -50,7 +50,7 @@ class Reproduction(NamedTuple):
 
     root: Path
     """The results folder, absolute."""
-    tally: Tally
+    tally: RunSummary
     """Stages that are done, failed or left out."""
     files: list[Path]
     """Report, figures and JSON."""

@@ -11,7 +11,7 @@ from typing import Protocol
 from dovetail.errors import ConfigError
 from dovetail.files import write_atomic
 from dovetail.reading import open_regular
-from dovetail.reproduce.executor import Executor, Job
+from dovetail.reproduce.executor import Executor, StageJob
 from dovetail.reproduce.stage import (
     DONE,
     LOG,
@@ -53,7 +53,7 @@ class Display(Protocol):
 
 
 @dataclass
-class Tally:
+class RunSummary:
     """Stages that are done, failed or left out."""
 
     done: set[str] = field(default_factory=set)
@@ -117,7 +117,7 @@ def find_done(root: Path, stages: Sequence[Stage]) -> set[str]:
 
 def run_stages(
     root: Path, stages: Sequence[Stage], executor: Executor, display: Display
-) -> Tally:
+) -> RunSummary:
     """Run every stage that is not done yet; a failed one does not stop the others.
 
     The longest chain of stages goes first. Stages that are running when this is
@@ -129,13 +129,13 @@ def run_stages(
         executor: Where they run.
         display: Told what happens.
     """
-    tally = Tally(done=find_done(root, stages))
+    tally = RunSummary(done=find_done(root, stages))
     order = ranks(stages)
     waiting = sorted(
         (stage for stage in stages if stage.name not in tally.done),
         key=lambda stage: -order[stage.name],
     )
-    running: dict[str, tuple[Stage, Job, float]] = {}
+    running: dict[str, tuple[Stage, StageJob, float]] = {}
     try:
         while waiting or running:
             _leave_out(waiting, tally, display)
@@ -156,7 +156,7 @@ def run_stages(
     return tally
 
 
-def _leave_out(waiting: list[Stage], tally: Tally, display: Display) -> None:
+def _leave_out(waiting: list[Stage], tally: RunSummary, display: Display) -> None:
     """Take out what needs a failed stage, and what needs that, and so on."""
     is_changed = True
     while is_changed:
@@ -179,8 +179,8 @@ def _prepare(root: Path, stage: Stage) -> None:
 
 def _collect(
     root: Path,
-    running: dict[str, tuple[Stage, Job, float]],
-    tally: Tally,
+    running: dict[str, tuple[Stage, StageJob, float]],
+    tally: RunSummary,
     display: Display,
 ) -> None:
     for stage, job, start in list(running.values()):

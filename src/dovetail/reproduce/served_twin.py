@@ -120,16 +120,16 @@ def _serve(
     from dovetail.cabinet.cabinet import Cabinet
     from dovetail.cabinet.config import CabinetConfig, Endpoint
     from dovetail.envs.registered import find_cell
-    from dovetail.plants.twin import TwinPlant, load_twin
+    from dovetail.plants.twin import load_twin, make_twin
     from dovetail.poses import Pose, quat_about_z, tool_down
 
     x, y, z, yaw = settings["hole"]
     cell = find_cell(**settings["scene"])
-    plant = TwinPlant(load_twin(file), cell)
+    plant = make_twin(load_twin(file), cell)
     above = Pose(np.array([x, y, z + _ABOVE]), tool_down(yaw))
     start = plant.robot.inverse_kinematics(above, plant.robot.posture("down"))
     plant.reset(start, Pose(np.array([x, y, z]), quat_about_z(yaw)))
-    config = CabinetConfig.of(
+    config = CabinetConfig(
         period=settings["period"],
         clock="lockstep",
         patience=_PATIENCE,

@@ -51,7 +51,7 @@ class Stage:
 
 
 @dataclass(frozen=True)
-class Sitting:
+class StageContext:
     """Argument of a stage's function, each time that it runs."""
 
     root: Path

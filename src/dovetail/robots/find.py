@@ -8,8 +8,8 @@ import pkgutil
 from pathlib import Path
 
 from dovetail.errors import ConfigError, did_you_mean
+from dovetail.plugins import import_names
 from dovetail.robots.robot import Robot
-from dovetail.strangers import import_names
 
 DEFAULT_ROBOT = "iiwa14"
 _PACKAGE = "dovetail.robots"

@@ -1,7 +1,7 @@
 """Friction and rotor inertia that an arm's drives add to its links."""
 
 from dataclasses import dataclass, field
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,7 +26,7 @@ class Motors(ArrayFacts):
     notes: tuple[str, ...] = ()
     """Values that a robot file does not give, and those assumed instead."""
 
-    def flat(self) -> dict[str, tuple[float, ...]]:
+    def values(self) -> dict[str, Any]:
         """Return damping, dry friction and rotor inertia by name, as settings are."""
         names = ("damping", "coulomb", "armature")
         return {name: tuple(vars(self)[name].tolist()) for name in names}

@@ -7,44 +7,20 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from dovetail.arms.arm import Arm, ArmState
 from dovetail.control.settings import ControllerSettings
 from dovetail.errors import ArmError
 from dovetail.poses import Pose
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.types import Array, Vec7
 
 if TYPE_CHECKING:
     from dovetail import _core
-    from dovetail.robots.robot import Robot
-    from dovetail.workcell.workcell import Workcell
 
 ROWS_KEPT = 120_000
 """Control cycles of a motion that are kept for its log: 10 min at 5 ms, 40 MB."""
-
-
-class ArmBuilder(Protocol):
-    """Makes the arm for a learner's settings."""
-
-    name: str
-    """Address of the arm."""
-    robot: "Robot"
-    """The controller's model, tool included."""
-    cell: "Workcell | None"
-    """Geometry of the task; None where it is not known."""
-    is_real_time: bool
-    """True if the arm moves on while the learner thinks."""
-    places_fixture: bool
-    """True if the arm can put the fixture where a reset says."""
-
-    def build(self, settings: ControllerSettings) -> Arm:
-        """Return an arm with these settings; the one built before is not used again."""
-        ...
-
-    def close(self) -> None:
-        """Release everything, the arm included; harmless when repeated."""
-        ...
 
 
 class Stop(NamedTuple):
@@ -56,8 +32,8 @@ class Stop(NamedTuple):
     """True if it was asked for: then only `clear` ends it, not a reset."""
 
 
-class Watched(NamedTuple):
-    """Report to a read-only watcher."""
+class StatusReport(NamedTuple):
+    """State of the arm, as it is sent to watchers."""
 
     serial: int
     """Grows with every report."""
@@ -70,17 +46,17 @@ class Watched(NamedTuple):
 class ArmHost:
     """One arm, one motion at a time, its log, and the report to its watchers."""
 
-    def __init__(self, builder: ArmBuilder) -> None:
-        """Own what the builder makes; nothing is built before `configure`."""
-        self.builder = builder
+    def __init__(self, offered: OfferedArm) -> None:
+        """Own the arm; nothing is built before `configure`."""
+        self.offered = offered
         self.settings: ControllerSettings | None = None
         self._configured = b""
         self._arm: Arm | None = None
         self.on_news: Callable[[], None] = lambda: None
-        """Called, in any thread, when `watched` has changed; it must not block."""
+        """Called, in any thread, when `report` has changed; it must not block."""
         self._turn = threading.Lock()
         self._news = threading.Lock()
-        self._watched = Watched(0, None, None)
+        self._report = StatusReport(0, None, None)
         self._ending: Stop | None = None
         self._in_motion = False
         self._blocks: deque[tuple[int, Array]] = deque()
@@ -88,14 +64,14 @@ class ArmHost:
         self._steps = 0
 
     @property
-    def watched(self) -> Watched:
+    def report(self) -> StatusReport:
         """The newest report for watchers."""
-        return self._watched
+        return self._report
 
     @property
     def stop_reason(self) -> str:
         """Reason why the arm may not move; empty if it may."""
-        stop = self._watched.stop
+        stop = self._report.stop
         return "" if stop is None else stop.reason
 
     def configure(self, settings: ControllerSettings, key: bytes) -> bool:
@@ -110,6 +86,7 @@ class ArmHost:
 
         Raises:
             ArmError: The arm is moving.
+            ConfigError: The settings do not fit the arm, which stays as it is.
         """
         if not self._turn.acquire(blocking=False):
             raise ArmError(
@@ -119,15 +96,16 @@ class ArmHost:
         try:
             if self._arm is not None and key == self._configured:
                 return False
-            is_held = self._watched.stop is not None
-            if self.builder.is_real_time and self._in_motion and not is_held:
+            is_held = self._report.stop is not None
+            if self.offered.address.is_real_time and self._in_motion and not is_held:
                 raise ArmError(
                     "settings cannot change while the arm follows a target in real "
                     "time; stop it first"
                 )
+            self.offered.require_fit(settings)
             self._arm, self._configured = None, b""
             self._in_motion = False
-            self._arm = self.builder.build(settings)
+            self._arm = self.offered.build(settings)
             self.settings, self._configured = settings, key
             return True
         finally:
@@ -154,7 +132,7 @@ class ArmHost:
         """
         with self._turn:
             arm = self._require_arm()
-            stop = self._watched.stop
+            stop = self._report.stop
             require()
             if stop is not None and stop.is_ordered:
                 raise ArmError(f"the arm is stopped ({stop.reason}): clear it first")
@@ -168,7 +146,7 @@ class ArmHost:
             self._blocks.clear()
             self._rows = self._steps = 0
             # Only this stop: one that came during the reset is newer than the reset.
-            self._tell(state, ended=stop)
+            self._publish(state, ended=stop)
             return state
 
     def step(self, target: "_core.Target", duration: float) -> ArmState:
@@ -179,7 +157,7 @@ class ArmHost:
         """
         with self._turn:
             arm = self._require_arm()
-            if (stop := self._watched.stop) is not None:
+            if (stop := self._report.stop) is not None:
                 raise ArmError(
                     f"the arm is stopped ({stop.reason}): "
                     + ("clear it" if stop.is_ordered else "clear or reset it")
@@ -188,17 +166,17 @@ class ArmHost:
                 raise ArmError("the arm has not been reset since it was configured")
             state = arm.step(target, duration)
             self._keep(state.log)
-            self._tell(state)
+            self._publish(state)
             return state
 
     def stop(self, reason: str, *, is_ordered: bool) -> None:
         """Hold the arm now, also while a step is under way in another thread."""
         with self._news:
-            before = self._watched.stop
+            before = self._report.stop
             if before is None or is_ordered or not before.is_ordered:
                 stop = Stop(reason, is_ordered)
-                self._watched = Watched(
-                    self._watched.serial + 1, self._watched.state, stop
+                self._report = StatusReport(
+                    self._report.serial + 1, self._report.state, stop
                 )
         self.on_news()
         self._hold()
@@ -206,14 +184,14 @@ class ArmHost:
     def clear(self, require: Callable[[], object] = lambda: None) -> None:
         """Let the arm move again; `require` as in `reset`."""
         with self._turn:
-            stop = self._watched.stop
+            stop = self._report.stop
             require()
             if stop is not None:
                 with self._ends(stop):
                     if self._arm is not None:
                         self._arm.clear()
                     self.hold_if_stopped()
-                self._tell(self._watched.state, ended=stop)
+                self._publish(self._report.state, ended=stop)
 
     def hold_if_stopped(self) -> None:
         """Hold the arm again if a stop is in force, except one that is being ended.
@@ -221,7 +199,7 @@ class ArmHost:
         An arm ends its stop when a reset or a clear begins; a stop that came a moment
         earlier would end, too.
         """
-        stop = self._watched.stop
+        stop = self._report.stop
         if stop is not None and stop is not self._ending:
             self._hold()
 
@@ -240,7 +218,7 @@ class ArmHost:
         self.stop("the service has closed", is_ordered=False)
         with self._turn:
             self._arm = None
-            self.builder.close()
+            self.offered.close()
 
     @contextmanager
     def _ends(self, stop: Stop | None) -> Iterator[None]:
@@ -268,10 +246,10 @@ class ArmHost:
         while self._rows > ROWS_KEPT and len(self._blocks) > 1:
             self._rows -= len(self._blocks.popleft()[1])
 
-    def _tell(self, state: ArmState | None, ended: Stop | None = None) -> None:
+    def _publish(self, state: ArmState | None, ended: Stop | None = None) -> None:
         """Publish a state; a stop stays unless it is the one that has ended."""
         with self._news:
-            stop = self._watched.stop
+            stop = self._report.stop
             stop = None if stop is ended else stop
-            self._watched = Watched(self._watched.serial + 1, state, stop)
+            self._report = StatusReport(self._report.serial + 1, state, stop)
         self.on_news()

@@ -9,7 +9,7 @@ import logging
 import secrets
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from typing import Any, TypeVar
 
@@ -19,8 +19,9 @@ import numpy as np
 from dovetail.arms.arm import ArmState
 from dovetail.errors import ArmError, ConfigError, DovetailError
 from dovetail.plants.plant import CYCLE_COLUMNS
+from dovetail.printable import printable
 from dovetail.rpc import dovetail_pb2 as pb
-from dovetail.rpc.arm_host import ArmHost, Watched
+from dovetail.rpc.arm_host import ArmHost, StatusReport
 from dovetail.rpc.calls import read_message
 from dovetail.rpc.fields import FieldReader
 from dovetail.rpc.lease import Holder, LeaseBook
@@ -131,20 +132,19 @@ class ArmService:
     async def get_info(self, request: pb.InfoRequest, context: _Context) -> pb.Info:
         """Say what arm this is."""
         require_version(request.version, "client")
-        builder, holder = self._host.builder, self.leases.holder
+        offered, holder = self._host.offered, self.leases.holder
         info = pb.Info(
             version=own_version(),
-            arm=builder.name,
-            real_time=builder.is_real_time,
-            places_fixture=builder.places_fixture,
+            arm=offered.address.text,
+            real_time=offered.address.is_real_time,
+            places_fixture=offered.address.places_fixture,
             holder=str(holder or ""),
             stopped=self._host.stop_reason,
             joints=JOINTS,
             columns=CYCLE_COLUMNS,
         )
-        write_robot(builder.robot, info.robot)
-        if builder.cell is not None:
-            info.cell.name = builder.cell.name
+        write_robot(offered.robot, info.robot)
+        info.cell.name = offered.cell.name
         if self._host.settings is not None:
             write_settings(self._host.settings, info.configured)
         return info
@@ -159,7 +159,7 @@ class ArmService:
         require_version(request.version, "client")
         self.leases.require(request.lease)
         self._require_cell(request)
-        settings = read_settings(request, self._host.builder.robot)
+        settings = read_settings(request, self._host.offered.robot)
         key = pb.Configuration()
         write_settings(settings, key)
         is_new = await self._by_arm(
@@ -167,14 +167,14 @@ class ArmService:
         )
         if is_new:
             self._say(f"configured: {settings.task}, {settings.period:g} s")
-            for text in settings.limits.declared.unproven():
+            for text in settings.limits.beyond_proven():
                 self._say(f"warning: {text}")
         return pb.Done()
 
     async def reset(self, request: pb.ResetRequest, context: _Context) -> pb.Report:
         """Begin a motion."""
         self.leases.require(request.lease)
-        q, fixture = read_configuration(request, self._host.builder.robot)
+        q, fixture = read_configuration(request, self._host.offered.robot)
         seed = request.seed if request.HasField("seed") else None
         still = partial(self.leases.require, request.lease)
         motion = self._arm_thread.submit(self._host.reset, q, fixture, seed, still)
@@ -198,7 +198,7 @@ class ArmService:
         if not request.HasField("acquire"):
             raise ArmError("the first message of a control stream acquires the lease")
         require_version(request.acquire.version, "client")
-        name = _printable(request.acquire.client) or "a client"
+        name = printable(request.acquire.client)[:_NAME_MAX] or "a client"
         holder = self.leases.acquire(name, _caller(context))
         try:
             self._say(f"{holder} holds the arm")
@@ -216,19 +216,19 @@ class ArmService:
             serial = -1
             while True:
                 news = self._news  # first, so that no report is missed
-                watched = self._host.watched
-                if watched.serial == serial:
+                report = self._host.report
+                if report.serial == serial:
                     await news.wait()
                     continue
-                serial = watched.serial
-                await context.write(self._watched(watched, has_log=request.log))
+                serial = report.serial
+                await context.write(self._status_report(report, has_log=request.log))
                 await asyncio.sleep(interval)
 
     async def stop(self, request: pb.StopRequest, context: _Context) -> pb.Done:
         """Hold the arm now, for any client: the lease is not needed."""
-        reason = f"{_printable(request.reason) or 'stopped'}, asked by "
+        reason = f"{printable(request.reason)[:_NAME_MAX] or 'stopped'}, asked by "
         reason += _caller(context)
-        before = self._host.watched.stop
+        before = self._host.report.stop
         self._host.stop(reason, is_ordered=True)
         if before is None or not before.is_ordered:
             self._say(f"the arm is held: {reason}")
@@ -243,9 +243,10 @@ class ArmService:
         return pb.Done()
 
     async def get_log(self, request: pb.LogRequest, context: _Context) -> None:
-        """Send the control cycles since the last reset."""
+        """Send the control cycles since the last reset; the holder's need no room."""
         require_version(request.version, "client")
-        with self._reading():
+        is_holder = self.leases.is_held_by(request.lease)
+        with nullcontext() if is_holder else self._reading():
             sending = await self._send_log(context)
         if sending is not None:
             await sending  # the call can end only when its reader has read this
@@ -330,7 +331,7 @@ class ArmService:
         self.steps += 1
         return _report(request.counter, state)
 
-    def _watched(self, news: Watched, *, has_log: bool) -> pb.Report:
+    def _status_report(self, news: StatusReport, *, has_log: bool) -> pb.Report:
         holder = self.leases.holder
         report = pb.Report(
             counter=news.serial,
@@ -343,10 +344,8 @@ class ArmService:
         return report
 
     def _require_cell(self, request: pb.Configuration) -> None:
-        cell = self._host.builder.cell
-        if cell is None or not request.HasField("cell"):
-            return
-        if request.cell.name != cell.name:
+        cell = self._host.offered.cell
+        if request.HasField("cell") and request.cell.name != cell.name:
             raise ConfigError(
                 f"the learner's cell is {request.cell.name!r}, the service's is "
                 f"{cell.name!r}: start both with the same options of the task"
@@ -385,13 +384,8 @@ def _interval(request: pb.WatchRequest) -> float:
     return interval
 
 
-def _printable(text: str) -> str:
-    """Return a text of the other end without what could forge lines."""
-    return "".join(c for c in text if c.isprintable())[:_NAME_MAX]
-
-
 def _caller(context: _Context) -> str:
     """Return where a call comes from, with the name in its certificate if any."""
     names: Any = context.auth_context().get("x509_common_name", [])
-    name = _printable(", ".join(part.decode(errors="replace") for part in names))
-    return f"{context.peer()} ({name})" if name else context.peer()
+    name = printable(", ".join(part.decode(errors="replace") for part in names))
+    return f"{context.peer()} ({name[:_NAME_MAX]})" if name else context.peer()

@@ -13,9 +13,9 @@ import grpc
 from google.protobuf.message import DecodeError
 from google.protobuf.message_factory import GetMessageClass
 
-from dovetail.errors import DovetailError
+from dovetail.errors import ConfigError, DovetailError
 from dovetail.rpc import dovetail_pb2 as pb
-from dovetail.rpc.problems import MalformedError, SilentCallError, abort
+from dovetail.rpc.problems import SilentCallError, abort
 
 SERVICE = pb.DESCRIPTOR.services_by_name["Arm"]
 
@@ -83,7 +83,7 @@ def _answered(servicer: Any, name: str, method: Call) -> Call:
         except DovetailError as error:
             await abort(context, error)
         except DecodeError as error:
-            await abort(context, MalformedError(f"not the message of {name}: {error}"))
+            await abort(context, ConfigError(f"not the message of {name}: {error}"))
         except grpc.aio.InternalError:
             return None  # the client has gone: no answer is due
         except Exception as error:

@@ -56,20 +56,13 @@ class FieldReader:
             wanted = f"{len(labels)} ({' '.join(labels)})" if any(labels) else "1 value"
             self.refuse(path, given if values else "missing", f"{wanted} in {unit}")
             return np.full(len(labels), np.nan)
-        numbers = values[:]  # a list: far quicker than the message's own container
-        array = np.array(numbers)
+        array = np.array(values[:])  # a list is read far quicker than the field itself
         low, high = allowed
-        if (low is FINITE[0] and math.isfinite(sum(numbers))) or (
-            ((array >= low) & (array <= high)).all() and np.isfinite(array).all()
-        ):
-            return array
-        lows, highs = (
-            np.broadcast_to(low, array.shape),
-            np.broadcast_to(high, array.shape),
-        )
-        for label, x, lowest, highest in zip(labels, array, lows, highs, strict=True):
-            element = f"{path}[{label}]" if label else path
-            self._check(element, float(x), unit, lowest, highest)
+        is_right = np.isfinite(array) & (array >= low) & (array <= high)
+        for i in np.flatnonzero(~is_right):
+            element = f"{path}[{labels[i]}]" if labels[i] else path
+            lowest, highest = (np.broadcast_to(x, array.shape)[i] for x in allowed)
+            self._check(element, array[i], unit, lowest, highest)
         return array
 
     def number(

@@ -60,6 +60,13 @@ class LeaseBook:
         self._holder = Holder(name, peer)
         return self._holder
 
+    def is_held_by(self, lease: str) -> bool:
+        """Return whether this is the lease of the holder."""
+        held = self._holder
+        return held is not None and secrets.compare_digest(
+            held.lease.encode(), lease.encode()
+        )
+
     def require(self, lease: str) -> Holder:
         """Return the holder that shows this lease.
 
@@ -67,9 +74,7 @@ class LeaseBook:
             ArmError: The lease is unknown or has ended; says why.
         """
         held = self._holder
-        if held is None or not secrets.compare_digest(
-            held.lease.encode(), lease.encode()
-        ):
+        if held is None or not self.is_held_by(lease):
             now = f"; now {held} holds the arm" if held is not None else ""
             raise ArmError(
                 "this client does not hold the arm's lease: "

@@ -26,9 +26,6 @@ STAY_MAX = 7
 
 _ROW = np.dtype("<f8")
 _COLUMNS = len(CYCLE_COLUMNS)
-_SIZES = [  # without and with feed-forward, without and with a tare
-    [6, 3, 4, 4, motion, motion, tare] for motion in (0, 6) for tare in (0, 6)
-]
 
 
 def write_target(target: _core.Target, message: pb.Target) -> None:
@@ -50,8 +47,6 @@ def write_target(target: _core.Target, message: pb.Target) -> None:
 
 def read_target(message: pb.Target, fields: FieldReader) -> _core.Target:
     """Return a message's Target; wrong fields go to the reader."""
-    if (right := _read_right_target(message)) is not None:
-        return right
     target = _core.Target(
         f_star=fields.vector(
             "target.f_star", message.f_star, TASK_AXES, "m/s2 or rad/s2"
@@ -78,45 +73,6 @@ def read_target(message: pb.Target, fields: FieldReader) -> _core.Target:
     return target
 
 
-def _read_right_target(message: pb.Target) -> _core.Target | None:
-    """Return a message's Target, None where something is wrong or a joint's.
-
-    Every step comes through here, mostly in a thread that has just been woken: then
-    little code is quick, even if it computes more.
-    """
-    f_star, position = message.f_star[:], message.position_d[:]
-    quat, plane = message.quat_wxyz_d[:], message.near_plane[:]
-    velocity, acceleration = message.velocity_d[:], message.acceleration_d[:]
-    tare = message.f_tare[:]
-    parts = (f_star, position, quat, plane, velocity, acceleration, tare)
-    if [len(part) for part in parts] not in _SIZES or message.q_d:
-        return None
-    numbers = f_star + position + quat + velocity + acceleration + tare
-    is_nowhere = plane[3] == -math.inf
-    finite = numbers + (plane[:3] if is_nowhere else plane)
-    length = sum([x * x for x in quat])
-    normal = 1.0 if is_nowhere else sum([x * x for x in plane[:3]])
-    if not (
-        math.isfinite(sum(finite))
-        and 0.0 <= message.age <= AGE_MAX
-        and message.stay <= STAY_MAX
-        and abs(length - 1.0) <= LENGTH_TOLERANCE
-        and abs(normal - 1.0) <= LENGTH_TOLERANCE
-    ):
-        return None
-    array = np.array(numbers)
-    target = _core.Target(
-        f_star=array[:6], position_d=array[6:9], quat_wxyz_d=array[9:13]
-    )
-    target.near_plane = np.array(plane)
-    target.age, target.stay = message.age, message.stay
-    if velocity:
-        target.velocity_d, target.acceleration_d = array[13:19], array[19:25]
-    if tare:
-        target.f_tare = array[-6:]
-    return target
-
-
 def _read_plane(values: list[float], fields: FieldReader) -> Array:
     """Return unit normal and offset; only the offset may be infinite, and only below.
 
@@ -136,11 +92,6 @@ def _read_plane(values: list[float], fields: FieldReader) -> Array:
 
 def read_duration(message: pb.StepRequest, period: float, fields: FieldReader) -> float:
     """Return a step's duration [s], a whole number of control periods."""
-    duration = message.duration
-    if period <= duration <= DURATION_MAX:
-        cycles = round(duration / period)
-        if abs(cycles * period - duration) <= 1e-9:
-            return duration
     duration = fields.number("duration", message, "duration", "s")
     cycles = round(duration / period) if abs(duration) <= DURATION_MAX else 0
     if math.isfinite(duration) and (

@@ -68,8 +68,16 @@ class SilentCallError(ArmError):
     """A call was begun and nothing was said, or nothing of its answer was read."""
 
 
-class MalformedError(ConfigError):
-    """The bytes of a request are not its message."""
+_STATUS = {
+    ConfigError: grpc.StatusCode.INVALID_ARGUMENT,
+    LimitError: grpc.StatusCode.INVALID_ARGUMENT,
+    PlantError: grpc.StatusCode.ABORTED,
+    TokenError: grpc.StatusCode.UNAUTHENTICATED,
+    NoRoomError: grpc.StatusCode.RESOURCE_EXHAUSTED,
+    SilentCallError: grpc.StatusCode.DEADLINE_EXCEEDED,
+    DovetailError: grpc.StatusCode.FAILED_PRECONDITION,
+}
+"""Status of a failed call by its error: the first that it is."""
 
 
 def problem_of(error: Exception) -> pb.Problem:
@@ -99,19 +107,8 @@ def error_of(problem: pb.Problem) -> DovetailError:
 
 def status_of(error: Exception) -> grpc.StatusCode:
     """Return the status with which a call fails."""
-    if isinstance(error, ConfigError | LimitError):
-        return grpc.StatusCode.INVALID_ARGUMENT
-    if isinstance(error, PlantError):
-        return grpc.StatusCode.ABORTED
-    if isinstance(error, TokenError):
-        return grpc.StatusCode.UNAUTHENTICATED
-    if isinstance(error, NoRoomError):
-        return grpc.StatusCode.RESOURCE_EXHAUSTED
-    if isinstance(error, SilentCallError):
-        return grpc.StatusCode.DEADLINE_EXCEEDED
-    if isinstance(error, DovetailError):
-        return grpc.StatusCode.FAILED_PRECONDITION
-    return grpc.StatusCode.INTERNAL
+    fits = (code for kind, code in _STATUS.items() if isinstance(error, kind))
+    return next(fits, grpc.StatusCode.INTERNAL)
 
 
 async def abort(context: grpc.aio.ServicerContext, error: Exception) -> NoReturn:

@@ -13,9 +13,10 @@ from typing import Any, Self, TypeVar
 import grpc
 
 from dovetail.errors import ConfigError
-from dovetail.rpc.arm_host import ArmBuilder, ArmHost
+from dovetail.rpc.arm_host import ArmHost
 from dovetail.rpc.arm_service import ArmService
 from dovetail.rpc.calls import KEEPALIVE, MESSAGE_MAX, REQUEST_MAX, make_handler
+from dovetail.rpc.offered_arm import OfferedArm
 from dovetail.rpc.security import Certificates, server_credentials, split_address
 from dovetail.rpc.token import TOKEN, make_token
 
@@ -42,7 +43,7 @@ class ArmServer:
 
     def __init__(
         self,
-        builder: ArmBuilder,
+        offered: OfferedArm,
         listen: str = LISTEN,
         files: Certificates | None = None,
         notify: Callable[[str], None] = lambda line: None,
@@ -50,7 +51,7 @@ class ArmServer:
         """Open the port; `start` begins to serve.
 
         Args:
-            builder: Makes the arm; closed with the server.
+            offered: The arm; closed with the server.
             listen: HOST:PORT; port 0 is any free one.
             files: Certificates; needed for any host but this machine's loopback.
                 Without them a caller has to show a token: DOVETAIL_TOKEN, or a random
@@ -65,7 +66,7 @@ class ArmServer:
         host, port = split_address(listen)
         credentials = server_credentials(host, files)
         token = "" if files else make_token()
-        self._host = ArmHost(builder)
+        self._host = ArmHost(offered)
         spelled = f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
         async def build() -> tuple[ArmService, grpc.aio.Server]:

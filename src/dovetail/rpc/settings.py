@@ -1,19 +1,19 @@
 """Settings of a learner: task, law, limits and period, each field checked."""
 
+from dataclasses import fields
 from typing import Any, TypeVar, get_args
 
 import numpy as np
 
 from dovetail.control.config import PERIOD_MAX, PERIOD_MIN, LimitConfig, OscConfig
 from dovetail.control.limits import BOUNDS, SCHEMES
-from dovetail.control.ranges import Range
-from dovetail.control.sections import settings_in
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import FORCE, POSE, TaskSpec
 from dovetail.errors import ConfigError
 from dovetail.robots.robot import Robot
 from dovetail.rpc import dovetail_pb2 as pb
 from dovetail.rpc.fields import FieldReader
+from dovetail.settings import Range, values_of
 from dovetail.types import JOINTS
 
 _CHOICES = {"scheme": SCHEMES, "bounds": BOUNDS}
@@ -54,7 +54,7 @@ def read_settings(message: pb.Configuration, robot: Robot) -> ControllerSettings
 
 
 def _write_config(config: OscConfig | LimitConfig, settings: Any) -> None:
-    for name, value in config.flat().items():
+    for name, value in values_of(config).items():
         if isinstance(value, bool):
             settings.add(name=name, is_on=value)
         elif isinstance(value, str):
@@ -82,20 +82,20 @@ def _read_config(
     kind: type[_Config], settings: Any, path: str, reader: FieldReader
 ) -> _Config | None:
     wrong = len(reader.wrong)
-    known = settings_in(kind)
+    known = {f.name: f.type for f in fields(kind)}
     given = {setting.name: setting for setting in settings}
     for name in given.keys() - known.keys():
         reader.refuse(f"{path}.{name}", "unknown", ", ".join(known))
     if len(given) < len(settings):
         reader.refuse(path, "given with a name twice", "each name once")
     values = {
-        name: _read_setting(name, setting.kind, given.get(name), path, reader)
-        for name, setting in known.items()
+        name: _read_setting(name, wanted, given.get(name), path, reader)
+        for name, wanted in known.items()
     }
     if len(reader.wrong) > wrong:
         return None
     try:
-        return kind.of(**values)
+        return kind(**values)
     except ConfigError as error:
         reader.refuse(path, f"wrong: {error}", "settings that fit together")
         return None
@@ -130,7 +130,7 @@ def _require_inside(limits: LimitConfig, robot: Robot, reader: FieldReader) -> N
         unit = {"dq_max": "rad/s", "tau_max": "Nm"}.get(name, "rad")
         reader.vector(
             f"limits.{name}",
-            vars(limits.joints)[name].tolist(),
+            vars(limits)[name].tolist(),
             JOINTS,
             unit,
             (low, high),

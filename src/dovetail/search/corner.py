@@ -101,23 +101,23 @@ class CornerSearch:
         self._tilt_axis = np.cross(_UP, self._along)
         self._depth, self._wide = outline.depth, 2.0 * radius
         self._leaning = self._without_wedging(2.0 * (env.task.gap() or 0.0))
-        self._damping = np.array(per_axis("", env.config.action.force_damping))
+        self._damping = np.array(per_axis("", env.config.force_damping))
         self._scale = np.array(env.commands.scale)
-        near_speed = env.config.approach.near_speed
-        self._fast_from = env.config.approach.near_distance + _NEAR
+        near_speed = env.config.near_speed
+        self._fast_from = env.config.near_distance + _NEAR
         """Height above the surface from which the arm is not slow [m]."""
-        self._slide_speed = min(self.config.slide.slide_speed, near_speed)
+        self._slide_speed = min(self.config.slide_speed, near_speed)
         """Speed of the slide [m/s]; a shortfall from more would count as friction."""
         most = float((self._scale[:3] / np.maximum(self._damping, 1e-9)).min())
-        self._air_speed = min(self.config.air.speed, most)
+        self._air_speed = min(self.config.speed, most)
         """Speed through free air that an action can ask for [m/s]."""
-        self._farthest = max(self.config.slide.rings) + self._wide + _ASTRAY
+        self._farthest = max(self.config.rings) + self._wide + _ASTRAY
         """Distance from the fixture beyond which no path leads [m]."""
         self.reset()
 
     def _without_wedging(self, play: float) -> float:
         """Return the tilt with which the part is led in [rad], 0 in a tight fit."""
-        most, c = self.config.straighten.leaning, self.config.push
+        most, c = self.config.leaning, self.config
         until_deep = _DEEP + 0.5 * most * self._wide
         leaning = most if play > most * until_deep else 0.0
         rate = c.turn_rate if leaning > 0.0 else c.stir_rate
@@ -169,7 +169,7 @@ class CornerSearch:
     def _rings(self, middle: Vec3) -> list[Vec3]:
         """Return points on circles about the middle [m]."""
         points = []
-        for radius in self.config.slide.rings:
+        for radius in self.config.rings:
             count = math.ceil(2.0 * math.pi * radius / _PITCH)
             for step in range(count + 1):
                 angle = _GOLDEN * self._tries + 2.0 * math.pi * step / count
@@ -220,7 +220,7 @@ class CornerSearch:
         Args:
             is_stuck: Something holds it, an edge of the opening if it is a bit lower.
         """
-        drop = self.config.slide.drop
+        drop = self.config.drop
         drop = 0.4 * drop if is_stuck else drop
         is_in = bool(self._corner[2] < self._surface - drop)
         if is_in:
@@ -233,7 +233,7 @@ class CornerSearch:
 
     def _go_over(self) -> tuple[Vec3, float]:
         """Go through free air to where the path begins."""
-        c = self.config.air
+        c = self.config
         way = self._path[0] - self._corner
         beside = float(np.abs(way[:2]).max())
         # Near the surface the arm is slow: what is far beside goes there above it.
@@ -258,11 +258,11 @@ class CornerSearch:
         elif self._is_still(_TOUCH_STEPS):
             self._surface = float(self._corner[2])
             self._begin(self._slide)
-        return self._towards(-c.air.touch_speed * _UP), c.tilt
+        return self._towards(-c.touch_speed * _UP), c.tilt
 
     def _slide(self) -> tuple[Vec3, float]:
         """Slide over the surface, along the path, until the corner falls in."""
-        c, tilt = self.config.slide, self.config.tilt
+        c, tilt = self.config, self.config.tilt
         press = -c.slide_press * _UP
         is_stuck = self._is_still(_STUCK_STEPS)
         if self._is_in(is_stuck):
@@ -305,9 +305,9 @@ class CornerSearch:
         elif self._end[2] - self._surface < 0.3 * _DEEP or self._steps > _SEAT_STEPS:
             self._begin(self._straighten)
         lacking = self._slide_speed - float(self._velocity @ self._along)
-        growth = self._growth + c.seat.seat_rate * POLICY_PERIOD * lacking
-        self._growth = min(growth, c.slide.friction)
-        return self._pushed(c.seat.seat_push + self._growth, towards), c.tilt
+        growth = self._growth + c.seat_rate * POLICY_PERIOD * lacking
+        self._growth = min(growth, c.friction)
+        return self._pushed(c.seat_push + self._growth, towards), c.tilt
 
     def _cross(self) -> None:
         """Begin again beside the way on which the corner came through the opening.
@@ -323,11 +323,11 @@ class CornerSearch:
     def _straighten(self) -> tuple[Vec3, float]:
         """Turn the part upright, or nearly so, its corner pushed into the opening's."""
         c = self.config
-        share = self._steps * POLICY_PERIOD / c.straighten.straighten_time
+        share = self._steps * POLICY_PERIOD / c.straighten_time
         if share >= 1.0:
             self._begin(self._push)
         tilt = c.tilt + min(1.0, share) * (self._leaning - c.tilt)
-        return self._pushed(c.straighten.hold_push, self._along), tilt
+        return self._pushed(c.hold_push, self._along), tilt
 
     def _push(self) -> tuple[Vec3, float]:
         """Push the part in; where that does not help, go back to where it fell in."""
@@ -344,7 +344,7 @@ class CornerSearch:
             return self._stirred(), self._leaning
         else:
             self._turn = self._yaw  # as the opening's walls turn it
-        return self._shaken() - self.config.push.press * _UP, 0.0
+        return self._shaken() - self.config.press * _UP, 0.0
 
     def _stirred(self) -> Vec3:
         """Return a push into the opening's corner that tries all places and turns.
@@ -352,7 +352,7 @@ class CornerSearch:
         What leans in that corner is turned about it, from side to side; what stands
         upright on the rim goes round and round.
         """
-        c = self.config.push
+        c = self.config
         phase = 2.0 * math.pi * self._steps / self._around
         if self._leaning > 0.0:
             self._turn = c.turn * math.sin(phase)
@@ -366,13 +366,13 @@ class CornerSearch:
 
     def _pushed(self, push: float, towards: Vec3) -> Vec3:
         """Return a push in a level direction, and down what it would lift."""
-        c = self.config.seat
+        c = self.config
         press = c.seat_press + c.lift * push
         return push * towards + self._shaken() - press * _UP
 
     def _shaken(self) -> Vec3:
         phase = 2.0 * math.pi * _SHAKES * self._steps * POLICY_PERIOD
-        return self.config.seat.shake * math.sin(phase) * self._tilt_axis
+        return self.config.shake * math.sin(phase) * self._tilt_axis
 
 
 def _inner_radius(opening: Array) -> float:

@@ -1,15 +1,15 @@
 """The numbers of the corner search."""
 
-from dataclasses import dataclass, field
-from typing import Annotated, ClassVar
+from typing import Annotated, Self
 
-from dovetail.control.ranges import Range, check_ranges
-from dovetail.control.sections import Section, Sectioned
+from pydantic import model_validator
+
 from dovetail.errors import ConfigError
+from dovetail.settings import Range, settings
 
 
-@dataclass(frozen=True, kw_only=True)
-class AirConfig(Section):
+@settings()
+class AirConfig:
     """Way of the corner through the air to the surface."""
 
     speed: Annotated[float, Range(0.001, 0.25, "m/s")] = 0.15
@@ -20,8 +20,8 @@ class AirConfig(Section):
     """Speed down to the surface [m/s]: contact at this speed gives the peak force."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SlideConfig(Section):
+@settings()
+class SlideConfig:
     """Slide of the corner over the surface, until it falls in."""
 
     rings: tuple[float, ...] = (0.012, 0.022, 0.032)
@@ -39,17 +39,18 @@ class SlideConfig(Section):
     friction: Annotated[float, Range(0.0, 10.0, "m/s2")] = 2.7
     """Most that is added to f* for what sticks [m/s2]."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_slide_config(self) -> Self:
         """Refuse a number out of range, by name."""
-        super().__post_init__()
         if not self.rings or not all(0.0 < radius <= 0.1 for radius in self.rings):
             raise ConfigError(
                 f"rings are {self.rings}; allowed: radii above 0 and up to 0.1 m"
             )
+        return self
 
 
-@dataclass(frozen=True, kw_only=True)
-class SeatConfig(Section):
+@settings()
+class SeatConfig:
     """Push of the corner into the opening's corner."""
 
     seat_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 1.5
@@ -64,8 +65,8 @@ class SeatConfig(Section):
     """f* from side to side, against sticking [m/s2]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class StraightenConfig(Section):
+@settings()
+class StraightenConfig:
     """Turn of the part until it is upright there."""
 
     hold_push: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.3
@@ -78,8 +79,8 @@ class StraightenConfig(Section):
     A fit that is so tight that the part would wedge is tried upright."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PushConfig(Section):
+@settings()
+class PushConfig:
     """Push of the part into the opening."""
 
     lean: Annotated[float, Range(0.0, 10.0, "m/s2")] = 3.0
@@ -96,29 +97,12 @@ class PushConfig(Section):
     """f* into the opening, at the end [m/s2]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CornerSearchConfig(Sectioned):
-    """Settings of the corner search, found by trials on twins medium and hard.
-
-    `CornerSearchConfig.of(slide_speed=0.03)` takes the numbers by their own names.
-    """
-
-    whose: ClassVar[str] = "a corner search"
+@settings()
+class CornerSearchConfig(
+    AirConfig, SlideConfig, SeatConfig, StraightenConfig, PushConfig
+):
+    """Settings of the corner search, found by trials on twins medium and hard."""
 
     tilt: Annotated[float, Range(0.05, 0.5, "rad")] = 0.2
     """Turn of the part that puts one corner lowest [rad]: it falls in by about 0.14
     of the opening's width."""
-    air: AirConfig = field(default_factory=AirConfig)
-    """Through free air to the surface."""
-    slide: SlideConfig = field(default_factory=SlideConfig)
-    """Over the surface, until the corner falls in."""
-    seat: SeatConfig = field(default_factory=SeatConfig)
-    """Into the opening's corner."""
-    straighten: StraightenConfig = field(default_factory=StraightenConfig)
-    """Upright."""
-    push: PushConfig = field(default_factory=PushConfig)
-    """Into the opening."""
-
-    def __post_init__(self) -> None:
-        """Refuse a tilt out of range."""
-        check_ranges(self)

@@ -62,7 +62,7 @@ class CorrectedEnv(ContactEnv):
     def begin_step(self, action: NDArray[np.float32]) -> _core.Target:
         """Do what a step does before its control cycles; see `ContactEnv`."""
         own = self.commands.usable(action)
-        share = np.float32(self.config.action.correction) * self._left
+        share = np.float32(self.config.correction) * self._left
         asked = own if self.is_led else self._next + share * own
         target = super().begin_step(asked.astype(np.float32))
         self._begun = action

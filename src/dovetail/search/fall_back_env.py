@@ -41,7 +41,7 @@ class FallBackEnv(ContactEnv):
     @property
     def is_searching(self) -> bool:
         """True if the next step is the search's."""
-        is_late = self._acted * POLICY_PERIOD >= self.config.action.fall_back
+        is_late = self._acted * POLICY_PERIOD >= self.config.fall_back
         return is_late and not self.is_led
 
     def begin_step(self, action: NDArray[np.float32]) -> _core.Target:

@@ -4,9 +4,9 @@ import math
 from abc import abstractmethod
 from typing import TYPE_CHECKING, ClassVar
 
-from dovetail.control.ranges import Range, in_range
 from dovetail.errors import ConfigError
 from dovetail.poses import TOOL_DOWN, Pose, quat_multiply
+from dovetail.settings import Range, in_range
 from dovetail.tasks.task import Goal, Progress, Task, axis_of
 from dovetail.types import Vec3
 

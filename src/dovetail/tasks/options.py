@@ -15,13 +15,6 @@ from dovetail.tasks.task import Task
 _PLAIN = (str, float, int, bool)
 
 
-class TaskOptions(dict[str, Any]):
-    """Details of the task.
-
-    Options of it that are given, by name; the others are the task's own.
-    """
-
-
 def option_types(task: type[Task]) -> dict[str, type]:
     """Return the type of each option of a task: str, float, int or bool.
 
@@ -66,6 +59,29 @@ def own_options(task: type[Task]) -> dict[str, Any]:
     return {name: value for name, value in known.items() if value is not MISSING}
 
 
+def require_types(options: Mapping[str, Any], task: type[Task]) -> None:
+    """Refuse options of a task that are not of their types.
+
+    Args:
+        options: By name.
+        task: Whose options they are.
+
+    Raises:
+        ConfigError: Names the option, its value and the type.
+    """
+    for name, kind in option_types(task).items():
+        if name not in options:
+            continue
+        value = options[name]
+        is_fine = isinstance(value, (int, float) if kind is float else kind)
+        if not is_fine or isinstance(value, bool) != (kind is bool):
+            raise ConfigError(
+                f"{name} is {str(value)[:80]!r}; needed: {kind.__name__}",
+                name=name,
+                value=value,
+            )
+
+
 def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, Any]:
     """Return flat settings with those of the task together, as `task_options`.
 
@@ -76,7 +92,7 @@ def gather_options(settings: Mapping[str, Any], task: type[Task]) -> dict[str, A
     names = option_types(task)
     own = {k: v for k, v in settings.items() if k in names and v is not None}
     rest = {k: v for k, v in settings.items() if k not in names}
-    return rest | {"task_options": TaskOptions(own)}
+    return rest | {"task_options": own}
 
 
 def parse_values(text: str, task: type[Task]) -> tuple[str, tuple[Any, ...]]:

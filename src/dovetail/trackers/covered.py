@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from dovetail.arms.arm import ArmState
-from dovetail.control.ranges import Range, in_range
 from dovetail.poses import Pose, quat_about_z, quat_multiply
+from dovetail.settings import Range, in_range
 from dovetail.trackers.tracker import Estimate
 from dovetail.types import Vec3
 

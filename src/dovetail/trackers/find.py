@@ -1,15 +1,14 @@
-"""Trackers by name: each file of this folder whose class has its name.
+"""Trackers by name, ``delayed?delay=0.1``: arguments come after the question mark.
 
-``delayed?delay=0.1``: the class `Delayed` of `delayed.py`, its arguments after the
-question mark. A tracker that is not in the package is ``module:Class``. A camera is its
-file, ``camera.toml``; ``camera.toml?images=0`` is its delay, rate and noise without
-pictures. ``twin`` is the camera that the twin's file describes.
+A tracker that is not in the package is ``module:Class``. A camera is its file,
+``camera.toml``; ``camera.toml?images=0`` is its delay, rate and noise without pictures.
+``twin`` is the camera that the twin's file describes.
 """
 
-import importlib
 import inspect
-import pkgutil
+import math
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 from urllib.parse import parse_qsl
@@ -17,9 +16,11 @@ from urllib.parse import parse_qsl
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plants.twin import Twin, load_twin
 from dovetail.plants.twin_camera import TwinCamera
-from dovetail.strangers import import_names
+from dovetail.plugins import import_names
+from dovetail.trackers.covered import Covered
 from dovetail.trackers.late import Late
 from dovetail.trackers.tracker import Tracker
+from dovetail.trackers.truth import Truth
 
 if TYPE_CHECKING:
     from dovetail.arms.arm import Arm
@@ -30,14 +31,21 @@ TWIN = "twin"
 """Name of the tracker that a twin's file describes."""
 CAMERA = ".toml"
 """Ending of a camera's name."""
-_PACKAGE = "dovetail.trackers"
+TRACKERS = {
+    "covered": Covered,
+    "delayed": partial(Late, delay=0.1, rate=math.inf),
+    "late": Late,
+    "noisy": partial(Late, delay=0.0, rate=math.inf, offset=0.0005),
+    "truth": Truth,
+}
+"""Trackers of the package by name; all of their arguments are numbers."""
 _NUMBER = (int, float, type)  # where there is no default it is the type `empty`
 _FEW = 2.0
 """Standard deviations of a calibrated place that a camera without pictures is off."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Site:
+class TrackerContext:
     """Workcell, camera and kind of arm that a tracker is built for."""
 
     cell: "Workcell"
@@ -48,30 +56,23 @@ class Site:
     """True if the arm is a simulation, or behind a simulated cabinet."""
 
     @classmethod
-    def of(cls, cell: "Workcell", twin: Twin | str | Path | None, arm: "Arm") -> Self:
+    def for_arm(
+        cls, cell: "Workcell", twin: Twin | str | Path | None, arm: "Arm"
+    ) -> Self:
         """Return an arm's workcell, with the camera that a twin's file describes."""
         camera = None if twin is None else load_twin(twin).camera
         return cls(cell=cell, twin=camera, is_simulated=arm.facts.traits.is_simulated)
 
 
-def list_trackers() -> tuple[str, ...]:
-    """Return the names of the trackers in this folder."""
-    names = [m.name for m in pkgutil.iter_modules([str(Path(__file__).parent)])]
-    modules = {name: importlib.import_module(f"{_PACKAGE}.{name}") for name in names}
-    return tuple(
-        name
-        for name, module in modules.items()
-        if vars(module).get(name.title(), Tracker) is not Tracker
-    )
-
-
-def find_tracker(text: str = DEFAULT_TRACKER, site: Site | None = None) -> Tracker:
+def find_tracker(
+    text: str = DEFAULT_TRACKER, context: TrackerContext | None = None
+) -> Tracker:
     """Build a tracker.
 
     Args:
         text: Its name, or MODULE:CLASS, then ?NAME=NUMBER&NAME=NUMBER for arguments;
             or a camera's file, or "twin".
-        site: Where it is to look; only a camera and a twin need one.
+        context: Where it is to look; only a camera and a twin need one.
 
     Raises:
         ConfigError: No such tracker (lists the known ones), or an argument that it
@@ -81,13 +82,15 @@ def find_tracker(text: str = DEFAULT_TRACKER, site: Site | None = None) -> Track
     name, _, query = text.partition("?")
     if name != TWIN and not name.endswith(CAMERA):
         return _by_name(text)
-    if site is None:
-        raise ConfigError(f"tracker {text!r} needs a workcell to look at; give a Site")
-    return _of_twin(site) if name == TWIN else _camera(name, query, site)
+    if context is None:
+        raise ConfigError(
+            f"tracker {text!r} needs a workcell to look at; give a TrackerContext"
+        )
+    return _of_twin(context) if name == TWIN else _camera(name, query, context)
 
 
 def require_tracker(text: str) -> None:
-    """Refuse a tracker that there is not, as far as can be said without a site.
+    """Refuse a tracker that there is not, as far as can be said without a context.
 
     Raises:
         ConfigError: See `find_tracker`.
@@ -115,76 +118,77 @@ def _wants_images(text: str, query: str) -> bool:
     return query != "images=0"
 
 
-def _camera(name: str, query: str, site: Site) -> Tracker:
+def _camera(name: str, query: str, context: TrackerContext) -> Tracker:
     """Build a camera from its file, or what is like it without pictures."""
     from dovetail.perceive.camera import load_camera
 
     camera = load_camera(name)
-    is_exact = site.twin is None or not any(site.twin.misplaced.numbers())
+    is_exact = context.twin is None or not any(context.twin.numbers())
     camera.require_calibrated(is_exact=is_exact)
     if not _wants_images(f"{name}?{query}", query):
-        shift, turn = camera.place.deviation[:3], camera.place.deviation[3:]
+        shift, turn = camera.deviation[:3], camera.deviation[3:]
         return Late(
-            delay=camera.pictures.delay,
-            rate=camera.pictures.rate,
+            delay=camera.delay,
+            rate=camera.rate,
             bias=_FEW * max(shift),
             turn=_FEW * max(turn),
         )
     from dovetail.perceive.open_source import open_source
     from dovetail.trackers.marker import MarkerTracker
 
-    if camera.is_simulated and not site.is_simulated:
+    if camera.is_simulated and not context.is_simulated:
         raise ConfigError(
             f"the pictures of camera {name} are simulated, and this arm is not: give "
             "the file another source, device:NUMBER or folder:PATH"
         )
-    part, own = camera.board.part, site.cell.fixture.name
+    part, own = camera.board.part, context.cell.fixture.name
     if part not in ("", own):
         raise ConfigError(
             f"the board of camera {name} is on a {part}, and this task's fixture is a "
             f"{own}: take the camera file of that, or correct part in its [board]"
         )
-    source = open_source(camera, site.cell, site.twin)
-    return MarkerTracker(camera, source, site.cell.robot)
+    source = open_source(camera, context.cell, context.twin)
+    return MarkerTracker(camera, source, context.cell.robot)
 
 
-def _of_twin(site: Site) -> Tracker:
-    if site.twin is None:
+def _of_twin(context: TrackerContext) -> Tracker:
+    if context.twin is None:
         raise ConfigError(
             "the tracker twin is the camera of a twin's file: give a --twin whose file "
             "has a table [camera], as `dovetail twin show medium` has, or --tracker "
             "truth"
         )
-    pictures, sight = site.twin.pictures, site.twin.sight
+    camera = context.twin
     return Late(
-        delay=pictures.delay,
-        rate=pictures.rate,
-        bias=sight.bias,
-        turn=sight.turn,
-        jitter=sight.jitter,
-        dropout=pictures.dropout,
+        delay=camera.delay,
+        rate=camera.rate,
+        bias=camera.bias,
+        turn=camera.turn,
+        jitter=camera.jitter,
+        dropout=camera.dropout,
     )
 
 
 def _by_name(text: str) -> Tracker:
-    """Build a tracker of this folder, or of a module."""
+    """Build a tracker of `TRACKERS`, or of a module."""
     name, _, query = text.partition("?")
     module, _, kind = name.partition(":")
-    if not kind:
-        if name not in list_trackers():
-            raise ConfigError(
-                f"tracker {name!r} is unknown{did_you_mean(name, list_trackers())}; "
-                f"known: {', '.join(list_trackers())}, twin, a camera's "
-                "file (.toml), or MODULE:CLASS of your own"
-            )
-        module, kind = f"{_PACKAGE}.{name}", name.title()
-    try:
-        make = import_names(module)[kind]
-    except (ImportError, KeyError, ValueError) as error:
+    if name in TRACKERS:
+        make = TRACKERS[name]
+    elif not kind:
         raise ConfigError(
-            f"tracker {text!r}: no class {kind!r} in a module {module!r} that Python "
-            f"finds ({error})"
-        ) from error
+            f"tracker {name!r} is unknown{did_you_mean(name, TRACKERS)}; known: "
+            f"{', '.join(TRACKERS)}, twin, a camera's file (.toml), or MODULE:CLASS of "
+            "your own"
+        )
+    else:
+        try:
+            make = import_names(module)[kind]
+        except (ImportError, KeyError, ValueError) as error:
+            raise ConfigError(
+                f"tracker {text!r}: no class {kind!r} in a module {module!r} that "
+                f"Python finds ({error})"
+            ) from error
     given = parse_qsl(query, keep_blank_values=True)
     usual = _usual(make)
     # A tracker inside another has a default that is no number.

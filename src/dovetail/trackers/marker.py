@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dovetail.arms.arm import ArmState
 from dovetail.errors import TrackerError
 from dovetail.perceive.camera import Camera
-from dovetail.perceive.detect import Blind, Detector, Sight, explain
+from dovetail.perceive.detect import Detection, DetectionFailure, Detector, explain
 from dovetail.perceive.sources import Frame, ImageSource
 from dovetail.poses import Pose, compose, matrix_from_quat
 from dovetail.robots.robot import Robot
@@ -35,11 +35,11 @@ class MarkerTracker:
             robot: The bare arm, for a camera on its flange.
         """
         self.camera, self.source = camera, source
-        self.detector = Detector(camera.board, camera.lens, camera.pictures.edge_noise)
+        self.detector = Detector(camera.board, camera.lens, camera.edge_noise)
         self._robot = robot
         self._past: deque[tuple[float, Vec7]] = deque()
         self._seen: Estimate | None = None
-        self._unseen: tuple[NDArray[np.uint8], Blind] | None = None
+        self._unseen: tuple[NDArray[np.uint8], DetectionFailure] | None = None
         self._stamp = self._now = 0.0
         self._seed = 0
         self.reason = "no picture was taken"
@@ -57,7 +57,7 @@ class MarkerTracker:
     @property
     def is_on_arm(self) -> bool:
         """True if the camera is on the flange."""
-        return self.camera.place.mount == "flange"
+        return self.camera.mount == "flange"
 
     def rewind(self, fixture: Pose) -> None:
         """Go on in an episode whose time begins at 0 again, with what was seen."""
@@ -100,7 +100,7 @@ class MarkerTracker:
 
     def _take(self, frame: Frame) -> None:
         sight = self.detector.find(frame.picture)
-        if isinstance(sight, Blind):
+        if isinstance(sight, DetectionFailure):
             self.reason, self._unseen = sight.words, (frame.picture, sight)
             return
         self.reason, self._unseen = "", None
@@ -118,7 +118,7 @@ class MarkerTracker:
 
 
 def locate(
-    camera: Camera, sight: Sight, robot: Robot, q: Vec7 | None = None
+    camera: Camera, sight: Detection, robot: Robot, q: Vec7 | None = None
 ) -> Estimate:
     """Return the fixture in the world, by what a camera saw, at age 0.
 
@@ -132,7 +132,7 @@ def locate(
         TrackerError: The camera is on the flange, and q is not known.
     """
     mount = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
-    if camera.place.mount == "flange":
+    if camera.mount == "flange":
         if q is None:
             raise TrackerError("a camera on the flange needs the arm's configuration")
         mount = robot.tool_pose(q)
@@ -141,7 +141,7 @@ def locate(
     return Estimate(compose(place, sight.pose), 0.0, covariance)
 
 
-def _covariance(camera: Camera, sight: Sight, mount: Pose, place: Pose) -> Array:
+def _covariance(camera: Camera, sight: Detection, mount: Pose, place: Pose) -> Array:
     """Return that of the fixture's pose: of the picture, the lens and the place."""
     z = float(sight.pose.position[2])
     (fx, fy), (dx, dy, mx, my) = camera.lens.focal, camera.lens.deviation

@@ -1,4 +1,4 @@
-"""A film of one try: what was measured at each policy step, drawn when it is over."""
+"""Film of one trial: measured at each policy step, drawn when it is over."""
 
 import io
 from pathlib import Path
@@ -19,31 +19,31 @@ _COLOURS, _PATCH = 160, 80  # colours of a film; width of a colour's patch [pixe
 
 
 class Film:
-    """Remembers a try while it runs, as the arm must not wait for pictures."""
+    """Keeps the states of a trial while it runs: the arm must not wait for pictures."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
+        """Begin empty."""
         self._frames: list[tuple[Vec7, Pose, Pose, Vec3]] = []
         self._path: list[Vec3] = []
 
     def add(self, state: ArmState, fixture: Pose, believed: Pose) -> None:
-        """Remember a policy step.
+        """Add a policy step.
 
         Args:
-            state: What the arm measured.
-            fixture: Where the fixture truly is; kept as it is.
-            believed: Where it is believed; kept as it is.
+            state: Measured state of the arm.
+            fixture: True pose of the fixture; kept without a copy.
+            believed: Its believed pose; likewise.
         """
         frame = state.q.copy(), fixture, believed, state.contact_force.copy()
         self._frames.append(frame)
         self._path.append(state.tool.position.copy())
 
     def write(self, file: Path, renderer: Renderer) -> Path:
-        """Draw what was remembered, at real time, as an animated GIF.
+        """Draw the trial, at real time, as an animated GIF.
 
         Args:
-            file: Where to; replaced as a whole.
-            renderer: Of the cell in which it was.
+            file: Output; replaced as a whole.
+            renderer: Renderer of its cell.
 
         Raises:
             LogError: The disk is full or the folder is not writable.
@@ -51,7 +51,7 @@ class Film:
         count = len(self._frames)
         chosen = (0, count // 2, count - 1)
         palette = _palette([self._draw(i, renderer) for i in chosen])
-        pictures = (  # one at a time: all of a long try are more than the memory
+        pictures = (  # one at a time: all of a long trial are more than the memory
             self._draw(i, renderer).quantize(palette=palette, dither=Image.Dither.NONE)
             for i in range(count)
         )
@@ -80,8 +80,7 @@ def _palette(pictures: list[Image.Image]) -> Image.Image:
     """Return one palette for all: less to store, and nothing flickers.
 
     Args:
-        pictures: Three of them; a patch is added of each colour that may cover few
-            pixels.
+        pictures: Three; a patch of each colour that may cover few pixels is added.
     """
     width, height = pictures[0].size
     patches = [

@@ -27,7 +27,7 @@ _TURN = 1e-6
 
 
 def is_elsewhere(believed: Pose, fixture: Pose) -> bool:
-    """Say whether a believed pose differs from the true one by more than a hair."""
+    """Return whether a believed pose differs visibly from the true one."""
     gap = float(np.linalg.norm(believed.position - fixture.position))
     likeness = abs(float(believed.quat_wxyz @ fixture.quat_wxyz))
     return gap > _HAIR or likeness < 1.0 - _TURN

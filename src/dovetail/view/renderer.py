@@ -65,7 +65,7 @@ class Plate(NamedTuple):
     """Side of the square that is cut out [m]."""
 
 
-class View(NamedTuple):
+class CameraView(NamedTuple):
     """Pose of a pinhole camera, and the edges of its picture."""
 
     pose: Pose
@@ -132,7 +132,7 @@ class Renderer:
         path: Iterable[Vec3] = (),
         believed: Pose | None = None,
         plate: Pose | None = None,
-        view: View | None = None,
+        view: CameraView | None = None,
     ) -> NDArray[np.uint8]:
         """Return a picture, shape (height, width, 3).
 
@@ -179,7 +179,7 @@ class Renderer:
         mujoco.mjr_readPixels(picture, None, whole, context)
         return picture
 
-    def _look(self, view: View) -> None:
+    def _look(self, view: CameraView) -> None:
         """Let the scene be seen by a camera: a pinhole, not in its middle."""
         R = matrix_from_quat(view.pose.quat_wxyz)
         left, right, top, bottom = (_NEAR * edge for edge in view.edges)

@@ -9,13 +9,13 @@ convex meshes carry a margin in PyBullet.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import numpy as np
+from pydantic import model_validator
 
-from dovetail.control.ranges import Range, check_ranges
 from dovetail.errors import ConfigError
+from dovetail.settings import Range, settings
 from dovetail.types import Array
 from dovetail.workcell.parts import IDENTITY, Part, Primitive, turned_box
 
@@ -27,7 +27,7 @@ _SIDES = {"square": 4, "triangle": 3, "round": 36}
 _PEG_RGBA = (0.90, 0.55, 0.15, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class Peg:
     """Peg that the tool holds."""
 
@@ -40,13 +40,14 @@ class Peg:
     density: Annotated[float, Range(100.0, 20000.0, "kg/m3")] = 2700.0
     """Density, aluminium [kg/m3]."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_peg(self) -> Self:
         """Refuse a peg that cannot be built."""
         if self.shape not in PEG_SHAPES:
             raise ConfigError(
                 f"peg {self.shape!r} is unknown; known shapes: {', '.join(PEG_SHAPES)}"
             )
-        check_ranges(self)
+        return self
 
     @property
     def inner_radius(self) -> float:
@@ -73,7 +74,7 @@ class Peg:
         return Part(f"{self.shape} peg", (shape,))
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings()
 class HoleBlock:
     """Block with the hole that the peg goes into."""
 
@@ -88,15 +89,16 @@ class HoleBlock:
     floor_thickness: Annotated[float, Range(0.0, 0.050, "m")] = 0.0
     """Material under the hole [m]; 0 is a through hole in a plate above the table."""
 
-    def __post_init__(self) -> None:
+    @model_validator(mode="after")
+    def _check_hole_block(self) -> Self:
         """Refuse a block that cannot be built."""
-        check_ranges(self)
         for name, most in (("success_depth", 1.0), ("chamfer", 0.5)):
             if vars(self)[name] > most * self.depth:
                 raise ConfigError(
                     f"{name} is {vars(self)[name]:g} m; allowed: at most "
                     f"{most * self.depth:g} m in a hole {self.depth:g} m deep"
                 )
+        return self
 
     @property
     def height(self) -> float:

@@ -1,19 +1,17 @@
 """Random hole pose and start pose of an episode; nothing else is random."""
 
 import math
-from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 
-from dovetail.control.sections import Section, Sectioned
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, quat_about_z, tool_down
+from dovetail.settings import settings
 from dovetail.types import Vec3
 
 
-@dataclass(frozen=True, kw_only=True)
-class HoleRangeConfig(Section):
+@settings()
+class HoleRangeConfig:
     """Range of the hole's pose."""
 
     hole_centre: tuple[float, float, float] = (0.60, 0.0, 0.10)
@@ -24,8 +22,8 @@ class HoleRangeConfig(Section):
     """Half range of the hole's rotation about the vertical [rad]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class StartRangeConfig(Section):
+@settings()
+class StartRangeConfig:
     """Range of the tool's start pose."""
 
     start_xy: float = 0.12
@@ -36,8 +34,8 @@ class StartRangeConfig(Section):
     """Half range of the tool's start rotation relative to the hole [rad]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class FreeAirConfig(Section):
+@settings()
+class FreeAirConfig:
     """Space that a start keeps clear of."""
 
     block_half: float = 0.05
@@ -48,31 +46,19 @@ class FreeAirConfig(Section):
     """Smallest gap between peg and block at the start [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class RandomisationConfig(Sectioned):
-    """Ranges of the start pose and the hole pose (uniform).
-
-    `RandomisationConfig.of(hole_yaw=0.1)` takes them by their own names.
-    """
-
-    whose: ClassVar[str] = "starts and holes"
-
-    hole: HoleRangeConfig = field(default_factory=HoleRangeConfig)
-    """Range of the hole's pose."""
-    start: StartRangeConfig = field(default_factory=StartRangeConfig)
-    """Range of the tool's start pose."""
-    free_air: FreeAirConfig = field(default_factory=FreeAirConfig)
-    """Space that a start keeps clear of."""
+@settings()
+class RandomisationConfig(HoleRangeConfig, StartRangeConfig, FreeAirConfig):
+    """Ranges of the start pose and the hole pose (uniform)."""
 
     @property
     def is_hole_fixed(self) -> bool:
         """True if every hole that is drawn is the same."""
-        return not any((*self.hole.hole_range, self.hole.hole_yaw))
+        return not any((*self.hole_range, self.hole_yaw))
 
 
 def sample_hole(rng: np.random.Generator, config: RandomisationConfig) -> Pose:
     """Draw the pose of the hole's mouth (z out of the hole)."""
-    ranges = config.hole
+    ranges = config
     half = np.asarray(ranges.hole_range)
     position = np.asarray(ranges.hole_centre) + rng.uniform(-half, half)
     return Pose(position, quat_about_z(rng.uniform(-ranges.hole_yaw, ranges.hole_yaw)))
@@ -86,7 +72,7 @@ def is_clear_of_block(
     Above the mouth plus the gap everything is free; lower down only what lies beside
     the block's square footprint, widened by the peg's radius and the gap.
     """
-    free = config.free_air
+    free = config
     if offset[2] >= free.gap:
         return True
     c, s = math.cos(hole_yaw), math.sin(hole_yaw)
@@ -107,7 +93,7 @@ def sample_start(
     Raises:
         ConfigError: When the ranges leave no free start.
     """
-    start = config.start
+    start = config
     low = np.array([-start.start_xy, -start.start_xy, start.start_z[0]])
     high = np.array([start.start_xy, start.start_xy, start.start_z[1]])
     for _ in range(1000):
@@ -118,5 +104,5 @@ def sample_start(
     raise ConfigError(
         f"no start in free air among 1000 draws: start_xy {start.start_xy:g} m, "
         f"start_z {start.start_z[0]:g} to {start.start_z[1]:g} m, block half side "
-        f"{config.free_air.block_half:g} m; widen start_xy or raise start_z"
+        f"{config.block_half:g} m; widen start_xy or raise start_z"
     )

@@ -1,0 +1,1 @@
+"""Checks of the installation, of an arm before it is trusted, and of a camera."""

@@ -1,1 +1,0 @@
-"""Diagnosis of an arm by small torques of its own that push it."""

@@ -1,0 +1,95 @@
+"""The learning algorithm of a training and its settings."""
+
+from typing import Annotated, Literal, Self, get_args
+
+from pydantic import model_validator
+
+from dovetail.errors import ConfigError
+from dovetail.settings import Range, settings
+
+Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
+ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
+
+
+@settings()
+class GradientConfig:
+    """Gradient steps."""
+
+    updates_per_step: Annotated[float | None, Range(0.01, 64.0, "1")] = None
+    """Gradient steps per environment step (not ppo): 0.5, on an arm 2. An arm's steps
+    take more time than what is learned from them."""
+    learning_rate: Annotated[float | None, Range(1e-7, 1.0, "1")] = None
+    """Step size of Adam [1]: 2e-3 for sac, 1e-3 on an arm or from a policy. It is 1e-3
+    for the other algorithms, too."""
+    final_rate: Annotated[float, Range(1e-3, 1.0, "1")] = 0.1
+    """Share of it at the end, reached from the middle on [1]. The last policy is the
+    one that is kept, so it must not be a lucky or unlucky one."""
+    batch_size: Annotated[int, Range(2, 65536, "transitions")] = 256
+    """Transitions per gradient step."""
+    policy_delay: Annotated[int, Range(1, 100, "steps")] = 2
+    """Gradient steps of the critics for one of the actor (sac)."""
+    tau: Annotated[float, Range(1e-6, 1.0, "1")] = 0.01
+    """Share by which a target follows its critic per gradient step [1].
+    Not ppo and crossq."""
+
+    @property
+    def full_rate(self) -> float:
+        """Step size of Adam before it falls [1]."""
+        return 0.0 if self.learning_rate is None else self.learning_rate
+
+
+@settings()
+class ReturnConfig:
+    """The sum of rewards that it learns."""
+
+    n_steps: Annotated[int, Range(1, 100, "steps")] = 3
+    """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
+    the bonus faster from the fixture to the way there."""
+    gamma: Annotated[float, Range(0.0, 0.99999, "1")] = 0.97
+    """Discount per 50 ms step [1]. It looks as far ahead as an insertion takes: with
+    0.99 the critic has to tell millimetres apart in sums over a whole episode."""
+    reward_scale: Annotated[float, Range(1e-6, 1e6, "1")] = 5.0
+    """Factor on the reward inside training. What is reported is unscaled."""
+    force_weight: Annotated[float, Range(0.0, 1e3, "1/N")] = 0.0
+    """Weight of contact force in the reward [1/N]; 0 is the paper."""
+
+
+@settings()
+class LearnerConfig(GradientConfig, ReturnConfig):
+    """Learning algorithm."""
+
+    algorithm: Algorithm = "sac"
+    """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
+    net: tuple[int, ...] = (128, 128)
+    """Width of each hidden layer, actor and critic alike."""
+    layer_norm: bool = True
+    """Layer normalisation in the critic (not ppo). It diverges on the bonus without."""
+    ent_coef: str = "auto_0.1"
+    """Entropy coefficient (sac, tqc, crossq), or auto_START. That adapts it."""
+    exploration_noise: Annotated[float, Range(0.0, 2.0, "1")] = 0.1
+    """Standard deviation of the actions' noise (ddpg, td3) [1]."""
+    rollout_steps: Annotated[int, Range(2, 1e6, "steps")] = 512
+    """Steps per environment between two updates (ppo)."""
+
+    @model_validator(mode="after")
+    def _check_learner_config(self) -> Self:
+        """Refuse networks or an entropy coefficient that cannot be."""
+        object.__setattr__(self, "net", tuple(int(width) for width in self.net))
+        if not self.net or not all(1 <= width <= 8192 for width in self.net):
+            raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
+        self.entropy_coefficient()
+        return self
+
+    def entropy_coefficient(self) -> str | float:
+        """Return `ent_coef` as SBX takes it: "auto", "auto_START" or a number."""
+        start = self.ent_coef.removeprefix("auto").removeprefix("_")
+        try:
+            value = float(start) if start else 1.0
+        except ValueError:
+            value = -1.0
+        if not 0.0 < value < 1e6:
+            raise ConfigError(
+                f"ent_coef is {self.ent_coef!r}; allowed: auto, auto_START or a "
+                "number, each above 0, e.g. auto_0.1"
+            )
+        return self.ent_coef if self.ent_coef.startswith("auto") else value

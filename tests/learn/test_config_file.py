@@ -1,0 +1,124 @@
+"""A training's settings in a TOML file: recipes, files of one's own, runs."""
+
+import tomllib
+
+import numpy as np
+import pytest
+
+from dovetail.commands.train import defaults
+from dovetail.errors import ConfigError
+from dovetail.learn.config import NOT_COMPARED, TrainConfig
+from dovetail.learn.config_file import (
+    find_recipe,
+    list_recipes,
+    load_config,
+    read_settings,
+    to_toml,
+)
+from dovetail.settings import values_of
+
+CHANGED = {
+    "steps": 1234,
+    "f_scale": (1.0, 2.0, 3.0),
+    "period": 0.002,
+    "also": ("tilt",),
+    "recall": (4, 8),
+    "tare": False,
+    "net": (32, 32),
+    "task_options": {"peg": "triangle", "clearance": 0.001},
+}
+
+
+def test_a_runs_file_gives_its_settings_back(tmp_path):
+    config = TrainConfig(**CHANGED)
+    file = tmp_path / "config.toml"
+    file.write_text(to_toml(config))
+    again = load_config(file)
+    left_out = {"task_options", "task", *NOT_COMPARED}
+    assert {n: v for n, v in values_of(again).items() if n not in left_out} == {
+        n: v for n, v in values_of(config).items() if n not in left_out
+    }
+    assert again.env_options() == config.env_options()
+    assert load_config(tmp_path, steps=5).steps == 5  # the run's folder, changed
+
+
+def test_a_key_is_the_name_of_the_setting_or_of_the_tasks_option(tmp_path):
+    table = tomllib.loads(to_toml(TrainConfig(**CHANGED)))
+    assert table["peg"] == "triangle"
+    assert table["steps"] == 1234
+    assert table["f_scale"] == [1.0, 2.0, 3.0]
+
+
+@pytest.mark.parametrize("name", list_recipes())
+def test_a_recipe_is_a_training(name):
+    table = tomllib.loads(find_recipe(name).read_text())
+    found = defaults(["--recipe", name])
+    assert found is not None
+    options = found.env_options()
+    for key, value in table.items():
+        got = values_of(found).get(key, options.get(key))
+        assert np.atleast_1d(got).tolist() == np.atleast_1d(value).tolist(), key
+
+
+def test_what_is_said_later_goes_before(tmp_path):
+    mine = tmp_path / "mine.toml"
+    mine.write_text("steps = 77\nnum_envs = 2\npeg = 'round'\n")
+    found = defaults(["--recipe", "search", "--config", str(mine)])
+    assert found is not None
+    assert (found.steps, found.num_envs, found.teacher) == (77, 2, "corner")
+    assert found.env_options()["peg"] == "round"
+    assert defaults(["--steps", "5"]) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("stps = 3", "stps"),
+        ("steps = 'many'", "steps"),
+        ("steps = 1.5", "steps"),
+        ("doubt = 6.0", "doubt"),
+        ("also = 'tilt'", "also"),
+        ("near_speed = '20 mm/s'", "near_speed"),
+        ("resume = true", "resume"),
+        ("algorithm = 'dqn'", "algorithm"),
+    ],
+)
+def test_a_wrong_key_or_value_is_named(tmp_path, text, name):
+    file = tmp_path / "run.toml"
+    file.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        load_config(file)
+    assert caught.value.name == name
+    assert str(file) in str(caught.value)
+
+
+def test_settings_that_exclude_each_other_are_refused(tmp_path):
+    file = tmp_path / "run.toml"
+    file.write_text("fixture = [0.6, 0.0, 0.1, 0.0]")
+    with pytest.raises(ConfigError, match="fixed"):
+        load_config(file)
+
+
+def test_a_file_chooses_no_module_and_no_arm_outside(tmp_path):
+    file = tmp_path / "run.toml"
+    file.write_text("env = 'somebody:Task-v0'")
+    with pytest.raises(ConfigError, match="DOVETAIL_TRUST"):
+        read_settings(file)
+    file.write_text("arm = 'fri://0.0.0.0:30200'")
+    with pytest.raises(ConfigError, match="--arm"):
+        read_settings(file)
+    assert read_settings(file, "fri://0.0.0.0:30200")["arm"].startswith("fri://")
+
+
+def test_a_model_is_found_beside_the_file(tmp_path):
+    (tmp_path / "model.toml").write_text("")
+    file = tmp_path / "run.toml"
+    file.write_text("model = 'model.toml'")
+    assert read_settings(file)["model"] == tmp_path / "model.toml"
+
+
+@pytest.mark.parametrize("name", ["serch", "no/such.toml"])
+def test_an_unknown_recipe_is_refused_with_those_there_are(name):
+    with pytest.raises(ConfigError) as caught:
+        find_recipe(name)
+    assert set(caught.value.allowed) == set(list_recipes())
