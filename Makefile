@@ -2,6 +2,7 @@
 # make test    set up for development, then every test, C++ included
 # make test-sanitized   the C++ tests under ASan and UBSan
 # make fuzz    ten million random datagrams into the FRI decoders (FUZZ_INPUTS, FUZZ_SEED)
+# make test-fast   three of four Python tests, in a minute and a half: tests/slow.txt has the others
 # make lint    what CI checks besides the tests
 # make docs    build the site into site/; a link or a name that is missing is an error
 # make proto   generate the gRPC messages from proto/dovetail.proto
@@ -48,7 +49,7 @@ CPP := $(shell find cpp -name '*.[ch]pp')
 PACKAGE := $(shell find src -type f -not -name '*.pyc' -not -name '*.so')
 EXTRAS := bullet,learn,log,rpc,identify,cluster,camera,view,teach,test,lint,docs
 
-.PHONY: demo test test-cpp test-sanitized test-python fuzz lint figures proto format \
+.PHONY: demo test test-cpp test-sanitized test-python test-fast fuzz lint figures proto format \
   wheel wheel-test clean
 
 demo: $(SET_UP)
@@ -76,6 +77,10 @@ fuzz: $(DEVELOP)
 # pytest comes last: its closing line says how many tests passed.
 test-python: $(DEVELOP) $(LEROBOT)/.set-up
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
+
+# Three of four tests, those that take a tenth of a second: tests/slow.txt names the others.
+test-fast: $(DEVELOP)
+	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --fast $(ARGS)
 
 lint: $(DEVELOP)
 	$(BIN)/ruff check

@@ -22,6 +22,33 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
 
 
+SLOW = Path(__file__).with_name("slow.txt")
+"""Names of the slow tests; `tests/list_slow.py` makes it."""
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--fast", action="store_true", help="leave out the slow tests")
+
+
+def pytest_collection_modifyitems(
+    config: pytest.Config, items: list[pytest.Item]
+) -> None:
+    """Leave out the slow tests where `--fast` asks for it."""
+    if not config.getoption("--fast"):
+        return
+    slow = set(SLOW.read_text().split())
+    left_out = [item for item in items if _function_of(item) in slow]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if _function_of(item) not in slow]
+
+
+def _function_of(item: pytest.Item) -> str:
+    """Return a test's function as tests.room.module::name."""
+    file, _, name = item.nodeid.partition("::")
+    module = file.removesuffix(".py").replace("/", ".")
+    return f"{module}::{name.partition('[')[0]}"
+
+
 @pytest.fixture(scope="session")
 def opengl() -> None:
     """Skips where nothing draws without a screen; the reason names the packages."""
