@@ -22,4 +22,4 @@ def slow_functions(report: str) -> list[str]:
 
 
 if __name__ == "__main__":
-    print("\n".join(slow_functions(sys.argv[1])))
+    sys.stdout.write("\n".join(slow_functions(sys.argv[1])) + "\n")

@@ -117,7 +117,7 @@ def test_a_model_is_found_beside_the_file(tmp_path):
     assert read_settings(file)["model"] == tmp_path / "model.toml"
 
 
-@pytest.mark.parametrize("name", ["serch", "no/such.toml"])
+@pytest.mark.parametrize("name", ["seek", "no/such.toml"])
 def test_an_unknown_recipe_is_refused_with_those_there_are(name):
     with pytest.raises(ConfigError) as caught:
         find_recipe(name)
