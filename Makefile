@@ -2,7 +2,7 @@
 # make test    set up for development, then every test, C++ included
 # make test-sanitized   the C++ tests under ASan and UBSan
 # make fuzz    ten million random datagrams into the FRI decoders (FUZZ_INPUTS, FUZZ_SEED)
-# make test-fast   three of four Python tests, in a minute and a half: tests/slow.txt has the others
+# make test-fast   three of five Python tests, in a minute and a half: tests/slow.txt has the others
 # make lint    what CI checks besides the tests
 # make docs    build the site into site/; a link or a name that is missing is an error
 # make proto   generate the gRPC messages from proto/dovetail.proto
@@ -78,7 +78,7 @@ fuzz: $(DEVELOP)
 test-python: $(DEVELOP) $(LEROBOT)/.set-up
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(ARGS)
 
-# Three of four tests, those that take a tenth of a second: tests/slow.txt names the others.
+# Three of five tests, those that take 0.05 s at most: tests/slow.txt names the others.
 test-fast: $(DEVELOP)
 	$(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --fast $(ARGS)
 

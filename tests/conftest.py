@@ -30,6 +30,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fast", action="store_true", help="leave out the slow tests")
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave out modules in which every test is slow: they need not be imported."""
+    if not config.getoption("--fast") or collection_path.suffix != ".py":
+        return None
+    module = collection_path.relative_to(config.rootpath).with_suffix("")
+    return ".".join(module.parts) in SLOW.read_text().split() or None
+
+
 def pytest_collection_modifyitems(
     config: pytest.Config, items: list[pytest.Item]
 ) -> None:
