@@ -195,12 +195,12 @@ class Adversary:
 
     def start(self) -> Array:
         """Return a posture inside joint limits and, where they are on, walls [rad]."""
-        joints, tool = self.limits, self.limits
+        tool = self.limits
         if self.settings.home:
             return np.array([0.0, 0.6, 0.0, -1.55, 0.0, 0.99, 0.0])
         margin = 0.05  # rad
         while True:
-            q = self.rng.uniform(joints.q_min + margin, joints.q_max - margin)
+            q = self.rng.uniform(self.limits.q_min + margin, self.limits.q_max - margin)
             p = self.chain.pose(q)[0]
             room = np.minimum(p - tool.x_min, tool.x_max - p).min()
             if not tool.walls or room > START_ROOM:
@@ -267,23 +267,23 @@ class Adversary:
 
     def inspect(self, states: list[tuple[Array, Array]], motor: Array) -> None:
         """Compare an episode with the limits, margins not taken off."""
-        report, joints, tool = self.report, self.limits, self.limits
+        report = self.report
         report.cycles += len(motor)
         q = np.array([s[0] for s in states])
         dq = np.array([s[1] for s in states])
         keep = (np.abs(q) < LOST).all(axis=1) & (np.abs(dq) < LOST).all(axis=1)
         q, dq = q[keep], dq[keep]
         report.looks += len(q)
-        report.position.add(np.maximum(q - joints.q_max, joints.q_min - q))
-        report.speed.add(np.abs(dq) - joints.dq_max)
-        report.torque.add(np.abs(motor) - joints.tau_max)
-        if not tool.walls:
+        report.position.add(np.maximum(q - self.limits.q_max, self.limits.q_min - q))
+        report.speed.add(np.abs(dq) - self.limits.dq_max)
+        report.torque.add(np.abs(motor) - self.limits.tau_max)
+        if not self.limits.walls:
             return
         p = np.array([self.chain.pose(row)[0] for row in q])
         J = [self.chain.jacobian(row)[:3] for row in q]
         dx = np.array([j @ v for j, v in zip(J, dq, strict=True)])
-        report.wall.add(np.maximum(p - tool.x_max, tool.x_min - p))
-        report.tcp_speed.add(np.abs(dx) - tool.dx_max)
+        report.wall.add(np.maximum(p - self.limits.x_max, self.limits.x_min - p))
+        report.tcp_speed.add(np.abs(dx) - self.limits.dx_max)
 
 
 def print_report(settings: Settings, report: Report, seconds: float) -> None:

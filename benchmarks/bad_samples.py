@@ -172,13 +172,13 @@ class Case:
 
     def is_broken(self) -> bool:
         """Return whether the arm is outside a limit, margins not taken off."""
-        joints, tool = self.arm.facts.limits, self.arm.facts.limits
+        tool = self.arm.facts.limits
         q, dq = self.arm.plant.read()
         p = self.chain.pose(q)[0]
         return bool(
-            (q > joints.q_max).any()
-            or (q < joints.q_min).any()
-            or (np.abs(dq) > joints.dq_max).any()
+            (q > self.arm.facts.limits.q_max).any()
+            or (q < self.arm.facts.limits.q_min).any()
+            or (np.abs(dq) > self.arm.facts.limits.dq_max).any()
             or (p > tool.x_max).any()
             or (p < tool.x_min).any()
         )

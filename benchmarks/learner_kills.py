@@ -81,10 +81,10 @@ def count_outside(rows: Array, limits: LimitConfig) -> int:
     q = rows[:, COLUMN["q1"] : COLUMN["q7"] + 1]
     dq = rows[:, COLUMN["dq1"] : COLUMN["dq7"] + 1]
     x = rows[:, COLUMN["x"] : COLUMN["z"] + 1]
-    joints, tool = limits, limits
+    tool = limits
     outside = (
-        ((q < joints.q_min) | (q > joints.q_max)).any(axis=1)
-        | (np.abs(dq) > joints.dq_max).any(axis=1)
+        ((q < limits.q_min) | (q > limits.q_max)).any(axis=1)
+        | (np.abs(dq) > limits.dq_max).any(axis=1)
         | ((x < tool.x_min) | (x > tool.x_max)).any(axis=1)
     )
     for row in rows[outside]:

@@ -11,6 +11,7 @@ import pytest
 from dovetail.errors import ConfigError
 from dovetail.settings import (
     Range,
+    check_values,
     defaults_of,
     names_in,
     ranges_of,
@@ -65,7 +66,7 @@ def test_a_record_has_the_fields_of_those_it_inherits():
         ({"stiffness": [1.0, 11.0]}, "stiffness[A2]", 11.0, "Nm/rad", (0.0, 10.0)),
         ({"stiffness": ["a", 1.0]}, "stiffness[A1]", "a", "Nm/rad", (0.0, 10.0)),
         ({"stiffness": np.nan}, "stiffness[A1]", None, "Nm/rad", (0.0, 10.0)),
-        ({"stiffness": [1.0] * 3}, "stiffness", [1.0] * 3, "Nm/rad", (0.0, 10.0)),
+        ({"stiffness": [1.0] * 3}, "stiffness", (1.0,) * 3, "Nm/rad", (0.0, 10.0)),
         ({"turns": 6}, "turns", 6, "turns", (1, 5)),
         ({"turns": 1.5}, "turns", 1.5, "turns", (1, 5)),
         ({"turns": True}, "turns", True, "turns", (1, 5)),
@@ -75,6 +76,10 @@ def test_a_record_has_the_fields_of_those_it_inherits():
         ({"sides": "12"}, "sides", "12", "1", ()),
         ({"sides": ["a"]}, "sides", "a", "1", ()),
         ({"is_heavy": "perhaps"}, "is_heavy", "perhaps", "1", ()),
+        ({"is_heavy": "no"}, "is_heavy", "no", "1", ()),
+        ({"is_heavy": 1}, "is_heavy", 1, "1", ()),
+        ({"sides": ["1"]}, "sides", "1", "1", ()),
+        ({"sides": [True]}, "sides", True, "1", ()),
     ],
 )
 def test_a_wrong_value_is_an_error_with_its_facts(given, name, value, unit, allowed):
@@ -137,3 +142,28 @@ def test_a_record_and_its_error_can_be_sent_to_another_process():
     again = pickle.loads(pickle.dumps(error))
     assert vars(again) == vars(error)
     assert str(again) == "a"
+
+
+def test_a_record_in_a_record_is_given_as_one():
+    @settings()
+    class Crate:
+        """A crate."""
+
+        box: Box | None = None
+        """What is in it."""
+
+    box = Box(**GIVEN)
+    assert Crate(box=box).box is box
+    with pytest.raises(ConfigError) as caught:
+        Crate(box={"stiffness": 1.0})
+    assert caught.value.name == "box"
+
+
+def test_settings_are_checked_alone():
+    assert check_values(Box, {"sides": [1.0], "file": "a"}) == {
+        "sides": (1.0,),
+        "file": Path("a"),
+    }
+    with pytest.raises(ConfigError) as caught:
+        check_values(Box, {"turns": 9})
+    assert caught.value.name == "turns"

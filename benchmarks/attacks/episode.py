@@ -90,19 +90,18 @@ class Attacked:
 
     def room(self, q: Array) -> float:
         """Return how far inside a start's allowed region q is, negative outside."""
-        joints, tool = self.limits, self.limits
-        turn = np.minimum(q - joints.q_min, joints.q_max - q).min() - JOINT_ROOM
-        if not tool.walls:
+        limits = self.limits
+        turn = np.minimum(q - limits.q_min, limits.q_max - q).min() - JOINT_ROOM
+        if not limits.walls:
             return float(turn)
         p = self.chain.pose(q)[0]
-        way = np.minimum(p - tool.x_min, tool.x_max - p).min() - START_ROOM
+        way = np.minimum(p - limits.x_min, limits.x_max - p).min() - START_ROOM
         return float(min(turn, way))
 
     def start(self, rng: np.random.Generator) -> Array:
         """Return a random posture inside joint limits and walls [rad]."""
-        joints = self.limits
         while True:
-            q = rng.uniform(joints.q_min, joints.q_max)
+            q = rng.uniform(self.limits.q_min, self.limits.q_max)
             if self.room(q) > 0.0:
                 return q
 

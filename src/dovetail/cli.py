@@ -86,8 +86,17 @@ def run(words: list[str]) -> int:
     """
     is_debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
-    with _tokens_aside(words) as words:
-        return _run(words, is_debug=is_debug)
+    try:
+        with _tokens_aside(words) as words:
+            return _run(words)
+    except DovetailError as error:
+        if is_debug:
+            raise
+        print(f"dovetail: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("dovetail: interrupted", file=sys.stderr)
+        return INTERRUPTED
 
 
 @contextmanager
@@ -116,23 +125,14 @@ def _tokens_aside(words: list[str]) -> Iterator[list[str]]:
             os.environ[TOKEN] = before
 
 
-def _run(words: list[str], *, is_debug: bool) -> int:
+def _run(words: list[str]) -> int:
     if words in (["--version"], ["-V"]):
         print(f"dovetail {dovetail.__version__}")
         return 0
     if not words or words[0] in ("-h", "--help"):
         print(_help())
         return 0 if words else 2
-    try:
-        return _run_command(words[0], words[1:])
-    except DovetailError as error:
-        if is_debug:
-            raise
-        print(f"dovetail: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("dovetail: interrupted", file=sys.stderr)
-        return INTERRUPTED
+    return _run_command(words[0], words[1:])
 
 
 def _run_command(name: str, words: list[str]) -> int:
@@ -153,15 +153,15 @@ def _run_command(name: str, words: list[str]) -> int:
     trust_typed(words)
     module = importlib.import_module(f"dovetail.commands.{name}")
     settings = vars(module)[COMMANDS[name][0]]
-    find = vars(module).get("defaults")  # of what the words continue
-    default = find(words) if find else None
+    find = vars(module).get("given_before")
+    before = find(words) if find else {}
     given = parse(
         settings,
         words,
-        find_task(words, default.env) if default else None,
+        find_task(words, before["env"]) if "env" in before else None,
         prog=f"dovetail {name}",
         common=vars(module).get("COMMON", ()),
-        default=default,
+        before=before,
     )
     return given.run(make_console())
 

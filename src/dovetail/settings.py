@@ -5,9 +5,10 @@ name: in Python, in a TOML file, on the command line and in messages.
 """
 
 import operator
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import wraps
+from pathlib import Path
 from typing import (
     Annotated,
     Any,
@@ -24,11 +25,12 @@ from pydantic import ConfigDict, GetCoreSchemaHandler, ValidationError, Validati
 from pydantic.dataclasses import dataclass as checked_dataclass
 from pydantic_core import CoreSchema, core_schema
 
-from dovetail.errors import ConfigError, did_you_mean
+from dovetail.errors import ConfigError, DovetailError, did_you_mean
 
 T = TypeVar("T")
 
 _CHECKS = ConfigDict(
+    strict=True,
     extra="forbid",
     arbitrary_types_allowed=True,
     validate_default=True,
@@ -57,11 +59,13 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
             kind
         )
         check: Any = made.__init__
+        paths = {f.name for f in fields(made) if _is_path(f.type)}
 
         @wraps(check)
         def init(self: Any, **given: Any) -> None:
+            read = {n: _as_written(v, is_path=n in paths) for n, v in given.items()}
             try:
-                check(self, **given)
+                check(self, **read)
             except ValidationError as error:
                 raise _as_config_error(error, made, _OWNERS[made]) from None
 
@@ -73,6 +77,21 @@ def settings(*, eq: bool = True, owner: str = "") -> Callable[[type[T]], type[T]
         return cast(type[T], made)  # pydantic names a type of its own
 
     return make
+
+
+def check_values(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings of a record, each checked alone, none beside another.
+
+    Args:
+        kind: The record.
+        values: Some of its settings.
+
+    Raises:
+        ConfigError: A value of another type, or out of range.
+    """
+    types = {f.name: f.type for f in fields(kind) if f.name in values}
+    alone = settings()(type(kind.__name__, (), {"__annotations__": types}))
+    return values_of(alone(**values))
 
 
 def values_of(config: Any) -> dict[str, Any]:
@@ -212,6 +231,19 @@ def in_range(name: str, value: Any, allowed: Range) -> Any:
     return array
 
 
+def _is_path(kind: Any) -> bool:
+    """Say whether a setting holds a path, and no plain text."""
+    parts = get_args(kind)
+    return kind is Path or (str not in parts and any(map(_is_path, parts)))
+
+
+def _as_written(value: Any, *, is_path: bool) -> Any:
+    """Return a value as its setting has it: a list as a tuple, a path's text as one."""
+    if isinstance(value, list):
+        return tuple(_as_written(part, is_path=is_path) for part in value)
+    return Path(value) if is_path and isinstance(value, str) else value
+
+
 def unknown_settings(
     unknown: Iterable[str], known: Iterable[str], whose: str
 ) -> ConfigError:
@@ -232,13 +264,12 @@ def _as_config_error(
     found = error.errors(include_url=False)
     first = found[0]
     raised = first.get("ctx", {}).get("error")
-    if isinstance(raised, ConfigError):  # of a range or of the record's own check
-        if owner and raised.name:
+    if isinstance(raised, DovetailError):  # of a range or of the record's own check
+        if owner and isinstance(raised, ConfigError) and raised.name:
             raised.args = (f"{owner} {raised}",)
         return raised
-    unknown = [
-        str(e["loc"][0]) for e in found if e["type"] == "unexpected_keyword_argument"
-    ]
+    kind_of_unknown = "unexpected_keyword_argument"
+    unknown = [str(e["loc"][0]) for e in found if e["type"] == kind_of_unknown]
     if unknown:
         return unknown_settings(unknown, names_in(kind), owner or kind.__name__)
     name = str(first["loc"][0]) if first["loc"] else kind.__name__
@@ -271,4 +302,6 @@ def _wanted(error: Any) -> str:
     """Return the value that pydantic wanted, in words."""
     if error["type"] == "value_error":
         return str(error["ctx"]["error"])
+    if error["type"] in ("path_type", "is_instance_of") and "Path" in error["msg"]:
+        return "a path"
     return error["msg"].partition(",")[0].removeprefix("Input should be ")

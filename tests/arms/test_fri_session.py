@@ -193,7 +193,13 @@ def servo_with(**values):
 
 def test_settings_are_refused_by_name():
     for options, words in (
-        ({"version": "3.0"}, "'3.0' is unknown: 1.11, 1.14, 1.15"),
+        ({"version": "3.0"}, "version is '3.0'; known: 1.15, 2.5, 2.7"),
+        ({"timeout": "3s"}, "timeout is '3s'"),
+        ({"timeout": -1.0}, "timeout is -1 s"),
+        ({"approach": "no"}, "approach is 'no'"),
+        ({"realtime": 1}, "realtime is 1"),
+        ({"measured_sign": 2}, "measured_sign is 2"),
+        ({"margins": "none"}, "margins is 'none'"),
         ({"clock": "sundial"}, "known: wall, lockstep"),
         ({"reset": "place"}, "needs control=HOST:PORT"),
         ({"servo": servo_with(observer_gain=2.0)}, "observer gain is 2"),

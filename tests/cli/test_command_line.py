@@ -81,8 +81,7 @@ def test_what_a_task_works_out_itself_is_no_setting():
 
 
 def test_what_is_resumed_keeps_its_options():
-    default = TrainConfig(task_options={"peg": "round"})
-    again = parse(TrainConfig, [], default=default)
+    again = parse(TrainConfig, [], before={"task_options": {"peg": "round"}})
     assert again.task_options["peg"] == "round"
 
 

@@ -8,6 +8,7 @@ import pytest
 import tyro
 
 from dovetail.cli import COMMANDS, run
+from dovetail.settings import defaults_of
 from dovetail.tasks.options import option_types
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -55,7 +56,7 @@ def test_the_help_of_a_command_is_one_screen(name, capsys):
 def test_everything_is_said_with_help_all(name, capsys):
     text = shown(name, capsys, "--help-all")
     for field in fields(PAGES[name]):
-        option = f"-{field.name.replace('_', '-')} "
+        option = f"--{field.name.replace('_', '-')}"
         is_positional = tyro.conf.Positional in getattr(field.type, "__metadata__", ())
         assert option in text or is_positional or field.name == "task_options", option
 
@@ -81,3 +82,20 @@ def test_the_options_of_the_task_are_listed(name, option, capsys):
 @pytest.mark.parametrize("name", PAGES)
 def test_a_value_that_may_be_left_out_is_not_called_none(name, capsys):
     assert "None" not in shown(name, capsys)
+
+
+@pytest.mark.parametrize("name", ["train", "evaluate"])
+def test_a_switch_that_is_not_off_by_default_can_be_turned_off(name, capsys):
+    text = shown(name, capsys, "--help-all")
+    switches = [f.name for f in fields(PAGES[name]) if f.type in (bool, bool | None)]
+    usual = defaults_of(PAGES[name])
+    for switch in switches:
+        option = switch.replace("_", "-")
+        assert f"--{option}" in text
+        assert (f"--no-{option}" in text) == (usual[switch] is not False)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_help_keeps_to_the_terminal(name, capsys):
+    _, *lines = shown(name, capsys).splitlines()  # the first is the usage
+    assert max(map(len, lines)) <= 80

@@ -4,13 +4,13 @@ import sys
 
 import pytest
 from rich.console import Console
-from tests.extras import need
-from tests.learn.test_demonstrations import STEPS, make, record
 
 from dovetail.cli import run
 from dovetail.commands.cockpit import Cockpit
 from dovetail.commands.record import Record
 from dovetail.errors import ConfigError, LogError, MissingDependencyError
+from extras import need
+from learn.test_demonstrations import STEPS, make, record
 
 
 def test_logs_of_before_become_a_data_set_and_the_next_command_is_said(tmp_path):

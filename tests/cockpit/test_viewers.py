@@ -31,7 +31,7 @@ def test_the_second_viewer_only_watches_until_the_first_has_left(served):
     one.close()
     wait_until(lambda: session.disturbance.pull_to is None)
     wait_until(lambda: not session.snapshot.pull.any())
-    wait_until(lambda: session.status.mode == "stopped")
+    assert session.status.mode == "stopped"
     resume(session)
     two.drag("/pull", down)
     wait_until(lambda: session.snapshot.pull[2] < -1.0)

@@ -176,8 +176,7 @@ class ReferenceController:
         speed = np.abs(
             Minv @ J.T @ Lambda @ ((self.modes == POSE) * self.scale * self.v_way)
         )
-        joints = self.limits
-        most = WAY_SHARE * (1.0 - joints.delta_v) * joints.dq_max
+        most = WAY_SHARE * (1.0 - self.limits.delta_v) * self.limits.dq_max
         self.pace = 1.0 / max(1.0, np.max(speed / most))
         _, posture = projected(J_all, osc.posture_stiffness * way)
         return J.T @ Lambda @ (self.scale * f) + damping + posture

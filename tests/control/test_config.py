@@ -38,10 +38,10 @@ def test_limits_at_a_tabulated_period_are_the_table(
     robot, period, kappa, delta_q, delta_v, delta_x
 ):
     limits = LimitConfig.for_period(robot, period, hardware=False)
-    joints, disturbance = limits, limits
+    disturbance = limits
     assert limits.kappa == pytest.approx(kappa)
-    assert (joints.delta_q, joints.delta_v) == (delta_q, delta_v)
-    assert (joints.eta, limits.delta_x) == (0.6, delta_x)
+    assert (limits.delta_q, limits.delta_v) == (delta_q, delta_v)
+    assert (limits.eta, limits.delta_x) == (0.6, delta_x)
     assert (disturbance.estimate_rate, disturbance.brake_rate) == (60.0, 60.0)
 
 
@@ -67,8 +67,8 @@ def test_an_arm_that_nothing_is_said_of_gets_all_that_is_declared(
     limits = LimitConfig.for_period(robot, period)
     assert limits.declared_errors() == DECLARED
     assert limits.kappa * period == pytest.approx(interval)
-    disturbance, flat = limits, values_of(limits)
-    assert disturbance.estimate_rate == disturbance.brake_rate == pytest.approx(rate)
+    flat = values_of(limits)
+    assert limits.estimate_rate == limits.brake_rate == pytest.approx(rate)
     margins = [flat[name] for name in ("delta_q", "delta_v", "delta_x")]
     assert margins == pytest.approx([delta_q, delta_v, delta_x])
 

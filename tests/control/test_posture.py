@@ -18,10 +18,10 @@ class Loop:
     def __init__(self, robot, q, task=TASKS[0], **osc):
         limits = LimitConfig.for_period(robot, PERIOD, **WIDE)
         self.robot, self.q_start = robot, q
-        law, model = OscConfig(**osc), limits
+        law = OscConfig(**osc)
         self.controller = make_controller(robot, law, limits, task, PERIOD)
         self.plant = _core.RigidPlant(
-            robot.chain(), damping=model.damping, armature=model.armature
+            robot.chain(), damping=limits.damping, armature=limits.armature
         )
         self.plant.reset(q, np.zeros(7))
         self.hold(q)

@@ -249,9 +249,9 @@ def test_the_walls_hold_every_start_and_hole(real):
     limits = real.arm.facts.limits
     config = real.task.randomisation
     centre = np.asarray(config.hole_centre)
-    reach, start = np.asarray(config.hole_range), config
-    low = centre - reach + [-start.start_xy, -start.start_xy, -0.030]
-    high = centre + reach + [start.start_xy, start.start_xy, start.start_z[1]]
+    reach = np.asarray(config.hole_range)
+    low = centre - reach + [-config.start_xy, -config.start_xy, -0.030]
+    high = centre + reach + [config.start_xy, config.start_xy, config.start_z[1]]
     margin = limits.delta_x
     assert (low - margin > limits.x_min).all()
     assert (high + margin < limits.x_max).all()

@@ -161,12 +161,12 @@ def test_lost_looks_let_the_estimate_grow_old():
 def test_the_tracker_twin_is_what_the_twins_file_says(twin):
     env = make_env(PegInHole, tracker="twin", twin=twin)
     camera = load_twin(twin).camera
-    sight, rate = camera, camera.rate
-    assert env.tracker.bias == sight.bias > 0.0
-    assert (env.tracker.turn, env.tracker.rate) == (sight.turn, rate)
+    rate = camera.rate
+    assert env.tracker.bias == camera.bias > 0.0
+    assert (env.tracker.turn, env.tracker.rate) == (camera.turn, rate)
     env.reset(seed=1)
     told = env.tracker.estimate().pose.position - env.fixture.position
-    assert np.linalg.norm(told) == pytest.approx(sight.bias)
+    assert np.linalg.norm(told) == pytest.approx(camera.bias)
     env.close()
 
 

@@ -5,7 +5,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from dovetail.commands.train import defaults
+from dovetail.cli import run
+from dovetail.commands.command_line import find_task, parse
+from dovetail.commands.train import Train, given_before
 from dovetail.errors import ConfigError
 from dovetail.learn.config import NOT_COMPARED, TrainConfig
 from dovetail.learn.config_file import (
@@ -15,6 +17,7 @@ from dovetail.learn.config_file import (
     read_settings,
     to_toml,
 )
+from dovetail.options import option_words
 from dovetail.settings import values_of
 
 CHANGED = {
@@ -27,6 +30,12 @@ CHANGED = {
     "net": (32, 32),
     "task_options": {"peg": "triangle", "clearance": 0.001},
 }
+
+
+def read(words):
+    """Return the settings of a command line."""
+    before = given_before(words)
+    return parse(Train, words, find_task(words, before.get("env")), before=before)
 
 
 def test_a_runs_file_gives_its_settings_back(tmp_path):
@@ -52,8 +61,7 @@ def test_a_key_is_the_name_of_the_setting_or_of_the_tasks_option(tmp_path):
 @pytest.mark.parametrize("name", list_recipes())
 def test_a_recipe_is_a_training(name):
     table = tomllib.loads(find_recipe(name).read_text())
-    found = defaults(["--recipe", name])
-    assert found is not None
+    found = read(["--recipe", name])
     options = found.env_options()
     for key, value in table.items():
         got = values_of(found).get(key, options.get(key))
@@ -63,11 +71,10 @@ def test_a_recipe_is_a_training(name):
 def test_what_is_said_later_goes_before(tmp_path):
     mine = tmp_path / "mine.toml"
     mine.write_text("steps = 77\nnum_envs = 2\npeg = 'round'\n")
-    found = defaults(["--recipe", "search", "--config", str(mine)])
-    assert found is not None
+    found = read(["--recipe", "search", "--config", str(mine)])
     assert (found.steps, found.num_envs, found.teacher) == (77, 2, "corner")
     assert found.env_options()["peg"] == "round"
-    assert defaults(["--steps", "5"]) is None
+    assert given_before(["--steps", "5"]) == {}
 
 
 @pytest.mark.parametrize(
@@ -80,6 +87,16 @@ def test_what_is_said_later_goes_before(tmp_path):
         ("also = 'tilt'", "also"),
         ("near_speed = '20 mm/s'", "near_speed"),
         ("resume = true", "resume"),
+        ("out = 'elsewhere'", "out"),
+        ("threads = 7", "threads"),
+        ("tare = 'no'", "tare"),
+        ("approach = 'no'", "approach"),
+        ("layer_norm = 1", "layer_norm"),
+        ("period = '0.005'", "period"),
+        ("net = ['64']", "net"),
+        ("f_scale = [true]", "f_scale"),
+        ("random_mass = ['1', '2']", "random_mass"),
+        ("peg = 1", "peg"),
         ("algorithm = 'dqn'", "algorithm"),
     ],
 )
@@ -89,6 +106,9 @@ def test_a_wrong_key_or_value_is_named(tmp_path, text, name):
     with pytest.raises(ConfigError) as caught:
         load_config(file)
     assert caught.value.name == name
+    assert str(file) in str(caught.value)
+    with pytest.raises(ConfigError) as caught:
+        given_before(["--config", str(file)])
     assert str(file) in str(caught.value)
 
 
@@ -122,3 +142,38 @@ def test_an_unknown_recipe_is_refused_with_those_there_are(name):
     with pytest.raises(ConfigError) as caught:
         find_recipe(name)
     assert set(caught.value.allowed) == set(list_recipes())
+
+
+PLACE = ("--fixed-goal", "--fixture", "0.6", "0", "0.1", "0")
+CLIP = "dovetail/RailClip-v0"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("steps = 500", ["--arm", "mujoco"]),
+        ("steps = 500", ["--arm", "fri://127.0.0.1:30299", *PLACE]),
+        ("algorithm = 'ppo'", ["--algorithm", "sac"]),
+        ("demos = ['logs']", ["--from-policy", "peg_near"]),
+        ("fixed_goal = true", ["--env", CLIP]),
+        ("fixture = [0.6, 0.0, 0.1, 0.0]", ["--fixed-goal"]),
+        ("arm = 'grpc://127.0.0.1:50999'", ["--arm", "mujoco"]),
+        ("random_gravity = 0.4", ["--randomise-dynamics"]),
+    ],
+)
+def test_a_file_and_options_are_as_if_all_were_options(tmp_path, text, words):
+    """What follows from other settings is chosen once, from all of them."""
+    file = tmp_path / "run.toml"
+    file.write_text(text)
+    found = values_of(read(["--config", str(file), *words]))
+    (name, value), *_ = tomllib.loads(text).items()
+    typed = words if f"--{name}" in words else [*option_words(name, value), *words]
+    wanted = values_of(read(typed))
+    del found["config"], wanted["config"]
+    assert found == wanted
+
+
+@pytest.mark.parametrize("option", ["--config", "--recipe"])
+def test_a_run_that_is_resumed_has_its_own_settings(tmp_path, option, capsys):
+    assert run(["train", "--resume", "--out", str(tmp_path), option, "search"]) == 2
+    assert "--resume" in capsys.readouterr().err

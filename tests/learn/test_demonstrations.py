@@ -8,7 +8,6 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from rich.console import Console
-from tests.extras import need
 
 from dovetail.envs import registered
 from dovetail.envs.contact_env import ContactEnv
@@ -27,6 +26,7 @@ from dovetail.learn.checkpoint_facts import FACTS
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.demonstrations import Transitions, fill, load_demonstrations
 from dovetail.learn.recorded_steps import find_logs, read_steps
+from extras import need
 
 STEPS = 12
 TILTED = {"task": "XYZ:force ABC:pose", "also": ("tilt",), "recall": (2, 4)}

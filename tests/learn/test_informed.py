@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.extras import need
 
 from dovetail.envs.observation import POSITION_SCALE, THETA_SCALE
 from dovetail.envs.unwrapped import require_contact_env
@@ -12,6 +11,7 @@ from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.config_file import find_recipe, read_settings
 from dovetail.poses import theta_about_vertical
+from extras import need
 
 CONFIG = TrainConfig(
     **{

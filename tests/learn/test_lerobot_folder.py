@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.extras import need
 
 from dovetail.envs.log_facts import CELL, describe_cell
 from dovetail.errors import ConfigError, LogError
 from dovetail.learn.lerobot_folder import write_lerobot
 from dovetail.learn.recorded_steps import read_steps
+from extras import need
 
 from .test_demonstrations import STEPS, make, record
 

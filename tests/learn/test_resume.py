@@ -15,7 +15,8 @@ import tomlkit
 from rich.console import Console
 
 from dovetail.cli import run
-from dovetail.commands.train import defaults
+from dovetail.commands.command_line import find_task, parse
+from dovetail.commands.train import Train, given_before
 from dovetail.errors import ConfigError, PlantError
 from dovetail.learn.checkpoint import list_checkpoints
 from dovetail.learn.config import TrainConfig
@@ -123,8 +124,7 @@ def test_the_runs_settings_are_read_back_whole(small):
         randomise_dynamics=True,
         random_mass=(0.9, 1.3),
     )
-    read = defaults(begin(config))
-    assert read is not None
+    read = resumed(begin(config))
     assert read.to_json() == config.to_json()
     assert read.resume
 
@@ -135,8 +135,7 @@ def test_a_run_on_a_model_has_the_model_in_its_folder(small, tmp_path):
     config = replace(small, model=model)
     again = begin(config)
     model.unlink()
-    read = defaults(again)
-    assert read is not None
+    read = resumed(again)
     assert read.model == small.out / "model.toml"
     read.require_same(config)
 
@@ -181,18 +180,23 @@ def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, sma
     config = replace(small, env=ring, task_options={})
     again = begin(config)
     with pytest.raises(ConfigError, match=f"if you trust it, give --env {ring}, or"):
-        defaults(again)
+        resumed(again)
     words = shlex.split(resume_command(config, config.folder))
     assert words[:2] == ["dovetail", "train"]
     assert words[-2:] == ["--env", ring]
     trust_typed(words)
-    read = defaults(words)
-    assert read is not None
+    read = resumed(words)
     assert read.env == ring
     assert read.resume
 
 
 OUTSIDE = ("fri://127.0.0.1:30299", "grpc://127.0.0.1:50999")
+
+
+def resumed(words):
+    """Return the settings of a command line that resumes a run."""
+    before = given_before(words)
+    return parse(Train, words, find_task(words, before.get("env")), before=before)
 
 
 @pytest.fixture
@@ -227,8 +231,7 @@ def test_a_run_folder_does_not_choose_an_arm(sent, monkeypatch, capsys, arm):
 @pytest.mark.parametrize("arm", OUTSIDE)
 def test_a_run_goes_on_with_its_arm_that_is_given_again(sent, arm):
     folder = sent(arm)
-    read = defaults(["--resume", "--out", str(folder), "--arm", arm])
-    assert read is not None
+    read = resumed(["--resume", "--out", str(folder), "--arm", arm])
     assert read.arm == arm
     require_run(read)
 
@@ -249,8 +252,7 @@ def test_a_run_on_a_service_goes_on_with_a_new_token(sent):
     arm = f"{OUTSIDE[1]}?token="
     folder = sent(f"{arm}first")
     again = ["--resume", "--out", str(folder), "--arm", f"{arm}second"]
-    read = defaults(again)
-    assert read is not None
+    read = resumed(again)
     require_run(replace(read, arm=f"{arm}second"))
 
 
@@ -269,9 +271,15 @@ def test_a_run_of_another_version_is_refused(sent, name):
     assert caught.value.name == "colour"
 
 
-def test_a_run_folder_does_not_choose_where_it_is(sent):
-    folder = sent("twin:easy", out="/elsewhere")
+@pytest.mark.parametrize(
+    ("name", "value"), [("out", "/elsewhere"), ("resume", False), ("threads", 7)]
+)
+def test_a_run_folder_does_not_choose_where_it_is(sent, name, value):
+    folder = sent("twin:easy")
     assert run_config(folder).out == folder
+    with pytest.raises(ConfigError) as caught:
+        run_config(sent("twin:easy", **{name: value}))
+    assert caught.value.name == name
 
 
 @pytest.mark.parametrize("kind", ["link", "pipe"])

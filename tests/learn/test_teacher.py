@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from rich.console import Console
-from tests.extras import need
 
 from dovetail.envs.registered import make_env
 from dovetail.errors import ConfigError
@@ -13,6 +12,7 @@ from dovetail.learn.policy import Policy
 from dovetail.learn.teacher import Teacher
 from dovetail.search.corner import SEARCH_AXES, CornerSearch
 from dovetail.tasks.peg_in_hole.task import PegInHole
+from extras import need
 
 TINY = {
     **read_settings(find_recipe("search")),

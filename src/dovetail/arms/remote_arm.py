@@ -332,12 +332,18 @@ def _agreed_robot(info: "pb.Info", robot: Robot | None) -> Robot:
 
 
 def split_token(text: str) -> tuple[str, str]:
-    """Return an address without the secret in it, and the secret, "" if it has none."""
+    """Return an address without the secret in it, and the secret, "" if it has none.
+
+    Raises:
+        ConfigError: It has two.
+    """
     where, mark, keys = text.partition("?")
     kept, token = [], ""
     for pair in keys.split("&"):
         name, _, value = pair.partition("=")
         if unquote(name) == "token":
+            if token:
+                raise ConfigError(f"arm {where} gives token twice; give it once")
             token = unquote(value)
         else:
             kept.append(pair)

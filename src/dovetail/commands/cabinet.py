@@ -60,14 +60,13 @@ class Cabinet(
     def run(self, console: Console) -> int:
         """Run until Ctrl-C or SIGTERM."""
         config = self.settings()
-        cell = self
         faults = parse_faults(self.fault)
         script = read_script(self.script) if self.script else []
         if self.realtime:
             console.print(request_realtime(), soft_wrap=True, highlight=False)
         plant = self._build_plant()
-        twin = None if cell.plant else load_twin(cell.twin or "medium")
-        if twin is not None and (lack := twin.lacks(find_robot(cell.robot))):
+        twin = None if self.plant else load_twin(self.twin or "medium")
+        if twin is not None and (lack := twin.lacks(find_robot(self.robot))):
             console.print(f"cabinet: note: {lack}", soft_wrap=True, highlight=False)
         for text in find_unproven(config, faults, twin):
             console.print(f"cabinet: warning: {text}", soft_wrap=True, highlight=False)
@@ -95,8 +94,7 @@ class Cabinet(
         Raises:
             ConfigError: One of them is wrong.
         """
-        end = self
-        delay, control = end.restart_delay, None
+        delay, control = self.restart_delay, None
         if self.control != "none":
             control = parse_endpoint(self.control, "--control")
         return CabinetConfig(
@@ -111,12 +109,12 @@ class Cabinet(
             patience=parse_duration(self.patience, "--patience"),
             stiffness=_seven(self.stiffness, "--stiffness"),
             damping=_seven(self.damping, "--damping"),
-            fair_from=min(end.good_from, QualityRule.fair_from),
-            good_from=end.good_from,
-            excellent_from=max(end.good_from, QualityRule.excellent_from),
+            fair_from=min(self.good_from, QualityRule.fair_from),
+            good_from=self.good_from,
+            excellent_from=max(self.good_from, QualityRule.excellent_from),
             mirror_tolerance=self.mirror_tolerance,
-            hold_slots=end.hold_slots,
-            stop_slots=end.stop_slots,
+            hold_slots=self.hold_slots,
+            stop_slots=self.stop_slots,
             restart_delay=(
                 None if delay == "never" else parse_duration(delay, "--restart-delay")
             ),
@@ -126,16 +124,15 @@ class Cabinet(
 
     def _build_plant(self) -> DrivenPlant:
         """Return the arm, at rest over the fixture."""
-        given = self
-        if given.twin is not None and given.plant is not None:
+        if self.twin is not None and self.plant is not None:
             raise ConfigError(
                 "--twin and --plant exclude each other: a twin has its own"
             )
-        cell = find_cell(given.env, given.robot, **given.task_options)
-        if given.plant is not None:
-            plant = make_plant(given.plant, cell)
+        cell = find_cell(self.env, self.robot, **self.task_options)
+        if self.plant is not None:
+            plant = make_plant(self.plant, cell)
         else:
-            plant = make_twin(given.twin or "medium", cell)
+            plant = make_twin(self.twin or "medium", cell)
         above = _FIXTURE.position + np.array([0.0, 0.0, _ABOVE])
         robot = plant.robot
         pose = Pose(above, TOOL_DOWN)

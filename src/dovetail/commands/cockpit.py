@@ -123,10 +123,9 @@ class Cockpit(
         Raises:
             ConfigError: Both a twin and an arm.
         """
-        where = self
-        if where.twin is not None and where.arm is not None:
+        if self.twin is not None and self.arm is not None:
             raise ConfigError("--twin and --arm exclude each other; give one")
-        twin = where.twin or DEFAULT_TWIN
+        twin = self.twin or DEFAULT_TWIN
         if Path(twin).suffix == ".toml":
             twin = str(Path(twin).expanduser().absolute())
         names = ("robot", "tracker", "period")
@@ -136,7 +135,7 @@ class Cockpit(
         settings |= self.declared_errors()
         if self.tare is not None:
             settings["tare"] = self.tare
-        place = where.arm or f"twin:{twin}"
+        place = self.arm or f"twin:{twin}"
         parse_address(place)
         return Choice(
             policy=self.policy,

@@ -22,7 +22,7 @@ from tyro.constructors import (
     StructTypeInfo,
 )
 
-from dovetail.settings import names_in, values_of
+from dovetail.settings import names_in
 from dovetail.tasks.options import (
     option_types,
     own_options,
@@ -59,7 +59,7 @@ def parse(
     *,
     prog: str = "dovetail",
     common: tuple[str, ...] = (),
-    default: Any = None,
+    before: Mapping[str, Any] | None = None,
 ) -> Any:
     """Read a command line.
 
@@ -69,10 +69,11 @@ def parse(
         task: Task whose options it has; None is that of its `--env`.
         prog: The command's name.
         common: Settings that `--help` lists; empty lists all.
-        default: Settings that the command line changes.
+        before: Settings that the command line changes: those of a file, or of a run.
 
     Raises:
-        ConfigError: The task has an option that means something else to the command.
+        ConfigError: The task has an option that means something else to the command; or
+            settings that are wrong, or exclude each other.
     """
     commands = list(_commands(command))
     names = {name for one in commands for name in names_in(one)}
@@ -81,17 +82,16 @@ def parse(
         require_apart(task, names, "options of the command")
     is_help = any(word in (*HELP, HELP_ALL) for word in words)
     is_short = is_help and HELP_ALL not in words
-    before = {} if default is None else values_of(default)
-    page = _Page(commands, task, common if is_short else (), before)
-    marks = (tyro.conf.FlagCreatePairsOff,) if is_help else ()
-    return tyro.cli(
+    page = _Page(commands, task, common if is_short else (), before or {})
+    kind, given = tyro.cli(
         command,
         args=["--help" if word == HELP_ALL else word for word in words],
         prog=prog,
         description=page.description(command),
-        config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone, *marks),
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.DisallowNone),
         registry=page.registry(),
     )
+    return kind(**given)  # not by tyro, which would put a frame around its errors
 
 
 class _Page:
@@ -145,7 +145,7 @@ class _Page:
         return None
 
     def _make(self, kind: type) -> Callable[..., Any]:
-        """Return what makes a command of its options and groups of options."""
+        """Return what gathers a command's settings from its groups of options."""
         of_task = option_types(self._task) if self._task else {}
 
         def make(**given: Any) -> Any:
@@ -156,7 +156,7 @@ class _Page:
             if own:
                 own = {n: value for n, value in own.items() if value is not None}
                 flat["task_options"] = own
-            return kind(**flat)
+            return kind, flat
 
         return make
 
@@ -166,7 +166,7 @@ class _Page:
         for f in fields(kind):
             if f.name not in self._own[kind]:
                 continue
-            given = self._before[f.name] if self._before else _default(f)
+            given = self._before.get(f.name, _default(f))
             if f.name == "task_options":
                 yield from self._of_task(given)
             else:
@@ -176,6 +176,8 @@ class _Page:
         self, name: str, kind: Any, default: Any, words: str
     ) -> StructFieldSpec:
         kind = Annotated[kind, _HINT]
+        if kind.__origin__ is bool and default is False:  # the help has no --no-NAME
+            kind = Annotated[kind, tyro.conf.FlagCreatePairsOff]
         if self._common and name not in self._common:
             kind = Annotated[kind, tyro.conf.Suppress]
         if self._common:

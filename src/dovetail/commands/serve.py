@@ -100,9 +100,8 @@ class Serve(OfferedArmOptions, KnownErrors, OfferedCellOptions, ServiceOptions):
                 f"{install_command('rpc')}"
             ) from error
         names = ("--cert", "--key", "--client-ca")
-        service = self
         files = certificates(
-            cert=service.cert, key=service.key, ca=service.client_ca, names=names
+            cert=self.cert, key=self.key, ca=self.client_ca, names=names
         )
 
         def notify(line: str) -> None:
@@ -115,7 +114,7 @@ class Serve(OfferedArmOptions, KnownErrors, OfferedCellOptions, ServiceOptions):
         arm = _offered(self, address, self)
         warn_of_arm(console, self.twin, self.arm, self.robot, self)
         _allow_many_connections()
-        server = ArmServer(arm, service.listen, files, notify)
+        server = ArmServer(arm, self.listen, files, notify)
         with ended_by_signal() as end, server:
             how = "mutual TLS" if files else "this machine only, no TLS"
             learners = server.url

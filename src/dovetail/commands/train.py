@@ -9,6 +9,7 @@ from rich.console import Console
 
 from dovetail.commands.unproven import warn_of_arm
 from dovetail.control.limits import DeclaredErrors
+from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.learn.config_file import find_recipe, read_settings
 from dovetail.learn.run_folder import run_config
@@ -47,26 +48,35 @@ _OF_ARM = ("arm", "approach", "fixture", *names_in(DeclaredErrors))
 """Options of a training on an arm that its evaluation needs, too."""
 
 
-def defaults(words: list[str]) -> Train | None:
-    """Return the settings that a command line changes, or None for the usual ones.
+def given_before(words: list[str]) -> dict[str, Any]:
+    """Return the settings that a command line changes.
 
     They are those of the run that it resumes: what else it says is then compared with
     them. Or those of its recipe and its file.
+
+    Raises:
+        ConfigError: See `read_settings`; or a recipe or a file beside a run.
     """
     parser = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     parser.add_argument("--resume", action="store_true")
     for name in ("--out", "--arm", "--recipe", "--config"):
         parser.add_argument(name, nargs="?")
     found, _ = parser.parse_known_args(words)
+    if found.resume and (found.recipe or found.config):
+        raise ConfigError(
+            "a run that is resumed has its own settings: leave --recipe and --config "
+            "out, or leave --resume out and choose another --out",
+            name="resume",
+        )
     if found.resume and found.out is not None:
         folder = Path(found.out).expanduser().absolute()
-        return Train(**values_of(run_config(folder, found.arm)) | {"out": found.out})
+        return values_of(run_config(folder, found.arm)) | {"out": Path(found.out)}
     given: dict[str, Any] = {}
     if found.recipe is not None:
         given |= read_settings(find_recipe(found.recipe), found.arm)
     if found.config is not None:
         given |= read_settings(Path(found.config), found.arm)
-    return Train(**given) if given else None
+    return given
 
 
 def _describe(result: TrainResult, config: TrainConfig) -> str:

@@ -175,9 +175,8 @@ class LimitConfig(
         if "ddq_max" in settings:
             return cls(**settings)
         checked = cls(ddq_max=REFERENCE, **settings)
-        model = checked
         ddq_max = available_acceleration(
-            robot, checked.tau_max, model.damping, model.armature
+            robot, checked.tau_max, checked.damping, checked.armature
         )
         return replace(checked, ddq_max=ddq_max)
 

@@ -1,4 +1,4 @@
-"""Sections of the operational-space law, axes in twist order X Y Z C B A."""
+"""Parts of the operational-space law, axes in twist order X Y Z C B A."""
 
 from dataclasses import field
 from typing import Annotated

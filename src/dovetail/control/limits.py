@@ -1,4 +1,4 @@
-"""Sections of the limits: each one is enforced in C++ and has a flag.
+"""Parts of the limits: each one is enforced in C++ and has a flag.
 
 Values are those that benchmarks/adversary.py shows to hold (docs/safety.md).
 """
@@ -47,7 +47,7 @@ class JointLimits:
 
     @model_validator(mode="after")
     def _check_joint_limits(self) -> Self:
-        """Refuse what is out of its range, and a joint without room."""
+        """Refuse a joint without room."""
         _require_room("q", self.q_min, self.q_max, JOINTS, "rad", 2 * self.delta_q)
         return self
 
@@ -77,7 +77,7 @@ class ToolLimits:
 
     @model_validator(mode="after")
     def _check_tool_limits(self) -> Self:
-        """Refuse what is out of its range, and walls without room."""
+        """Refuse walls without room."""
         _require_room("x", self.x_min, self.x_max, _XYZ, "m", 2 * self.delta_x)
         return self
 
@@ -175,7 +175,7 @@ class SaturationConfig:
 
     @model_validator(mode="after")
     def _check_saturation_config(self) -> Self:
-        """Refuse what is out of its range, and an unknown scheme or formula."""
+        """Refuse an unknown scheme or formula."""
         for name, known in (("scheme", SCHEMES), ("bounds", BOUNDS)):
             if (word := vars(self)[name]) not in known:
                 raise ConfigError(f"unknown {name} {word!r}; known: {', '.join(known)}")

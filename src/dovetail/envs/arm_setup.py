@@ -37,7 +37,7 @@ def build_arm(
             an arm that is built already is returned.
         cell: What stands around it.
         axes: Mode of each axis.
-        config: Its sections action, approach, control, declared and place; an address
+        config: Its plant, control, actions and declared errors; an address
             may give its own period, and a plant or twin of its own.
 
     Raises:
@@ -115,7 +115,7 @@ def build_local_arm(cell: Workcell, axes: TaskSpec, config: EnvConfig) -> LocalA
     Args:
         cell: What stands in it.
         axes: Mode of each axis.
-        config: Its sections action, approach, control, declared and place; the margins
+        config: Its plant, control, actions and declared errors; the margins
             are those of hardware, as the same policy has to run there.
 
     Raises:

@@ -125,7 +125,7 @@ def make_env(
         tracker: Where the fixture is, or its name; None is the settings'.
         render_mode: None, or "rgb_array" for pictures of a simulation here; `gym.make`
             makes "human" and "rgb_array_list" of it.
-        **settings: Fields of the task, and of the sections of `EnvConfig`; ``task`` is
+        **settings: Fields of the task, and of `EnvConfig`; ``task`` is
             the mode of each axis.
 
     Raises:

@@ -123,16 +123,15 @@ def record(
         ConfigError: A setting, or a folder that holds another recording.
         ArmError: The arm, or the held part in contact.
     """
-    where = config
     count = config.sequences
     actions = excitation(config.seed, count, config.steps)
     address = parse_address(config.arm)
     _require_fixture(config, can_place=address.places_fixture)
-    asked = None if where.period == DEFAULT_PERIOD else where.period
+    asked = None if config.period == DEFAULT_PERIOD else config.period
     task = replace(make_task(config.env, config.task_options), axes=EXCITED)
     place = _place(task, config)
     settings = EnvConfig(
-        robot=where.robot,
+        robot=config.robot,
         period=address.control_period(asked, DEFAULT_PERIOD),
         max_steps=config.steps + 1,
         f_scale=config.f_scale,
@@ -141,7 +140,7 @@ def record(
         tare=False,  # a motion without it is what a replay repeats
         **config.declared_errors(),
     )
-    cell = task.workcell(find_robot(where.robot))
+    cell = task.workcell(find_robot(config.robot))
     box = start_box(cell, place.pose(), may_touch=config.allow_contact)
     env = ContactEnv(task, config.arm, settings)
     with closing(env):

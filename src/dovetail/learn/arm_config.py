@@ -54,8 +54,6 @@ class SimulatedDynamicsConfig:
     @model_validator(mode="after")
     def _check_simulated_dynamics_config(self) -> Self:
         """Refuse ranges that nothing would simulate."""
-        if self.model is not None:
-            object.__setattr__(self, "model", Path(self.model))
         if self.ranges != _USUAL and not self.randomise_dynamics:
             raise ConfigError(
                 "a range of random dynamics is given, which needs --randomise-dynamics"

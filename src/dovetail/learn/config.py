@@ -2,6 +2,7 @@
 
 import shlex
 from dataclasses import replace
+from functools import cache
 from typing import Any, Self
 
 from pydantic import model_validator
@@ -160,12 +161,13 @@ class TrainConfig(
         if self.pretrain and (not logs or self.from_policy):
             raise ConfigError(
                 f"pretrain is {self.pretrain}, which needs demonstrations and an "
-                "actor that is new: give --demos LOGS and no --from, or leave it out"
+                "actor that is new: give --demos LOGS and no --from-policy, or leave "
+                "pretrain out"
             )
 
     def _require_used(self, name: str, is_used: bool, needed: str) -> None:
         """Refuse a setting that is not the usual one and would be ignored."""
-        if not is_used and vars(self)[name] != defaults_of(TrainConfig)[name]:
+        if not is_used and vars(self)[name] != _usual_of(name):
             raise ConfigError(f"{name} is given, which needs {needed}")
 
     def _require_dynamics(self) -> None:
@@ -276,6 +278,11 @@ class TrainConfig(
                 continue
             words += option_words(name, str(self.model) if name == "model" else value)
         return shlex.join(words)
+
+
+@cache
+def _usual_of(name: str) -> Any:
+    return defaults_of(TrainConfig)[name]
 
 
 def _flat(settings: dict[str, Any]) -> dict[str, Any]:

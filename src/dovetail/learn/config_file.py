@@ -5,6 +5,7 @@ come from a stranger: it chooses no module and no arm outside this process.
 """
 
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,16 +14,17 @@ import tomlkit
 from dovetail.arms.address import parse_address
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError, did_you_mean
-from dovetail.learn.config import TrainConfig
+from dovetail.learn.config import NOT_COMPARED, TrainConfig
 from dovetail.plugins import OPTIONS, require_trusted
 from dovetail.reading import read_toml
-from dovetail.settings import names_in, unknown_settings
-from dovetail.tasks.options import gather_options, option_types
+from dovetail.settings import check_values, names_in, unknown_settings
+from dovetail.tasks.options import gather_options, option_types, require_types
 from dovetail.tasks.shipped import DEFAULT_ENV
 
 CONFIG = "config.toml"
 MODEL = "model.toml"
 
+_TASK = ("task_options",)
 _RECIPES = Path(__file__).parent.parent / "recipes"
 
 
@@ -52,20 +54,49 @@ def find_recipe(name: str) -> Path:
     return path
 
 
-def read_settings(path: Path, arm: str | None = None) -> dict[str, Any]:
+def read_settings(
+    path: Path, arm: str | None = None, *, is_run: bool = False
+) -> dict[str, Any]:
     """Return the settings in a file as keyword arguments of `TrainConfig`.
+
+    Each value is checked, but none beside another: the command line may change them.
 
     Args:
         path: A TOML file, or the folder of a run.
-        arm: The arm as the user gives it again: a file must not choose an arm outside
-            this process.
+        arm: The arm that the user has given. It takes the place of the file's.
+        is_run: The run is to go on: its arm must be the given one.
 
     Raises:
         ConfigError: The file cannot be read, an unknown key (names the nearest known
-            one), or an arm or a module that the user has not named.
+            one), a wrong value, a setting that no file chooses, or an arm or a module
+            that the user has not named.
     """
     path = path.expanduser()
     path = path / CONFIG if path.is_dir() else path
+    table = _read_table(path)
+    task = task_class(table.get("env", DEFAULT_ENV))
+    names = [n for n in names_in(TrainConfig) if n not in (*NOT_COMPARED, *_TASK)]
+    if unknown := set(table) - {*names, *option_types(task)}:
+        known = sorted([*names, *option_types(task)])
+        raise unknown_settings(unknown, known, str(path))
+    if "arm" in table and arm is not None and not is_run:
+        table["arm"] = arm
+    elif "arm" in table:
+        _require_given(str(table["arm"]), arm, path)
+    if isinstance(model := table.get("model"), str):
+        beside = path.parent / model
+        table["model"] = beside if beside.is_file() else Path(model)
+    try:
+        shared = {name: table[name] for name in names if name in table}
+        require_types(table, task)
+        return gather_options(table | check_values(TrainConfig, shared), task)
+    except ConfigError as error:
+        error.args = (f"{path}: {error}",)
+        raise
+
+
+def _read_table(path: Path) -> dict[str, Any]:
+    """Return a file's table, if it chooses nothing that is the user's to choose."""
     try:
         table = read_toml(path)
     except FileNotFoundError as error:
@@ -75,27 +106,30 @@ def read_settings(path: Path, arm: str | None = None) -> dict[str, Any]:
     for name in OPTIONS:
         if name in table:
             require_trusted(path, name, table[name], is_option=True)
-    task = task_class(table.get("env", DEFAULT_ENV))
-    known = {*names_in(TrainConfig), *option_types(task)} - {"task_options", "resume"}
-    if unknown := set(table) - known:
-        raise unknown_settings(unknown, sorted(known), str(path))
-    if (named := table.get("arm")) is not None:
-        _require_given(str(named), arm, path)
-    if isinstance(model := table.get("model"), str):
-        beside = path.parent / model
-        table["model"] = beside if beside.is_file() else Path(model)
-    return gather_options(table, task)
+    for name in NOT_COMPARED:
+        if name in table:
+            raise ConfigError(
+                f"{path} gives {name}, which no file chooses: leave it out there, and "
+                f"give --{name}",
+                name=name,
+                value=table[name],
+            )
+    return table
 
 
 def load_config(path: Path, arm: str | None = None, **changed: Any) -> TrainConfig:
     """Return the settings in a file as a record, some of them changed.
 
     Raises:
-        ConfigError: See `read_settings`; or a value that is wrong: names it.
+        ConfigError: See `read_settings`; or settings that exclude each other.
     """
-    settings = read_settings(path, arm)
+    return config_of(path, read_settings(path, arm) | changed)
+
+
+def config_of(path: Path, settings: Mapping[str, Any]) -> TrainConfig:
+    """Return settings of a file as a record; its errors name the file."""
     try:
-        return TrainConfig(**settings | changed)
+        return TrainConfig(**settings)
     except ConfigError as error:
         error.args = (f"{path}: {error}",)
         raise

@@ -74,7 +74,6 @@ class LearnerConfig(GradientConfig, ReturnConfig):
     @model_validator(mode="after")
     def _check_learner_config(self) -> Self:
         """Refuse networks or an entropy coefficient that cannot be."""
-        object.__setattr__(self, "net", tuple(int(width) for width in self.net))
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         self.entropy_coefficient()

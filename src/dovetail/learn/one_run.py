@@ -135,14 +135,13 @@ def prepared(config: TrainConfig) -> Iterator[Prepared]:
     try:
         stop = EarlyStopping(config)
         model = make_model(config, env, stop.rate)
-        teaching = config
-        if start is not None or (teaching.pretrain and not teaching.has_teacher):
+        if start is not None or (config.pretrain and not config.has_teacher):
             model.learning_starts = 0  # its own actions are better than random ones
         best = None
         if start is not None:
             require_fit(start, config, env.envs[0])
             start_from(model, start)
-            best = BestActor(model, teaching.learning_starts)
+            best = BestActor(model, config.learning_starts)
         yield Prepared(model, best, stop)
     finally:
         env.close()

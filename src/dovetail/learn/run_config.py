@@ -1,9 +1,7 @@
 """Length of a training, and settings of its runs and their folders."""
 
 from pathlib import Path
-from typing import Annotated, Self
-
-from pydantic import model_validator
+from typing import Annotated
 
 from dovetail.errors import ConfigError
 from dovetail.settings import Range, settings
@@ -56,13 +54,6 @@ class RunsConfig:
     """Steps between checkpoints: the most that a kill can lose."""
     eval_episodes: Annotated[int, Range(0, 1e6, "episodes")] = 200
     """Episodes of the evaluation at the end; 0 leaves it out."""
-
-    @model_validator(mode="after")
-    def _check_runs_config(self) -> Self:
-        """Refuse what is out of its range."""
-        if self.out is not None:
-            object.__setattr__(self, "out", Path(self.out))
-        return self
 
     @property
     def folder(self) -> Path:

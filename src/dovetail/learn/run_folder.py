@@ -17,7 +17,7 @@ from dovetail.learn.config import NOT_COMPARED, TrainConfig
 from dovetail.learn.config_file import (
     CONFIG,
     MODEL,
-    load_config,
+    config_of,
     read_settings,
     to_toml,
 )
@@ -37,10 +37,9 @@ def place_run(config: TrainConfig) -> TrainConfig:
     """Return the settings with a folder: a new one by the time where none is given."""
     if config.out is not None or config.resume:
         return config
-    env = config
-    name = env.env.replace(":", "/").rpartition("/")[2]
-    if env.env == DEFAULT_ENV:
-        options, kinds = env.env_options(), option_types(env.task_class)
+    name = config.env.replace(":", "/").rpartition("/")[2]
+    if config.env == DEFAULT_ENV:
+        options, kinds = config.env_options(), option_types(config.task_class)
         name = "_".join(f"{k}_{options[k]}" for k in kinds if kinds[k] is str)
     return replace(config, out=dated_folder("runs", f"{name}-"))
 
@@ -100,15 +99,14 @@ def run_config(folder: Path, arm: str | None = None) -> TrainConfig:
             f"no run to resume in {folder}: it has no {CONFIG}; leave out --resume to "
             "start one"
         )
+    file = folder / CONFIG
     try:
-        given = read_settings(folder / CONFIG, arm)
+        given = read_settings(file, arm, is_run=True)
         usual = defaults_of(TrainConfig)
         written = {name for name, value in usual.items() if value is not None}
         if missing := sorted(written - given.keys() - set(NOT_COMPARED)):
-            raise ConfigError(
-                f"{folder / CONFIG} lacks {', '.join(missing)}", name=missing[0]
-            )
-        return load_config(folder / CONFIG, arm, out=folder, resume=True)
+            raise ConfigError(f"{file} lacks {', '.join(missing)}", name=missing[0])
+        return config_of(file, given | {"out": folder, "resume": True})
     except ConfigError as error:
         if error.name:
             again = "if another version of dovetail began this run, start a new one"

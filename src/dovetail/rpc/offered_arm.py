@@ -3,8 +3,10 @@
 from dovetail.arms.arm import Arm
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.limits import DeclaredErrors
+from dovetail.control.period import require_period
 from dovetail.control.proven import DECLARED, describe
 from dovetail.control.settings import ControllerSettings
+from dovetail.control.torque_limits import check_torque
 from dovetail.durations import format_ms
 from dovetail.errors import ConfigError
 from dovetail.options import option_words
@@ -38,11 +40,15 @@ class OfferedArm:
         """The arm, while it is built."""
 
     def require_fit(self, settings: ControllerSettings) -> None:
-        """Refuse a learner that asks for another period, or declares too little.
+        """Refuse a learner whose settings do not fit, before the arm is touched.
 
         Raises:
-            ConfigError: Names both, and what the learner has to add.
+            ConfigError: Another period, one that the arm cannot have, or too little
+                declared: names both, and what the learner has to add.
+            TorqueError: Its torque limits cannot hold the arm.
         """
+        require_period(settings.period, self.address.period_name, self.address.periods)
+        check_torque(self.robot, settings.limits)
         name, period = self.address.text, self.address.period
         if period not in (None, settings.period):
             raise ConfigError(

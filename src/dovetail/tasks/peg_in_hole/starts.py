@@ -58,10 +58,9 @@ class RandomisationConfig(HoleRangeConfig, StartRangeConfig, FreeAirConfig):
 
 def sample_hole(rng: np.random.Generator, config: RandomisationConfig) -> Pose:
     """Draw the pose of the hole's mouth (z out of the hole)."""
-    ranges = config
-    half = np.asarray(ranges.hole_range)
-    position = np.asarray(ranges.hole_centre) + rng.uniform(-half, half)
-    return Pose(position, quat_about_z(rng.uniform(-ranges.hole_yaw, ranges.hole_yaw)))
+    half = np.asarray(config.hole_range)
+    position = np.asarray(config.hole_centre) + rng.uniform(-half, half)
+    return Pose(position, quat_about_z(rng.uniform(-config.hole_yaw, config.hole_yaw)))
 
 
 def is_clear_of_block(
@@ -72,13 +71,12 @@ def is_clear_of_block(
     Above the mouth plus the gap everything is free; lower down only what lies beside
     the block's square footprint, widened by the peg's radius and the gap.
     """
-    free = config
-    if offset[2] >= free.gap:
+    if offset[2] >= config.gap:
         return True
     c, s = math.cos(hole_yaw), math.sin(hole_yaw)
     x = c * offset[0] + s * offset[1]
     y = -s * offset[0] + c * offset[1]
-    reach = free.block_half + free.peg_radius + free.gap
+    reach = config.block_half + config.peg_radius + config.gap
     return max(abs(x), abs(y)) >= reach
 
 
@@ -93,16 +91,15 @@ def sample_start(
     Raises:
         ConfigError: When the ranges leave no free start.
     """
-    start = config
-    low = np.array([-start.start_xy, -start.start_xy, start.start_z[0]])
-    high = np.array([start.start_xy, start.start_xy, start.start_z[1]])
+    low = np.array([-config.start_xy, -config.start_xy, config.start_z[0]])
+    high = np.array([config.start_xy, config.start_xy, config.start_z[1]])
     for _ in range(1000):
         offset = rng.uniform(low, high)
         if is_clear_of_block(offset, hole_yaw, config):
-            yaw = hole_yaw + rng.uniform(-start.start_yaw, start.start_yaw)
+            yaw = hole_yaw + rng.uniform(-config.start_yaw, config.start_yaw)
             return Pose(hole.position + offset, tool_down(yaw))
     raise ConfigError(
-        f"no start in free air among 1000 draws: start_xy {start.start_xy:g} m, "
-        f"start_z {start.start_z[0]:g} to {start.start_z[1]:g} m, block half side "
+        f"no start in free air among 1000 draws: start_xy {config.start_xy:g} m, "
+        f"start_z {config.start_z[0]:g} to {config.start_z[1]:g} m, block half side "
         f"{config.block_half:g} m; widen start_xy or raise start_z"
     )
