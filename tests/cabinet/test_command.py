@@ -43,7 +43,7 @@ FREE = ["--port", "0", "--control", "127.0.0.1:0", "--plant", "mujoco"]
         (["--script", "nowhere.txt"], "fault script nowhere.txt cannot be read"),
         (["--log", "/nowhere/at/all.jsonl"], "cannot be written"),
         (["--io", "FRI.Out"], "give NAME:TYPE:DIRECTION"),
-        (["--multiplier", "0"], "receive_multiplier is 0"),
+        (["--receive-multiplier", "0"], "receive_multiplier is 0"),
         (["--hold-slots", "9", "--stop-slots", "3"], "stop_slots is 3, less than hold"),
         (["--restart-delay", "soon"], "--restart-delay is 'soon'"),
         (["--good-from", "1.1"], "must rise within 0 to 1"),

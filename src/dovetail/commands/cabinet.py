@@ -100,7 +100,7 @@ class Cabinet(
         return CabinetConfig(
             version=self.version,
             period=self.period,
-            receive_multiplier=self.multiplier,
+            receive_multiplier=self.receive_multiplier,
             client=parse_endpoint(self.client, "--client"),
             bind=parse_endpoint(f"{self.bind}:{self.port}", "--bind and --port"),
             control=control,
@@ -119,7 +119,7 @@ class Cabinet(
                 None if delay == "never" else parse_duration(delay, "--restart-delay")
             ),
             io=tuple(parse_signal(text) for text in self.io),
-            transformations=self.transformation,
+            transformations=self.transformations,
         )
 
     def _build_plant(self) -> DrivenPlant:
@@ -143,7 +143,7 @@ class Cabinet(
 
 COMMON = (
     *("twin", "plant", "robot", "env", "task_options", "version", "client", "bind"),
-    *("port", "control", "period", "multiplier", "clock", "realtime", "mode"),
+    *("port", "control", "period", "receive_multiplier", "clock", "realtime", "mode"),
     *("stiffness", "damping", "fault", "script", "log"),
 )
 """Settings that `--help` lists."""

@@ -2,9 +2,7 @@
 
 from dataclasses import field
 from pathlib import Path
-from typing import Annotated, Any, Literal
-
-import tyro
+from typing import Any, Literal
 
 from dovetail.control.period import DEFAULT_PERIOD
 from dovetail.options import Period
@@ -51,12 +49,12 @@ class PaceOptions:
 
     period: Period = DEFAULT_PERIOD
     """Send period: whole milliseconds, 1ms to 100ms. An arm of dovetail takes 1ms, 2ms
-    and 5ms, the multiplier counted."""
-    multiplier: int = 1
-    """Receive multiplier: the client answers every so many messages."""
+    and 5ms, with the receive multiplier counted."""
+    receive_multiplier: int = 1
+    """The client answers every so many messages."""
     clock: Literal["wall", "lockstep"] = "wall"
     """wall sends by the clock; lockstep sends when the last message was answered."""
-    patience: Annotated[str, tyro.conf.arg(aliases=["--watchdog"])] = "10s"
+    patience: str = "10s"
     """Longest wait of lockstep for an answer."""
     realtime: bool = False
     """Ask for real-time priority (SCHED_FIFO)."""
@@ -97,7 +95,7 @@ class SignalOptions:
     io: tuple[str, ...] = ()
     """IO signals, each NAME:TYPE:DIRECTION[=VALUE]; TYPE is boolean, digital or analog,
     DIRECTION input or output."""
-    transformation: tuple[str, ...] = ()
+    transformations: tuple[str, ...] = ()
     """Names of transformations that are requested from the client."""
 
 
