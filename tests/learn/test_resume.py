@@ -185,7 +185,7 @@ def test_the_printed_command_resumes_a_strangers_task(tmp_path, monkeypatch, sma
     assert words[:2] == ["dovetail", "train"]
     assert words[-2:] == ["--env", ring]
     trust_typed(words)
-    read = resumed(words)
+    read = resumed(words[2:])
     assert read.env == ring
     assert read.resume
 
