@@ -33,6 +33,9 @@ from .errors import PlantError as PlantError
 from .errors import PolicyError as PolicyError
 from .errors import TorqueError as TorqueError
 from .errors import UnprovenWarning as UnprovenWarning
+from .evaluation.compare import Comparison as Comparison
+from .evaluation.compare import ComparisonConfig as ComparisonConfig
+from .evaluation.compare import compare as compare
 from .evaluation.config import EvaluationConfig as EvaluationConfig
 from .evaluation.evaluate import Evaluation as Evaluation
 from .evaluation.evaluate import evaluate as evaluate

@@ -23,6 +23,7 @@ COMMANDS = {
     "train": ("Train", "train a policy in a simulation or on an arm"),
     "export": ("Export", "write a model of Stable-Baselines3 or SBX as a policy"),
     "evaluate": ("Evaluate", "try a policy on a plant, a twin or an arm"),
+    "compare": ("Compare", "say which of several policies is better"),
     "cockpit": ("Cockpit", "see an arm in the browser, and touch it"),
     "record": ("Record", "show the task by hand, for a policy to learn from"),
     "replay": ("Replay", "show recorded episodes in the browser"),

@@ -55,6 +55,7 @@ TINY = {
     "cockpit": ("--seconds 1 --moves 2 --clicks 2 --garbage 200", "load"),
     "cockpit_stop": ("--tries 2 --twin easy", "2 of 2 tries"),
     "adversary --contact": ("--contact --cycles 20 --period 0.005 --quiet", "cycles"),
+    "compare_tries": ("--repeats 2 --tries 20", "| 95 %, 85 % |"),
     "control_cycle": ("--period 0.005", "dovetail qp"),
     "env_step_rate": ("--steps 5", "steps/s"),
     "demonstrations": ("--count 1 --only-show", '"demonstrations": 1'),

@@ -33,7 +33,7 @@ def test_a_period_that_is_nearly_one_of_them_is_that_one(period):
 @pytest.mark.parametrize(
     ("period", "message"),
     [
-        (0.003, "is 3 ms, of which a policy step of 50 ms is no multiple; allowed: "),
+        (0.003, "is 3 ms; a policy step, 50 ms, is no multiple of it; allowed: "),
         (0.004, "allowed: 1, 2, 2.5 and 5 ms; take 2.5ms"),
         (0.00125, "is 1.25 ms, at which the limits were not tested; allowed: 1, 2"),
         (0.006, "is 6 ms; allowed: 1, 2, 2.5 and 5 ms; take 5ms"),

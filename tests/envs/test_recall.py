@@ -9,6 +9,7 @@ from dovetail.envs.observation import Layout
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import ConfigError
 from dovetail.robots.find import find_robot
+from facts import about
 
 LAYOUT = Layout(
     ("joints", "position", "theta", "velocity", "tilt"), find_robot(), np.zeros(3)
@@ -49,7 +50,7 @@ def test_no_ages_append_nothing():
 
 @pytest.mark.parametrize("ages", [(0,), (201,), (1.5,)])
 def test_ages_out_of_range_are_refused(ages):
-    with pytest.raises(ConfigError, match="recall"):
+    with pytest.raises(ConfigError, check=about("recall")):
         HistoryFeatures(ages, LAYOUT, 1)
 
 

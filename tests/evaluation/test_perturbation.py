@@ -22,6 +22,7 @@ from dovetail.evaluation.perturbation import (
 )
 from dovetail.poses import Pose, quat_about_z, tool_down
 from extras import need
+from facts import about
 
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
 STILL = np.zeros(4, dtype=np.float32)
@@ -262,7 +263,7 @@ def test_an_evaluation_under_perturbation_says_so_everywhere(policy_file, tmp_pa
     for words in ("--fixture-shift 0.01", "--push 20.0", "--start below"):
         assert words in report["command"]
     assert "fixture moved by 10 mm" in (config.out / "report.html").read_text()
-    with pytest.raises(ConfigError, match="push is 200 N"):
+    with pytest.raises(ConfigError, check=about("push")):
         evaluate(replace(config, push=200.0, out=tmp_path / "no"), Console(file=text))
     assert not (tmp_path / "no").exists()
 

@@ -14,6 +14,7 @@ from dovetail.plants.twin import Twin, list_twins, load_twin, make_twin
 from dovetail.plants.twin_camera import TwinCamera
 from dovetail.settings import names_in
 from extras import need
+from facts import about
 from plants.conftest import HOLE, Q_BENT, start_above
 
 IDEAL = nominal_model()
@@ -186,7 +187,7 @@ def test_damaged_file_is_refused_with_what_is_known(tmp_path, old, new, words):
 
 
 def test_a_description_is_text():
-    with pytest.raises(ConfigError, match="description is 3"):
+    with pytest.raises(ConfigError, check=about("description")):
         replace(IDEAL, description=3)
 
 

@@ -28,6 +28,7 @@ from dovetail.settings import values_of
 from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.rail_clip.task import ClipStarts, RailClip
 from dovetail.workcell.parts import Part, Primitive
+from facts import about
 from test_imports import modules, names_in
 
 ROOT = Path(__file__).parent.parent.parent
@@ -95,9 +96,7 @@ def test_the_rail_clip_draws_from_its_ranges():
 def test_a_setting_that_nobody_takes_is_refused_with_those_that_are():
     with pytest.raises(ConfigError, match=r"RailClip got .* argument 'peg'"):
         gym.make("dovetail/RailClip-v0", peg="square")
-    with pytest.raises(
-        ConfigError, match=r"unknown settings .* speed .*; known: f_scale"
-    ):
+    with pytest.raises(ConfigError, check=about("speed")):
         EnvConfig(speed=1.0)
 
 

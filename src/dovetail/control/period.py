@@ -56,5 +56,5 @@ def _reason(period: float, allowed: tuple[float, ...]) -> str:
         return ", and FRI knows whole milliseconds only"
     steps = POLICY_PERIOD / period
     if abs(steps - round(steps)) > 1e-9:
-        return f", of which a policy step of {1e3 * POLICY_PERIOD:g} ms is no multiple"
+        return f"; a policy step, {1e3 * POLICY_PERIOD:g} ms, is no multiple of it"
     return ", at which the limits were not tested"

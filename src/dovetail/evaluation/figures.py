@@ -1,7 +1,7 @@
 """The figures of an evaluation as PNG: the tool's paths and the contact force."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from io import BytesIO
 from typing import Any
 
@@ -155,6 +155,33 @@ def draw_forces(outcomes: Sequence[Outcome]) -> bytes:
         axes.set_ylabel("tries", fontsize=8)
         axes.tick_params(labelsize=7)
         axes.spines[["top", "right"]].set_visible(False)
+    return _png(figure)
+
+
+def draw_differences(lines: Mapping[str, Sequence[Sequence[float]]]) -> bytes:
+    """Draw how the difference of success rates and its interval changed with the tries.
+
+    Args:
+        lines: For each two policies the difference and both ends of its interval after
+            each try, -1 to 1.
+
+    Returns:
+        A PNG file.
+    """
+    size = (7.0, 2.4 * len(lines) + 0.4)
+    figure = Figure(figsize=size, dpi=130, layout="constrained")
+    grid = figure.subplots(len(lines), 1, squeeze=False, sharex=True)[:, 0]
+    for axes, (name, rows) in zip(grid, lines.items(), strict=True):
+        tries = np.arange(1, len(rows) + 1)
+        value, low, high = 100.0 * np.array(rows).T
+        axes.axhline(0.0, color=_INK, linewidth=0.8)
+        axes.fill_between(tries, low, high, color=DONE, alpha=0.2, linewidth=0)
+        axes.plot(tries, value, color=DONE, linewidth=1.5)
+        axes.set_title(name, fontsize=10, color=_INK)
+        axes.set_ylabel("difference [%]", fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.spines[["top", "right"]].set_visible(False)
+    grid[-1].set_xlabel("tries of each", fontsize=8)
     return _png(figure)
 
 

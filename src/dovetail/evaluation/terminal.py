@@ -64,16 +64,28 @@ def _collect(
 
 
 def render_table(rows: Sequence[Row]) -> Table:
-    """Return the transfer table for a terminal, without its title."""
+    """Return the transfer table for a terminal, without its title; the sum is last."""
+    table = render_rows(rows[:-1], COLUMNS[0], also=rows[-1:])
+    table.add_section()
+    table.add_row(*cells(rows[-1]), style="bold")
+    return table
+
+
+def render_rows(rows: Sequence[Row], first: str, also: Sequence[Row] = ()) -> Table:
+    """Return rows as a table for a terminal.
+
+    Args:
+        rows: The rows.
+        first: Heading of their labels.
+        also: Rows that will be added, for which the columns are wide enough.
+    """
     table = Table(box=SIMPLE_HEAD)
     table.pad_edge = False
-    lines = [cells(row) for row in rows]
-    for name, *entries in zip(COLUMNS, *lines, strict=True):
+    lines = [cells(row) for row in (*rows, *also)]
+    for name, *entries in zip((first, *COLUMNS[1:]), *lines, strict=True):
         words = [*name.split(), *entries]  # headings wrap, numbers do not
-        side = "left" if name == COLUMNS[0] else "right"
+        side = "left" if name == first else "right"
         table.add_column(name, justify=side, width=max(map(len, words)))
-    for line in lines[:-1]:
+    for line in lines[: len(rows)]:
         table.add_row(*line)
-    table.add_section()
-    table.add_row(*lines[-1], style="bold")
     return table

@@ -3,7 +3,7 @@
 import math
 import multiprocessing
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import closing
 from dataclasses import replace
@@ -253,7 +253,7 @@ def run_trials(
     logs: Path | None = None,
     films: Path | None = None,
     workers: int = 1,
-) -> Iterator[Outcome]:
+) -> Generator[Outcome]:
     """Run every job and yield the outcomes as they come, in order.
 
     The outcome of a job depends on its seed alone, not on the number of workers.
