@@ -57,6 +57,7 @@ from .learn.policy_env import make_policy_env as make_policy_env
 from .learn.train import train as train
 from .plants.mujoco_plant import MujocoPlant as MujocoPlant
 from .plants.plant import DynamicsConfig as DynamicsConfig
+from .plants.sampled_twin import sample_twin as sample_twin
 from .plants.twin import Twin as Twin
 from .plants.twin import list_twins as list_twins
 from .plants.twin import load_twin as load_twin
