@@ -23,12 +23,10 @@ F_SCALE = 4.0
 """f* at action 1 on X Y Z [m/s2]."""
 FORCE_DAMPING = 40.0
 """Damping of force axes [1/s]."""
-FALL_BACK = "dovetail.search.fall_back_env:FallBackEnv"
-"""Environment in which a script takes over from an action that does not succeed."""
 ENDLESS = 1_000_000
 """Actions of an episode that only success or its user ends."""
-SCRIPTS = {"corner": "dovetail.search.corrected_env:CorrectedEnv"}
-"""Scripts that an action may correct, and the environment in which it does."""
+SCRIPTS = ("corner",)
+"""Scripts that an action may correct."""
 
 
 def _as_tuple(value: Any) -> Any:

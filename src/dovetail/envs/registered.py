@@ -16,12 +16,14 @@ import gymnasium
 
 from dovetail.arms.arm import Arm
 from dovetail.envs.batch_vector_env import BatchVectorEnv
-from dovetail.envs.config import ENDLESS, FALL_BACK, SCRIPTS, USUAL, EnvConfig
+from dovetail.envs.config import ENDLESS, USUAL, EnvConfig
 from dovetail.envs.contact_env import ContactEnv
 from dovetail.envs.contract import build_task, require_class
 from dovetail.errors import ConfigError, did_you_mean
 from dovetail.plugins import import_names
 from dovetail.robots.find import DEFAULT_ROBOT, find_robot
+from dovetail.search.corrected_env import CorrectedEnv
+from dovetail.search.fall_back_env import FallBackEnv
 from dovetail.settings import names_in
 from dovetail.tasks.shipped import DEFAULT_ENV, EPISODE_STEPS
 from dovetail.tasks.task import Task
@@ -145,8 +147,8 @@ def make_env(
 def _kind(config: EnvConfig) -> type[ContactEnv]:
     """Return the class of the environment whose actions mean what a config says."""
     if config.script is not None:
-        return _named(SCRIPTS[config.script])
-    return _named(FALL_BACK) if config.fall_back else ContactEnv
+        return CorrectedEnv
+    return FallBackEnv if config.fall_back else ContactEnv
 
 
 vars(make_env)["metadata"] = ContactEnv.metadata
