@@ -19,6 +19,14 @@ constexpr double kFastestSurface = 0.1;
 // Height over the near plane in which near_press comes to act whole [m].
 constexpr double kNearBand = 0.002;
 
+// In which the weight is learned [s]: a start is at least as long above the plane, and
+// a hand that touches the tool for a moment is no weight.
+constexpr double kWeightTime = 0.1;
+
+// Most of the weight along one axis that near_press counts from [m/s2]: the public
+// inertia sets of the iiwa differ by up to 4 in this.
+constexpr double kLargestWeight = 5.0;
+
 }  // namespace
 
 double height(const Target& target, const ToolMotion& tool) noexcept {
@@ -33,13 +41,24 @@ ContactApproach::ContactApproach(const LimitParams& limits, double period) noexc
       brake_rate_(limits.brake_rate),
       quickest_(std::max(limits.brake_rate, 2.0 / (limits.kappa * period))),
       is_passive_(limits.passive),
-      is_qp_(limits.scheme == Scheme::kQp) {}
+      is_qp_(limits.scheme == Scheme::kQp),
+      weight_share_(1.0 - std::exp(-period / kWeightTime)) {}
+
+void ContactApproach::follow_weight(const Target& target,
+                                    const CycleModel& model) noexcept {
+  if (height(target, model.tool) <= 0.0) return;
+  weight_ += weight_share_ * (model.push_tool - weight_);
+  weight_ = weight_.cwiseMax(-kLargestWeight).cwiseMin(kLargestWeight);
+  if (!weight_.allFinite()) weight_.setZero();  // it would never end
+}
 
 double ContactApproach::excess_press(const Target& target,
                                      const ToolMotion& tool) const noexcept {
   const Vec3 normal = target.near_plane.head<3>();
   const double share = 1.0 - std::clamp(height(target, tool) / kNearBand, 0.0, 1.0);
-  const double press = normal.dot((target.f_tare - target.f_star).head<3>());
+  const Vec3 tare = target.f_tare.head<3>();
+  const Vec3 holding = tare == Vec3::Zero() ? Vec3(-weight_) : tare;
+  const double press = normal.dot(holding - target.f_star.head<3>());
   return share * std::max(press - near_press_, 0.0);
 }
 

@@ -54,6 +54,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   if (!goes_on(q, dq)) {
     observer_.reset();
     osc_.forget_sag();
+    approach_.reset();
   }
   observer_.begin_jump();
   anchor_.reset();
@@ -178,6 +179,7 @@ StepResult Controller::follow(const Target& target, const Vec7& q, const Vec7& d
   } else {
     observer_.drop();
     osc_.forget_sag();
+    approach_.reset();
     result = brake(q, dq);
   }
   return result;
@@ -193,6 +195,7 @@ Controller::LimiterEffort Controller::follow_task(const Vec7& q, const Vec7& dq,
   if (height(target, tool) > 0.0) {
     osc_.follow_sag(model_.terms.J * model_.push + target.f_tare);
   }
+  approach_.follow_weight(target, model_);
   Vec6 f_star;
   const double excess = limits_.walls ? approach_.excess_press(target, tool) : 0.0;
   if (excess > 0.0) {

@@ -26,8 +26,17 @@ class ContactApproach {
  public:
   ContactApproach(const LimitParams& limits, double period) noexcept;
 
+  /// Forgets the weight.
+  void reset() noexcept { weight_.setZero(); }
+  /// Learns in free air, above the near plane, how weight that nothing compensates
+  /// accelerates the tool. Near contact it stays as it was: what pulls there is
+  /// contact.
+  void follow_weight(const Target& target, const CycleModel& model) noexcept;
+
   /// How much of f* against the near plane's normal is more than near_press [m/s2]:
-  /// below the plane whole, above it less and less, so that nothing switches.
+  /// below the plane whole, above it less and less, so that nothing switches. It counts
+  /// from the f* that holds the weight: the tare, or without one what was learned. A
+  /// limit below the weight would leave the tool hovering, or pressing by itself.
   [[nodiscard]] double excess_press(const Target& target,
                                     const ToolMotion& tool) const noexcept;
 
@@ -53,6 +62,8 @@ class ContactApproach {
   double brake_rate_;  // of passive limits [1/s]
   double quickest_;    // braking of any limit [1/s]
   bool is_passive_, is_qp_;
+  double weight_share_;         // of a cycle, in the mean that the weight is [1]
+  Vec3 weight_ = Vec3::Zero();  // acceleration by it [m/s2]
 };
 
 }  // namespace dovetail
