@@ -2,39 +2,24 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "dovetail/input.hpp"
+#include "dovetail/limit_stage.hpp"
 #include "dovetail/parameters.hpp"
 #include "dovetail/qp.hpp"
-#include "dovetail/saturation.hpp"
 
 namespace dovetail {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// Share of what a joint's speed limit allows that the way to a pose that jumps uses:
+// a joint at its limit would be missed by the other axes.
+constexpr double kWayShare = 0.85;
 
-// Of tau_max: what is taken for a disturbance, but of a joint that is at its limit.
-constexpr double kUsualEstimate = 0.3;
-
-// After the last line a wall is worth so much mass [kg]: held against a jam it would
-// drive the joints.
-constexpr double kEndRho = 1.0;
+constexpr double kFewPeriods = 3.0;  // between the last cycle and a reset that goes on
 
 /// Whether a torque may leave, and what it was made from.
 bool is_finite(const StepResult& result) noexcept {
   return (result.a0 + result.a + result.tau).allFinite();
-}
-
-/// The paper's bounds as printed may be empty: the side moved towards wins.
-Interval not_empty(Interval interval, double v) noexcept {
-  if (interval.lb <= interval.ub) return interval;
-  if (v >= 0.0) {
-    interval.lb = interval.ub;
-  } else {
-    interval.ub = interval.lb;
-  }
-  return interval;
 }
 
 /// Whether a Target asks for nothing new.
@@ -45,8 +30,6 @@ bool is_same(const Target& a, const Target& b) noexcept {
          a.near_plane == b.near_plane && a.q_d == b.q_d && a.f_tare == b.f_tare;
 }
 
-std::uint8_t bit(int i) noexcept { return static_cast<std::uint8_t>(1U << i); }
-
 }  // namespace
 
 Controller::Controller(const ChainParams& chain, const OscParams& osc,
@@ -55,21 +38,13 @@ Controller::Controller(const ChainParams& chain, const OscParams& osc,
       osc_((check_osc(osc), check_task(task), osc), task, period),
       limits_((check_limits(limits), limits)),
       period_((check_period(period), period)),
-      joint_params_{limits.bounds,    period,         limits.kappa,
-                    limits.eta,       limits.delta_q, limits.delta_v,
-                    limits.authority, limits.passive, limits.brake_rate},
-      wall_params_{limits.bounds,    period,         limits.kappa,
-                   limits.eta_wall,  limits.delta_x, limits.delta_v,
-                   limits.authority, limits.passive, limits.brake_rate},
-      x_min_(limits.x_min),
-      x_max_(limits.x_max),
+      bounds_(limits, period),
       check_(limits, period),
+      observer_(limits),
+      walls_(limits),
+      approach_(limits, period),
+      standstill_(limits, period),
       last_line_(limits) {
-  const auto walls_off = Vec3::Constant(kInfinity);
-  bounds_.cl = -walls_off;
-  bounds_.cu = walls_off;
-  bounds_.cl_cause.fill(BoundCause::kAcceleration);
-  bounds_.cu_cause.fill(BoundCause::kAcceleration);
   reset(Vec7::Zero(), Vec3::Zero(), Vec4(1.0, 0.0, 0.0, 0.0));
 }
 
@@ -77,310 +52,314 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
                        const Vec7& dq) noexcept {
   hold_at(p_hold, quat_hold);
   if (!goes_on(q, dq)) {
-    disturbance_ = steady_ = weight_ = Vec7::Zero();
+    observer_.reset();
     osc_.forget_sag();
+    approach_.reset();
   }
-  of_jump_.setZero();
-  dq_last_ = tau_last_ = a_last_ = a0_last_ = Vec7::Zero();
-  staying_ = 0;
+  observer_.begin_jump();
+  anchor_.reset();
+  slew_.reset();
   resume();
-  has_last_ = is_soft_ = false;
-  lagged_ = since_ = 0.0;
-  was_plausible_ = is_time_ = is_number_ = true;
-  is_return_ = false;
+  taken_ = Taken{};
+  last_ = LastCycle{};
+  was_plausible_ = true;
   has_start_ = is_configuration(q) && is_speed(dq);
   if (!has_start_) return;
   check_.reset(q, dq);
   update_model(q, dq);
 }
 
+void Controller::resume() noexcept {
+  last_line_.reset();
+  walls_.reset();
+  posture_.reset();
+}
+
 void Controller::hold_at(const Vec3& p_hold, const Vec4& quat_hold) noexcept {
   has_hold_ = is_pose(p_hold, quat_hold);
   if (has_hold_) osc_.reset(p_hold, quat_hold);
-  has_posture_ = false;
+  posture_.reset();
 }
 
-void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
-  const double ahead = limits_.mid_interval ? 0.5 * period_ : 0.0;
-  chain_.evaluate(q + ahead * dq, dq, terms_);
-  chain_.tool_motion(q, dq, tool_);
-  terms_.M.diagonal() += limits_.armature;
-  factor_.factor(terms_.M);
-  Minv_ = factor_.inverse();
-  h_ = terms_.c + limits_.damping.cwiseProduct(dq);
-  const Vec7 usual = kUsualEstimate * limits_.tau_max;
-  const Vec7 cut = disturbance_.cwiseMax(-usual).cwiseMin(usual);
-  push_.noalias() = Minv_ * cut;
-  push_whole_ = push_;
-  if (cut != disturbance_) push_whole_.noalias() = Minv_ * disturbance_;
-  push_x_.noalias() = terms_.J.topRows<3>() * push_;
-  lo_ = -limits_.tau_max - tool_.g;
-  hi_ = limits_.tau_max - tool_.g;
-}
-
-void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
-  for (int i = 0; i < kNumJoints; ++i) {
-    const double push = is_behind(i, q[i]) ? push_whole_[i] : push_[i];
-    const Interval joint = not_empty(
-        acceleration_bounds(q[i], dq[i], limits_.q_min[i], limits_.q_max[i],
-                            limits_.dq_max[i], limits_.ddq_max[i], joint_params_, push),
-        dq[i]);
-    bounds_.lb[i] = joint.lb;
-    bounds_.ub[i] = joint.ub;
-    bounds_.lb_cause[i] = joint.lb_cause;
-    bounds_.ub_cause[i] = joint.ub_cause;
-  }
-  if (!limits_.walls) return;
-  for (int i = 0; i < 3; ++i) {
-    const double speed = tool_.twist[i];
-    const Interval wall = not_empty(
-        acceleration_bounds(tool_.p[i], speed, x_min_[i], x_max_[i], limits_.dx_max[i],
-                            limits_.ddx_max[i], wall_params_, push_x_[i]),
-        speed);
-    bounds_.cl[i] = wall.lb;
-    bounds_.cu[i] = wall.ub;
-    bounds_.cl_cause[i] = wall.lb_cause;
-    bounds_.cu_cause[i] = wall.ub_cause;
-  }
-}
-
-void Controller::mark_joints(unsigned upper, unsigned lower,
-                             Flags& flags) const noexcept {
-  for (int i = 0; i < kNumJoints; ++i) {
-    const bool is_upper = (upper >> i) & 1U;
-    if (!is_upper && !((lower >> i) & 1U)) continue;
-    switch (is_upper ? bounds_.ub_cause[i] : bounds_.lb_cause[i]) {
-      case BoundCause::kPosition:
-        flags.joint_position |= bit(i);
-        break;
-      case BoundCause::kVelocity:
-        flags.joint_velocity |= bit(i);
-        break;
-      case BoundCause::kAcceleration:
-        flags.joint_acceleration |= bit(i);
-        break;
-    }
-  }
-}
-
-void Controller::mark_walls(unsigned upper, unsigned lower,
-                            Flags& flags) const noexcept {
-  for (int i = 0; i < 3; ++i) {
-    const bool is_upper = (upper >> i) & 1U;
-    if (!is_upper && !((lower >> i) & 1U)) continue;
-    switch (is_upper ? bounds_.cu_cause[i] : bounds_.cl_cause[i]) {
-      case BoundCause::kPosition:
-        flags.wall_position |= bit(i);
-        break;
-      case BoundCause::kVelocity:
-        flags.wall_velocity |= bit(i);
-        break;
-      case BoundCause::kAcceleration:
-        flags.wall_acceleration |= bit(i);
-        break;
-    }
-  }
-}
-
-void Controller::limit_by_qp(StepResult& result) noexcept {
-  const Mat37 Jc = terms_.J.topRows<3>();
-  const Vec3 djc = terms_.dJdq.head<3>();
-  const bool is_ended = last_line_.cause() != EndCause::kNone;
-  const double rho = is_ended ? kEndRho : limits_.rho;
-  // After an end a joint has its own motor alone. That others help one that is not
-  // strong enough is right in free space; what it touches they would only load.
-  const Vec7 beyond = Vec7::Constant(is_ended ? kInfinity : 0.0);
-  const QpResult qp =
-      solve_qp({terms_.M, Minv_, result.a0, bounds_.lb, bounds_.ub, Jc, djc, bounds_.cl,
-                bounds_.cu, h_, lo_ - beyond, hi_ + beyond, rho});
-  result.a = qp.a + push_;
-  result.a0 += push_;
-  result.tau = qp.tau;
-  result.flags.torque = qp.torque;
-  result.flags.wall_displaced = qp.wall_displaced;
-  result.flags.unsafe = qp.unsafe;
-  result.flags.qp_early = !qp.ok;
-  mark_joints(qp.upper, qp.lower, result.flags);
-  mark_walls(qp.wall_upper, qp.wall_lower, result.flags);
-}
-
-void Controller::limit_by_cascade(StepResult& result) noexcept {
-  Vec7 a = result.a0;
-  const Mat37 Jc = terms_.J.topRows<3>();
-  const Vec3 djc = terms_.dJdq.head<3>();
-  if (limits_.walls) {
-    const SaturationResult walls =
-        scs(a, Minv_, Jc, djc, bounds_.cl, bounds_.cu, limits_.s0_wall);
-    mark_walls(walls.upper, walls.lower, result.flags);
-    a = walls.a;
-  }
-  const SaturationResult joints = limits_.exact_sjs
-                                      ? sjs_exact(a, Minv_, bounds_.lb, bounds_.ub)
-                                      : sjs(a, Minv_, bounds_.lb, bounds_.ub);
-  mark_joints(joints.upper, joints.lower, result.flags);
-  result.flags.qp_early = !joints.ok;
-  const Vec7 a_safe = Vec7::Zero().cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  const TorqueBlend blend = blend_torque(joints.a, a_safe, terms_.M, h_, lo_, hi_);
-  result.a = blend.a + push_;
-  result.a0 += push_;
-  result.tau = blend.tau;
-  result.flags.torque = blend.limited;
-  result.flags.unsafe = blend.unsafe;
-  if (!limits_.walls) return;
-  const Vec3 ddx = Jc * blend.a + djc;
-  for (int i = 0; i < 3; ++i) {
-    if (ddx[i] > bounds_.cu[i] + kWallTolerance ||
-        ddx[i] < bounds_.cl[i] - kWallTolerance) {
-      result.flags.wall_displaced |= bit(i);
-    }
-  }
-}
-
-/// The damped hold: this acceleration, by a torque that holds against h, softly.
-StepResult Controller::hold(const Vec7& a, const Vec7& h) noexcept {
-  StepResult result;
-  result.flags.bad_input = true;
-  result.a = result.a0 = a;
-  result.tau = terms_.M * a + h;
-  if (is_finite(result) && (lo_ + hi_).allFinite()) {
-    result.tau = result.tau.cwiseMax(lo_).cwiseMin(hi_);
-    soften(result);
-  } else {  // the model is not: gravity compensation alone holds
-    result.a = result.a0 = result.tau = Vec7::Zero();
-  }
-  return result;
-}
-
-/// Slow down inside the joints' limits, against what pushes.
-StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
-  update_model(q, dq);
-  update_bounds(q, dq);
-  dq_last_ = dq;
-  const Vec7 asked =
-      (braking() - held(disturbance_)).cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
-  const StepResult result = hold(asked + push_, bias());
-  a_last_ = a0_last_ = result.a;
-  tau_last_ = result.tau;
-  has_last_ = true;
-  return result;
-}
-
-void Controller::limit(StepResult& result) noexcept {
-  if (limits_.scheme == Scheme::kQp) {
-    limit_by_qp(result);
-  } else {
-    limit_by_cascade(result);
-  }
-}
-
-/// Shows the cycle to the last line: what a new Target changes is explained by it.
-bool Controller::is_explained(const Target& target, const Vec7& dq,
-                              const StepResult& result, double elapsed) noexcept {
-  const bool is_new = !has_last_ || !is_same(target, target_last_);
-  target_last_ = target;
-  Vec7 explained = Vec7::Zero();
-  if (is_new) explained = (result.a0 - a0_last_).cwiseAbs();
-  if (is_new && !target.joint_mode) {
-    const Vec6 way = task_terms_.Lambda * osc_.way_to_come();
-    explained += (Minv_ * (task_terms_.J.transpose() * way)).cwiseAbs();
-  }
-  // Less braking than was asked for is no drive: the arm must be driven, too.
-  const double added = limiter_power_ + dq.dot(result.tau - task_terms_.u0);
-  const double driven = dq.dot(result.tau - h_);
-  // A wall that takes the tool back inside works against what is asked.
-  const bool is_led = x_min_ != limits_.x_min || x_max_ != limits_.x_max;
-  const double power = target.joint_mode || is_led ? 0.0 : std::min(added, driven);
-  return !last_line_.check(
-      {dq, explained, power, limiter_push_, elapsed, check_.is_jump()});
-}
-
-StepResult Controller::finish(const Vec7& dq, StepResult& result) noexcept {
-  soften(result);
-  const Vec7 clipped = result.tau.cwiseMax(lo_).cwiseMin(hi_);
-  a_last_ = result.a;
-  if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
-    result.flags.unsafe = true;
-    a_last_ = Minv_ * (clipped - h_) + push_;  // what it will be, for the next sample
-  }
-  result.tau = clipped;
-  result.flags.displaced = (result.a - result.a0).norm();
-  dq_last_ = dq;
-  tau_last_ = result.tau;
-  a0_last_ = result.a0;
-  has_last_ = true;
-  return result;
+/// Whether the arm goes on from where it is: what pulls at it pulls on, too. One whose
+/// measured speed is not told was put there.
+bool Controller::goes_on(const Vec7& q, const Vec7& dq) const noexcept {
+  if (!last_.is_valid || dq == Vec7::Zero()) return false;
+  const Vec7 reach = kFewPeriods * period_ * limits_.dq_max;
+  return ((q - check_.q()).cwiseAbs().array() <= reach.array()).all();
 }
 
 void Controller::take(const Vec7& q, const Vec7& dq, double elapsed) noexcept {
   const bool is_time = elapsed >= 0.0 && elapsed < kLongestTime;  // no NaN
   const double told = is_time && elapsed > kShortestTime ? elapsed : period_;
-  const Vec7 inertia = terms_.M.diagonal();
-  check_.take(q, dq, a_last_, Minv_ * of_jump_, inertia, told);
-  since_ += told + check_.missed();
-  is_time_ = is_time_ && is_time;
-  is_number_ = is_configuration(q) && is_speed(dq);
-  is_return_ = is_return_ || check_.is_return();
-  if (check_.is_return()) disturbance_ -= of_jump_;
-  if (check_.is_return()) of_jump_ = -of_jump_;  // of the one that is kept now
-  if (check_.is_jump()) of_jump_.setZero();      // until it is learned
+  const Vec7 inertia = model_.terms.M.diagonal();
+  check_.take(q, dq, last_.a, model_.Minv * observer_.of_jump(), inertia, told);
+  taken_.elapsed += told + check_.missed();
+  taken_.is_time = taken_.is_time && is_time;
+  taken_.is_number = is_configuration(q) && is_speed(dq);
+  taken_.is_return = taken_.is_return || check_.is_return();
+  if (check_.is_return()) observer_.take_back_jump();
+  if (check_.is_jump()) observer_.begin_jump();
 }
 
 StepResult Controller::act(const Target& target) noexcept {
   const Vec7& q = check_.q();
   const Vec7& dq = check_.dq();
-  const double since = since_;
-  const bool is_time = is_time_;
+  const Taken taken = taken_;
+  taken_ = Taken{.is_number = taken.is_number};
   const bool is_plausible = check_.implausible() == 0;
-  const bool is_ended = last_line_.cause() != EndCause::kNone;
   // Where belief comes back, its step is no push.
-  const bool may_learn = is_plausible && was_plausible_ && !is_return_;
-  if (may_learn) update_disturbance(dq, since);
+  const bool may_learn = is_plausible && was_plausible_ && !taken.is_return;
   was_plausible_ = is_plausible;
-  since_ = 0.0;
-  is_time_ = true;
-  is_return_ = false;
+  if (may_learn) observe(dq, taken.elapsed);
+
+  const bool is_usable = is_usable_cycle(target, taken.is_time);
+  // A hand may move the arm now.
+  if (!is_usable && check_.implausible() < 2) osc_.forget_way();
+  StepResult result = is_usable ? follow(target, q, dq, taken.elapsed) : brake(q, dq);
+  result.flags.implausible = !is_plausible;
+  result.flags.bad_input = result.flags.bad_input || !taken.is_number;
+  result.flags.ended = is_ended();
+  return result;
+}
+
+/// Whether there is a state, a pose and a Target that a cycle can use.
+bool Controller::is_usable_cycle(const Target& target, bool is_time) const noexcept {
+  return has_start_ && has_hold_ && is_usable(target) && is_time &&
+         check_.implausible() < 2;
+}
+
+/// Learns the disturbance from the interval that has just ended, whose model is still
+/// there.
+void Controller::observe(const Vec7& dq, double elapsed) noexcept {
+  if (!last_.is_valid) return;
+  observer_.update({.M = model_.terms.M,
+                    .h = model_.h,
+                    .tau = last_.tau,
+                    .change = dq - last_.dq,
+                    .elapsed = elapsed,
+                    .is_jump = check_.is_jump(),
+                    .is_ended = is_ended()});
+}
+
+void Controller::update_model(const Vec7& q, const Vec7& dq) noexcept {
+  model_.update(chain_, limits_, period_, q, dq, observer_.torque());
+}
+
+void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
+  bounds_.update(limits_, model_, walls_, q, dq, is_ended());
+}
+
+/// The acceleration that a hold opposes a disturbance r with [rad/s2].
+Vec7 Controller::opposing(const Vec7& r) const noexcept {
+  return model_.Minv * observer_.opposed(r);
+}
+
+/// A cycle with usable input: what is asked for, brought into the limits.
+StepResult Controller::follow(const Target& target, const Vec7& q, const Vec7& dq,
+                              double elapsed) noexcept {
+  update_model(q, dq);
+  walls_.update(model_.tool.p, elapsed);
+  update_bounds(q, dq);
   StepResult result;
-  if (!has_start_ || !has_hold_ || !is_usable(target) || !is_time ||
-      check_.implausible() > 1) {
-    if (check_.implausible() < 2) osc_.forget_way();  // a hand may move the arm now
-    result = brake(q, dq);
+  if (is_ended()) {
+    stand_still(q, dq, elapsed, result);
   } else {
-    update_model(q, dq);
-    update_walls(since);
-    update_bounds(q, dq);
-    if (is_ended) {
-      follow_end(q, dq, since, result);
-    } else if (target.joint_mode) {
-      follow_joints(q, dq, target, result);
-    } else {
-      follow_task(q, dq, target, result);
-    }
+    const LimiterEffort effort = target.joint_mode
+                                     ? follow_joints(q, dq, target, result)
+                                     : follow_task(q, dq, target, result);
     limit(result);
-    if (!is_finite(result)) {
-      disturbance_ = of_jump_ = Vec7::Zero();  // where it could stay
-      osc_.forget_sag();
-      result = brake(q, dq);
-    } else {
-      if (!is_ended && !is_explained(target, dq, result, since)) {
-        if (last_line_.is_loop()) {
-          forget_quick_part(q);
-          is_soft_ = true;  // no hurry, and a wrong state may have been the cause
-        }
-        joint_params_.passive = wall_params_.passive = true;
-        is_at_rest_ = false;
-        dq_end_ = dq;
-        update_model(q, dq);
-        update_bounds(q, dq);
-        follow_end(q, dq, since, result);
-        limit(result);
-      }
-      result = finish(dq, result);
+    if (is_finite(result) && !is_explained(target, dq, result, effort, elapsed)) {
+      end_motion(q, dq);
+      stand_still(q, dq, elapsed, result);
     }
   }
-  result.flags.implausible = !is_plausible;
-  result.flags.bad_input = result.flags.bad_input || !is_number_;
-  result.flags.ended = last_line_.cause() != EndCause::kNone;
+  if (is_finite(result)) {
+    finish(dq, result);
+  } else {
+    observer_.drop();
+    osc_.forget_sag();
+    approach_.reset();
+    result = brake(q, dq);
+  }
   return result;
+}
+
+/// a0 = M^-1 (u0 - h)
+Controller::LimiterEffort Controller::follow_task(const Vec7& q, const Vec7& dq,
+                                                  const Target& target,
+                                                  StepResult& result) noexcept {
+  const ToolMotion& tool = model_.tool;
+  if (!posture_) posture_ = q;
+  // Near contact it stays as it was: what pulls there is no weight.
+  if (height(target, tool) > 0.0) {
+    osc_.follow_sag(model_.terms.J * model_.push + target.f_tare);
+  }
+  approach_.follow_weight(target, model_);
+  Vec6 f_star;
+  const double excess = limits_.walls ? approach_.excess_press(target, tool) : 0.0;
+  if (excess > 0.0) {
+    Target eased = target;
+    eased.f_star.head<3>() += excess * target.near_plane.head<3>();
+    f_star = osc_.desired_acceleration(tool.p, tool.R, tool.twist, eased);
+  } else {
+    f_star = osc_.desired_acceleration(tool.p, tool.R, tool.twist, target);
+  }
+  anchor_.pull(target, osc_, tool, f_star);
+  const Vec3 asked = f_star.head<3>();
+  FStarCut cut;
+  if (limits_.walls) {
+    cut = approach_.cut(target, model_, osc_, bounds_, walls_, f_star);
+    result.flags.wall_velocity |= cut.near;
+    bounds_.mark_walls(cut.upper, cut.lower, result.flags);
+  }
+  osc_.evaluate(model_.terms, model_.terms.M, model_.factor, dq, f_star,
+                osc_.posture_acceleration(q, *posture_), task_terms_);
+  osc_.set_pace(pace());
+  // Axis by axis, as it was cut: through Lambda a brake of one would drive another.
+  const auto mass = task_terms_.Lambda.diagonal().head<3>();
+  LimiterEffort effort;
+  effort.power = mass.cwiseProduct(f_star.head<3>() - asked).dot(tool.twist.head<3>());
+  effort.push = mass.cwiseProduct(cut.push).norm();
+  result.a0.noalias() = model_.Minv * (task_terms_.u0 - model_.h);
+  return effort;
+}
+
+/// Share of the way's speed at which no joint meets its speed limit.
+double Controller::pace() const noexcept {
+  const Vec6 force = task_terms_.Lambda * osc_.way_speed();
+  const Vec7 speed = model_.Minv * (task_terms_.J.transpose() * force);
+  const double share = kWayShare * (1.0 - limits_.delta_v);
+  const double over = speed.cwiseQuotient(share * limits_.dq_max).cwiseAbs().maxCoeff();
+  return over > 1.0 ? 1.0 / over : 1.0;  // 1 where it is no number
+}
+
+/// a0 = K (q_d - q) - D dq, each joint inside its own interval: one that cannot follow
+/// must not draw the others along. What pushes is held against.
+Controller::LimiterEffort Controller::follow_joints(const Vec7& q, const Vec7& dq,
+                                                    const Target& target,
+                                                    StepResult& result) noexcept {
+  posture_.reset();
+  osc_.forget_way();
+  const Vec7 wanted =
+      osc_.joint_acceleration(q, dq, target.q_d) - opposing(observer_.steady());
+  result.a0 = wanted.cwiseMax(bounds_.lb).cwiseMin(bounds_.ub);
+  if (!wanted.allFinite()) result.a0 = wanted;  // a NaN must not pass for a bound
+  unsigned upper = 0, lower = 0;
+  for (int i = 0; i < kNumJoints; ++i) {
+    if (wanted[i] > bounds_.ub[i]) upper |= bit(i);
+    if (wanted[i] < bounds_.lb[i]) lower |= bit(i);
+  }
+  bounds_.mark_joints(upper, lower, result.flags);
+  task_terms_ = {Mat67::Zero(), Mat6::Zero(), Vec6::Zero(),
+                 model_.terms.M * result.a0 + model_.h, true};
+  return {};
+}
+
+void Controller::limit(StepResult& result) noexcept {
+  limit_acceleration(limits_, model_, bounds_, is_ended(), result);
+}
+
+/// Shows the cycle to the last line: what a new Target changes is explained by it.
+bool Controller::is_explained(const Target& target, const Vec7& dq,
+                              const StepResult& result, const LimiterEffort& effort,
+                              double elapsed) noexcept {
+  const bool is_new = !last_.is_valid || !is_same(target, last_target_);
+  last_target_ = target;
+  Vec7 explained = Vec7::Zero();
+  if (is_new) explained = (result.a0 - last_.a0).cwiseAbs();
+  if (is_new && !target.joint_mode) {
+    const Vec6 way = task_terms_.Lambda * osc_.way_to_come();
+    explained += (model_.Minv * (task_terms_.J.transpose() * way)).cwiseAbs();
+  }
+  // Less braking than was asked for is no drive: the arm must be driven, too.
+  const double added = effort.power + dq.dot(result.tau - task_terms_.u0);
+  const double driven = dq.dot(result.tau - model_.h);
+  // A wall that takes the tool back inside works against what is asked.
+  const bool is_led = walls_.is_widened();
+  const double power = target.joint_mode || is_led ? 0.0 : std::min(added, driven);
+  return !last_line_.check(
+      {dq, explained, power, effort.push, elapsed, check_.is_jump()});
+}
+
+/// From here on the arm stands still. What may have driven the motion is forgotten, but
+/// for what holds a joint at its limit: a load that grew as quickly would take it past
+/// the limit.
+void Controller::end_motion(const Vec7& q, const Vec7& dq) noexcept {
+  if (last_line_.is_loop()) {
+    unsigned at_limit = 0;
+    for (int i = 0; i < kNumJoints; ++i) {
+      if (is_at_limit(limits_, i, q[i])) at_limit |= bit(i);
+    }
+    observer_.keep_slow_part(at_limit);
+    slew_.begin();  // no hurry, and a wrong state may have been the cause
+  }
+  standstill_.begin(dq);
+  update_model(q, dq);
+  update_bounds(q, dq);
+}
+
+/// Held where the motion ended, softly: what it was about is not known here.
+void Controller::stand_still(const Vec7& q, const Vec7& dq, double elapsed,
+                             StepResult& result) noexcept {
+  posture_.reset();
+  osc_.forget_way();
+  result.flags = Flags{};
+  result.a0 = standstill_.acceleration(q, dq, elapsed) - opposing(observer_.torque());
+  free_braking(limits_, q, dq, bounds_);
+  limit(result);
+}
+
+/// Slows down inside the joints' limits, against what pushes, without a task.
+StepResult Controller::brake(const Vec7& q, const Vec7& dq) noexcept {
+  update_model(q, dq);
+  update_bounds(q, dq);
+  const Vec7 asked = (standstill_.braking(dq) - opposing(observer_.torque()))
+                         .cwiseMax(bounds_.lb)
+                         .cwiseMin(bounds_.ub);
+  const Vec7 h = bias();
+  StepResult result;
+  result.flags.bad_input = true;
+  result.a = result.a0 = asked + model_.push;
+  result.tau = model_.terms.M * result.a + h;
+  if (is_finite(result) && (model_.lo + model_.hi).allFinite()) {
+    result.tau = result.tau.cwiseMax(model_.lo).cwiseMin(model_.hi);
+    slow_down(result);
+  } else {  // the model is not: gravity compensation alone holds
+    result.a = result.a0 = result.tau = Vec7::Zero();
+  }
+  remember(dq, result.a, result.a, result.tau);
+  return result;
+}
+
+/// Lets the torque change slowly where the state is in doubt.
+void Controller::slow_down(StepResult& result) noexcept {
+  if (!slew_.limit(check_, last_.tau, !last_.is_valid, result.tau)) return;
+  // The last torque may be beyond limits that gravity has moved since.
+  result.tau = result.tau.cwiseMax(model_.lo).cwiseMin(model_.hi);
+  result.a = model_.Minv * (result.tau - model_.h) + model_.push;
+}
+
+/// Clips what is left beyond the motors, and remembers the cycle.
+void Controller::finish(const Vec7& dq, StepResult& result) noexcept {
+  slow_down(result);
+  const Vec7 clipped = result.tau.cwiseMax(model_.lo).cwiseMin(model_.hi);
+  remember(dq, result.a0, result.a, clipped);
+  if ((clipped - result.tau).cwiseAbs().maxCoeff() > kTorqueTolerance) {
+    result.flags.unsafe = true;
+    last_.a = model_.Minv * (clipped - model_.h) + model_.push;
+  }
+  result.tau = clipped;
+  result.flags.displaced = (result.a - result.a0).norm();
+}
+
+void Controller::remember(const Vec7& dq, const Vec7& a0, const Vec7& a,
+                          const Vec7& tau) noexcept {
+  last_.is_valid = true;
+  last_.dq = dq;
+  last_.a0 = a0;
+  last_.a = a;
+  last_.tau = tau;
 }
 
 }  // namespace dovetail

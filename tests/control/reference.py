@@ -26,6 +26,8 @@ NEAR_TIME = 0.05
 
 NEAR_BAND = 0.002
 """Height over the near plane in which near_press comes to act whole [m]."""
+WEIGHT_TIME, WEIGHT_MAX = 0.1, 5.0
+"""In which weight is learned in free air [s], and the most of it on an axis [m/s2]."""
 
 PATH_TIME = 0.1
 """Time for which a Target's feed-forward moves its desired pose on [s]."""
@@ -71,6 +73,7 @@ class ReferenceController:
         self.posture: Array | None = None
         self.way: tuple[Array, Array] | None = None
         self.v_way, self.pace, self.sag = np.zeros(6), 1.0, np.zeros(6)
+        self.weight = np.zeros(3)
         self.walls: tuple[Array, Array] | None = None
         self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
         self.last: tuple[Array, ...] | None = None
@@ -114,6 +117,9 @@ class ReferenceController:
         else:  # Khatib's law
             if target.near_plane[:3] @ p > target.near_plane[3]:  # not near contact
                 self.follow_sag(J_tool @ push + target.f_tare)
+                share = 1.0 - np.exp(-dt / WEIGHT_TIME)
+                self.weight += share * (push_x - self.weight)
+                self.weight = np.clip(self.weight, -WEIGHT_MAX, WEIGHT_MAX)
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
             f -= osc.use_jdot * dJdq
@@ -261,7 +267,8 @@ class ReferenceController:
         """f* that presses no harder than near_press on what lies below the plane."""
         normal, asked = target.near_plane[:3], np.array(target.f_star)
         share = 1.0 - np.clip((normal @ p - target.near_plane[3]) / NEAR_BAND, 0.0, 1.0)
-        press = normal @ (target.f_tare - asked)[:3]
+        tare = target.f_tare[:3]
+        press = normal @ ((tare if tare.any() else -self.weight) - asked[:3])
         asked[:3] += share * max(press - self.limits.near_press, 0.0) * normal
         return asked
 

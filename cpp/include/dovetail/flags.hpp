@@ -28,6 +28,11 @@ struct Flags {
   double displaced = 0.0;    ///< |a - a0| [rad/s2]
 };
 
+/// The bit of joint A(i+1) or of axis X, Y, Z in a mask.
+constexpr std::uint8_t bit(int i) noexcept {
+  return static_cast<std::uint8_t>(1U << i);
+}
+
 /// A mask's place in the packed number: its lowest bit, and how many.
 struct FlagMask {
   std::string_view name;
