@@ -149,7 +149,8 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   bounds_.update(limits_, model_, walls_, q, dq, is_ended());
 }
 
-/// The acceleration that a hold opposes a disturbance r with [rad/s2].
+/// Acceleration with which a standstill or a joint target opposes a disturbance
+/// [rad/s2].
 Vec7 Controller::opposing(const Vec7& r) const noexcept {
   return model_.Minv * observer_.opposed(r);
 }
@@ -296,7 +297,7 @@ void Controller::end_motion(const Vec7& q, const Vec7& dq) noexcept {
   update_bounds(q, dq);
 }
 
-/// Held where the motion ended, softly: what it was about is not known here.
+/// Keeps the arm where the motion ended, softly: what it was about is not known here.
 void Controller::stand_still(const Vec7& q, const Vec7& dq, double elapsed,
                              StepResult& result) noexcept {
   posture_.reset();
