@@ -53,7 +53,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   hold_at(p_hold, quat_hold);
   if (!goes_on(q, dq)) {
     observer_.reset();
-    osc_.forget_sag();
+    osc_.reset_integral();
   }
   observer_.begin_jump();
   anchor_.reset();
@@ -178,7 +178,7 @@ StepResult Controller::follow(const Target& target, const Vec7& q, const Vec7& d
     finish(dq, result);
   } else {
     observer_.drop();
-    osc_.forget_sag();
+    osc_.reset_integral();
     result = brake(q, dq);
   }
   return result;
@@ -192,7 +192,7 @@ Controller::LimiterEffort Controller::follow_task(const Vec7& q, const Vec7& dq,
   if (!posture_) posture_ = q;
   // Near contact it stays as it was: what pulls there is no weight.
   if (height(target, tool) > 0.0) {
-    osc_.follow_sag(model_.terms.J * model_.push + target.f_tare);
+    osc_.integrate(model_.terms.J * model_.push + target.f_tare);
   }
   Vec6 f_star;
   const double excess = limits_.walls ? approach_.excess_press(target, tool) : 0.0;
