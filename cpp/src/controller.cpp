@@ -53,7 +53,7 @@ void Controller::reset(const Vec7& q, const Vec3& p_hold, const Vec4& quat_hold,
   hold_at(p_hold, quat_hold);
   if (!goes_on(q, dq)) {
     observer_.reset();
-    osc_.forget_sag();
+    osc_.reset_integral();
     approach_.reset();
   }
   observer_.begin_jump();
@@ -150,7 +150,8 @@ void Controller::update_bounds(const Vec7& q, const Vec7& dq) noexcept {
   bounds_.update(limits_, model_, walls_, q, dq, is_ended());
 }
 
-/// The acceleration that a hold opposes a disturbance r with [rad/s2].
+/// Acceleration with which a standstill or a joint target opposes a disturbance
+/// [rad/s2].
 Vec7 Controller::opposing(const Vec7& r) const noexcept {
   return model_.Minv * observer_.opposed(r);
 }
@@ -178,7 +179,7 @@ StepResult Controller::follow(const Target& target, const Vec7& q, const Vec7& d
     finish(dq, result);
   } else {
     observer_.drop();
-    osc_.forget_sag();
+    osc_.reset_integral();
     approach_.reset();
     result = brake(q, dq);
   }
@@ -193,7 +194,7 @@ Controller::LimiterEffort Controller::follow_task(const Vec7& q, const Vec7& dq,
   if (!posture_) posture_ = q;
   // Near contact it stays as it was: what pulls there is no weight.
   if (height(target, tool) > 0.0) {
-    osc_.follow_sag(model_.terms.J * model_.push + target.f_tare);
+    osc_.integrate(model_.terms.J * model_.push + target.f_tare);
   }
   approach_.follow_weight(target, model_);
   Vec6 f_star;
@@ -299,7 +300,7 @@ void Controller::end_motion(const Vec7& q, const Vec7& dq) noexcept {
   update_bounds(q, dq);
 }
 
-/// Held where the motion ended, softly: what it was about is not known here.
+/// Keeps the arm where the motion ended, softly: what it was about is not known here.
 void Controller::stand_still(const Vec7& q, const Vec7& dq, double elapsed,
                              StepResult& result) noexcept {
   posture_.reset();

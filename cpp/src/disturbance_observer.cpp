@@ -15,11 +15,11 @@ constexpr double kEndRate = 60.0;  // largest rate after the end of a motion [1/
 // with 2.1 Nm RMS of noise [1/s].
 constexpr double kSteadyRate = 40.0;
 
-// Of the part with which the hold after the end of a motion begins [1/s].
+// Of the part with which the standstill after the end of a motion begins [1/s].
 constexpr double kSlowRate = 8.0;
 
-// Of tau_max: the most of a disturbance that a hold acts against. A hold in contact is
-// an integrator that would push ever harder.
+// Of tau_max: the most of a disturbance that is acted against. In contact that is an
+// integrator, which would push ever harder.
 constexpr double kLargestOpposed = 0.12;
 constexpr double kLeastOpposed = 10.0;  // [Nm]: a push of 30 N at the wrist
 

@@ -116,7 +116,7 @@ OperationalSpace::OperationalSpace(const OscParams& params, const TaskSpec& task
     : params_(params),
       task_(task),
       period_(period),
-      sag_share_(1.0 - std::exp(-period / params.sag_time)) {
+      integral_share_(1.0 - std::exp(-period / params.integral_time)) {
   for (int i = 0; i < 6; ++i) {
     const bool is_linear = i < 3;
     scale_[i] =
@@ -191,12 +191,13 @@ Vec4 OperationalSpace::turned_to(const DesiredMotion& wanted) noexcept {
   return quat_way_ = Vec4(turn.w(), turn.x(), turn.y(), turn.z());
 }
 
-void OperationalSpace::follow_sag(const Vec6& pull) noexcept {
+void OperationalSpace::integrate(const Vec6& pull) noexcept {
   for (int i = 0; i < 6; ++i) {
-    const double most = i < 3 ? params_.sag_linear : params_.sag_angular;
-    sag_[i] += sag_share_ * (pull[i] - sag_[i]);
-    sag_[i] = std::clamp(sag_[i], -most, most);
-    if (!is_impedance(task_[i])) sag_[i] = 0.0;
+    const double most =
+        i < 3 ? params_.integral_clamp_linear : params_.integral_clamp_angular;
+    integral_[i] += integral_share_ * (pull[i] - integral_[i]);
+    integral_[i] = std::clamp(integral_[i], -most, most);
+    if (!is_impedance(task_[i])) integral_[i] = 0.0;
   }
 }
 
@@ -236,7 +237,7 @@ Vec6 OperationalSpace::desired_acceleration(const Vec3& p, const Mat3& R,
     const double acceleration = is_path ? wanted.acceleration[i] : 0.0;
     const double drive = params_.stiffness[i] * error[i] +  // error 0 on force axes
                          std::clamp(target.f_star[i], -limit, limit) + acceleration -
-                         sag_[i];
+                         integral_[i];
     f[i] = std::clamp(drive - damping_[i] * (twist[i] - velocity), -limit, limit);
   }
   return f;

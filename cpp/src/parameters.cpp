@@ -125,9 +125,9 @@ void check_osc(const OscParams& osc) {
   require("error_clamp_rotation", osc.error_clamp_rotation, "rad", kPositive);
   require("move_speed", osc.move_speed, "m/s", kPositive);
   require("turn_speed", osc.turn_speed, "rad/s", kPositive);
-  require("sag_time", osc.sag_time, "s", kPositive);
-  require("sag_linear", osc.sag_linear, "m/s2", kNotNegative);
-  require("sag_angular", osc.sag_angular, "rad/s2", kNotNegative);
+  require("integral_time", osc.integral_time, "s", kPositive);
+  require("integral_clamp_linear", osc.integral_clamp_linear, "m/s2", kNotNegative);
+  require("integral_clamp_angular", osc.integral_clamp_angular, "rad/s2", kNotNegative);
   require("error_clamp_position", osc.error_clamp_position, "m", kPositive);
   require("f_clamp_linear", osc.f_clamp_linear, "m/s2", kPositive);
   require("f_clamp_angular", osc.f_clamp_angular, "rad/s2", kPositive);

@@ -6,7 +6,7 @@
 namespace dovetail {
 namespace {
 
-// A hold that is stable with any delay there is.
+// Stable with any delay there is.
 constexpr double kStiffness = 50.0;        // [1/s2]
 constexpr double kDamping = 15.0;          // [1/s]
 constexpr double kQuickest = 40.0;         // of speeds that are damped: 6 Hz [1/s]

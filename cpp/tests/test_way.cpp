@@ -145,7 +145,7 @@ BOOST_AUTO_TEST_CASE(a_pace_slows_the_way_and_not_the_speed_that_a_target_has) {
   BOOST_TEST(std::abs(f[0] - 400.0 * law.move_speed * kPeriod) < 1e-9);
 }
 
-BOOST_AUTO_TEST_CASE(a_sag_is_followed_within_its_bounds_where_there_is_a_spring) {
+BOOST_AUTO_TEST_CASE(the_integral_term_follows_a_pull_within_its_bounds) {
   const OscParams law;
   OperationalSpace osc(law, {kPose, kForce, kHold, kFree, kPose, kHold}, kPeriod);
   osc.reset(Vec3::Zero(), quat_of(Mat3::Identity()));
@@ -156,18 +156,18 @@ BOOST_AUTO_TEST_CASE(a_sag_is_followed_within_its_bounds_where_there_is_a_spring
   };
   Vec6 pull;
   pull << 0.1, 0.2, -2.0, 0.2, 5.0, -0.2;
-  const double left = std::exp(-kPeriod / law.sag_time);
-  osc.follow_sag(pull);
+  const double left = std::exp(-kPeriod / law.integral_time);
+  osc.integrate(pull);
   BOOST_TEST(std::abs(asked()[0] + 0.1 * (1.0 - left)) < 1e-12);
-  osc.follow_sag(pull);
+  osc.integrate(pull);
   BOOST_TEST(std::abs(asked()[0] + 0.1 * (1.0 - left * left)) < 1e-12);
-  for (int k = 0; k < 1000; ++k) osc.follow_sag(pull);
+  for (int k = 0; k < 1000; ++k) osc.integrate(pull);
   Vec6 most;
-  most << -0.1, 0.0, law.sag_linear, 0.0, -law.sag_angular, 0.2;
+  most << -0.1, 0.0, law.integral_clamp_linear, 0.0, -law.integral_clamp_angular, 0.2;
   BOOST_TEST((asked() - most).norm() < 1e-9);
-  osc.follow_sag(Vec6::Zero());  // it leaves its bound at once
-  BOOST_TEST(std::abs(asked()[2] - law.sag_linear * left) < 1e-9);
-  osc.forget_sag();
+  osc.integrate(Vec6::Zero());  // it leaves its bound at once
+  BOOST_TEST(std::abs(asked()[2] - law.integral_clamp_linear * left) < 1e-9);
+  osc.reset_integral();
   BOOST_TEST(asked().norm() == 0.0);
 }
 

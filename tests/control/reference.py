@@ -72,7 +72,7 @@ class ReferenceController:
         self.r, self.steady = np.zeros(7), np.zeros(7)
         self.posture: Array | None = None
         self.way: tuple[Array, Array] | None = None
-        self.v_way, self.pace, self.sag = np.zeros(6), 1.0, np.zeros(6)
+        self.v_way, self.pace, self.integral = np.zeros(6), 1.0, np.zeros(6)
         self.weight = np.zeros(3)
         self.walls: tuple[Array, Array] | None = None
         self.anchor, self.is_staying = np.zeros(3), np.zeros(3, dtype=bool)
@@ -116,7 +116,7 @@ class ReferenceController:
             a0 = np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
             if target.near_plane[:3] @ p > target.near_plane[3]:  # not near contact
-                self.follow_sag(J_tool @ push + target.f_tare)
+                self.integrate(J_tool @ push + target.f_tare)
                 share = 1.0 - np.exp(-dt / WEIGHT_TIME)
                 self.weight += share * (push_x - self.weight)
                 self.weight = np.clip(self.weight, -WEIGHT_MAX, WEIGHT_MAX)
@@ -196,13 +196,15 @@ class ReferenceController:
         way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
         return asked * self.osc.stiffness[:3] * way
 
-    def follow_sag(self, pull: Array) -> None:
+    def integrate(self, pull: Array) -> None:
         """Follow what pulls at pose and hold axes beside the tare, within bounds."""
         config = self.osc
-        most = np.repeat([config.sag_linear, config.sag_angular], 3)
-        share = 1.0 - np.exp(-self.dt / config.sag_time)
-        sag = np.clip(self.sag + share * (pull - self.sag), -most, most)
-        self.sag = self.is_servo * sag
+        most = np.repeat(
+            [config.integral_clamp_linear, config.integral_clamp_angular], 3
+        )
+        share = 1.0 - np.exp(-self.dt / config.integral_time)
+        integral = self.integral + share * (pull - self.integral)
+        self.integral = self.is_servo * np.clip(integral, -most, most)
 
     def desired_acceleration(
         self, p: Array, R: Array, twist: Array, target: "_core.Target"
@@ -225,7 +227,7 @@ class ReferenceController:
         has_walls = self.limits.walls
         asked = self.without_press(p, target) if has_walls else target.f_star
         action = np.clip(asked, -most, most)
-        drive = self.osc.stiffness * e + action + a_d - self.sag
+        drive = self.osc.stiffness * e + action + a_d - self.integral
         return np.clip(drive - self.D * (twist - v_d), -most, most)
 
     def moved_to(self, p_d: Array, p: Array, speed: Array) -> Array:

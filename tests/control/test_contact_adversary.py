@@ -18,9 +18,9 @@ TIED = {"position": 0.0, "speed": 1.1, "contact": 5.0}
 """A spring of up to 1e5 N/m that stops one joint speeds up others quicker than a loop
 with delay can see: what holds then, unless the spring is stronger than a motor."""
 SOFT = ("stiffness", (400.0, 400.0, 400.0, 200.0, 200.0, 200.0))
-SAGS = (("sag_linear", 0.0), ("sag_angular", 0.0))
+INTEGRALS = (("integral_clamp_linear", 0.0), ("integral_clamp_angular", 0.0))
 TURNS = (("turn_speed", 1e4), ("error_clamp_rotation", 0.25))
-JERKY = (("move_speed", 1e4), *TURNS, SOFT, *SAGS, ("delta_v", 0.45))
+JERKY = (("move_speed", 1e4), *TURNS, SOFT, *INTEGRALS, ("delta_v", 0.45))
 """The law, and the speed, with which cases were found: jumps of a pose saturate."""
 
 

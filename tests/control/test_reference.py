@@ -133,8 +133,8 @@ def test_cpp_equals_the_reference_over_long_runs(robot, q_home, rng, period, set
     is_fresh = settings is PRINTED  # such motion is not all believed
     osc = OscConfig.for_period(
         period,
-        sag_linear=0.0 if is_fresh else 0.3,  # an arm that goes on keeps it
-        sag_angular=0.0 if is_fresh else 0.3,
+        integral_clamp_linear=0.0 if is_fresh else 0.3,  # an arm that goes on keeps it
+        integral_clamp_angular=0.0 if is_fresh else 0.3,
         use_jdot=period > 1e-3,
         use_coriolis=period > 1e-3,
         force_damping=[0.0, 1.0, 5.0, 0.0, 2.0, 0.0],

@@ -53,9 +53,9 @@ class DisturbanceObserver {
   /// Share of r caused by the last surprise [Nm].
   const Vec7& of_jump() const noexcept { return of_jump_; }
 
-  /// The part of a disturbance [Nm] that a hold acts against: the same share of it in
-  /// all joints. Cut joint by joint, the rest would drive the joints around a tool that
-  /// something holds.
+  /// The part of a disturbance [Nm] that a standstill or a joint target acts against:
+  /// the same share of it in all joints. Cut joint by joint, the rest would drive the
+  /// joints around a tool that something holds.
   Vec7 opposed(const Vec7& r) const noexcept;
 
  private:

@@ -66,11 +66,11 @@ class OperationalSpace {
   /// Share of that speed at which it goes on, in (0, 1].
   void set_pace(double pace) noexcept { pace_ = pace; }
 
-  /// Follows what pulls at pose and hold axes and no tare takes off, within bounds:
-  /// they would sag by that over K.
+  /// Integral term: follows what pulls at pose and hold axes and no tare takes off,
+  /// within bounds. They would stand off by that over K.
   /// \param pull  [m/s2, rad/s2], what the tare takes off not counted
-  void follow_sag(const Vec6& pull) noexcept;
-  void forget_sag() noexcept { sag_.setZero(); }
+  void integrate(const Vec6& pull) noexcept;
+  void reset_integral() noexcept { integral_.setZero(); }
 
   /// f* per axis [m/s2, rad/s2], unscaled, zero on free axes. The desired pose goes to
   /// the Target's at `move_speed` and `turn_speed` more than the Target's own speeds.
@@ -125,9 +125,9 @@ class OperationalSpace {
   bool follows_measured_ = false;  // a rotation axis without impedance
   Vec3 p_hold_ = Vec3::Zero();
   Vec4 quat_hold_{1.0, 0.0, 0.0, 0.0};
-  Vec3 error_ = Vec3::Zero();  // the last rotation error [rad]
-  Vec6 sag_ = Vec6::Zero();    // [m/s2, rad/s2]
-  double sag_share_;           // of a change of what pulls, per cycle
+  Vec3 error_ = Vec3::Zero();     // the last rotation error [rad]
+  Vec6 integral_ = Vec6::Zero();  // [m/s2, rad/s2]
+  double integral_share_;         // of a change of what pulls, per cycle
   double pace_ = 1.0;
   Vec6 v_way_ = Vec6::Zero();  // [m/s, rad/s]
   bool has_way_ = false;

@@ -14,9 +14,9 @@ from dovetail.control.available import REFERENCE, available_acceleration
 from dovetail.control.law import (
     AxisGains,
     ClampConfig,
+    IntegralConfig,
     JointGains,
     NullSpaceGains,
-    SagConfig,
     TaskInertiaConfig,
 )
 from dovetail.control.limits import (
@@ -73,7 +73,12 @@ def check_period(period: float) -> float:
 
 @settings(eq=False)
 class OscConfig(
-    AxisGains, ClampConfig, SagConfig, NullSpaceGains, TaskInertiaConfig, JointGains
+    AxisGains,
+    ClampConfig,
+    IntegralConfig,
+    NullSpaceGains,
+    TaskInertiaConfig,
+    JointGains,
 ):
     """The operational-space law (Khatib 1987), axes in twist order X Y Z C B A."""
 

@@ -51,18 +51,18 @@ class ClampConfig:
 
 
 @settings(eq=False)
-class SagConfig:
-    """Integrator that removes the sag of pose and hold axes left by the tare.
+class IntegralConfig:
+    """Integral term of pose and hold axes, against the steady offset left by the tare.
 
     In contact it presses up to its bound, so the bound is small.
     """
 
-    sag_time: Annotated[float, Range(0.02, 1e3, "s")] = 0.1
-    """Time in which what pulls beside the tare is followed [s]."""
-    sag_linear: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.3
-    """Largest acceleration that is taken off a translation [m/s2]; over K it is the
-    largest sag, 0.75 mm. 0 leaves a plain spring."""
-    sag_angular: Annotated[float, Range(0.0, 50.0, "rad/s2")] = 0.3
+    integral_time: Annotated[float, Range(0.02, 1e3, "s")] = 0.1
+    """Time constant with which it follows what pulls beside the tare [s]."""
+    integral_clamp_linear: Annotated[float, Range(0.0, 10.0, "m/s2")] = 0.3
+    """Largest integral term of a translation [m/s2]; over K it is the largest offset
+    that it removes, 0.75 mm. 0 leaves a plain spring."""
+    integral_clamp_angular: Annotated[float, Range(0.0, 50.0, "rad/s2")] = 0.3
     """The same of a rotation [rad/s2]."""
 
 

@@ -1,4 +1,4 @@
-"""Axes with a spring are drawn out of a sag, and in contact press little harder."""
+"""The integral term removes a steady offset, and in contact presses little harder."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from dovetail.control.config import LimitConfig, OscConfig
 
 PERIODS = [1e-3, 2e-3, 2.5e-3, 5e-3]
 OSC = OscConfig()
-NO_SAG = {"sag_linear": 0.0, "sag_angular": 0.0}
+NO_INTEGRAL = {"integral_clamp_linear": 0.0, "integral_clamp_angular": 0.0}
 
 
 class Held:
@@ -40,11 +40,11 @@ class Held:
 
 @pytest.mark.parametrize("period", PERIODS)
 @pytest.mark.parametrize("mode", ["pose", "hold"])
-def test_a_pull_within_the_bound_leaves_no_sag(robot, rest_at, q_home, period, mode):
+def test_a_pull_within_the_bound_leaves_no_offset(robot, rest_at, q_home, period, mode):
     def pull(_):
         return np.array([0.0, 0.4, -1.0])  # N
 
-    plain = Held(robot, rest_at, q_home, period, f"XYZABC:{mode}", **NO_SAG).run(
+    plain = Held(robot, rest_at, q_home, period, f"XYZABC:{mode}", **NO_INTEGRAL).run(
         2.0, pull
     )
     way = Held(robot, rest_at, q_home, period, f"XYZABC:{mode}").run(2.0, pull)
@@ -57,9 +57,9 @@ def test_a_larger_pull_leaves_what_is_over_the_bound(robot, rest_at, q_home, per
     arm = Held(robot, rest_at, q_home, period)
     force = np.array([0.0, 0.0, -15.0])  # N
     asked = arm.mobility[:3, :3] @ force  # m/s2
-    assert asked[2] < -2.0 * OSC.sag_linear
+    assert asked[2] < -2.0 * OSC.integral_clamp_linear
     way = arm.run(3.0, lambda _: force)
-    left = asked - np.clip(asked, -OSC.sag_linear, OSC.sag_linear)
+    left = asked - np.clip(asked, -OSC.integral_clamp_linear, OSC.integral_clamp_linear)
     assert way == pytest.approx(left / OSC.stiffness[:3], abs=1e-4)
 
 
@@ -72,23 +72,27 @@ def test_in_contact_it_presses_harder_by_its_bound_and_no_more(
         return np.array([0.0, 0.0, spring * max(0.0, -way[2])])
 
     arm = Held(robot, rest_at, q_home, period)
-    plain = Held(robot, rest_at, q_home, period, **NO_SAG).run(10.0, surface, 0.02)
+    plain = Held(robot, rest_at, q_home, period, **NO_INTEGRAL).run(10.0, surface, 0.02)
     way = arm.run(10.0, surface, 0.02)
     harder = spring * (plain[2] - way[2])  # N
     mass = 1.0 / arm.mobility[2, 2]  # kg, of a tool that does not turn either: more
     whole = np.linalg.inv(arm.mobility)[2, 2]
-    assert 0.2 * mass * OSC.sag_linear < harder < 1.02 * whole * OSC.sag_linear
+    assert (
+        0.2 * mass * OSC.integral_clamp_linear
+        < harder
+        < 1.02 * whole * OSC.integral_clamp_linear
+    )
     assert arm.controller.end[0] == "none"
 
 
-def test_what_a_tare_takes_off_is_no_sag(robot, rest_at, q_home):
+def test_what_a_tare_takes_off_is_not_integrated(robot, rest_at, q_home):
     arm, force = Held(robot, rest_at, q_home, 1e-3), np.array([0.0, 0.0, -15.0])
     tare = -arm.mobility[:, :3] @ force
     way = arm.run(3.0, lambda _: force, tare=tare)
     assert np.abs(way).max() < 2e-5  # m
 
 
-def test_force_axes_have_no_spring_and_no_sag(robot, rest_at, q_home):
+def test_force_axes_have_no_spring_and_no_integral(robot, rest_at, q_home):
     """A push that is followed must not be worked against."""
 
     def push(_):
@@ -96,7 +100,7 @@ def test_force_axes_have_no_spring_and_no_sag(robot, rest_at, q_home):
 
     ways = [
         Held(robot, rest_at, q_home, 1e-3, "XYZ:force ABC:hold", **kind).run(0.5, push)
-        for kind in ({}, {"sag_linear": 0.0})
+        for kind in ({}, {"integral_clamp_linear": 0.0})
     ]
     assert ways[0][0] > 5e-3
     assert ways[0] == pytest.approx(ways[1], abs=1e-9)
