@@ -577,19 +577,6 @@ def add_runs(cases):
     kinds = {"rows": rows, "wide": "a\n" + "1," * 10 * MB + "\n1\n"}
     kinds |= anywhere("empty", "gone")
     cases.add_all("progress", "progress.csv", lambda file: (call, file), kinds)
-    call = "call:cli.test_hostile_files:read_checkpoint"
-    few = {name: JSONS[name] for name in ("deep", "digits", "large", "list")}
-    kinds = anywhere("folder") | few
-    cases.add_all(
-        "checkpoint", "checkpoint.json", lambda file: (call, file.parent), kinds
-    )
-
-
-def read_checkpoint(folder):
-    """Read what a checkpoint says of itself."""
-    from dovetail.learn.checkpoint_facts import read_facts
-
-    read_facts(folder, has_replay=True)
 
 
 def add_scripts(cases):

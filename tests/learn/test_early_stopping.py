@@ -218,7 +218,7 @@ def test_a_run_ends_with_the_test_that_it_passes(eager, monkeypatch):
     assert "test 2/6" in words
     assert 40 + WINDOW * 5 + 40 <= result.steps < 900
     newest = list_checkpoints(eager.out / "checkpoints")[-1]
-    assert newest.name == f"step-{result.steps:010d}"
+    assert newest.stem == f"step-{result.steps:010d}"
     weights = result.policy.read_bytes()
     (again,) = train(replace(eager, resume=True), Console(file=StringIO()))
     assert again.steps == result.steps  # by the third test, without a step

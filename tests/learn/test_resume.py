@@ -86,7 +86,7 @@ def test_ctrl_c_saves_a_checkpoint_and_names_the_way_on(small, monkeypatch, caps
     assert signal.getsignal(signal.SIGINT) is before
     said = capsys.readouterr().out
     newest = list_checkpoints(small.out / CHECKPOINTS)[-1]
-    assert newest.name == "step-0000000150"
+    assert newest.stem == "step-0000000150"
     assert len(taken) < 150 + 2 * small.num_envs
     _, _, command = said.partition("go on with: dovetail ")
     assert run(shlex.split(command.splitlines()[0])) == 0

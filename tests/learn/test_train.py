@@ -170,7 +170,7 @@ def wait_for(process: subprocess.Popen[bytes], is_reached) -> None:
 
 def newest_step(run: Path) -> int:
     found = list_checkpoints(run / "checkpoints")
-    return int(found[-1].name.removeprefix("step-")) if found else 0
+    return int(found[-1].stem.removeprefix("step-")) if found else 0
 
 
 @pytest.mark.slow

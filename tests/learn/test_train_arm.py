@@ -113,7 +113,7 @@ def test_an_arm_that_stops_loses_no_step_and_the_run_resumes(on_arm, monkeypatch
     with pytest.raises(ArmError, match="enabling switch"):
         train(config)
     (saved,) = list_checkpoints(config.out / "checkpoints")
-    assert saved.name == "step-0000000063"
+    assert saved.stem == "step-0000000063"
     (result,) = train(replace(config, resume=True))
     assert result.steps == 100
     assert [row.length for row in read_progress(config.out / "progress.csv")][:2] == [

@@ -1,10 +1,15 @@
-"""Episode logs of any actor, as transitions to learn from.
+"""Episode logs of any actor, as transitions to learn from, and pretraining on them.
 
 A log has what was observed unscaled, by columns; it is scaled here as the run's own
 environment does it, so that stacks and recalled places may differ from the recording's.
+
+Reference:
+    Ball et al. 2023, Efficient online reinforcement learning with offline data,
+    section 4.2: layer normalisation bounds what a critic extrapolates.
 """
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -18,6 +23,7 @@ from dovetail.envs.log_facts import ACTION, CELL, describe_cell, observed_column
 from dovetail.envs.stacking import History
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.errors import LogError
+from dovetail.learn.config import TrainConfig
 from dovetail.learn.recorded_steps import MEANT, RecordedSteps, find_logs, read_steps
 
 _USUAL = "record it for this task, or train with that"
@@ -165,3 +171,25 @@ def fill(buffer: Any, transitions: Transitions, reward_scale: float) -> None:
     buffer.dones[:rows] = is_last
     buffer.timeouts[:rows] = is_cut
     buffer.pos = rows
+
+
+def pretrain(
+    model: Any, config: TrainConfig, check: Callable[[], None] = lambda: None
+) -> None:
+    """Do a run's gradient steps that come before its first action.
+
+    The entropy coefficient stays as it is: it weighs chance against values that no
+    action of the policy's own has tried yet, and would rise, to fall for thousands of
+    steps.
+
+    Args:
+        model: SBX algorithm with the demonstrations in its buffer, and a logger.
+        config: Settings of the run; `pretrain` says how many, rounded up to whole
+            rounds of `gradient_steps`.
+        check: Called before every round; raises KeyboardInterrupt to end it.
+    """
+    entropy = {k: state for k, state in vars(model).items() if k == "ent_coef_state"}
+    for _ in range(math.ceil(config.first_updates / config.gradient_steps)):
+        check()
+        model.train(config.gradient_steps, config.batch_size)
+        vars(model).update(entropy)

@@ -21,10 +21,10 @@ from dovetail.learn.checkpoint import (
     seed_run,
 )
 from dovetail.learn.config import TrainConfig
+from dovetail.learn.demonstrations import pretrain
 from dovetail.learn.early_stopping import EarlyStopping
 from dovetail.learn.fine_tune import load_start, require_fit, start_from
 from dovetail.learn.policy import RUN_POLICY, Policy
-from dovetail.learn.pretrain import pretrain
 from dovetail.learn.progress import (
     EpisodeLog,
     Report,
@@ -41,7 +41,6 @@ from dovetail.learn.run_folder import (
     open_run,
     require_run,
 )
-from dovetail.learn.sbx_model import num_updates
 from dovetail.learn.tester import Tester, stage_of
 from dovetail.plugins import named_modules
 from dovetail.settings import values_of
@@ -165,7 +164,8 @@ def _learn(
     checkpoints = folder / CHECKPOINTS
     step, wall_time = 0, 0.0
     if found := list_checkpoints(checkpoints):
-        step, wall_time = load_checkpoint(found[-1], model, config.seed)
+        wall_time = load_checkpoint(found[-1], model, config.seed)
+        step = model.num_timesteps
     if step >= config.steps:
         return wall_time
     log = EpisodeLog(folder / PROGRESS, step)
@@ -174,7 +174,7 @@ def _learn(
     if stop.is_due(step) and tester.is_passed():  # the end was cut short
         log.close()
         return wall_time
-    watch = Stopwatch(wall_time, step, lambda: num_updates(model))
+    watch = Stopwatch(wall_time, step, lambda: model._n_updates)
     model.set_logger(configure(str(folder / TENSORBOARD), ["tensorboard"]))
     if not found:
         seed_run(model, config.seed, 0)
