@@ -16,6 +16,7 @@ EXTRA_OF = {
     "pyarrow.parquet": "log",
     "pybullet": "bullet",
     "pybullet_data": "bullet",
+    "pydrake": "drake",
     "pygame": "film",
     "qpsolvers": "test",
     "ray": "cluster",

@@ -116,7 +116,7 @@ def test_certificates_are_files(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "known addresses: mujoco, bullet, twin:NAME, fri://HOST:PORT"),
+        ("", "known addresses: mujoco, bullet, drake, twin:NAME, fri://HOST:PORT"),
         ("gazebo", "arm 'gazebo' is unknown"),
         ("twin:", "arm 'twin:' is unknown"),
         ("twin:medium?period=1ms", "give 'twin:medium' and options in their place, as"),

@@ -99,7 +99,7 @@ def test_the_one_arm_is_opened_once(config, blind_arm):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"arm": "gazebo"}, "known addresses: mujoco, bullet, twin:NAME"),
+        ({"arm": "gazebo"}, "known addresses: mujoco, bullet, drake"),
         ({"twin": "easy"}, "either a plant or a twin or an arm"),
         ({"arm": "fri://0.0.0.0"}, "say where it is with --fixture"),
         ({"arm": FRI, "workers": 2}, "there is one arm"),

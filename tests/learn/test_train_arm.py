@@ -29,7 +29,7 @@ def on_arm(small):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"arm": "gazebo"}, "known addresses: mujoco, bullet, twin:NAME"),
+        ({"arm": "gazebo"}, "known addresses: mujoco, bullet, drake"),
         ({"arm": FRI}, "cannot move the fixture: add --fixed-goal"),
         ({"arm": f"{FRI}?speed=1"}, "unknown keys: speed"),
         ({"arm": FRI, "fixed_goal": True, "seeds": 2}, "there is one arm"),

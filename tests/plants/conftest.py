@@ -16,13 +16,14 @@ TOOL_DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 Q_SEED = np.array([0.0, 0.6, 0.0, -1.5, 0.0, 1.04, 0.0])
 Q_BENT = np.array([0.3, 0.5, -0.2, -1.2, 0.4, 0.9, 0.7])
 HOLE = Pose(np.array([0.60, 0.0, 0.10]), quat_about_z(0.0))
-ENGINES = ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet)]
+MODULES = {"bullet": "pybullet", "drake": "pydrake"}
+ENGINES = ["mujoco", pytest.param("bullet", marks=pytest.mark.bullet), "drake"]
 
 
 @pytest.fixture(params=ENGINES)
 def engine(request):
-    if request.param == "bullet":
-        need("pybullet")
+    if request.param != "mujoco":
+        need(MODULES[request.param])
     return request.param
 
 

@@ -22,7 +22,7 @@ def parse_address(text: str) -> ArmAddress:
     """Read an arm's address.
 
     Args:
-        text: mujoco, bullet, twin:NAME, fri://HOST:PORT?KEY=VALUE&... or
+        text: mujoco, bullet, drake, twin:NAME, fri://HOST:PORT?KEY=VALUE&... or
             grpc://HOST:PORT?KEY=VALUE&...
 
     Raises:

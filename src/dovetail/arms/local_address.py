@@ -60,7 +60,7 @@ class PlantAddress(LocalAddress):
     """An ideal plant in this process."""
 
     engine: str
-    """Physics engine: mujoco or bullet."""
+    """Physics engine: mujoco, bullet or drake."""
     dynamics: DynamicsConfig | None = None
     """Its physics; None is as the model says."""
 

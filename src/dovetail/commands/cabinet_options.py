@@ -18,7 +18,7 @@ class CellOptions:
     twin: str | None = None
     """Twin that plays the robot: the name of a shipped one, or a .toml file."""
     plant: str | None = None
-    """Plain plant in place of a twin: mujoco or bullet."""
+    """Plain plant in place of a twin: mujoco, bullet or drake."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell: one of dovetail's, or MODULE:FUNCTION of your own."""
     env: str = DEFAULT_ENV

@@ -44,7 +44,7 @@ class ShownPlaceOptions:
     twin: str | None = None
     """Twin to run on: a shipped one's name or a .toml file; default medium."""
     arm: str | None = None
-    """Arm to run on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    """Arm to run on: mujoco, bullet, drake, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
 
 
 @settings()

@@ -35,7 +35,7 @@ class OfferedArmOptions:
     """The arm."""
 
     arm: str = "mujoco"
-    """Arm: mujoco, bullet, twin:NAME or fri://HOST:PORT?KEY=VALUE&..."""
+    """Arm: mujoco, bullet, drake, twin:NAME or fri://HOST:PORT?KEY=VALUE&..."""
     twin: str | None = None
     """Twin to offer: the same as --arm twin:NAME."""
     period: Period | None = None
@@ -170,7 +170,7 @@ def _address(settings: OfferedArmOptions) -> ArmAddress:
     if address.is_service:
         raise ConfigError(
             f"the arm at {text} is served already: learners can use that address; "
-            "give mujoco, bullet, twin:NAME or fri://HOST:PORT"
+            "give mujoco, bullet, drake, twin:NAME or fri://HOST:PORT"
         )
     if settings.period is not None:
         period = address.control_period(settings.period, settings.period)

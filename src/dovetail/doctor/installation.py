@@ -24,6 +24,7 @@ _DT = 0.001
 
 EXTRAS = {
     "bullet": ("pybullet", "the paper's simulator"),
+    "drake": ("pydrake", "an engine that no policy was tuned on"),
     "learn": ("sbx", "training"),
     "log": ("pyarrow", "Episode logs as Parquet"),
     "rpc": ("grpc", "arms in other processes"),
@@ -48,9 +49,11 @@ def run_checks() -> Iterator[Check]:
     yield _guard("shipped twins", _check_twins)
     yield _guard("shipped policies", _check_policies)
     yield _guard("model and mujoco agree", lambda: _check_agreement("mujoco"))
-    if importlib.util.find_spec("pybullet"):
-        check = _guard("model and bullet agree", lambda: _check_agreement("bullet"))
-        yield check._replace(is_essential=False)
+    for engine in ("bullet", "drake"):
+        if importlib.util.find_spec(EXTRAS[engine][0]):
+            name = f"model and {engine} agree"
+            check = _guard(name, lambda e=engine: _check_agreement(e))
+            yield check._replace(is_essential=False)
     for scheme in ("qp", "paper"):
         yield _guard(f"control cycle, {scheme}", lambda s=scheme: _check_cycle(s))
 

@@ -134,7 +134,8 @@ class PlantConfig:
     """Plant and robot."""
 
     plant: str = "mujoco"
-    """Physics engine: mujoco or bullet. Of the plain plant, not of a twin or an arm."""
+    """Physics engine: mujoco, bullet or drake. Of the plain plant, not of a twin or an
+    arm."""
     robot: str = DEFAULT_ROBOT
     """Robot in the cell, or MODULE:FUNCTION of your own."""
 

@@ -49,11 +49,11 @@ class TriedPlaceConfig:
     """Plant, twin or arm to try on."""
 
     plant: str | None = None
-    """Engine of an ideal plant, mujoco or bullet; or give a twin, or an arm."""
+    """Engine of an ideal plant, mujoco, bullet or drake; or give a twin, or an arm."""
     twin: str | None = None
     """Twin to try on: the name of a shipped one, or a .toml file."""
     arm: str | None = None
-    """Arm to try on: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    """Arm to try on: mujoco, bullet, drake, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     approach: bool = False
     """Let an arm behind fri:// go to its first start from afar, slowly."""
     accept_contact: bool = False

@@ -65,7 +65,7 @@ class SimulatedLogsConfig:
     """Engine and processes that simulate the logs."""
 
     plant: str = "mujoco"
-    """Physics engine of the simulation: mujoco or bullet."""
+    """Physics engine of the simulation: mujoco, bullet or drake."""
     workers: int | None = None
     """Processes; default one for each core."""
     cluster: str | None = None

@@ -60,7 +60,7 @@ class RecordedArmConfig:
     """The arm that moves."""
 
     arm: str = "twin:medium"
-    """Arm: mujoco, bullet, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
+    """Arm: mujoco, bullet, drake, twin:NAME, fri://HOST:PORT, grpc://HOST:PORT."""
     period: Period = DEFAULT_PERIOD
     """Control period: 1ms, 2ms, 2.5ms or 5ms; an address may give its own."""
     robot: str = USUAL.robot

@@ -30,7 +30,8 @@ class LogReplay:
 
         Args:
             recording: What was played, and what came of it.
-            engine: Physics engine, "mujoco" or "bullet"; a model's own is not used.
+            engine: Physics engine, "mujoco", "bullet" or "drake"; a model's own is not
+                used.
 
         Raises:
             ConfigError: An unknown engine, or settings out of range.

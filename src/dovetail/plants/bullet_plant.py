@@ -26,6 +26,7 @@ from dovetail.errors import (
 )
 from dovetail.plants.bullet_world import WORLD, BulletWorld, xyzw
 from dovetail.plants.cycle_loop import run_cycles
+from dovetail.plants.dry_friction import dry_friction
 from dovetail.plants.plant import (
     DynamicsConfig,
     physics_steps,
@@ -285,7 +286,7 @@ class BulletPlant:
         Minv = np.asarray(np.linalg.inv(M), dtype=np.float64)
         a = Minv @ (tau - bias + contact)
         if self._coulomb.any():
-            a += _dry_friction(Minv, dq + h * a, self._coulomb, h)
+            a += Minv @ dry_friction(Minv, dq + h * a, self._coulomb, h)
         bias_simulated = simulated.coriolis(q, dq) + simulated.gravity(q)
         return simulated.inertia_matrix(q) @ a + bias_simulated - contact
 
@@ -346,21 +347,3 @@ class BulletPlant:
         if self._client >= 0:
             self._bullet.disconnect(physicsClientId=self._client)
             self._client = -1
-
-
-def _dry_friction(Minv: Array, dq: Vec7, coulomb: Vec7, h: float) -> Vec7:
-    """Return the acceleration [rad/s2] that dry friction adds.
-
-    Each joint's friction stops the joint at the step's end, or is at its limit: a
-    projected Gauss-Seidel iteration on the joints' speeds `dq` without friction.
-    """
-    friction = np.zeros(7)
-    for _ in range(50):
-        before = friction.copy()
-        for i in range(7):
-            speed = dq[i] + h * (Minv[i] @ friction)
-            wanted = friction[i] - speed / (h * Minv[i, i])
-            friction[i] = min(max(wanted, -coulomb[i]), coulomb[i])
-        if np.abs(friction - before).max() < 1e-6:
-            break
-    return Minv @ friction

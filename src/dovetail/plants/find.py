@@ -30,7 +30,7 @@ def make_plant(
     """Build a plant by its engine's name.
 
     Args:
-        name: "mujoco" or "bullet".
+        name: "mujoco", "bullet" or "drake".
         cell: What stands in it.
         dynamics: Physics of the arm and of the contacts; None is the robot's model.
 
@@ -38,10 +38,15 @@ def make_plant(
         ConfigError: Unknown name.
         MissingDependencyError: The engine is not installed.
     """
-    if find_engine(name) == "mujoco":
+    engine = find_engine(name)
+    if engine == "mujoco":
         from dovetail.plants.mujoco_plant import MujocoPlant
 
         return MujocoPlant(cell, dynamics)
+    if engine == "drake":
+        from dovetail.plants.drake_plant import DrakePlant
+
+        return DrakePlant(cell, dynamics)
     from dovetail.plants.bullet_plant import BulletPlant
 
     return BulletPlant(cell, dynamics)

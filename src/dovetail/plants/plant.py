@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from dovetail.robots.robot import Robot
     from dovetail.workcell.workcell import Workcell
 
-Engine: TypeAlias = Literal["mujoco", "bullet"]
+Engine: TypeAlias = Literal["mujoco", "bullet", "drake"]
 """Name of a physics engine."""
-PLANTS: tuple[Engine, ...] = ("mujoco", "bullet")
+PLANTS: tuple[Engine, ...] = ("mujoco", "bullet", "drake")
 
 CYCLE_UNITS: dict[str, str] = dict(_core.cycle_columns())
 """Unit of each column of a cycle log, by its name, in order. One row per control cycle:
