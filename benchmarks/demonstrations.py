@@ -185,9 +185,9 @@ def steps_to_learn(config: TrainConfig, every: int, episodes: int) -> dict[str, 
     from dovetail.learn.algorithms import derive_seed, make_vec_env
     from dovetail.learn.assess import TEST_SEED, play
     from dovetail.learn.checkpoint import seed_run
+    from dovetail.learn.demonstrations import pretrain
     from dovetail.learn.export import current_policy
     from dovetail.learn.one_run import prepared
-    from dovetail.learn.pretrain import pretrain
     from dovetail.learn.tester import stage_of
 
     test = make_vec_env(config)
