@@ -30,7 +30,7 @@ compare peg_square --twin medium
 compare peg_square peg_square --twin medium
 compare peg_square peg_triangle --twin medium
 train --config nowhere.toml
-train --recipe serch
+train --recipe pegnear
 train --config own.toml
 train --steps 0
 train --clearance -1
