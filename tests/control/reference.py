@@ -117,9 +117,7 @@ class ReferenceController:
         else:  # Khatib's law
             if target.near_plane[:3] @ p > target.near_plane[3]:  # not near contact
                 self.integrate(J_tool @ push + target.f_tare)
-                share = 1.0 - np.exp(-dt / WEIGHT_TIME)
-                self.weight += share * (push_x - self.weight)
-                self.weight = np.clip(self.weight, -WEIGHT_MAX, WEIGHT_MAX)
+                self.follow_weight(push_x)
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
             f -= osc.use_jdot * dJdq
@@ -195,6 +193,12 @@ class ReferenceController:
         self.is_staying |= asked & (np.abs(twist[:3]) < STAY_SPEED)
         way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
         return asked * self.osc.stiffness[:3] * way
+
+    def follow_weight(self, push_x: Array) -> None:
+        """Follow in free air how weight accelerates the tool, within bounds."""
+        share = 1.0 - np.exp(-self.dt / WEIGHT_TIME)
+        weight = self.weight + share * (push_x - self.weight)
+        self.weight = np.clip(weight, -WEIGHT_MAX, WEIGHT_MAX)
 
     def integrate(self, pull: Array) -> None:
         """Follow what pulls at pose and hold axes beside the tare, within bounds."""

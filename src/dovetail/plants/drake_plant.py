@@ -2,7 +2,7 @@
 
 The arm is a discrete MultibodyPlant with the SAP solver. The tool is compliant and
 meets rigid fixture and table in hydroelastic contact, whose pressure acts over areas.
-So a peg in a hole needs no points of contact that an engine would have to choose.
+So parts that fit closely need no points of contact that an engine would choose.
 
 References:
     Castro, Permenter, Han 2022, An unconstrained convex formulation of compliant
@@ -37,10 +37,10 @@ STEP = 0.001
 _MASS = 10.0
 """Mass behind the tool with which a contact time becomes a stiffness [kg]."""
 _STRIP = 0.030 * 0.003
-"""Area of contact that has this stiffness [m2]: what a peg's end shares with the rim of
-a hole that it misses by 3 mm. More area is stiffer, a corner softer."""
+"""Area of contact that has this stiffness [m2]: a part 30 mm wide that stands on an
+edge with 3 mm of its end. More area is stiffer, a corner softer."""
 _DEPTH = 0.015
-"""Depth of the material behind it [m], half the width of a peg."""
+"""Depth of the material behind it [m], half the width of such a part."""
 _DIVERGED = 50.0  # [rad/s]; the joints' limit is 2.4
 
 
