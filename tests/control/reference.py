@@ -116,8 +116,7 @@ class ReferenceController:
             a0 = np.clip(spring - Minv @ held, lb, ub)
         else:  # Khatib's law
             if target.near_plane[:3] @ p > target.near_plane[3]:  # not near contact
-                self.integrate(J_tool @ push + target.f_tare)
-                self.follow_weight(push_x)
+                self.follow_weight(J_tool @ push, target.f_tare)
             f = self.desired_acceleration(p, R, twist, target)
             f[:3] += self.stay(p, twist, target.stay)
             f -= osc.use_jdot * dJdq
@@ -194,11 +193,12 @@ class ReferenceController:
         way = np.clip(self.anchor - p, -STAY_MAX, STAY_MAX)
         return asked * self.osc.stiffness[:3] * way
 
-    def follow_weight(self, push_x: Array) -> None:
+    def follow_weight(self, pull: Array, tare: Array) -> None:
         """Follow in free air how weight accelerates the tool, within bounds."""
         share = 1.0 - np.exp(-self.dt / WEIGHT_TIME)
-        weight = self.weight + share * (push_x - self.weight)
+        weight = self.weight + share * (pull[:3] - self.weight)
         self.weight = np.clip(weight, -WEIGHT_MAX, WEIGHT_MAX)
+        self.integrate(pull + tare)
 
     def integrate(self, pull: Array) -> None:
         """Follow what pulls at pose and hold axes beside the tare, within bounds."""
