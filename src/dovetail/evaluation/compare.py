@@ -118,7 +118,8 @@ def compare(config: ComparisonConfig, console: Console | None = None) -> Compari
     _require_same_task(tasks)
     folder = claim_output_folder(config.out or dated_folder("results"))
     started = datetime.now(UTC)
-    race = Race([one.name for one in contenders], config.tries, config.error_rate)
+    names = [one.name for one in contenders]
+    race = Race(names, config.tries, config.error_rate)
     try:
         _run(race, contenders, config, console)
     except (DovetailError, KeyboardInterrupt):
@@ -127,7 +128,8 @@ def compare(config: ComparisonConfig, console: Console | None = None) -> Compari
             console.print("cut short: no report")
         raise
     ground = name_ground(contenders[0].config)
-    title = f"{', '.join(one.name for one in contenders)} on {ground}"
+    done = contenders[0].config.perturbation.describe()
+    title = f"{', '.join([*names, *done])} on {ground}"
     console.print(title, soft_wrap=True)
     console.print(render_rows(race.rows(), "policy"))
     for result in race.results():
