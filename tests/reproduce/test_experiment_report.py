@@ -15,7 +15,7 @@ from dovetail.reproduce.figures import curve, draw_robustness, moving_average
 from dovetail.reproduce.plan import VARIANTS, PlanConfig, plan
 from dovetail.reproduce.report import write_reproduction
 from dovetail.reproduce.results import gather
-from dovetail.reproduce.schedule import RunSummary
+from dovetail.reproduce.workflow import RunSummary
 from extras import need
 
 need("plotly")

@@ -2,8 +2,9 @@
 
 import json
 
-from dovetail.reproduce.experiments import EVALUATION, RUN
-from dovetail.reproduce.stage import stage_folder, write_done
+from dovetail.learn.policy import RUN_POLICY
+from dovetail.plants.twin import load_twin
+from dovetail.reproduce.folder import DONE, EVALUATION, FIT, REPORT, RUN, stage_folder
 
 _TRY = {
     "seed": 1,
@@ -36,61 +37,62 @@ def tries(successes, poses=3, each=2):
 def finish(root, stage, successes=6):
     """Leaves what a finished stage leaves."""
     folder = stage_folder(root, stage.name)
-    folder.mkdir(parents=True)
-    kind = stage.run.partition(":")[2]
-    write_done(root, stage.to_json(), result=globals()[kind](folder, stage, successes))
+    folder.mkdir(parents=True, exist_ok=True)
+    globals()[stage.rule](folder, stage, successes)
+    (folder / DONE).touch()
 
 
-def record_log(folder, stage, successes):
-    return {"cycles": 100}
+def record(folder, stage, successes):
+    pass
 
 
-def fit_model(folder, stage, successes):
-    return {
-        "rms_before_mm": 12.5,
-        "rms_after_mm": 1.25,
+def fit(folder, stage, successes):
+    (folder / FIT).mkdir()
+    result = {
+        "rms_before": 0.0125,
+        "rms_after": 0.00125,
         "evaluations": 60,
-        "wall_time_s": 30.0,
+        "wall_time": 30.0,
         "warnings": [],
-        "model": {},
     }
+    (folder / FIT / "fit.json").write_text(json.dumps({"result": result}))
+    (folder / FIT / "model.toml").write_text(load_twin("medium").to_toml())
 
 
-def report_fit(folder, stage, successes):
-    (folder / "report").mkdir()
-    (folder / "report" / "after.png").write_bytes(b"a figure")
+def report(folder, stage, successes):
+    (folder / REPORT).mkdir()
+    (folder / REPORT / "after.png").write_bytes(b"a figure")
     numbers = {"rms_before": 0.014, "rms_after": 0.002}
-    return {
-        "errors_m": {"fitting log": numbers, "held-out log": numbers},
+    content = {
+        "errors": {"fitting log": numbers, "held-out log": numbers},
         "condition_number": 40.0,
         "verdict": {"answer": "go", "sentence": "small enough", "limit": 0.003},
     }
+    (folder / REPORT / "report.json").write_text(json.dumps(content))
 
 
-def train_policy(folder, stage, successes):
-    (folder / RUN).mkdir()
+def train(folder, stage, successes):
+    run = folder / RUN
+    run.mkdir()
     rows = [f"{100 * i},{-9 + i},40,{i % 2},20,{i}" for i in range(1, 30)]
     head = "step,reward,length,success,contact_force_max,wall_time"
-    (folder / RUN / "progress.csv").write_text("\n".join([head, *rows]) + "\n")
+    (run / "progress.csv").write_text("\n".join([head, *rows]) + "\n")
     evaluation = {"successes": 199, "episodes": 200}
-    return {
-        "steps": 60_000,
-        "wall_time_s": 725.0,
-        "evaluation": evaluation,
-        "command": "dovetail train",
-    }
+    (run / "evaluation.json").write_text(json.dumps(evaluation))
+    policy = {"provenance": {"steps": 60_000, "wall_time_s": 725.0}}
+    (run / RUN_POLICY).with_suffix(".json").write_text(json.dumps(policy))
 
 
-train_on_twin = train_policy
+train_on_twin = train
 
 
-def evaluate_policy(folder, stage, successes):
-    poses = 1 if "hole" in stage.settings else 3
+def evaluate(folder, stage, successes):
+    poses = 1 if "fixture" in stage.options else 3
     labels = "ABC" if poses == 3 else ["given"]
-    report = {
+    content = {
+        "ground": f"twin {stage.options['twin'].stem} (mujoco)",
         "rows": [{"label": label} for label in [*labels, "all"]],
         "tries": tries(successes, poses),
     }
     (folder / EVALUATION).mkdir()
-    (folder / EVALUATION / "report.json").write_text(json.dumps(report))
-    return {"ground": f"twin {stage.settings['twin']} (mujoco)", "stopped": []}
+    (folder / EVALUATION / "report.json").write_text(json.dumps(content))

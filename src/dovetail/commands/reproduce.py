@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from rich.console import Console
 
+from dovetail.reproduce.folder import LOG, stage_folder
 from dovetail.reproduce.run import ReproduceConfig, Reproduction, reproduce
-from dovetail.reproduce.stage import LOG, stage_folder
 
 
 @dataclass(frozen=True, kw_only=True)

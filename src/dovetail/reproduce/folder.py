@@ -1,4 +1,9 @@
-"""The results folder: of one configuration, and for one command at a time."""
+"""The results folder: of one configuration, and for one command at a time.
+
+OUT/reproduce.json has everything that decides the results, and every stage. OUT/twins
+has the twins. OUT/stages/NAME has what a stage made, what it printed in every sitting
+(log.txt), and `done` when it is done.
+"""
 
 import fcntl
 import json
@@ -8,14 +13,61 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from dovetail import reading
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, open_lock, write_atomic
 from dovetail.plants.twin import Twin
-from dovetail.reproduce.experiments import TWINS, twin_file
-from dovetail.reproduce.stage import read_json
 
 SETTINGS = "reproduce.json"
-VERSION = 1
+TWINS = "twins"
+"""Folder of the twins in the results folder: copies, so that a change of the original
+does not mix two twins in one table."""
+RECORDING, FIT, REPORT, RUN, EVALUATION = (
+    *("recording", "fit", "report", "run", "evaluation"),
+)
+"""Folders in those of the stages."""
+TRAIN = "train.toml"
+DONE, LOG = "done", "log.txt"
+VERSION = 2
+
+
+def stage_path(name: str) -> Path:
+    """Return the folder of a stage, seen from the results folder."""
+    return Path("stages") / name
+
+
+def stage_folder(root: Path, name: str) -> Path:
+    """Return the folder of a stage."""
+    return root / stage_path(name)
+
+
+def is_done(root: Path, name: str) -> bool:
+    """Say whether a stage is done."""
+    return (stage_folder(root, name) / DONE).exists()
+
+
+def twin_path(twin: str) -> Path:
+    """Return the file of a twin, seen from the results folder."""
+    return Path(TWINS) / f"{twin}.toml"
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """Read a JSON file of the results folder.
+
+    Raises:
+        ConfigError: It is damaged.
+    """
+    try:
+        table = reading.read_json(path)
+        if not isinstance(table, dict):
+            raise ConfigError("it holds no table")
+    except (OSError, ConfigError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigError(
+            f"{path} is damaged: {reason}; remove its folder, and that experiment is "
+            "done again"
+        ) from error
+    return table
 
 
 def open_folder(path: Path, settings: Mapping[str, Any]) -> Path:
@@ -23,7 +75,7 @@ def open_folder(path: Path, settings: Mapping[str, Any]) -> Path:
 
     Args:
         path: New, empty, or one to go on with.
-        settings: Everything that decides the plan, ready for JSON.
+        settings: Everything that decides the results, ready for JSON.
 
     Returns:
         The folder, absolute; it holds reproduce.json.
@@ -63,9 +115,9 @@ def write_twins(root: Path, twins: Mapping[str, Twin]) -> None:
     """Keep the twins beside their results, each also for PyBullet."""
     (root / TWINS).mkdir(exist_ok=True)
     for name, twin in twins.items():
-        write_atomic(twin_file(root, name), twin.to_toml())
+        write_atomic(root / twin_path(name), twin.to_toml())
         other = replace(twin, engine="bullet")
-        write_atomic(twin_file(root, f"{name}-in-bullet"), other.to_toml())
+        write_atomic(root / twin_path(f"{name}-in-bullet"), other.to_toml())
 
 
 @contextmanager

@@ -5,16 +5,19 @@ fit -> train (stack 0, stack 4; per twin: stack 0) -> evaluate
 train (without identification; randomised; on the twin itself)   -> evaluate
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
-from dovetail.learn.config import TrainConfig
+from dovetail.identify.fit_folder import MODEL
+from dovetail.learn.config import NOT_COMPARED, TrainConfig
+from dovetail.learn.policy import RUN_POLICY
+from dovetail.options import option_words
 from dovetail.reproduce.budget import Budget
-from dovetail.reproduce.settings import as_config
-from dovetail.reproduce.stage import Stage
+from dovetail.reproduce.folder import FIT, RECORDING, RUN, TRAIN, stage_path, twin_path
+from dovetail.tasks.options import gather_options
+from dovetail.tasks.peg_in_hole.task import PegInHole
 
-_STAGES = "dovetail.reproduce.experiments"
 _STEP = 1.0 / 75.0
 """About how long a training step takes on a core [s], and its share of an episode."""
 _START = 8.0
@@ -49,6 +52,45 @@ ONE_HOLE = (0.60, 0.0, 0.10, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stage:
+    """One experiment: a command of dovetail, run by a rule of the Snakefile."""
+
+    name: str
+    """Name of the stage and of its folder."""
+    rule: str
+    """record, fit, report, train, train_on_twin or evaluate."""
+    needs: tuple[str, ...] = ()
+    """Stages whose results it reads."""
+    words: tuple[str, ...] = ()
+    """Words of its command that come before the options; paths are seen from the
+    results folder."""
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Options of its command; None is left out."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """All settings of a training, in a file that its options name."""
+    twin: str = ""
+    """File of the twin behind the cabinet that it is trained on."""
+    expected: float = 1.0
+    """Estimated time on one core [s]: for the time left only."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return what decides the result, for the Snakefile."""
+        words = list(self.words)
+        for name, value in self.options.items():
+            words += [] if value is None else option_words(name, value)
+        facts: dict[str, Any] = {
+            "rule": self.rule,
+            "needs": list(self.needs),
+            "options": words,
+        }
+        if self.settings:
+            facts["settings"] = dict(self.settings)
+        if self.twin:
+            facts["twin"] = self.twin
+        return facts
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlanConfig:
     """Everything that decides the plan."""
 
@@ -67,7 +109,7 @@ class PlanConfig:
 
 
 def plan(config: PlanConfig) -> tuple[Stage, ...]:
-    """Return every stage of the experiments."""
+    """Return every stage of the experiments, each after those that it needs."""
     others = config.twins[1:]
     stages: list[Stage] = []
     for twin in config.twins:
@@ -122,9 +164,9 @@ def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
     for log, seed in logs.items():
         yield Stage(
             name=f"record-{twin}-{log}",
-            run=f"{_STAGES}:record_log",
-            settings={
-                "twin": twin,
+            rule="record",
+            options={
+                "arm": f"twin:{twin_path(twin)}",
                 "seed": seed,
                 "sequences": budget.sequences,
                 "steps": budget.sequence_steps,
@@ -137,9 +179,9 @@ def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
     for parameters in sets:
         yield Stage(
             name=fit_name(twin, parameters),
-            run=f"{_STAGES}:fit_model",
-            settings={
-                "log_of": f"record-{twin}-fitted",
+            rule="fit",
+            words=(str(stage_path(f"record-{twin}-fitted") / RECORDING),),
+            options={
                 "plant": config.identify_plant,
                 "parameters": parameters,
                 "evaluations": budget.evaluations,
@@ -151,8 +193,9 @@ def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
         needs = (fit_name(twin, parameters), f"record-{twin}-held-out")
         yield Stage(
             name=f"report-{needs[0]}",
-            run=f"{_STAGES}:report_fit",
-            settings={"fit_of": needs[0], "held_out_of": needs[1]},
+            rule="report",
+            words=(str(stage_path(needs[0]) / FIT),),
+            options={"held_out": stage_path(needs[1]) / RECORDING},
             needs=needs,
             expected=20.0,
         )
@@ -178,11 +221,30 @@ simulations and from the served arm."""
 
 
 def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
-    """Return all settings of a training, defaults included, as JSON knows them."""
+    """Return all settings of a training, defaults included, as its file has them."""
     chosen = {"plant": config.plant, **RECIPE, **config.budget.train, **changes}
-    settings = TrainConfig(**as_config(chosen)).to_json()
-    settings["hole"] = settings.pop("fixture")
-    return {name: value for name, value in settings.items() if value is not None}
+    given = {k: tuple(v) if isinstance(v, list) else v for k, v in chosen.items()}
+    settings = TrainConfig(**gather_options(given, PegInHole)).to_json()
+    return {
+        name: value
+        for name, value in settings.items()
+        if value is not None and name not in NOT_COMPARED
+    }
+
+
+def _simulated(
+    name: str, settings: Mapping[str, Any], model_of: str | None = None
+) -> Stage:
+    """Return a training in a simulation: the nominal one, or an identified model."""
+    model = None if model_of is None else stage_path(model_of) / FIT / MODEL
+    return Stage(
+        name=name,
+        rule="train",
+        needs=() if model_of is None else (model_of,),
+        options={"config": stage_path(name) / TRAIN, "model": model},
+        settings=settings,
+        expected=_START + _STEP * settings["steps"],
+    )
 
 
 def _training(config: PlanConfig, variant: str, seed: int) -> Stage:
@@ -195,46 +257,40 @@ def _training(config: PlanConfig, variant: str, seed: int) -> Stage:
         twin = config.twins[0] if twin in VARIANTS else twin
         model = fit_name(twin, config.parameters)
         changes["stack"] = 4 if variant == "stack-4" else 0
-    settings = _train_settings(config, **changes)
-    return Stage(
-        name=train_name(variant, seed),
-        run=f"{_STAGES}:train_policy",
-        settings=settings | ({} if model is None else {"model_of": model}),
-        needs=() if model is None else (model,),
-        expected=_START + _STEP * settings["steps"],
+    return _simulated(
+        train_name(variant, seed), _train_settings(config, **changes), model
     )
 
 
 def _training_on_twin(config: PlanConfig) -> Stage:
+    name = train_name(ON_TWIN, config.seed)
     settings = _train_settings(
         config, seed=config.seed, fixed_goal=True, fixture=ONE_HOLE, num_envs=1
     )
     del settings["plant"]
     return Stage(
-        name=train_name(ON_TWIN, config.seed),
-        run=f"{_STAGES}:train_on_twin",
-        settings=settings | {"twin": config.twins[0]},
+        name=name,
+        rule="train_on_twin",
+        options={"config": stage_path(name) / TRAIN},
+        settings=settings,
+        twin=str(twin_path(config.twins[0])),
         expected=_START + SLOWER_ON_TWIN * _STEP * settings["steps"],
     )
 
 
 def _evaluation(
-    config: PlanConfig, name: str, policy_of: str, twin: str, **settings: Any
+    config: PlanConfig, name: str, policy_of: str, twin: str, **options: Any
 ) -> Stage:
-    tries = settings.get("tries", config.budget.tries)
-    tries *= 1 if "hole" in settings else 3
-    seconds = _SEARCH if "search" in settings else _TRY
+    given = {"twin": twin_path(twin), "tries": config.budget.tries, **options}
+    count = given["tries"] * (1 if "fixture" in given else 3)
+    seconds = _SEARCH if "search" in given else _TRY
     return Stage(
         name=name,
-        run=f"{_STAGES}:evaluate_policy",
-        settings={
-            "policy_of": policy_of,
-            "twin": twin,
-            "tries": config.budget.tries,
-            **settings,
-        },
+        rule="evaluate",
         needs=(policy_of,),
-        expected=3.0 + seconds * tries,
+        words=(str(stage_path(policy_of) / RUN / RUN_POLICY),),
+        options=given,
+        expected=3.0 + seconds * count,
     )
 
 
@@ -248,7 +304,7 @@ def _transfer(config: PlanConfig) -> Iterator[Stage]:
                 yield _evaluation(config, name, policy, twin, peg=peg)
     name = transfer_name(ON_TWIN, "square", config.seed)
     policy = train_name(ON_TWIN, config.seed)
-    yield _evaluation(config, name, policy, twin, peg="square", hole=list(ONE_HOLE))
+    yield _evaluation(config, name, policy, twin, peg="square", fixture=ONE_HOLE)
 
 
 def _identified_or_not(config: PlanConfig) -> Iterator[Stage]:
@@ -273,16 +329,16 @@ def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any
     """
     sizes = budget
     for shift in sizes.shifts:
-        yield "shift", shift, {"hole_shift": shift}
+        yield "shift", shift, {"fixture_shift": shift}
     for shift in sizes.searches:
-        settings = {"hole_shift": shift, "search": "corner", "keep_logs": False}
+        settings = {"fixture_shift": shift, "search": "corner", "keep_logs": False}
         if sizes.search_steps is not None:
             settings["max_steps"] = sizes.search_steps
         yield "search", shift, {**settings, "tries": sizes.search_tries}
     for push in sizes.pushes:
         yield "push", push, {"push": push}
     for speed in sizes.speeds:
-        yield "speed", speed, {"hole_speed": speed}
+        yield "speed", speed, {"fixture_speed": speed}
     yield "below", 1.0, {"start": "below"}
 
 
@@ -304,13 +360,7 @@ def _other_direction(config: PlanConfig) -> Iterator[Stage]:
     for seed in _seeds(config):
         settings = _train_settings(config, seed=seed, plant="mujoco")
         name = train_name(OTHER, seed)
-        yield Stage(
-            name=name,
-            run=f"{_STAGES}:train_policy",
-            settings=settings | {"model_of": model},
-            needs=(model,),
-            expected=_START + _STEP * settings["steps"],
-        )
+        yield _simulated(name, settings, model)
         yield _evaluation(
             config, transfer_name(OTHER, "square", seed), name, f"{twin}-in-bullet"
         )

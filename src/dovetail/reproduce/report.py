@@ -19,11 +19,11 @@ from dovetail.reproduce.figures import (
     draw_robustness,
     draw_training,
 )
-from dovetail.reproduce.folder import SETTINGS
-from dovetail.reproduce.plan import PlanConfig, fit_name
+from dovetail.reproduce.folder import REPORT as FIT_REPORT
+from dovetail.reproduce.folder import SETTINGS, stage_folder
+from dovetail.reproduce.plan import PlanConfig, Stage, fit_name
 from dovetail.reproduce.results import Gathered, gather, seeds_of
-from dovetail.reproduce.schedule import RunSummary
-from dovetail.reproduce.stage import Stage, stage_folder
+from dovetail.reproduce.workflow import RunSummary
 from dovetail.zoomable import NOTE
 
 RESULTS, REPORT = "results.json", "report.html"
@@ -137,7 +137,7 @@ def _where(config: PlanConfig) -> dict[str, Any]:
         "budget": config.budget.name,
         "trained in": config.plant,
         "identified in": config.identify_plant,
-        "all settings": f"{SETTINGS}, and stage.json of each stage",
+        "all settings": SETTINGS,
         **found,
     }
 
@@ -240,7 +240,7 @@ def _identification(root: Path, gathered: Gathered, config: PlanConfig) -> list[
     for twin in config.twins:
         stage = f"report-{fit_name(twin, config.parameters)}"
         for name, words in _FIT_FIGURES.items():
-            file = stage_folder(root, stage) / "report" / name
+            file = stage_folder(root, stage) / FIT_REPORT / name
             if file.is_file():
                 parts.append(figure(f"Twin {twin}, {words}", file.read_bytes()))
     return parts

@@ -7,9 +7,21 @@ from typing import Any, NamedTuple
 
 from dovetail.evaluation.outcome import Outcome
 from dovetail.evaluation.transfer import Row, summarise
+from dovetail.identify.fit_folder import MODEL, SUMMARY
+from dovetail.learn.policy import RUN_POLICY
 from dovetail.learn.progress import EpisodeRow, read_progress
+from dovetail.learn.run_folder import EVALUATION as TRAINED
 from dovetail.learn.run_folder import PROGRESS
-from dovetail.reproduce.experiments import EVALUATION, RUN
+from dovetail.plants.twin import load_twin
+from dovetail.reproduce.folder import (
+    EVALUATION,
+    FIT,
+    REPORT,
+    RUN,
+    is_done,
+    read_json,
+    stage_folder,
+)
 from dovetail.reproduce.paper import TRANSFER, PaperRow
 from dovetail.reproduce.plan import (
     GROUNDS,
@@ -26,7 +38,6 @@ from dovetail.reproduce.plan import (
     train_name,
     transfer_name,
 )
-from dovetail.reproduce.stage import DONE, read_json, stage_folder
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +114,6 @@ def _other(seed: int) -> str:
     return transfer_name(OTHER, "square", seed)
 
 
-def _result(root: Path, name: str) -> dict[str, Any] | None:
-    path = stage_folder(root, name) / DONE
-    return read_json(path)["result"] if path.exists() else None
-
-
 def _pool(root: Path, config: PlanConfig, label: str, name: Any) -> Table | None:
     """Pool one evaluation over the training seeds; `name` names it for a seed."""
     outcomes: list[Outcome] = []
@@ -115,12 +121,11 @@ def _pool(root: Path, config: PlanConfig, label: str, name: Any) -> Table | None
     labels: list[str] = []
     ground = ""
     for seed in seeds_of(config):
-        result = _result(root, name(seed))
-        if result is None:
+        if not is_done(root, name(seed)):
             continue
-        ground = result["ground"]
         folder = stage_folder(root, name(seed)) / EVALUATION
         report = read_json(folder / "report.json")
+        ground = report["ground"]
         labels = [row["label"] for row in report["rows"][:-1]]
         mine = [Outcome.from_numbers(numbers) for numbers in report["tries"]]
         by_seed[seed] = f"{sum(o.success for o in mine)}/{len(mine)}"
@@ -179,10 +184,14 @@ def _trainings(root: Path, config: PlanConfig) -> Iterable[Training]:
     others = [f"identified-{twin}" for twin in config.twins[1:]]
     for variant in (*VARIANTS, UNIDENTIFIED, *others, ON_TWIN, OTHER):
         for seed in seeds_of(config):
-            result = _result(root, train_name(variant, seed))
-            if result is not None:
-                facts = (result[k] for k in ("steps", "wall_time_s", "evaluation"))
-                yield Training(variant, seed, *facts)
+            name = train_name(variant, seed)
+            if is_done(root, name):
+                run = stage_folder(root, name) / RUN
+                facts = read_json((run / RUN_POLICY).with_suffix(".json"))["provenance"]
+                tested = run / TRAINED
+                evaluation = read_json(tested) if tested.exists() else None
+                steps, seconds = facts["steps"], facts["wall_time_s"]
+                yield Training(variant, seed, steps, seconds, evaluation)
 
 
 def _episodes(
@@ -190,9 +199,8 @@ def _episodes(
 ) -> Iterable[list[EpisodeRow]]:
     for seed in seeds_of(config):
         name = train_name(variant, seed)
-        is_there = _result(root, name) is not None
         progress = stage_folder(root, name) / RUN / PROGRESS
-        yield read_progress(progress) if is_there else []
+        yield read_progress(progress) if is_done(root, name) else []
 
 
 def _fits(root: Path, config: PlanConfig) -> dict[tuple[str, str], dict[str, Any]]:
@@ -200,7 +208,32 @@ def _fits(root: Path, config: PlanConfig) -> dict[tuple[str, str], dict[str, Any
     for twin in config.twins:
         for parameters in dict.fromkeys(("paper", config.parameters)):
             name = fit_name(twin, parameters)
-            if (result := _result(root, name)) is not None:
-                judged = _result(root, f"report-{name}")
-                found[twin, parameters] = result | {"judged": judged}
+            if is_done(root, name):
+                judged = _judged(root, f"report-{name}")
+                fit = _fit(stage_folder(root, name) / FIT)
+                found[twin, parameters] = fit | {"judged": judged}
     return found
+
+
+def _fit(folder: Path) -> dict[str, Any]:
+    result = read_json(folder / SUMMARY)["result"]
+    return {
+        "rms_before_mm": 1e3 * result["rms_before"],
+        "rms_after_mm": 1e3 * result["rms_after"],
+        "evaluations": result["evaluations"],
+        "wall_time_s": result["wall_time"],
+        "warnings": result["warnings"],
+        "model": load_twin(folder / MODEL).table(),
+    }
+
+
+def _judged(root: Path, name: str) -> dict[str, Any] | None:
+    """Return what the held-out log says of a fit; None where that is missing."""
+    if not is_done(root, name):
+        return None
+    report = read_json(stage_folder(root, name) / REPORT / "report.json")
+    return {
+        "errors_m": report["errors"],
+        "condition_number": report["condition_number"],
+        "verdict": report["verdict"],
+    }

@@ -1,23 +1,36 @@
 """One call from settings to the report of all experiments, resumable at any point."""
 
 import importlib.util
-from contextlib import closing
+import json
+import os
+import socket
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import tomlkit
 from rich.console import Console
 
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
+from dovetail.files import write_atomic
 from dovetail.identify.parameters import ParameterSet
 from dovetail.plants.twin import Twin, load_twin
 from dovetail.reproduce.budget import Budget, find_budget
-from dovetail.reproduce.executor import Executor, LocalExecutor
-from dovetail.reproduce.folder import locked, open_folder, write_twins
-from dovetail.reproduce.plan import PlanConfig, plan
+from dovetail.reproduce.folder import (
+    TRAIN,
+    locked,
+    open_folder,
+    read_json,
+    stage_folder,
+    write_twins,
+)
+from dovetail.reproduce.plan import PlanConfig, Stage, plan
 from dovetail.reproduce.report import write_reproduction
-from dovetail.reproduce.schedule import RunSummary, check_plan, find_done, run_stages
-from dovetail.reproduce.show import StageDisplay
+from dovetail.reproduce.workflow import RunSummary, run_stages
+
+PORTS = "cabinet.json"
+"""File of the ports between the training on the twin and the twin's cabinet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +52,10 @@ class ReproduceConfig:
     seed: int = 0
     """First training seed."""
     workers: int | None = None
-    """Stages at once; default the cores."""
-    cluster: str | None = None
-    """Run the stages on Ray: `local`, or a cluster's address. The results folder must
-    be at the same path on all its machines."""
+    """Stages at once; default the cores, or what the profile says."""
+    profile: str | None = None
+    """Run the stages on several machines: a profile of Snakemake, its name or folder.
+    It says how, such as by Slurm. They all need the results folder at one path."""
 
 
 class Reproduction(NamedTuple):
@@ -75,8 +88,8 @@ def reproduce(
     """
     twins = _load_twins(config.twins)
     ParameterSet.parse(config.parameters)
-    if config.workers is not None:
-        LocalExecutor(config.workers)  # refuses what makes no sense
+    if config.workers is not None and config.workers < 1:
+        raise ConfigError(f"workers is {config.workers}; needs at least 1")
     settings = PlanConfig(
         budget=budget or find_budget(config.budget),
         twins=tuple(twins),
@@ -86,25 +99,21 @@ def reproduce(
     )
     _require_installed(settings.plant)
     stages = plan(settings)
-    check_plan(stages)
-    tables = {name: twin.table() for name, twin in twins.items()}
     described = {
         "budget": settings.budget.to_json(),
-        "twins": tables,
+        "twins": {name: twin.table() for name, twin in twins.items()},
         "plant": settings.plant,
         "identify_plant": settings.identify_plant,
         "parameters": settings.parameters,
         "seed": settings.seed,
+        "stages": {stage.name: stage.to_json() for stage in stages},
     }
     root = open_folder(config.out, described)
     with locked(root):
-        done = find_done(root, stages)
         write_twins(root, twins)
-        with (
-            closing(_make_executor(config)) as executor,
-            StageDisplay(root, stages, done, executor.slots, console) as display,
-        ):
-            tally = run_stages(root, stages, executor, display)
+        _write_trainings(root, stages)
+        words = [*_where(config), "--config", *_ports(root / PORTS)]
+        tally = run_stages(root, stages, words, console)
         files = write_reproduction(root, settings, stages, tally)
     return Reproduction(root, tally, files)
 
@@ -114,12 +123,45 @@ def default_plant() -> Literal["bullet", "mujoco"]:
     return "bullet" if importlib.util.find_spec("pybullet") else "mujoco"
 
 
-def _make_executor(config: ReproduceConfig) -> Executor:
-    if config.cluster is None:
-        return LocalExecutor(config.workers)
-    from dovetail.reproduce.cluster import RayExecutor
+def _where(config: ReproduceConfig) -> list[str]:
+    """Return the options of Snakemake: where the stages run, and how many at once."""
+    if config.profile is None:
+        return ["--cores", str(config.workers or len(os.sched_getaffinity(0)))]
+    jobs = [] if config.workers is None else ["--jobs", str(config.workers)]
+    return ["--profile", config.profile, *jobs]
 
-    return RayExecutor(config.cluster, config.workers)
+
+def _write_trainings(root: Path, stages: Sequence[Stage]) -> None:
+    for stage in stages:
+        if stage.settings:
+            folder = stage_folder(root, stage.name)
+            folder.mkdir(parents=True, exist_ok=True)
+            write_atomic(folder / TRAIN, tomlkit.dumps(dict(stage.settings)))
+
+
+def _ports(path: Path) -> list[str]:
+    """Return the ports of the served twin's client and control, as Snakemake's config.
+
+    They are chosen once: a training that is resumed finds the arm where it was.
+
+    Raises:
+        ConfigError: The file is damaged.
+    """
+    kinds = {"client_port": socket.SOCK_DGRAM, "control_port": socket.SOCK_STREAM}
+    if not path.exists():
+        free = {name: _free_port(kind) for name, kind in kinds.items()}
+        write_atomic(path, json.dumps(free) + "\n")
+    kept = read_json(path)
+    try:
+        return [f"{name}={int(kept[name])}" for name in kinds]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{path} is damaged: remove it") from error
+
+
+def _free_port(kind: int) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
 
 
 def _load_twins(names: tuple[str, ...]) -> dict[str, Twin]:
@@ -137,7 +179,7 @@ def _load_twins(names: tuple[str, ...]) -> dict[str, Twin]:
 
 def _require_installed(plant: str) -> None:
     """Say what is missing before anything is written."""
-    needed = {"sbx": "learn", "cmaes": "identify"}
+    needed = {"sbx": "learn", "cmaes": "identify", "snakemake": "reproduce"}
     if plant == "bullet":
         needed["pybullet"] = "bullet"
     missing = [extra for m, extra in needed.items() if not importlib.util.find_spec(m)]

@@ -9,7 +9,6 @@ from dovetail.page import table
 from dovetail.reproduce.paper import ROBUSTNESS, PaperRow
 from dovetail.reproduce.plan import ON_TWIN, OTHER, UNIDENTIFIED, VARIANTS
 from dovetail.reproduce.results import Gathered, Level, Table, Training
-from dovetail.reproduce.show import format_time
 
 MISSING = "not run"
 _FORCES = ("steps median / max", "force mean [N]", "peak p95 [N]", "peak max [N]")
@@ -22,6 +21,16 @@ _DISTURBANCES = {
     "speed": ("hole moving at", "mm/s", 1e3),
     "below": ("every start below the block's surface", "", 1.0),
 }
+
+
+def format_time(seconds: float) -> str:
+    """Return a duration as 45 s, 12:05 min or 3:07 h."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60}:{whole % 60:02d} min"
+    return f"{whole // 3600}:{whole % 3600 // 60:02d} h"
 
 
 def rate(row: Row) -> str:
