@@ -22,38 +22,58 @@ class IdentificationBudget:
 
 @settings()
 class RobustnessBudget:
-    """Disturbances, and what is tried under them."""
+    """Disturbances of one policy on the first twin."""
 
-    shifts: tuple[float, ...] = (0.0, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03)
+    shifts: tuple[float, ...] = (0.005, 0.01, 0.015, 0.02, 0.025, 0.03)
     """Distances by which the hole is moved while the camera is covered [m]."""
     searches: tuple[float, ...] = (0.01, 0.02, 0.03)
     """The same, with the scripted search in the policy's place [m]."""
-    search_tries: int = 10
-    """Tries of it at each hole pose."""
     search_steps: int | None = None
     """Policy steps of such a try; None is the default of the search."""
-    pushes: tuple[float, ...] = (0.0, 10.0, 20.0, 30.0)
+    pushes: tuple[float, ...] = (10.0, 20.0, 30.0)
     """Largest random push on the arm [N]."""
-    speeds: tuple[float, ...] = (0.0, 0.01, 0.02, 0.04)
+    speeds: tuple[float, ...] = (0.01, 0.02, 0.04)
     """Speed of the hole during the episode [m/s]."""
-    robust: tuple[str, ...] = ("stack-0",)
-    """Variants whose robustness is measured."""
 
 
 @settings()
-class Budget(IdentificationBudget, RobustnessBudget):
+class ArmBudget:
+    """Trainings on the arm, over FRI."""
+
+    failing: int
+    """Policies that are fine-tuned there: nominal ones, seed by seed."""
+    fine_tune_steps: int = 6000
+    """Steps of each fine-tuning."""
+    scratch_steps: int = 12_000
+    """Steps of the training from nothing at one hole pose."""
+    arm_tries: int = 20
+    """Tries at that pose, before and after."""
+
+
+@settings()
+class Budget(IdentificationBudget, RobustnessBudget, ArmBudget):
     """Sizes of the experiments; what is not here is the default of its command."""
 
     name: str
     """Name of the budget."""
     seeds: int
-    """Training seeds per variant."""
+    """Training seeds of the policies that no twin is known to."""
+    twins: int
+    """Twins that are drawn; each has one policy of every model that is its own."""
+    bullet_seeds: int
+    """Seeds of the decisive cells trained in PyBullet; on as many twins twice over."""
+    drake_twins: int
+    """Twins that are also simulated by Drake."""
+    drake_seeds: int
+    """Seeds of the policies that are tried there."""
+    paper_twins: int
+    """Twins of the rows of the paper's table with another peg or a stack."""
+    learner_seeds: int
+    """Seeds of each learning algorithm."""
     train: Mapping[str, Any] = field(default_factory=dict)
     """Settings of every training that differ from `TrainConfig`."""
-    tries: int = 20
-    """Tries at each hole pose."""
-    other_direction: bool = False
-    """Also train in MuJoCo and try on the twin in PyBullet."""
+    tries: int = 4
+    """Tries at each of three hole poses, on each twin."""
 
     def to_json(self) -> dict[str, Any]:
         """Return the sizes as JSON knows them."""
@@ -66,12 +86,21 @@ class Budget(IdentificationBudget, RobustnessBudget):
 SMOKE = Budget(
     name="smoke",
     seeds=1,
+    twins=1,
+    bullet_seeds=1,
+    drake_twins=1,
+    drake_seeds=1,
+    paper_twins=1,
+    learner_seeds=1,
+    failing=1,
+    fine_tune_steps=100,
+    scratch_steps=100,
+    arm_tries=1,
     train={
-        "steps": 400,
+        "steps": 200,
         "net": [16, 16],
         "batch_size": 32,
         "learning_starts": 100,
-        "updates_per_step": 1,
         "checkpoint_interval": 200,
         "max_steps": 40,
         "eval_episodes": 2,
@@ -80,26 +109,46 @@ SMOKE = Budget(
     sequence_steps=10,
     evaluations=60,
     tries=1,
-    shifts=(0.0, 0.02),
+    shifts=(0.02,),
     searches=(0.02,),
-    search_tries=1,
     search_steps=100,
     pushes=(30.0,),
     speeds=(0.02,),
 )
 """Every part once, as small as it runs: nothing is learned."""
 
-QUICK = Budget(name="quick", seeds=1)
-"""One seed per variant, everything else at full size."""
+QUICK = Budget(
+    name="quick",
+    seeds=3,
+    twins=6,
+    bullet_seeds=1,
+    drake_twins=2,
+    drake_seeds=1,
+    paper_twins=2,
+    learner_seeds=1,
+    failing=1,
+    train={"steps": 25_000, "eval_episodes": 100},
+    tries=4,
+    shifts=(0.01, 0.02, 0.03),
+    searches=(0.03,),
+    pushes=(30.0,),
+    speeds=(0.04,),
+)
+"""Every cell with few seeds and twins, and trainings that end early."""
 
 FULL = Budget(
     name="full",
-    seeds=5,
-    search_tries=20,
-    robust=("stack-0", "stack-4", "randomised"),
-    other_direction=True,
+    seeds=10,
+    twins=20,
+    bullet_seeds=5,
+    drake_twins=6,
+    drake_seeds=3,
+    paper_twins=6,
+    learner_seeds=5,
+    failing=6,
+    train={"steps": 40_000},
 )
-"""Five seeds per variant, as in the paper; robustness of all of them."""
+"""A fraction of the design for two cores and eight hours."""
 
 BUDGETS = {budget.name: budget for budget in (SMOKE, QUICK, FULL)}
 

@@ -16,6 +16,7 @@ from typing import Any
 from dovetail import reading
 from dovetail.errors import ConfigError
 from dovetail.files import claim_output_folder, open_lock, write_atomic
+from dovetail.plants.plant import Engine
 from dovetail.plants.twin import Twin
 
 SETTINGS = "reproduce.json"
@@ -28,7 +29,7 @@ RECORDING, FIT, REPORT, RUN, EVALUATION = (
 """Folders in those of the stages."""
 TRAIN = "train.toml"
 DONE, LOG = "done", "log.txt"
-VERSION = 2
+VERSION = 3
 
 
 def stage_path(name: str) -> Path:
@@ -46,9 +47,10 @@ def is_done(root: Path, name: str) -> bool:
     return (stage_folder(root, name) / DONE).exists()
 
 
-def twin_path(twin: str) -> Path:
-    """Return the file of a twin, seen from the results folder."""
-    return Path(TWINS) / f"{twin}.toml"
+def twin_path(twin: str, engine: Engine = "mujoco") -> Path:
+    """Return the file of a twin in an engine, seen from the results folder."""
+    suffix = "" if engine == "mujoco" else f"-in-{engine}"
+    return Path(TWINS) / f"{twin}{suffix}.toml"
 
 
 def read_json(path: Path) -> dict[str, Any]:
@@ -112,12 +114,13 @@ def _require_same(
 
 
 def write_twins(root: Path, twins: Mapping[str, Twin]) -> None:
-    """Keep the twins beside their results, each also for PyBullet."""
+    """Keep the twins beside their results, each for two engines."""
     (root / TWINS).mkdir(exist_ok=True)
+    engines: tuple[Engine, ...] = ("mujoco", "drake")
     for name, twin in twins.items():
-        write_atomic(root / twin_path(name), twin.to_toml())
-        other = replace(twin, engine="bullet")
-        write_atomic(root / twin_path(f"{name}-in-bullet"), other.to_toml())
+        for engine in engines:
+            file = root / twin_path(name, engine)
+            write_atomic(file, replace(twin, engine=engine).to_toml())
 
 
 @contextmanager

@@ -1,12 +1,13 @@
 """The plan: every experiment as a stage, from a few settings; nothing runs here.
 
-record, held out -> fit -> report of the identification
-fit -> train (stack 0, stack 4; per twin: stack 0) -> evaluate
-train (without identification; randomised; on the twin itself)   -> evaluate
+twin -> record -> fit -> train (its own models) -> try on it
+train (nominal, randomised)                      -> try on every twin
+train -> fine-tune on the arm, over FRI          -> try there
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 from dovetail.identify.fit_folder import MODEL
@@ -14,41 +15,71 @@ from dovetail.learn.config import NOT_COMPARED, TrainConfig
 from dovetail.learn.policy import RUN_POLICY
 from dovetail.options import option_words
 from dovetail.reproduce.budget import Budget
+from dovetail.reproduce.design import LAWS, MODELS, Design, Training, Trial
 from dovetail.reproduce.folder import FIT, RECORDING, RUN, TRAIN, stage_path, twin_path
 from dovetail.tasks.options import gather_options
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
-_STEP = 1.0 / 75.0
+_STEP = 1.0 / 550.0
 """About how long a training step takes on a core [s], and its share of an episode."""
-_START = 8.0
+_START = 10.0
 """About how long a process takes to start to train [s]."""
-_TRY = 0.3
+_TRY = {"mujoco": 0.1, "bullet": 0.3, "drake": 3.3}
 """About how long a try takes [s]."""
-_SEARCH = 1.0
-"""The same with a search [s]."""
 _REPLAY = 0.06
 """About how long the simulation of a log takes [s]."""
+_FRI = 5.0
+"""Factor by which a training over FRI takes longer, roughly [1]."""
 HELD_OUT_SEED = 1000
 """Added to the seed of a log that no fit sees."""
-SLOWER_ON_TWIN = 1.5
-"""Factor by which a training over the network takes longer, roughly [1]."""
-
-VARIANTS: dict[str, str] = {
-    "stack-0": "stack 0",
-    "stack-4": "stack 4",
-    "randomised": "dynamics randomisation",
-}
-"""The paper's three trained variants, as the table calls them."""
-UNIDENTIFIED = "unidentified"
-UNTARED = "untared"
-"""The unidentified policy, tried without a tare: as the paper's would be."""
-GROUNDS = ("neither tared nor identified", "tared", "tared and identified")
-"""Preparations of stack 0 for the twin it is tried on, as named in the tables."""
-ON_TWIN = "on-twin"
-OTHER = "other-direction"
-PEGS = ("square", "triangle")
+SETS = ("paper", "extended")
+"""Sets of parameters that are fitted."""
+ARM = "medium"
+"""Shipped twin behind the cabinet that policies are trained on over FRI."""
 ONE_HOLE = (0.60, 0.0, 0.10, 0.0)
-"""Place of the hole in the training on the twin itself: x y z [m], yaw [rad]."""
+"""Place of the hole in the trainings over FRI: x y z [m], yaw [rad]."""
+SCRATCH = "train-on-arm"
+"""Stage of the training from nothing on the arm."""
+STANDARD: dict[str, Any] = {
+    "num_envs": 4,
+    "updates_per_step": 1.0,
+    "learning_rate": 3e-4,
+    "final_rate": 1.0,
+    "policy_delay": 1,
+    "tau": 0.005,
+    "n_steps": 1,
+    "gamma": 0.99,
+    "reward_scale": 1.0,
+    "layer_norm": False,
+    "ent_coef": "auto",
+    "net": (256, 256),
+}
+"""SAC's settings in Stable-Baselines3, whose defaults are those of its paper."""
+LEARNERS: dict[str, tuple[str, Mapping[str, Any]]] = {
+    "sac": ("SAC, our settings", {}),
+    "standard": ("SAC, standard settings", STANDARD),
+    "ddpg": (
+        "DDPG",
+        {
+            "algorithm": "ddpg",
+            **{k: STANDARD[k] for k in ("num_envs", "updates_per_step", "tau")},
+            **{k: STANDARD[k] for k in ("n_steps", "gamma", "final_rate")},
+        },
+    ),
+    "ppo": (
+        "PPO",
+        {
+            "algorithm": "ppo",
+            "num_envs": 4,
+            "learning_rate": 3e-4,
+            "batch_size": 64,
+            "gamma": 0.99,
+            "final_rate": 1.0,
+            "reward_scale": 1.0,
+        },
+    ),
+}
+"""Learning algorithms: label, and settings that differ from the defaults."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,47 +121,30 @@ class Stage:
         return facts
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlanConfig:
-    """Everything that decides the plan."""
-
-    budget: Budget
-    """Sizes."""
-    twins: tuple[str, ...]
-    """Names of the twins, files in the results folder; the first has the table."""
-    plant: str
-    """Engine to train in: mujoco or bullet."""
-    identify_plant: str = "mujoco"
-    """Engine of the identification."""
-    parameters: str = "extended"
-    """Parameters whose model the trainings use."""
-    seed: int = 0
-    """First training seed; the other seeds follow from it."""
-
-
-def plan(config: PlanConfig) -> tuple[Stage, ...]:
+def plan(design: Design) -> tuple[Stage, ...]:
     """Return every stage of the experiments, each after those that it needs."""
-    others = config.twins[1:]
-    stages: list[Stage] = []
-    for twin in config.twins:
-        stages += _identification(config, twin)
-    for seed in _seeds(config):
-        for variant in VARIANTS:
-            stages.append(_training(config, variant, seed))
-        stages.append(_training(config, UNIDENTIFIED, seed))
-        stages += [_training(config, f"identified-{twin}", seed) for twin in others]
-    stages.append(_training_on_twin(config))
-    stages += _transfer(config)
-    stages += _identified_or_not(config)
-    stages += _robustness(config)
-    if config.budget.other_direction and config.plant == "bullet":
-        stages += _other_direction(config)
-    return tuple(stages)
+    stages: dict[str, Stage] = {}
+
+    def add(*made: Stage) -> None:
+        stages.update((stage.name, stage) for stage in made if stage.name not in stages)
+
+    for twin in design.twins:
+        add(*_identification(design, twin))
+    for law, model, trained_in, tried_in in design.cells():
+        for trials in design.trials(law, model, trained_in, tried_in):
+            add(_training(design, trials[0].training))
+            add(*(_trying(design, trial) for trial in trials))
+    for stack, peg in PAPER_ROWS:
+        for trial in design.paper_trials(stack, peg):
+            add(_training(design, trial.training), _trying(design, trial))
+    add(*_script(design), *_learners(design), *_on_arm(design), *_robustness(design))
+    return tuple(stages.values())
 
 
-def train_name(variant: str, seed: int) -> str:
-    """Return the name of a training."""
-    return f"train-{variant}-seed-{seed}"
+PAPER_ROWS = tuple(
+    (stack, peg) for peg in ("square", "triangle") for stack in (0, 4, None)
+)
+"""Stack and peg of the rows of the paper's table that come from simulations."""
 
 
 def fit_name(twin: str, parameters: str) -> str:
@@ -138,229 +152,255 @@ def fit_name(twin: str, parameters: str) -> str:
     return f"fit-{twin}-{parameters}"
 
 
-def transfer_name(variant: str, peg: str, seed: int) -> str:
-    """Return the name of an evaluation for the transfer table."""
-    return f"transfer-{variant}-{peg}-seed-{seed}"
+def script_name(twin: str) -> str:
+    """Return the name of the script's tries on a twin."""
+    return f"try-script-on-{twin}"
 
 
-def ground_name(twin: str, variant: str, seed: int) -> str:
-    """Return the name of an evaluation with or without identification."""
-    return f"identified-or-not-{twin}-{variant}-seed-{seed}"
+def learner_name(learner: str, seed: int) -> str:
+    """Return the name of a training by one of `LEARNERS`."""
+    return f"learn-{learner}-seed-{seed}"
 
 
-def robustness_name(variant: str, what: str, level: float, seed: int) -> str:
+def arm_name(what: str, seed: int) -> str:
+    """Return the name of a stage of a policy on the arm: before, tune or after."""
+    return f"arm-{what}-seed-{seed}"
+
+
+def robustness_name(what: str, level: float) -> str:
     """Return the name of an evaluation of robustness; lengths and speeds in mm."""
     factor = 1.0 if what in ("push", "below") else 1e3
-    return f"robustness-{variant}-{what}-{factor * level:g}-seed-{seed}"
+    return f"robustness-{what}-{factor * level:g}"
 
 
-def _seeds(config: PlanConfig) -> range:
-    return range(config.seed, config.seed + config.budget.seeds)
-
-
-def _identification(config: PlanConfig, twin: str) -> Iterator[Stage]:
-    budget = config.budget
-    logs = {"fitted": config.seed, "held-out": config.seed + HELD_OUT_SEED}
+def _identification(design: Design, twin: str) -> Iterator[Stage]:
+    budget = design.budget
+    logs = {"fitted": design.seed, "held-out": design.seed + HELD_OUT_SEED}
     for log, seed in logs.items():
         yield Stage(
             name=f"record-{twin}-{log}",
             rule="record",
             options={
                 "arm": f"twin:{twin_path(twin)}",
-                "seed": seed,
                 "sequences": budget.sequences,
-                "steps": budget.sequence_steps,
+                "sequence_steps": budget.sequence_steps,
+                "seed": seed,
             },
-            expected=10.0,
+            expected=4.0 + 0.03 * budget.sequences * budget.sequence_steps,
         )
-    sets = [config.parameters]
-    if twin == config.twins[0] and "paper" not in sets:
-        sets.append("paper")  # to compare
-    for parameters in sets:
+    for parameters in SETS:
+        log = f"record-{twin}-fitted"
+        name = fit_name(twin, parameters)
+        usual = 300 if parameters == "paper" else 1200
         yield Stage(
-            name=fit_name(twin, parameters),
+            name=name,
             rule="fit",
-            words=(str(stage_path(f"record-{twin}-fitted") / RECORDING),),
+            words=(str(stage_path(log) / RECORDING),),
             options={
-                "plant": config.identify_plant,
                 "parameters": parameters,
                 "evaluations": budget.evaluations,
-                "seed": config.seed,
+                "seed": design.seed,
             },
-            needs=(f"record-{twin}-fitted",),
-            expected=_fit_time(budget.evaluations, parameters),
+            needs=(log,),
+            expected=2.0 + _REPLAY * (budget.evaluations or usual),
         )
-        needs = (fit_name(twin, parameters), f"record-{twin}-held-out")
+        held_out = f"record-{twin}-held-out"
         yield Stage(
-            name=f"report-{needs[0]}",
+            name=f"report-{name}",
             rule="report",
-            words=(str(stage_path(needs[0]) / FIT),),
-            options={"held_out": stage_path(needs[1]) / RECORDING},
-            needs=needs,
+            words=(str(stage_path(name) / FIT),),
+            options={"held_out": stage_path(held_out) / RECORDING},
+            needs=(name, held_out),
             expected=20.0,
         )
 
 
-def _fit_time(evaluations: int | None, parameters: str) -> float:
-    """Return about how long a fit takes [s]."""
-    if evaluations is None:
-        evaluations = 1000 if parameters == "paper" else 5000
-    return 2.0 + _REPLAY * evaluations
-
-
-RECIPE = {
-    "until": 1.0,
-    "num_envs": 4,
-    "updates_per_step": 2.0,
-    "learning_rate": 1e-3,
-    "policy_delay": 1,
-    "tau": 0.005,
-}
-"""Training settings of docs/experiments.md: all steps, at one rate of learning from
-simulations and from the served arm."""
-
-
-def _train_settings(config: PlanConfig, **changes: Any) -> dict[str, Any]:
+def _train_settings(budget: Budget, **changes: Any) -> dict[str, Any]:
     """Return all settings of a training, defaults included, as its file has them."""
-    chosen = {"plant": config.plant, **RECIPE, **config.budget.train, **changes}
+    chosen = {"until": 1.0, **changes, **budget.train}
     given = {k: tuple(v) if isinstance(v, list) else v for k, v in chosen.items()}
     settings = TrainConfig(**gather_options(given, PegInHole)).to_json()
+    left_out = (*NOT_COMPARED, *(("arm", "plant") if "arm" in given else ()))
     return {
         name: value
         for name, value in settings.items()
-        if value is not None and name not in NOT_COMPARED
+        if value is not None and name not in left_out
     }
 
 
-def _simulated(
-    name: str, settings: Mapping[str, Any], model_of: str | None = None
-) -> Stage:
-    """Return a training in a simulation: the nominal one, or an identified model."""
-    model = None if model_of is None else stage_path(model_of) / FIT / MODEL
+def _training(design: Design, training: Training) -> Stage:
+    """Return a training in a simulation."""
+    model = MODELS[training.model]
+    settings = _train_settings(
+        design.budget,
+        plant=training.engine,
+        stack=training.stack,
+        randomise_dynamics=model.is_randomised,
+        seed=training.seed,
+        **LAWS[training.law].settings,
+    )
+    file, needs = None, ()
+    if model.source == "truth":
+        file = twin_path(training.twin)
+    elif model.source:
+        needs = (fit_name(training.twin, model.source),)
+        file = stage_path(needs[0]) / FIT / MODEL
     return Stage(
-        name=name,
+        name=training.name,
         rule="train",
-        needs=() if model_of is None else (model_of,),
-        options={"config": stage_path(name) / TRAIN, "model": model},
+        needs=needs,
+        options={"config": stage_path(training.name) / TRAIN, "model": file},
         settings=settings,
         expected=_START + _STEP * settings["steps"],
     )
 
 
-def _training(config: PlanConfig, variant: str, seed: int) -> Stage:
-    changes: dict[str, Any] = {"seed": seed}
-    model = None
-    if variant == "randomised":
-        changes["randomise_dynamics"] = True
-    elif variant != UNIDENTIFIED:
-        twin = variant.removeprefix("identified-")
-        twin = config.twins[0] if twin in VARIANTS else twin
-        model = fit_name(twin, config.parameters)
-        changes["stack"] = 4 if variant == "stack-4" else 0
-    return _simulated(
-        train_name(variant, seed), _train_settings(config, **changes), model
-    )
-
-
-def _training_on_twin(config: PlanConfig) -> Stage:
-    name = train_name(ON_TWIN, config.seed)
-    settings = _train_settings(
-        config, seed=config.seed, fixed_goal=True, fixture=ONE_HOLE, num_envs=1
-    )
-    del settings["plant"]
-    return Stage(
-        name=name,
-        rule="train_on_twin",
-        options={"config": stage_path(name) / TRAIN},
-        settings=settings,
-        twin=str(twin_path(config.twins[0])),
-        expected=_START + SLOWER_ON_TWIN * _STEP * settings["steps"],
-    )
-
-
 def _evaluation(
-    config: PlanConfig, name: str, policy_of: str, twin: str, **options: Any
+    name: str,
+    policy_of: str,
+    twin: str,
+    tries: int,
+    engine: str = "mujoco",
+    **options: Any,
 ) -> Stage:
-    given = {"twin": twin_path(twin), "tries": config.budget.tries, **options}
-    count = given["tries"] * (1 if "fixture" in given else 3)
-    seconds = _SEARCH if "search" in given else _TRY
+    given = {
+        "twin": twin_path(twin, engine),
+        "tries": tries,
+        "keep_logs": False,
+        **options,
+    }
+    count = tries * (1 if "fixture" in given else 3)
+    seconds = _TRY[engine] * (5.0 if "search" in given else 1.0)
     return Stage(
         name=name,
         rule="evaluate",
         needs=(policy_of,),
-        words=(str(stage_path(policy_of) / RUN / RUN_POLICY),),
+        words=(str(_policy(policy_of)),),
         options=given,
         expected=3.0 + seconds * count,
     )
 
 
-def _transfer(config: PlanConfig) -> Iterator[Stage]:
-    twin = config.twins[0]
-    for seed in _seeds(config):
-        for variant in VARIANTS:
-            for peg in PEGS:
-                name = transfer_name(variant, peg, seed)
-                policy = train_name(variant, seed)
-                yield _evaluation(config, name, policy, twin, peg=peg)
-    name = transfer_name(ON_TWIN, "square", config.seed)
-    policy = train_name(ON_TWIN, config.seed)
-    yield _evaluation(config, name, policy, twin, peg="square", fixture=ONE_HOLE)
+def _policy(stage: str) -> Path:
+    return stage_path(stage) / RUN / RUN_POLICY
 
 
-def _identified_or_not(config: PlanConfig) -> Iterator[Stage]:
-    """Stack 0 on each twin; with identification on the first is in the table."""
-    plain: dict[str, Any] = {UNTARED: {"tare": False}, UNIDENTIFIED: {}}
-    for seed in _seeds(config):
-        for twin in config.twins:
-            for variant, settings in plain.items():
-                name = ground_name(twin, variant, seed)
-                policy = train_name(UNIDENTIFIED, seed)
-                yield _evaluation(config, name, policy, twin, **settings)
-            if twin != config.twins[0]:
-                variant = f"identified-{twin}"
-                name = ground_name(twin, variant, seed)
-                yield _evaluation(config, name, train_name(variant, seed), twin)
+def _trying(design: Design, trial: Trial) -> Stage:
+    given = {} if trial.peg == "square" else {"peg": trial.peg}
+    return _evaluation(
+        trial.name,
+        trial.training.name,
+        trial.twin,
+        design.budget.tries,
+        trial.engine,
+        **given,
+    )
+
+
+def _script(design: Design) -> Iterator[Stage]:
+    """The scripted search on every twin, with the law of a tared policy."""
+    policy = design.trainings("tared", "nominal")[0].name
+    for twin in design.twins:
+        name = script_name(twin)
+        yield _evaluation(
+            name,
+            policy,
+            twin,
+            design.budget.tries,
+            search="corner",
+            **_search_length(design.budget),
+        )
+
+
+def _search_length(budget: Budget) -> dict[str, Any]:
+    steps = budget.search_steps
+    return {} if steps is None else {"max_steps": steps}
+
+
+def _learners(design: Design) -> Iterator[Stage]:
+    for seed in range(design.seed, design.seed + design.budget.learner_seeds):
+        for learner, (_, changes) in LEARNERS.items():
+            name = learner_name(learner, seed)
+            settings = _train_settings(design.budget, seed=seed, **changes)
+            yield Stage(
+                name=name,
+                rule="train",
+                options={"config": stage_path(name) / TRAIN},
+                settings=settings,
+                expected=_START + 2.0 * _STEP * settings["steps"],
+            )
+
+
+def _on_arm(design: Design) -> Iterator[Stage]:
+    """Fine-tune nominal policies of the paper's law on the arm; train another there."""
+    budget = design.budget
+    for training in design.trainings("paper", "nominal")[: budget.failing]:
+        seed = training.seed
+        before, tune, after = (arm_name(w, seed) for w in ("before", "tune", "after"))
+        yield _at_one_hole(before, training.name, budget)
+        yield _over_fri(
+            tune,
+            training.name,
+            budget,
+            budget.fine_tune_steps,
+            seed=seed,
+            **LAWS["paper"].settings,
+        )
+        yield _at_one_hole(after, tune, budget)
+    yield _over_fri(SCRATCH, None, budget, budget.scratch_steps, seed=design.seed)
+    yield _at_one_hole(f"try-{SCRATCH}", SCRATCH, budget)
+
+
+def _over_fri(
+    name: str, source: str | None, budget: Budget, steps: int, **changes: Any
+) -> Stage:
+    """Return a training on the arm, at one hole pose."""
+    policy = None if source is None else str(_policy(source))
+    settings = _train_settings(
+        replace(budget, train={**budget.train, "steps": steps}),
+        arm="mujoco",  # the rule gives the real one
+        from_policy=policy,
+        fixed_goal=True,
+        fixture=ONE_HOLE,
+        **changes,
+    )
+    return Stage(
+        name=name,
+        rule="train_on_twin",
+        needs=() if source is None else (source,),
+        options={"config": stage_path(name) / TRAIN},
+        settings=settings,
+        twin=str(twin_path(ARM)),
+        expected=_START + _FRI * _STEP * steps,
+    )
+
+
+def _at_one_hole(name: str, policy_of: str, budget: Budget) -> Stage:
+    return _evaluation(name, policy_of, ARM, budget.arm_tries, fixture=ONE_HOLE)
 
 
 def robustness_cases(budget: Budget) -> Iterator[tuple[str, float, dict[str, Any]]]:
-    """Yield what is done to the arm or the hole, how much, and evaluate's settings.
-
-    Level 0 is nothing: the transfer table has it.
-    """
-    sizes = budget
-    for shift in sizes.shifts:
+    """Yield what is done to the arm or the hole, how much, and evaluate's settings."""
+    for shift in budget.shifts:
         yield "shift", shift, {"fixture_shift": shift}
-    for shift in sizes.searches:
-        settings = {"fixture_shift": shift, "search": "corner", "keep_logs": False}
-        if sizes.search_steps is not None:
-            settings["max_steps"] = sizes.search_steps
-        yield "search", shift, {**settings, "tries": sizes.search_tries}
-    for push in sizes.pushes:
+    for shift in budget.searches:
+        steps = _search_length(budget)
+        yield "search", shift, {"fixture_shift": shift, "search": "corner", **steps}
+    for push in budget.pushes:
         yield "push", push, {"push": push}
-    for speed in sizes.speeds:
+    for speed in budget.speeds:
         yield "speed", speed, {"fixture_speed": speed}
     yield "below", 1.0, {"start": "below"}
 
 
-def _robustness(config: PlanConfig) -> Iterator[Stage]:
-    for seed in _seeds(config):
-        for variant in config.budget.robust:
-            for what, level, settings in robustness_cases(config.budget):
-                if level == 0.0:
-                    continue
-                name = robustness_name(variant, what, level, seed)
-                policy = train_name(variant, seed)
-                yield _evaluation(config, name, policy, config.twins[0], **settings)
-
-
-def _other_direction(config: PlanConfig) -> Iterator[Stage]:
-    """Train in MuJoCo, try on the twin in PyBullet; no triangle there."""
-    twin = config.twins[0]
-    model = fit_name(twin, config.parameters)
-    for seed in _seeds(config):
-        settings = _train_settings(config, seed=seed, plant="mujoco")
-        name = train_name(OTHER, seed)
-        yield _simulated(name, settings, model)
+def _robustness(design: Design) -> Iterator[Stage]:
+    """The identified policy of the first twin, with a tare, on that twin."""
+    training = design.trainings("tared", "identified")[0]
+    for what, level, settings in robustness_cases(design.budget):
         yield _evaluation(
-            config, transfer_name(OTHER, "square", seed), name, f"{twin}-in-bullet"
+            robustness_name(what, level),
+            training.name,
+            training.twin,
+            design.budget.arm_tries,
+            **settings,
         )

@@ -14,9 +14,11 @@ from rich.console import Console
 
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
 from dovetail.files import write_atomic
-from dovetail.identify.parameters import ParameterSet
+from dovetail.plants.plant import Engine
+from dovetail.plants.sampled_twin import sample_twin
 from dovetail.plants.twin import Twin, load_twin
 from dovetail.reproduce.budget import Budget, find_budget
+from dovetail.reproduce.design import Design
 from dovetail.reproduce.folder import (
     TRAIN,
     locked,
@@ -25,7 +27,7 @@ from dovetail.reproduce.folder import (
     stage_folder,
     write_twins,
 )
-from dovetail.reproduce.plan import PlanConfig, Stage, plan
+from dovetail.reproduce.plan import ARM, Stage, plan
 from dovetail.reproduce.report import write_reproduction
 from dovetail.reproduce.workflow import RunSummary, run_stages
 
@@ -35,22 +37,18 @@ PORTS = "cabinet.json"
 
 @dataclass(frozen=True, kw_only=True)
 class ReproduceConfig:
-    """Settings of a reproduction: size, twins, plant and folder."""
+    """Settings of a reproduction: size, twins and folder."""
 
     budget: Literal["smoke", "quick", "full"] = "quick"
-    """Size: smoke runs every part once and learns nothing; quick trains one seed of
-    each variant; full trains five."""
+    """Size: smoke runs every part once and learns nothing; quick has 6 twins, full has
+    20 and takes a night."""
     out: Path = Path("reproduction")
     """Results folder: new, empty, or one of the same settings to go on with."""
-    twins: tuple[str, ...] = ("medium", "hard")
-    """Twins that stand in for the robot, shipped names or .toml files. All are
-    identified; the transfer table and the robustness are of the first."""
-    plant: Literal["bullet", "mujoco"] | None = None
-    """Engine to train in; default bullet, as the paper, where it is installed."""
-    parameters: str = "extended"
-    """Parameters that are identified for the trainings: paper, extended or a list."""
+    twins: tuple[str, ...] = ()
+    """Twins that stand in for robots, shipped names or .toml files; by default they
+    are drawn as `dovetail twin sample` does."""
     seed: int = 0
-    """First training seed."""
+    """First seed of the trainings and of the twins that are drawn."""
     workers: int | None = None
     """Stages at once; default the cores, or what the profile says."""
     profile: str | None = None
@@ -86,41 +84,37 @@ def reproduce(
             in use; nothing is changed then.
         MissingDependencyError: Something that a stage needs is not installed.
     """
-    twins = _load_twins(config.twins)
-    ParameterSet.parse(config.parameters)
+    sizes = budget or find_budget(config.budget)
+    twins = _load_twins(config.twins) or _draw_twins(config.seed, sizes.twins)
     if config.workers is not None and config.workers < 1:
         raise ConfigError(f"workers is {config.workers}; needs at least 1")
-    settings = PlanConfig(
-        budget=budget or find_budget(config.budget),
-        twins=tuple(twins),
-        plant=config.plant or default_plant(),
-        parameters=config.parameters,
-        seed=config.seed,
+    _require_installed()
+    design = Design(
+        budget=sizes, twins=tuple(twins), engines=_engines(), seed=config.seed
     )
-    _require_installed(settings.plant)
-    stages = plan(settings)
+    stages = plan(design)
     described = {
-        "budget": settings.budget.to_json(),
+        "budget": sizes.to_json(),
         "twins": {name: twin.table() for name, twin in twins.items()},
-        "plant": settings.plant,
-        "identify_plant": settings.identify_plant,
-        "parameters": settings.parameters,
-        "seed": settings.seed,
+        "engines": list(design.engines),
+        "seed": config.seed,
         "stages": {stage.name: stage.to_json() for stage in stages},
     }
     root = open_folder(config.out, described)
     with locked(root):
-        write_twins(root, twins)
+        write_twins(root, {**twins, ARM: load_twin(ARM)})
         _write_trainings(root, stages)
         words = [*_where(config), "--config", *_ports(root / PORTS)]
         tally = run_stages(root, stages, words, console)
-        files = write_reproduction(root, settings, stages, tally)
+        files = write_reproduction(root, design, stages, tally)
     return Reproduction(root, tally, files)
 
 
-def default_plant() -> Literal["bullet", "mujoco"]:
-    """Return PyBullet, the paper's simulator, where it is installed."""
-    return "bullet" if importlib.util.find_spec("pybullet") else "mujoco"
+def _engines() -> tuple[Engine, ...]:
+    """Return the engines that are installed; the cells of others are left out."""
+    modules: dict[Engine, str] = {"bullet": "pybullet", "drake": "pydrake"}
+    found = [e for e, module in modules.items() if importlib.util.find_spec(module)]
+    return ("mujoco", *found)
 
 
 def _where(config: ReproduceConfig) -> list[str]:
@@ -166,8 +160,6 @@ def _free_port(kind: int) -> int:
 
 def _load_twins(names: tuple[str, ...]) -> dict[str, Twin]:
     """Return the twins by the names that files and tables give them."""
-    if not names:
-        raise ConfigError("twins is empty; name at least one, such as medium")
     twins: dict[str, Twin] = {}
     for name in names:
         stem = Path(name).stem if name.endswith(".toml") else name
@@ -177,11 +169,13 @@ def _load_twins(names: tuple[str, ...]) -> dict[str, Twin]:
     return twins
 
 
-def _require_installed(plant: str) -> None:
+def _draw_twins(first: int, count: int) -> dict[str, Twin]:
+    return {f"sampled-{s}": sample_twin(s) for s in range(first, first + count)}
+
+
+def _require_installed() -> None:
     """Say what is missing before anything is written."""
     needed = {"sbx": "learn", "cmaes": "identify", "snakemake": "reproduce"}
-    if plant == "bullet":
-        needed["pybullet"] = "bullet"
     missing = [extra for m, extra in needed.items() if not importlib.util.find_spec(m)]
     if missing:
         raise MissingDependencyError(

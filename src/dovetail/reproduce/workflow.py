@@ -110,6 +110,7 @@ def _command(root: Path) -> list[str]:
         *("--snakefile", str(SNAKEFILE), "--directory", str(root)),
         *("--workflow-profile", "none"),  # the folder may come from a stranger
         *("--nolock", "--keep-going", "--rerun-incomplete"),
+        *("--resources", "cabinet=1"),  # one at a time: they share their ports
         # A stage is done once: a copied folder has other times, a new version other
         # rules. Other settings are refused before.
         *("--rerun-triggers", "input"),
