@@ -24,7 +24,6 @@ from dovetail.files import open_lock
 from dovetail.reading import open_regular
 from dovetail.reproduce.folder import LOG, is_done, stage_folder
 from dovetail.reproduce.plan import Stage
-from dovetail.reproduce.tables import format_time
 
 SNAKEFILE = Path(__file__).parent / "Snakefile"
 OUTPUT = "snakemake.txt"
@@ -173,6 +172,16 @@ def summarise(root: Path, stages: Sequence[Stage]) -> RunSummary:
         else:
             summary.failed[stage.name] = _reason(root, stage.name)
     return summary
+
+
+def format_time(seconds: float) -> str:
+    """Return a duration as 45 s, 12:05 min or 3:07 h."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60}:{whole % 60:02d} min"
+    return f"{whole // 3600}:{whole % 3600 // 60:02d} h"
 
 
 def _reason(root: Path, name: str) -> str:
