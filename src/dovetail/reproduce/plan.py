@@ -183,7 +183,7 @@ def _identification(design: Design, twin: str) -> Iterator[Stage]:
             options={
                 "arm": f"twin:{twin_path(twin)}",
                 "sequences": budget.sequences,
-                "sequence_steps": budget.sequence_steps,
+                "steps": budget.sequence_steps,
                 "seed": seed,
             },
             expected=4.0 + 0.03 * budget.sequences * budget.sequence_steps,
