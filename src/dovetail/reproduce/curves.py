@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from dovetail.learn.progress import EpisodeRow
+from dovetail.reproduce.design import LAWS, MODELS
 from dovetail.reproduce.figures import COLOURS, curve
-from dovetail.reproduce.plan import VARIANTS
 from dovetail.zoomable import panels, zoomable
 
 _PANELS = (
@@ -18,15 +18,14 @@ _PANELS = (
 
 
 def curves(
-    trainings: Mapping[str, Sequence[Sequence[EpisodeRow]]], seeds: Sequence[int]
+    trainings: Mapping[tuple[str, str], Sequence[Sequence[EpisodeRow]]],
 ) -> str:
     """Return HTML of success, reward and length over the training steps.
 
-    A line per seed, moving averages as in the figure. Plotly.js is in it, 5 MB.
+    A line for each policy, moving averages as in the figure. Plotly.js is in it, 5 MB.
 
     Args:
-        trainings: Finished episodes of each seed, by variant; at least one episode.
-        seeds: Of each variant's trainings.
+        trainings: Episodes of each policy, by law and model; at least one episode.
 
     Raises:
         MissingDependencyError: The extra `identify` is not installed.
@@ -34,18 +33,19 @@ def curves(
     figure = panels(len(_PANELS))
     for row, (field, title, factor, decimals) in enumerate(_PANELS, start=1):
         figure.update_yaxes(title_text=title, row=row, col=1)
-        for variant, runs in trainings.items():
-            for seed, run in zip(seeds, runs, strict=True):
+        for (law, model), runs in trainings.items():
+            for number, run in enumerate(runs):
                 if not run:
                     continue
                 steps, (line,) = curve([run], field)
+                name = f"{MODELS[model].label}, {LAWS[law].label}"
                 figure.add_scatter(
                     x=np.round(steps).tolist(),
                     y=np.round(factor * line, decimals).tolist(),
-                    name=f"{VARIANTS[variant]}, seed {seed}",
-                    legendgroup=f"{variant} {seed}",
-                    showlegend=row == 1,
-                    line={"color": COLOURS[variant], "width": 1.2},
+                    name=name,
+                    legendgroup=name,
+                    showlegend=row == 1 and number == 0,
+                    line={"color": COLOURS[model], "width": 1.2},
                     row=row,
                     col=1,
                 )

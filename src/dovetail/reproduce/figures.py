@@ -1,4 +1,4 @@
-"""The figures of the experiments as PNG: training, robustness, identified or not."""
+"""The figures of the experiments as PNG: training, transfer, learners, robustness."""
 
 from collections.abc import Mapping, Sequence
 from io import BytesIO
@@ -7,20 +7,22 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from dovetail.evaluation.transfer import Row
 from dovetail.learn.progress import EpisodeRow
-from dovetail.reproduce.plan import GROUNDS, VARIANTS
-from dovetail.reproduce.results import Level, Table
+from dovetail.reproduce.design import LAWS, MODELS
+from dovetail.reproduce.results import Cell, Learned, Level
 from dovetail.types import Array
 
 WINDOW = 10
 """Episodes of the moving average, as in the paper."""
 _GRID = 300
-_INK = "#4a4640"
-COLOURS = {"stack-0": "#0b7a75", "stack-4": "#d1495b", "randomised": "#5c6bc0"}
-_GROUND_COLOURS: dict[str, str] = dict(
-    zip(GROUNDS, ("#b9b1a3", "#7fb8b4", COLOURS["stack-0"]), strict=True)
-)
+COLOURS = {
+    "nominal": "#8a8378",
+    "randomised": "#5c6bc0",
+    "identified-paper": "#7fb8b4",
+    "identified": "#0b7a75",
+    "identified-randomised": "#d1495b",
+    "truth": "#e0a030",
+}
 _AXES = {
     ("shift", "search"): ("hole moved, camera covered [mm]", 1e3),
     ("push",): ("random pushes up to [N]", 1.0),
@@ -64,106 +66,118 @@ def curve(runs: Sequence[Sequence[EpisodeRow]], field: str) -> tuple[Array, Arra
     return grid, np.array(lines)
 
 
-def draw_training(curves: Mapping[str, Sequence[Sequence[EpisodeRow]]]) -> bytes:
-    """Draw success and reward over the training steps, a curve per variant.
+def draw_training(
+    curves: Mapping[tuple[str, str], Sequence[Sequence[EpisodeRow]]],
+) -> bytes:
+    """Draw success over the training steps, a panel for each law.
 
-    The standard deviation over the seeds is shaded where there are several.
+    Lines are means over the policies, shaded is their standard deviation.
 
     Args:
-        curves: Finished episodes of each seed, by variant.
+        curves: Episodes of each policy, by law and model.
     """
-    figure = Figure(figsize=(9.0, 3.6), dpi=130, layout="constrained")
-    panels = figure.subplots(1, 2)
-    for axes, field, name, factor in (
-        (panels[0], "success", "success [%]", 100.0),
-        (panels[1], "reward", "reward of an episode", 1.0),
-    ):
-        for variant, runs in curves.items():
-            if not any(runs):
-                continue
-            grid, lines = curve(runs, field)
-            mean, spread = factor * lines.mean(axis=0), factor * lines.std(axis=0)
-            colour = COLOURS[variant]
-            label = f"{VARIANTS[variant]} ({len(lines)} seed{'s'[: len(lines) > 1]})"
-            axes.plot(grid, mean, color=colour, linewidth=1.2, label=label)
-            if len(lines) > 1:
-                low, high = mean - spread, mean + spread
-                axes.fill_between(grid, low, high, color=colour, alpha=0.18, lw=0)
+    figure = Figure(figsize=(10.0, 3.6), dpi=130, layout="constrained")
+    panels = figure.subplots(1, len(LAWS), sharey=True)
+    for axes, (law, facts) in zip(panels, LAWS.items(), strict=True):
+        for model, colour in COLOURS.items():
+            _draw_curve(axes, curves.get((law, model), ()), MODELS[model].label, colour)
+        axes.set_title(facts.label, fontsize=9)
         axes.set_xlabel("environment steps", fontsize=8)
-        axes.set_ylabel(name, fontsize=8)
         _plain(axes)
-    panels[0].set_ylim(-3, 103)
-    if panels[0].lines:
-        panels[0].legend(frameon=False, fontsize=8)
+    _share_axis(panels)
     return _png(figure)
 
 
-def draw_robustness(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> bytes:
-    """Draw success over the size of each disturbance, with Wilson 95 % bands.
+def draw_learners(learners: Sequence[Learned]) -> bytes:
+    """Draw success over the training steps of each learning algorithm."""
+    figure = Figure(figsize=(6.4, 3.6), dpi=130, layout="constrained")
+    axes = figure.subplots()
+    for found, colour in zip(learners, COLOURS.values(), strict=False):
+        _draw_curve(axes, found.runs, found.label, colour)
+    axes.set_xlabel("environment steps", fontsize=8)
+    _plain(axes)
+    _share_axis([axes])
+    return _png(figure)
 
-    Args:
-        robustness: Levels by variant and kind; kinds of one level are left out.
-    """
+
+def _draw_curve(
+    axes: Any, runs: Sequence[Sequence[EpisodeRow]], label: str, colour: str
+) -> None:
+    if not any(runs):
+        return
+    grid, lines = curve(runs, "success")
+    mean, spread = 100.0 * lines.mean(axis=0), 100.0 * lines.std(axis=0)
+    axes.plot(grid, mean, color=colour, linewidth=1.2, label=f"{label} ({len(lines)})")
+    if len(lines) > 1:
+        low, high = mean - spread, mean + spread
+        axes.fill_between(grid, low, high, color=colour, alpha=0.15, lw=0)
+
+
+def _share_axis(panels: Sequence[Any]) -> None:
+    panels[0].set_ylabel("success [%]", fontsize=8)
+    panels[0].set_ylim(-3, 103)
+    if panels[0].lines:
+        panels[0].legend(frameon=False, fontsize=7)
+
+
+def draw_transfer(cells: Sequence[Cell]) -> bytes:
+    """Draw the success on every twin, a dot each, and the mean, by law and model."""
+    shown = [c for c in cells if (c.trained_in, c.tried_in) == ("mujoco", "mujoco")]
+    figure = Figure(figsize=(10.0, 3.2), dpi=130, layout="constrained")
+    panels = figure.subplots(1, len(LAWS), sharey=True)
+    random = np.random.default_rng(0)
+    for axes, (law, facts) in zip(panels, LAWS.items(), strict=True):
+        for y, (model, colour) in enumerate(COLOURS.items()):
+            for cell in shown:
+                if (cell.law, cell.model) != (law, model) or not cell.tries:
+                    continue
+                values = cell.measures["success"].values
+                known = values[:, ~np.isnan(values).all(axis=0)]
+                rates = 100.0 * np.nanmean(known, axis=0)
+                aside = y + random.uniform(-0.18, 0.18, len(rates))
+                axes.scatter(rates, aside, s=9, color=colour, alpha=0.5, lw=0)
+                axes.plot([rates.mean()] * 2, [y - 0.35, y + 0.35], color=colour)
+        axes.set_title(facts.label, fontsize=9)
+        axes.set_xlabel("success on a twin [%]", fontsize=8)
+        axes.set_xlim(-3, 103)
+        _plain(axes)
+    names = [MODELS[model].label for model in COLOURS]
+    panels[0].set_yticks(range(len(names)), names)
+    panels[0].invert_yaxis()
+    return _png(figure)
+
+
+def draw_robustness(levels: Sequence[Level]) -> bytes:
+    """Draw success over the size of each disturbance, with Wilson 95 % bands."""
     figure = Figure(figsize=(10.0, 3.2), dpi=130, layout="constrained")
     panels = figure.subplots(1, len(_AXES), sharey=True)
     for axes, (kinds, (name, factor)) in zip(panels, _AXES.items(), strict=True):
-        for (variant, kind), levels in robustness.items():
-            known = [(level.level, level.table) for level in levels]
-            tries = [(factor * x, table.rows[-1]) for x, table in known if table]
-            if kind in kinds and tries:
-                word = ", searching" if kind == "search" else ""
-                label = f"{VARIANTS[variant]}{word}"
-                _draw_rates(
-                    axes, tries, COLOURS[variant], label, "o--" if word else "o-"
-                )
+        for kind in kinds:
+            known = [(le.level, le.tries) for le in levels if le.what == kind]
+            tries = [(factor * x, t.row) for x, t in known if t is not None]
+            if not tries:
+                continue
+            is_script = kind == "search"
+            colour = COLOURS["randomised" if is_script else "identified"]
+            x = [level for level, _ in tries]
+            rates = [100.0 * row.successes / row.tries for _, row in tries]
+            low = [
+                rates[i] - 100.0 * row.interval.low for i, (_, row) in enumerate(tries)
+            ]
+            high = [
+                100.0 * row.interval.high - rates[i] for i, (_, row) in enumerate(tries)
+            ]
+            label = "the scripted search" if is_script else "the policy"
+            line = {"color": colour, "linewidth": 1.2, "markersize": 4, "label": label}
+            axes.errorbar(
+                x, rates, [low, high], fmt="o--" if is_script else "o-", **line
+            )
         axes.set_xlabel(name, fontsize=8)
         _plain(axes)
     panels[0].set_ylabel("success [%]", fontsize=8)
     panels[0].set_ylim(-3, 103)
     if panels[0].lines:
         panels[0].legend(frameon=False, fontsize=8)
-    return _png(figure)
-
-
-def _draw_rates(
-    axes: Any, tries: Sequence[tuple[float, Row]], colour: str, label: str, line: str
-) -> None:
-    x = [level for level, _ in tries]
-    rate = [100.0 * row.successes / row.tries for _, row in tries]
-    low = [100.0 * row.interval.low for _, row in tries]
-    high = [100.0 * row.interval.high for _, row in tries]
-    axes.plot(x, rate, line, color=colour, linewidth=1.2, markersize=4, label=label)
-    if len(x) > 1:
-        axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0)
-    else:
-        axes.vlines(x, low, high, color=colour, linewidth=1.0)
-
-
-def draw_grounds(grounds: Sequence[tuple[str, str, Table | None]]) -> bytes:
-    """Draw the success of stack 0 with and without identification, Wilson 95 %.
-
-    Args:
-        grounds: Twin, whether tared and identified in words, tries.
-    """
-    known = [(twin, word, table) for twin, word, table in grounds if table]
-    figure = Figure(
-        figsize=(6.4, 0.8 + 0.42 * len(known)), dpi=130, layout="constrained"
-    )
-    axes = figure.subplots()
-    for y, (_, word, table) in enumerate(known):
-        row = table.rows[-1]
-        rate = 100.0 * row.successes / row.tries
-        colour = _GROUND_COLOURS[word]
-        axes.barh(y, rate, color=colour, height=0.6)
-        ends = [100.0 * end for end in row.interval]
-        axes.plot(ends, [y, y], color=_INK, linewidth=1.2)
-        axes.text(103, y, f"{row.successes}/{row.tries}", va="center", fontsize=8)
-    names = [f"twin {twin}, {word}" for twin, word, _ in known]
-    axes.set_yticks(range(len(known)), names)
-    axes.invert_yaxis()
-    axes.set_xlim(0, 100)
-    axes.set_xlabel("success [%]", fontsize=8)
-    _plain(axes)
     return _png(figure)
 
 

@@ -1,9 +1,9 @@
-"""The report of the experiments: HTML that needs nothing else, JSON, and PNG."""
+"""The report of the experiments: HTML that needs nothing else, Markdown, JSON, PNG."""
 
 import dataclasses
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -13,47 +13,50 @@ from dovetail.files import write_atomic
 from dovetail.page import facts, figure, finite, page, table, text
 from dovetail.reproduce import tables
 from dovetail.reproduce.curves import curves
+from dovetail.reproduce.design import LAWS, Design
+from dovetail.reproduce.effects import Measured
 from dovetail.reproduce.figures import (
     WINDOW,
-    draw_grounds,
+    draw_learners,
     draw_robustness,
     draw_training,
+    draw_transfer,
 )
-from dovetail.reproduce.folder import REPORT as FIT_REPORT
-from dovetail.reproduce.folder import SETTINGS, stage_folder
-from dovetail.reproduce.plan import PlanConfig, Stage, fit_name
-from dovetail.reproduce.results import Gathered, gather, seeds_of
+from dovetail.reproduce.folder import SETTINGS
+from dovetail.reproduce.hypotheses import SCALES, Answer
+from dovetail.reproduce.plan import Stage
+from dovetail.reproduce.results import Cell, Gathered, gather
+from dovetail.reproduce.tables import Tabular
 from dovetail.reproduce.workflow import RunSummary
 from dovetail.zoomable import NOTE
 
-RESULTS, REPORT = "results.json", "report.html"
-_TRAINING, _ROBUSTNESS, _GROUNDS = (
-    "Training",
-    "Robustness",
-    "With and without identification",
+RESULTS, REPORT, WORDS = "results.json", "report.html", "results.md"
+FIGURES = {
+    "transfer.png": "Success on the twins",
+    "training.png": "Training",
+    "learners.png": "Learning algorithms on random goals",
+    "robustness.png": "Robustness on the first twin",
+}
+"""Files of the figures, and what they show."""
+_HOW = (
+    "A policy of a twin is tried on that twin; nominal and randomised policies are "
+    "tried on all of them. Inserted is the mean over policies and twins. The time of "
+    "a failed try is that of the longest. Peak force is the mean over the tries of "
+    "each one's largest. Learned is when 45 of the last 50 training episodes succeed; "
+    "a training that never does counts with all its steps. Intervals are of 95 %, of "
+    "the pigeonhole bootstrap over twins and seeds (Owen 2007). Open: the interval "
+    "does not decide."
 )
-_FILES = {
-    _TRAINING: "training.png",
-    _ROBUSTNESS: "robustness.png",
-    _GROUNDS: "identified-or-not.png",
-}
-_FIT_FIGURES = {
-    "before.png": "before identification, the log that was fitted",
-    "after.png": "after identification, the log that was fitted",
-    "held-out-before.png": "before identification, the held-out log",
-    "held-out-after.png": "after identification, the held-out log",
-}
-"""The paper's two figures, on two logs; the others are in the fit's own report."""
 
 
 def write_reproduction(
-    root: Path, config: PlanConfig, stages: Sequence[Stage], tally: RunSummary
+    root: Path, design: Design, stages: Sequence[Stage], tally: RunSummary
 ) -> list[Path]:
-    """Write figures, JSON and HTML, the HTML last; what is missing is named.
+    """Write figures, JSON, Markdown and HTML, the HTML last; what is missing is named.
 
     Args:
         root: Results folder.
-        config: What decided the plan.
+        design: What decided the plan.
         stages: The plan.
         tally: What became of the stages.
 
@@ -63,111 +66,157 @@ def write_reproduction(
     Raises:
         LogError: The disk is full or the folder is not writable.
     """
-    gathered = gather(root, config)
-    figures = {
-        _TRAINING: draw_training(gathered.curves),
-        _ROBUSTNESS: draw_robustness(gathered.robustness),
-        _GROUNDS: draw_grounds(gathered.grounds),
+    gathered = gather(root, design)
+    drawn = {
+        "transfer.png": draw_transfer(gathered.cells),
+        "training.png": draw_training(gathered.curves),
+        "learners.png": draw_learners(gathered.learners),
+        "robustness.png": draw_robustness(gathered.robustness),
     }
-    files = [write_atomic(root / _FILES[n], png) for n, png in figures.items()]
-    where = _where(config)
+    files = [write_atomic(root / name, png) for name, png in drawn.items()]
+    where = _where(design)
     content = {
-        "settings": dataclasses.asdict(config),
+        "settings": dataclasses.asdict(design),
         "missing": {**tally.failed, **tally.left_out},
         **to_json(gathered),
         "provenance": where,
     }
-    lines = json.dumps(finite(content), indent=2, allow_nan=False) + "\n"
+    lines = json.dumps(finite(content), indent=1, allow_nan=False) + "\n"
     files.append(write_atomic(root / RESULTS, lines))
-    title = f"The paper's experiments on twin {config.twins[0]}: {config.budget.name}"
+    shown = all_tables(gathered)
+    files.append(write_atomic(root / WORDS, in_words(gathered, shown)))
+    title = (
+        f"The paper's experiments on {len(design.twins)} twins: {design.budget.name}"
+    )
     parts = [
         f"<h1>{text(title)}</h1>",
-        *_lead(config, tally, len(stages)),
-        *_transfer(gathered, config),
-        *_training(gathered, figures, seeds_of(config)),
-        *_grounds(gathered, figures),
-        *_identification(root, gathered, config),
-        *_robustness(gathered, figures),
+        *_lead(design, tally, len(stages)),
+        _heading("What follows"),
+        *(f"<p>{text(line)}</p>" for line in sentences(gathered.answers)),
+        *(part for one in shown for part in _html(one)),
+        *(figure(FIGURES[name], png) for name, png in drawn.items()),
+        _note(
+            f"Training curves are moving averages over {WINDOW} episodes, with "
+            "exploration noise; shaded: standard deviation over the policies."
+        ),
+        *_curves(gathered),
         _heading("Make it again"),
-        f"<pre>{text(command_line(config))}</pre>",
+        f"<pre>{text(command_line(design))}</pre>",
         *facts("Where this was measured", where),
     ]
     return [*files, write_atomic(root / REPORT, page(title, parts))]
 
 
-def command_line(config: PlanConfig) -> str:
+def all_tables(gathered: Gathered) -> list[Tabular]:
+    """Return every table of the report, in order."""
+    return [
+        tables.answer_table(gathered.answers)._replace(note=_HOW),
+        *(tables.cell_table(gathered, law) for law in LAWS),
+        tables.paper_table(gathered),
+        tables.learner_table(gathered.learners),
+        tables.arm_table(gathered),
+        tables.fit_table(gathered),
+        tables.robustness_table(gathered),
+    ]
+
+
+def sentences(answers: Sequence[Answer]) -> list[str]:
+    """Return a sentence for each question: yes, no or open with each law."""
+    found: dict[str, list[str]] = {}
+    for one in answers:
+        h = one.hypothesis
+        what = f"{h.question} ({SCALES[h.measure].words}, {h.difference})"
+        found.setdefault(what, []).append(f"with {h.law} {one.words}")
+    return [f"{what} {'; '.join(each)}." for what, each in found.items()]
+
+
+def in_words(gathered: Gathered, shown: Sequence[Tabular]) -> str:
+    """Return sentences and tables as Markdown."""
+    lines = "\n".join(f"* {line}" for line in sentences(gathered.answers))
+    parts = ["### What follows", lines, *(one.markdown() for one in shown)]
+    return "\n\n".join(parts) + "\n"
+
+
+def command_line(design: Design) -> str:
     """Return the command that does it again."""
-    words = ["dovetail", "reproduce", "--budget", config.budget.name]
-    words += ["--twins", *config.twins, "--plant", config.plant]
-    words += ["--parameters", config.parameters, "--seed", str(config.seed)]
-    return shlex.join([*words, "--out", "reproduction-again"])
+    words = ["dovetail", "reproduce", "--budget", design.budget.name]
+    if any(not twin.startswith("sampled-") for twin in design.twins):
+        words += ["--twins", *design.twins]
+    words += ["--seed", str(design.seed), "--out", "reproduction-again"]
+    return shlex.join(words)
 
 
 def to_json(gathered: Gathered) -> dict[str, Any]:
     """Return every number of the report."""
     return {
-        "transfer": [
-            {"paper_on_a_robot": paper._asdict(), "ours_on_a_twin": _plain(ours)}
-            for paper, ours in gathered.transfer
+        "answers": [
+            {
+                "question": found.hypothesis.question,
+                "measure": found.hypothesis.measure,
+                "terms": found.hypothesis.terms,
+                "claim": found.hypothesis.claim,
+                "by": found.hypothesis.by,
+                "effect": found.effect._asdict(),
+                "verdict": found.verdict,
+            }
+            for found in gathered.answers
         ],
-        "other_direction": _plain(gathered.other_direction),
-        "with_and_without_identification": [
-            {"twin": twin, "identification": word, "stack_0": _plain(ours)}
-            for twin, word, ours in gathered.grounds
-        ],
-        "robustness": [
-            {"variant": variant, "what": what, "level": level, "tries": _plain(ours)}
-            for (variant, what), levels in gathered.robustness.items()
-            for level, ours in levels
-        ],
-        "trainings": [training._asdict() for training in gathered.trainings],
-        "identification": [
-            {"twin": twin, "parameters": parameters, **fit}
-            for (twin, parameters), fit in gathered.fits.items()
-        ],
+        "cells": [_cell(cell) for cell in gathered.cells],
+        "tables": [one._asdict() for one in all_tables(gathered)],
+        "learners": [found._replace(runs=[])._asdict() for found in gathered.learners],
+        "identification": gathered.fits,
     }
 
 
-def _where(config: PlanConfig) -> dict[str, Any]:
+def _cell(cell: Cell) -> dict[str, Any]:
+    return dataclasses.asdict(cell) | {
+        "measures": {name: _values(found) for name, found in cell.measures.items()}
+    }
+
+
+def _values(found: Measured) -> list[list[float]]:
+    return [[round(float(x), 4) for x in row] for row in found.values]
+
+
+def _where(design: Design) -> dict[str, Any]:
     """Return what the numbers depend on besides the settings, and where those are."""
     found = provenance(datetime.now(UTC))
     del found["duration [s]"]
     found["reported (UTC)"] = found.pop("started (UTC)")
+    engines = ", ".join(design.engines)
     return {
-        "budget": config.budget.name,
-        "trained in": config.plant,
-        "identified in": config.identify_plant,
+        "budget": design.budget.name,
+        "engines": engines,
         "all settings": SETTINGS,
         **found,
     }
 
 
-def _lead(config: PlanConfig, tally: RunSummary, total: int) -> list[str]:
-    engine = "PyBullet" if config.plant == "bullet" else "MuJoCo"
-    twin = config.twins[0]
+def _lead(design: Design, tally: RunSummary, total: int) -> list[str]:
     parts = [
         _lead_line(
-            f"Budget {config.budget.name}; policies trained in {engine}, tried on twin "
-            f"{twin}. A twin is a simulation that stands in for the robot: nothing "
-            "here has run on a robot. The paper's figures are its own, on an LBR iiwa."
+            f"Budget {design.budget.name}: {design.budget.seeds} training seeds, "
+            f"{len(design.twins)} twins. A twin is a simulation that stands in for the "
+            "robot: nothing here has run on a robot. The paper's figures are its own, "
+            "on an LBR iiwa."
         )
     ]
-    if config.budget.name == "smoke":
+    if design.budget.name == "smoke":
         parts.append(
             _warning(
                 "Budget smoke runs every part once and learns nothing: its success "
                 "rates mean nothing."
             )
         )
-    if config.plant == "mujoco":
-        parts.append(
-            _warning(
-                "Trained in MuJoCo: a twin that runs in MuJoCo shares the engine with "
-                "the training, so that its contacts are no test of transfer. The "
-                "paper's direction, from PyBullet to another engine, needs the extra "
-                "'bullet', on Python 3.11."
-            )
+    lacking = {"bullet": "PyBullet", "drake": "Drake"}
+    parts += [
+        _warning(
+            f"{name} is not installed: the cells that would judge by another engine "
+            f"are left out (extra '{engine}')."
         )
+        for engine, name in lacking.items()
+        if engine not in design.engines
+    ]
     lost = dict(tally.failed)
     lost |= {n: f"left out, it needs {c}" for n, c in tally.left_out.items()}
     if lost:
@@ -176,89 +225,19 @@ def _lead(config: PlanConfig, tally: RunSummary, total: int) -> list[str]:
     return parts
 
 
-def _transfer(gathered: Gathered, config: PlanConfig) -> list[str]:
-    parts = [
-        _heading("Transfer"),
-        tables.transfer_table(gathered.transfer, tables.poses_of(gathered)),
-        _note(
-            "Successes of tries with the Wilson 95 % interval, pooled over the "
-            "training seeds; tries of one policy are not independent of each other, so "
-            "that the interval is too narrow where seeds differ. All were trained with "
-            "the square peg: stack 0 and 4 in the identified simulation, randomised "
-            "policies about the nominal one. Steps are policy steps of 50 ms. Force "
-            "mean: over the control cycles in contact; peak: the largest of a try, its "
-            "95th percentile and maximum over the tries. Limits broken: control cycles "
-            "in which a measured value lay outside its limit."
-        ),
-    ]
-    if (other := gathered.other_direction) is not None:
-        total = other.rows[-1]
-        line = [f"{other.label} ({other.ground})", tables.rate(total)]
-        heads = ("the other direction", "twin, all", *tables.DETAILS)
-        parts.append(table(heads, [[*line, *tables.details(total)]]))
-    if len(seeds_of(config)) > 1:
-        rows = [(paper.label, ours) for paper, ours in gathered.transfer]
-        parts.append(_heading("Seed by seed"))
-        parts.append(tables.seed_table(rows, seeds_of(config)))
-    return parts
+def _html(one: Tabular) -> list[str]:
+    parts = [_heading(one.title), table(one.heads, one.rows)]
+    return [*parts, _note(one.note)] if one.note else parts
 
 
-def _training(
-    gathered: Gathered, figures: Mapping[str, bytes], seeds: Sequence[int]
-) -> list[str]:
-    parts = [
-        figure(_TRAINING, figures[_TRAINING]),
-        _note(
-            f"Moving average over {WINDOW} episodes, with exploration noise; shaded: "
-            "standard deviation over the seeds, where there are several."
-        ),
-        tables.training_table(gathered.trainings),
-    ]
-    if any(run for runs in gathered.curves.values() for run in runs):
-        parts.append(_heading("Look closer: training"))
-        parts += [curves(gathered.curves, seeds), _note(NOTE)]
-    return parts
+def _curves(gathered: Gathered) -> list[str]:
+    if not any(run for runs in gathered.curves.values() for run in runs):
+        return []
+    return [_heading("Look closer: training"), curves(gathered.curves), _note(NOTE)]
 
 
-def _grounds(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:
-    return [
-        figure(_GROUNDS, figures[_GROUNDS]),
-        tables.grounds_table(gathered.grounds),
-    ]
-
-
-def _identification(root: Path, gathered: Gathered, config: PlanConfig) -> list[str]:
-    parts = [
-        _heading("Identification"),
-        tables.fit_table(gathered.fits),
-        _note(
-            "Root mean square of the distance between the tool's recorded and "
-            "simulated positions. The trainings use the models of set "
-            f"'{config.parameters}'; each fit has a report of its own in its stage."
-        ),
-    ]
-    for twin in config.twins:
-        stage = f"report-{fit_name(twin, config.parameters)}"
-        for name, words in _FIT_FIGURES.items():
-            file = stage_folder(root, stage) / FIT_REPORT / name
-            if file.is_file():
-                parts.append(figure(f"Twin {twin}, {words}", file.read_bytes()))
-    return parts
-
-
-def _robustness(gathered: Gathered, figures: Mapping[str, bytes]) -> list[str]:
-    return [
-        figure(_ROBUSTNESS, figures[_ROBUSTNESS]),
-        tables.robustness_table(gathered.robustness),
-    ]
-
-
-def _plain(value: Any) -> Any:
-    return None if value is None else dataclasses.asdict(value)
-
-
-def _heading(words: str) -> str:
-    return f"<h2>{text(words)}</h2>"
+def _heading(title: str) -> str:
+    return f"<h2>{text(title)}</h2>"
 
 
 def _lead_line(words: str) -> str:
@@ -266,7 +245,7 @@ def _lead_line(words: str) -> str:
 
 
 def _warning(words: str) -> str:
-    return f'<p class="lead"><b>{text(words)}</b></p>'
+    return f'<p class="warning">{text(words)}</p>'
 
 
 def _note(words: str) -> str:

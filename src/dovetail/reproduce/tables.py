@@ -1,176 +1,245 @@
 """The tables of the report: our numbers, and the paper's beside them."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from dovetail.evaluation.transfer import Row
-from dovetail.page import table
-from dovetail.reproduce.paper import ROBUSTNESS, PaperRow
-from dovetail.reproduce.plan import ON_TWIN, OTHER, UNIDENTIFIED, VARIANTS
-from dovetail.reproduce.results import Gathered, Level, Table, Training
+from dovetail.reproduce.design import ENGINES, LAWS, MODELS
+from dovetail.reproduce.hypotheses import SCALES, Answer
+from dovetail.reproduce.paper import ROBUSTNESS
+from dovetail.reproduce.results import Cell, Gathered, Learned, Tries
+from dovetail.reproduce.workflow import format_time
 
 MISSING = "not run"
-_FORCES = ("steps median / max", "force mean [N]", "peak p95 [N]", "peak max [N]")
-DETAILS = (*_FORCES, "limits broken")
-"""Headings of `details`."""
 _DISTURBANCES = {
     "shift": ("hole moved while the camera is covered", "mm", 1e3),
-    "search": ("the same, searching,", "mm", 1e3),
+    "search": ("the same, the scripted search in its place,", "mm", 1e3),
     "push": ("random pushes up to", "N", 1.0),
     "speed": ("hole moving at", "mm/s", 1e3),
     "below": ("every start below the block's surface", "", 1.0),
 }
 
 
-def format_time(seconds: float) -> str:
-    """Return a duration as 45 s, 12:05 min or 3:07 h."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    if whole < 3600:
-        return f"{whole // 60}:{whole % 60:02d} min"
-    return f"{whole // 3600}:{whole % 3600 // 60:02d} h"
+class Tabular(NamedTuple):
+    """A table with a heading, and a note below it."""
+
+    title: str
+    heads: Sequence[str]
+    rows: Sequence[Sequence[object]]
+    note: str = ""
+
+    def markdown(self) -> str:
+        """Return it as Markdown."""
+        lines = [self.heads, ["---"] * len(self.heads), *self.rows]
+        table = "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
+        return "\n\n".join(
+            [f"### {self.title}", table, *([self.note] * bool(self.note))]
+        )
 
 
 def rate(row: Row) -> str:
     """Return successes of tries with the Wilson interval."""
     low, high = row.interval
-    return f"{row.successes}/{row.tries} ({100 * low:.0f}-{100 * high:.0f} %)"
+    return f"{row.successes}/{row.tries} ({100 * low:.0f} to {100 * high:.0f} %)"
 
 
-def details(row: Row) -> list[str]:
-    """Return steps, forces and limits of a row, one cell per heading."""
+def answer_table(answers: Sequence[Answer]) -> Tabular:
+    """Return what the data say of each question, a column for each law."""
+    laws = [law.label for law in LAWS.values()]
+    rows: dict[tuple[str, ...], dict[str, str]] = {}
+    for found in answers:
+        h = found.hypothesis
+        key = (h.question, h.by, f"{SCALES[h.measure].words}: {h.difference}")
+        rows.setdefault(key, {})[h.law] = found.words
+    lines = [
+        [*key, *(cells.get(law, "") for law in laws)] for key, cells in rows.items()
+    ]
+    return Tabular("Answers", ("question", "claim of", "measure", *laws), lines)
+
+
+def cell_table(gathered: Gathered, law: str) -> Tabular:
+    """Return a law's cells: success, spread over the twins, time, force, training."""
+    rows = [
+        _cell_row(cell) for cell in gathered.cells if cell.law == law and cell.tries
+    ]
+    heads = (
+        *("trained in", "engines", "inserted", "twins, worst to best"),
+        *("twins from 5 to 95 %", "time [s]", "peak force [N]"),
+        *("own simulation", "steps to 90 %", "limits broken", "stopped"),
+    )
+    if law == "tared" and gathered.script is not None:
+        row, script = gathered.script.row, ["scripted search", "MuJoCo"]
+        rate_ = f"{100 * row.successes / row.tries:.1f} % of {row.tries}"
+        steps = f"{0.05 * row.steps.median:.2f} (median)"
+        peak = f"{row.force.peak_p95:.0f} (p95)"
+        limits = (row.violations, gathered.script.stopped)
+        rows.append([*script, rate_, "", "", steps, peak, "", "", *limits])
+    label = LAWS[law].label
+    return Tabular(label[0].upper() + label[1:], heads, rows)
+
+
+def _cell_row(cell: Cell) -> list[object]:
+    found = cell.measures
+    by_twin = _by_twin(cell)
+    share = np.mean((by_twin >= 0.05) & (by_twin <= 0.95)) if by_twin.size else math.nan
+    engines = ENGINES[cell.trained_in], ENGINES[cell.tried_in]
+    return [
+        MODELS[cell.model].label,
+        engines[0] if len(set(engines)) == 1 else " to ".join(engines),
+        f"{100 * found['success'].mean:.1f} % of {cell.tries}",
+        f"{100 * by_twin.min():.0f} to {100 * by_twin.max():.0f} %",
+        f"{100 * share:.0f} %",
+        f"{0.05 * found['time'].mean:.2f}",
+        f"{found['force'].mean:.1f}",
+        f"{100 * found['own'].mean:.1f} %",
+        f"{found['steps'].mean:,.0f}",
+        cell.violations,
+        cell.stopped,
+    ]
+
+
+def _by_twin(cell: Cell) -> Any:
+    """Return the success on each twin, of all its policies."""
+    values = cell.measures["success"].values
+    known = values[:, ~np.isnan(values).all(axis=0)]
+    return np.nanmean(known, axis=0)
+
+
+def paper_table(gathered: Gathered) -> Tabular:
+    """Return the paper's transfer table, seven rows; its cells are on a robot."""
+    poses = max(
+        ([row.label for row in t.poses] for _, t in gathered.paper if t is not None),
+        key=len,
+        default=["A", "B", "C"],
+    )
+    rows = []
+    for paper, ours in gathered.paper:
+        line: list[object] = [paper.label, " ".join(paper.cells)]
+        if ours is None:
+            rows.append([*line, *[MISSING] * (len(poses) + 3)])
+            continue
+        cells: list[object] = [f"{r.successes}/{r.tries}" for r in ours.poses]
+        cells += [""] * (len(poses) - len(cells))
+        rows.append([*line, *cells, rate(ours.row), *_speed(ours)])
+    heads = ["policy", "paper, robot", *(f"hole {p}" for p in poses), "all"]
+    note = (
+        "The paper's cells are of a robot, ours of twins, with the paper's law and no "
+        "tare: one identified policy for each twin. The last row is tried on "
+        "one twin alone, where it was trained."
+    )
+    return Tabular("The paper's table", [*heads, *_SPEED], rows, note)
+
+
+_SPEED = ("steps median / max", "peak p95 [N]")
+
+
+def _speed(tries: Tries) -> list[object]:
+    row = tries.row
     steps = "none"
     if not math.isnan(row.steps.median):
         steps = f"{row.steps.median:.0f} / {row.steps.max:.0f}"
-    forces = (row.force.mean, row.force.peak_p95, row.force.peak)
-    cells = ["-" if math.isnan(force) else f"{force:.1f}" for force in forces]
-    return [steps, *cells, str(row.violations)]
+    return [steps, f"{row.force.peak_p95:.0f}"]
 
 
-def transfer_table(
-    rows: Sequence[tuple[PaperRow, Table | None]], poses: Sequence[str]
-) -> str:
-    """Return the transfer table, seven rows; the paper's cells are on a robot."""
-    heads = ["policy", "paper, robot", *(f"twin, pose {p}" for p in poses), "twin, all"]
-    lines = []
-    for paper, ours in rows:
-        line: list[object] = [paper.label, " ".join(paper.cells)]
-        if ours is None:
-            lines.append([*line, *[MISSING] * (len(poses) + 1 + len(DETAILS))])
-            continue
-        cells: list[object] = [rate(row) for row in ours.rows[:-1]]
-        cells += [""] * (len(poses) - len(cells))
-        total = ours.rows[-1]
-        lines.append([*line, *cells, rate(total), *details(total)])
-    return table([*heads, *DETAILS], lines)
-
-
-def seed_table(rows: Iterable[tuple[str, Table | None]], seeds: Sequence[int]) -> str:
-    """Return each training seed's successes, which the other tables pool."""
-    lines = [
-        [label, *(ours.by_seed.get(seed, "") for seed in seeds)]
-        for label, ours in rows
-        if ours is not None
+def learner_table(learners: Sequence[Learned]) -> Tabular:
+    """Return steps and seconds until each algorithm had learned."""
+    rows = [
+        [
+            found.label,
+            len(found.steps),
+            sum(not math.isnan(steps) for steps in found.steps),
+            _spread(found.steps, "{:,.0f}"),
+            _spread(found.seconds, "{:.0f}"),
+            f"{100 * np.mean(found.own):.1f} %",
+        ]
+        for found in learners
+        if found.steps
     ]
-    return table(["policy", *(f"seed {seed}" for seed in seeds)], lines)
-
-
-def grounds_table(grounds: Sequence[tuple[str, str, Table | None]]) -> str:
-    """Return the tries of stack 0 with and without identification."""
-    lines = []
-    for twin, word, ours in grounds:
-        line: list[object] = [f"twin {twin}, {word}"]
-        if ours is None:
-            lines.append([*line, *[MISSING] * (1 + len(DETAILS))])
-        else:
-            total = ours.rows[-1]
-            lines.append([*line, rate(total), *details(total)])
-    return table(["stack 0", "inserted", *DETAILS], lines)
-
-
-def robustness_table(robustness: Mapping[tuple[str, str], Sequence[Level]]) -> str:
-    """Return the tries at every level of every disturbance."""
-    lines = []
-    for (variant, what), levels in robustness.items():
-        words, unit, factor = _DISTURBANCES[what]
-        for level, ours in levels:
-            size = "" if what == "below" else f" {factor * level:g} {unit}"
-            line: list[object] = [f"{VARIANTS[variant]}, {words}{size}"]
-            line.append(ROBUSTNESS[what])
-            if ours is None:
-                lines.append([*line, *[MISSING] * (1 + len(DETAILS))])
-            else:
-                total = ours.rows[-1]
-                lines.append([*line, rate(total), *details(total)])
-    return table(["disturbance", "paper, robot", "twin", *DETAILS], lines)
-
-
-def name_variant(variant: str) -> str:
-    """Return how the report calls a trained variant."""
-    names = {
-        **VARIANTS,
-        UNIDENTIFIED: "stack 0, without identification",
-        ON_TWIN: "on the twin itself, over FRI, one pose",
-        OTHER: "stack 0, in MuJoCo",
-    }
-    if variant in names:
-        return names[variant]
-    return f"stack 0, for twin {variant.removeprefix('identified-')}"
-
-
-def training_table(trainings: Iterable[Training]) -> str:
-    """Return steps, time and final success of each training."""
-    lines = []
-    for training in trainings:
-        found = training.evaluation
-        inserted = "-" if not found else f"{found['successes']}/{found['episodes']}"
-        lines.append(
-            [
-                name_variant(training.variant),
-                training.seed,
-                f"{training.steps:,}",
-                format_time(training.wall_time),
-                inserted,
-            ]
-        )
-    heads = ["training", "seed", "steps", "time", "inserted where it was trained"]
-    return table(heads, lines)
-
-
-def fit_table(fits: Mapping[tuple[str, str], dict[str, Any]]) -> str:
-    """Return error before and after, and cost, of each identification."""
-    lines = []
-    for (twin, parameters), fit in fits.items():
-        judged = fit["judged"]
-        held = ["-", "-"]
-        if judged is not None:
-            numbers = judged["errors_m"]["held-out log"]
-            held = [f"{1e3 * numbers[k]:.2f}" for k in ("rms_before", "rms_after")]
-        lines.append(
-            [
-                f"twin {twin}, {parameters}",
-                *(f"{fit[k]:.2f}" for k in ("rms_before_mm", "rms_after_mm")),
-                *held,
-                fit["evaluations"],
-                format_time(fit["wall_time_s"]),
-                "-" if judged is None else judged["verdict"]["answer"],
-            ]
-        )
-    heads = (
-        *("log, parameters", "fitted, before [mm]", "fitted, after [mm]"),
-        *("held out, before [mm]", "held out, after [mm]"),
-        *("simulations", "time", "verdict"),
+    heads = ("algorithm", "seeds", "that learned", "steps to 90 %, median (range)")
+    return Tabular(
+        "Learning algorithms", (*heads, "seconds", "inserted at the end"), rows
     )
-    return table(heads, lines)
 
 
-def poses_of(gathered: Gathered) -> list[str]:
-    """Return the names of the hole poses: the longest list of any row."""
-    lists = [
-        [row.label for row in ours.rows[:-1]]
-        for _, ours in gathered.transfer
-        if ours is not None
-    ]
-    return max(lists, key=len, default=["A", "B", "C"])
+def _spread(values: Sequence[float], form: str) -> str:
+    known = [value for value in values if not math.isnan(value)]
+    if not known:
+        return "never"
+    middle, low, high = np.median(known), min(known), max(known)
+    return " ".join(
+        (form.format(middle), f"({form.format(low)} to {form.format(high)})")
+    )
+
+
+def arm_table(gathered: Gathered) -> Tabular:
+    """Return the trainings on the arm: before, after, and its time."""
+    rows = []
+    for found in gathered.arm:
+        line: list[object] = [found.label]
+        for tries in (found.before, found.after):
+            if tries is None:
+                line += ["", ""]
+            else:
+                row = tries.row
+                line += [f"{row.successes}/{row.tries}", f"{row.force.peak_p95:.0f}"]
+        limits = sum(t.row.violations for t in (found.before, found.after) if t)
+        rows.append([*line, f"{found.steps:,}", f"{found.minutes:.1f}", limits])
+    heads = ("policy", "before", "peak p95 [N]", "after", "peak p95 [N]")
+    return Tabular(
+        "Trained on the arm, over FRI",
+        (*heads, "steps", "robot time [min]", "limits broken"),
+        rows,
+        "On twin medium, at one hole pose.",
+    )
+
+
+def robustness_table(gathered: Gathered) -> Tabular:
+    """Return the tries at every level of every disturbance."""
+    rows = []
+    for what, level, tries in gathered.robustness:
+        words, unit, factor = _DISTURBANCES[what]
+        size = "" if what == "below" else f" {factor * level:g} {unit}"
+        line: list[object] = [f"{words}{size}", ROBUSTNESS[what]]
+        if tries is None:
+            rows.append([*line, *[MISSING] * 4])
+        else:
+            limits = tries.row.violations
+            rows.append([*line, rate(tries.row), *_speed(tries), limits])
+    heads = ("disturbance", "paper, robot", "inserted", *_SPEED, "limits broken")
+    return Tabular(
+        "Robustness",
+        heads,
+        rows,
+        "The first twin and its identified policy, with our law and a tare.",
+    )
+
+
+def fit_table(gathered: Gathered) -> Tabular:
+    """Return error before and after, and cost, of the identifications."""
+    rows = []
+    for parameters, fits in gathered.fits.items():
+        if not fits:
+            continue
+        judged = [
+            fit["judged"]["errors_m"]["held-out log"] for fit in fits if fit["judged"]
+        ]
+        before = [1e3 * errors["rms_before"] for errors in judged]
+        after = [1e3 * errors["rms_after"] for errors in judged]
+        seconds = float(np.median([fit["wall_time_s"] for fit in fits]))
+        simulations = float(np.median([fit["evaluations"] for fit in fits]))
+        rows.append(
+            [
+                parameters,
+                len(fits),
+                _spread(before, "{:.1f}"),
+                _spread(after, "{:.2f}"),
+                f"{simulations:.0f}",
+                format_time(seconds),
+            ]
+        )
+    heads = ("parameters", "twins", "held out, before [mm RMS], median (range)")
+    more = ("held out, after [mm RMS]", "simulated logs", "time")
+    return Tabular("Identification", (*heads, *more), rows)
