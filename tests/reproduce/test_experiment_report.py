@@ -10,36 +10,45 @@ import pytest
 from toy_results import finish
 
 from dovetail.learn.progress import EpisodeRow
-from dovetail.reproduce.budget import QUICK
+from dovetail.reproduce.budget import SMOKE
+from dovetail.reproduce.design import LAWS, MODELS, Design
 from dovetail.reproduce.figures import curve, draw_robustness, moving_average
-from dovetail.reproduce.plan import VARIANTS, PlanConfig, plan
+from dovetail.reproduce.plan import plan
 from dovetail.reproduce.report import write_reproduction
-from dovetail.reproduce.results import gather
+from dovetail.reproduce.results import gather, learned_at
 from dovetail.reproduce.workflow import RunSummary
 from extras import need
 
 need("plotly")
-TWO_SEEDS = PlanConfig(
-    budget=replace(QUICK, seeds=2, other_direction=True),
-    twins=("medium", "hard"),
-    plant="bullet",
+TWINS = ("a", "b", "c")
+DESIGN = Design(
+    budget=replace(SMOKE, name="toy", seeds=3, twins=3, drake_twins=2, paper_twins=2),
+    twins=TWINS,
+    engines=("mujoco", "bullet", "drake"),
 )
-STAGES = plan(TWO_SEEDS)
+STAGES = plan(DESIGN)
 NAMES = {stage.name for stage in STAGES}
+
+
+def successes(name):
+    """Returns how many of 6 tries succeed: identified ones all, nominal ones a third.
+
+    With a tare all of all.
+    """
+    return 2 if "nominal" in name and "tared" not in name else 6
 
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory):
-    """All stages done: seed 0 inserted 6 of 6, seed 1 5 of 6 (one pose: all)."""
+    """All stages done."""
     folder = tmp_path_factory.mktemp("results")
     for stage in STAGES:
-        seed_1 = stage.name.endswith("seed-1")
-        finish(folder, stage, successes=5 if seed_1 else 6)
+        finish(folder, stage, successes(stage.name))
     return folder
 
 
-def write(root, config=TWO_SEEDS, tally=None):
-    files = write_reproduction(root, config, STAGES, tally or RunSummary(done=NAMES))
+def write(root, design=DESIGN, tally=None):
+    files = write_reproduction(root, design, STAGES, tally or RunSummary(done=NAMES))
     results = json.loads((root / "results.json").read_text())
     return files, results, (root / "report.html").read_text()
 
@@ -87,66 +96,78 @@ def row(page, name, number=0):
 def test_the_papers_cells_stand_beside_ours(page):
     assert row(page, "dynamics randomisation, triangle")[:5] == [
         "20/20 20/20 10/20",
-        "4/4 (51-100 %)",
-        "4/4 (51-100 %)",
-        "3/4 (30-95 %)",
-        "11/12 (65-99 %)",
+        *["4/4"] * 3,
+        "12/12 (76 to 100 %)",
     ]
+    numbers = ["40 / 40", "20"]
+    one_pose = row(page, "trained on the arm, one pose")
+    assert one_pose == ["20/20", "2/2", "", "", "2/2 (34 to 100 %)", *numbers]
 
 
-def test_several_seeds_are_told_apart(page):
-    assert row(page, "stack 4", number=1) == ["6/6", "5/6"]
+def test_a_cell_has_success_time_force_and_training(page):
+    found = row(page, "nominal")
+    assert found[:2] == ["MuJoCo", "33.3 % of 54"]  # 3 policies on 3 twins, 6 tries
+    assert found[2:4] == ["33 to 33 %", "100 %"]
+    # two of six took 40 steps, the others the longest, 40 in this budget
+    assert found[4:] == ["2.00", "20.0", "99.5 %", "2,900", "0", "0"]
+    assert row(page, "nominal", 1)[0] == "PyBullet to MuJoCo"
+    assert row(page, "nominal", 2)[0] == "MuJoCo to Drake"
 
 
-def test_every_cell_has_its_wilson_interval_in_the_numbers_too(written):
+def test_the_answers_follow_from_the_cells(page, written):
+    question = "Does identification improve transfer?"
+    *_, papers, ours, tared = row(page, question)
+    yes = "yes, +66.7 points (+66.7 to +66.7)"
+    assert (papers, ours) == (yes, yes)
+    assert tared == "open, +0.0 points (+0.0 to +0.0)"
+    assert f"with our law {yes}" in page
+    less = row(page, "Does identification matter less with a tare?")
+    assert less[3] == yes
+    verdicts = [one["verdict"] for one in written[1]["answers"]]
+    assert verdicts.count("yes") >= 3
+
+
+def test_the_markdown_has_the_same_tables(root, page):
+    lines = (root / "results.md").read_text().splitlines()
+    cells = row(page, "nominal")
+    assert f"| nominal | {' | '.join(cells)} |" in lines
+
+
+def test_every_number_is_in_the_json(written):
     _, results, _ = written
-    (stack_0, *_) = results["transfer"]
-    assert stack_0["paper_on_a_robot"]["cells"] == ["20/20"] * 3
-    total = stack_0["ours_on_a_twin"]["rows"][-1]
-    assert (total["successes"], total["tries"]) == (11, 12)
-    assert total["interval"] == pytest.approx([0.646, 0.985], abs=1e-3)
-    assert stack_0["ours_on_a_twin"]["by_seed"] == {"0": "6/6", "1": "5/6"}
+    cell = next(c for c in results["cells"] if c["model"] == "nominal")
+    assert cell["measures"]["success"] == [[0.3333] * 3] * 3
+    assert len(results["cells"]) == 3 * len(MODELS) + 3 + 9
 
 
-def test_steps_forces_and_limits_are_told(page):
-    # median and largest steps; mean, p95 and largest force; limits broken
-    numbers = ["40 / 40", "3.0", "20.0", "20.0", "0"]
-    one_pose = row(page, "trained on the twin itself, one pose")
-    assert one_pose == ["20/20", "2/2 (34-100 %)", "", "", "2/2 (34-100 %)", *numbers]
+def test_the_script_is_a_row_of_its_own(page):
+    assert row(page, "scripted search")[:2] == ["MuJoCo", "100.0 % of 18"]
 
 
-def test_steps_and_time_of_the_trainings_are_told(page):
-    trained = row(page, "stack 4", number=2)
-    assert trained == ["0", "60,000", "12:05 min", "199/200"]
+def test_error_before_and_after_and_cost_of_the_fits_are_told(page):
+    found = row(page, "extended")
+    assert found == ["3", "14.0 (14.0 to 14.0)", "2.00 (2.00 to 2.00)", "60", "30 s"]
 
 
-def test_error_before_and_after_cost_and_verdict_of_a_fit_are_told(page):
-    errors = ["12.50", "1.25", "14.00", "2.00"]
-    assert row(page, "twin hard, extended") == [*errors, "60", "30 s", "go"]
-
-
-def test_stack_0_is_told_with_and_without_identification(page):
-    for word in ("neither tared nor identified", "tared", "tared and identified"):
-        found = row(page, f"twin hard, {word}")
-        assert found[0] == "11/12 (65-99 %)"
-
-
-def test_the_other_direction_is_a_row(page):
-    name = "train MuJoCo, twin PyBullet (twin medium-in-bullet (mujoco))"
-    assert row(page, name)[0] == "11/12 (65-99 %)"
+def test_trainings_on_the_arm_are_told_before_and_after(page):
+    found = row(page, "nominal, the paper's law, seed 0")
+    assert found == ["2/2", "20", "2/2", "20", "60,000", "50.0", "0"]
 
 
 def test_a_result_says_twin_and_the_paper_says_robot(page):
     assert "nothing here has run on a robot" in page
     assert "paper, robot" in page
-    assert "twin, pose A" in page
 
 
-def test_level_0_of_a_disturbance_is_the_transfer_table(root):
-    found = gather(root, TWO_SEEDS)
-    level = found.robustness["stack-0", "push"][0]
-    assert level.level == 0.0
-    assert level.table.by_seed == found.transfer[0][1].by_seed
+def test_a_training_has_learned_when_nine_of_ten_succeed():
+    def rows(*successes):
+        return [EpisodeRow(10 * i, 0.0, 40, s, 0.0, i) for i, s in enumerate(successes)]
+
+    assert learned_at(rows(*[0] * 60)) is None
+    assert learned_at(rows(*[1] * 49)) is None
+    learned = learned_at(rows(*[0] * 20, *[1] * 60))
+    assert learned is not None
+    assert learned.step == 640  # the 45th success after 20 failures
 
 
 SCRIPT = re.compile(r"<script[^>]*>(.*?)</script>", re.DOTALL)
@@ -156,7 +177,7 @@ def test_the_page_needs_nothing_else(page):
     assert "<script src" not in page
     page = SCRIPT.sub("", page)
     assert not re.findall(r'(?:src|href)="(?!data:)', page)
-    assert page.count("data:image/png;base64,") == 5  # 3 figures, one of each fit
+    assert page.count("data:image/png;base64,") == 4
 
 
 def drawn(page):
@@ -167,41 +188,32 @@ def drawn(page):
 
 def test_each_training_is_a_curve_to_zoom_into(page):
     lines = drawn(page)
-    names = [f"{v}, seed {s}" for v in VARIANTS.values() for s in (0, 1)]
-    assert [line["name"] for line in lines] == 3 * names  # success, reward, length
-    for line, first, last in ((lines[0], 100.0, 50.0), (lines[6], -8.0, 15.5)):
-        assert (line["x"][0], line["x"][-1]) == (100, 2900)
-        assert (line["y"][0], line["y"][-1]) == (first, last)
-    assert lines[-1]["y"] == [40.0] * len(lines[-1]["x"])
+    count = sum(9 for _ in LAWS for _ in MODELS)  # 3 policies, 3 panels
+    assert len(lines) == count
+    assert {line["name"] for line in lines} == {
+        f"{model.label}, {law.label}"
+        for law in LAWS.values()
+        for model in MODELS.values()
+    }
+    assert (lines[0]["x"][0], lines[0]["x"][-1]) == (100, 2900)
+    assert (lines[0]["y"][0], lines[0]["y"][-1]) == (100.0, 50.0)
     assert sum(len(script) > 1_000_000 for script in SCRIPT.findall(page)) == 1
 
 
-def test_a_training_that_is_missing_takes_no_other_seeds_name(tmp_path):
-    for stage in STAGES:
-        if stage.name != "train-stack-0-seed-0":
-            finish(tmp_path, stage)
-    names = {line["name"] for line in drawn(write(tmp_path)[2])}
-    wanted = {f"{v}, seed {s}" for v in VARIANTS.values() for s in (0, 1)}
-    assert names == wanted - {"stack 0, seed 0"}
-
-
 def test_what_is_missing_is_named_and_the_rest_is_there(tmp_path):
-    lost = "train-stack-4-seed-0"
+    lost = "train-paper-nominal-seed-0"
     for stage in STAGES:
-        if "stack-4" not in stage.name:
+        if not stage.name.startswith(("train-paper-nominal", "try-paper-nominal")):
             finish(tmp_path, stage)
-    tally = RunSummary(
-        failed={lost: "a <bolt> came off"},
-        left_out={"transfer-stack-4-square-seed-0": lost},
-    )
+    after = "try-paper-nominal-seed-0-on-a"
+    tally = RunSummary(failed={lost: "a <bolt> came off"}, left_out={after: lost})
     _, results, page = write(tmp_path, tally=tally)
     assert results["missing"][lost] == "a <bolt> came off"
-    assert results["transfer"][1]["ours_on_a_twin"] is None
-    assert results["transfer"][0]["ours_on_a_twin"] is not None
     assert row(page, lost) == ["a <bolt> came off"]
-    after = row(page, "transfer-stack-4-square-seed-0")
-    assert after == [f"left out, it needs {lost}"]
-    assert "not run" in row(page, "stack 4, triangle")
+    assert row(page, after) == [f"left out, it needs {lost}"]
+    *_, papers, _, tared = row(page, "Does identification improve transfer?")
+    assert papers == "open, nothing yet"
+    assert tared != papers
 
 
 def test_a_report_of_nothing_can_be_written(tmp_path):
@@ -209,25 +221,25 @@ def test_a_report_of_nothing_can_be_written(tmp_path):
         tmp_path, tally=RunSummary(failed=dict.fromkeys(NAMES, "x"))
     )
     assert all(path.stat().st_size for path in files)
-    assert not results["trainings"]
+    assert {one["verdict"] for one in results["answers"]} == {"open"}
     assert f"{len(NAMES)} of {len(NAMES)} stages are missing" in page
 
 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"plant": "mujoco"}, "its contacts are no test of transfer"),
-        ({"budget": replace(QUICK, name="smoke")}, "learns nothing"),
+        ({"engines": ("mujoco", "drake")}, "PyBullet is not installed"),
+        ({"budget": replace(DESIGN.budget, name="smoke")}, "learns nothing"),
     ],
 )
 def test_what_a_result_cannot_show_is_said(tmp_path, changes, words):
-    _, _, page = write(tmp_path, config=replace(TWO_SEEDS, **changes))
+    _, _, page = write(tmp_path, design=replace(DESIGN, **changes))
     assert words in page
 
 
 def test_the_moving_average_looks_back_over_its_window():
     values = np.arange(30.0)
-    average = moving_average(values, window=10)
+    average = moving_average(list(values), window=10)
     assert average[29] == np.mean(values[20:])
     assert average[3] == np.mean(values[:4])
 
@@ -243,6 +255,4 @@ def test_a_curve_covers_the_steps_that_all_seeds_have():
 
 
 def test_one_level_of_a_disturbance_can_be_drawn(root):
-    robustness = gather(root, TWO_SEEDS).robustness
-    few = {key: levels[-1:] for key, levels in robustness.items()}
-    assert draw_robustness(few).startswith(b"\x89PNG")
+    assert draw_robustness(gather(root, DESIGN).robustness).startswith(b"\x89PNG")

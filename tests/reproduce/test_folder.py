@@ -61,7 +61,7 @@ def test_the_folder_keeps_the_twins_it_was_measured_on(tmp_path):
     medium = load_twin("medium")
     write_twins(tmp_path, {"medium": medium})
     assert load_twin(tmp_path / "twins" / "medium.toml") == medium
-    assert load_twin(tmp_path / "twins" / "medium-in-bullet.toml").engine == "bullet"
+    assert load_twin(tmp_path / "twins" / "medium-in-drake.toml").engine == "drake"
 
 
 def test_the_settings_are_readable(tmp_path):

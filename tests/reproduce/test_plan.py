@@ -1,4 +1,4 @@
-"""The plan has every experiment of the paper, and nothing that cannot be made."""
+"""The plan has every cell of the design, and nothing that cannot be made."""
 
 from dataclasses import replace
 
@@ -9,23 +9,39 @@ from dovetail.commands.command_line import parse
 from dovetail.errors import ConfigError
 from dovetail.learn.config import TrainConfig
 from dovetail.reproduce.budget import BUDGETS, FULL, QUICK, SMOKE, find_budget
+from dovetail.reproduce.design import DECISIVE, LAWS, MODELS, Design
 from dovetail.reproduce.paper import TRANSFER
-from dovetail.reproduce.plan import RECIPE, PlanConfig, plan, transfer_name
+from dovetail.reproduce.plan import (
+    ARM,
+    LEARNERS,
+    SCRATCH,
+    arm_name,
+    learner_name,
+    plan,
+    script_name,
+)
+
+ALL = ("mujoco", "bullet", "drake")
 
 
-def config(budget=QUICK, **changes):
-    chosen = {"twins": ("medium", "hard"), "plant": "bullet"} | changes
-    return PlanConfig(budget=budget, **chosen)
+def design(budget=QUICK, engines=ALL, **changes):
+    twins = tuple(f"twin-{number}" for number in range(budget.twins))
+    return Design(**({"budget": budget, "twins": twins, "engines": engines} | changes))
 
 
-def by_name(plan_config):
-    return {stage.name: stage for stage in plan(plan_config)}
+def by_name(given):
+    return {stage.name: stage for stage in plan(given)}
+
+
+@pytest.fixture(scope="module")
+def quick():
+    return by_name(design())
 
 
 @pytest.mark.parametrize("budget", BUDGETS.values(), ids=BUDGETS)
 def test_every_stage_has_its_own_name_and_comes_after_those_it_needs(budget):
     seen = set()
-    for stage in plan(config(budget)):
+    for stage in plan(design(budget)):
         assert stage.name not in seen
         assert seen.issuperset(stage.needs)
         seen.add(stage.name)
@@ -40,12 +56,13 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("rule", COMMANDS)
-def test_what_a_stage_gives_its_command_are_options_of_it(rule):
+def test_what_a_stage_gives_its_command_are_options_of_it(quick, rule):
     command, beside = COMMANDS[rule]
     given = {}
-    for stage in plan(config(FULL)):
+    for stage in quick.values():
         if stage.rule == rule:
             given.setdefault(tuple(stage.options), stage)
+    assert given
     for stage in given.values():
         found = parse(command, [*stage.to_json()["options"], *beside])
         for name, value in stage.options.items():
@@ -55,135 +72,170 @@ def test_what_a_stage_gives_its_command_are_options_of_it(rule):
                 assert getattr(found, name) == value
 
 
-def test_every_row_of_the_papers_table_is_evaluated():
-    stages = by_name(config())
+def test_each_model_is_trained_with_each_law(quick):
+    for law in LAWS:
+        for model, facts in MODELS.items():
+            for number in range(QUICK.twins if facts.is_of_twin else QUICK.seeds):
+                end = f"twin-{number}" if facts.is_of_twin else f"seed-{number}"
+                stage = quick[f"train-{law}-{model}-{end}"]
+                assert stage.settings["randomise_dynamics"] == facts.is_randomised
+                assert stage.settings["tare"] == (law == "tared")
+                force_damping = stage.settings["force_damping"]
+                assert (max(force_damping) == 0.0) == (law == "paper")
+                assert stage.settings["until"] == 1.0
+
+
+def test_a_model_of_a_twin_is_that_twins(quick):
+    for model, file in {
+        "identified": "stages/fit-twin-1-extended/fit/model.toml",
+        "identified-randomised": "stages/fit-twin-1-extended/fit/model.toml",
+        "identified-paper": "stages/fit-twin-1-paper/fit/model.toml",
+        "truth": "twins/twin-1.toml",
+    }.items():
+        stage = quick[f"train-ours-{model}-twin-1"]
+        assert stage.options["model"].as_posix() == file
+    assert quick["train-ours-nominal-seed-1"].options["model"] is None
+
+
+def test_who_knows_no_twin_is_tried_on_all_and_the_others_on_their_own(quick):
+    for law in LAWS:
+        for model, facts in MODELS.items():
+            tried = {
+                name
+                for name, stage in quick.items()
+                if name.startswith(
+                    (f"try-{law}-{model}-twin", f"try-{law}-{model}-seed")
+                )
+                and "triangle" not in name
+                and "drake" not in name
+            }
+            each = 1 if facts.is_of_twin else QUICK.seeds
+            assert len(tried) == QUICK.twins * each
+    name = "try-paper-truth-twin-2-on-twin-2"
+    assert quick[name].needs == ("train-paper-truth-twin-2",)
+    assert quick[name].options["twin"].as_posix() == "twins/twin-2.toml"
+
+
+def test_the_decisive_cells_are_in_every_engine(quick):
+    for model in DECISIVE:
+        bullet = [n for n in quick if n.startswith(f"train-paper-{model}-bullet")]
+        assert bullet
+        assert all(quick[name].settings["plant"] == "bullet" for name in bullet)
+        for law in LAWS:
+            drake = [
+                n
+                for n in quick
+                if n.startswith(f"try-{law}-{model}") and n.endswith("-drake")
+            ]
+            assert drake
+            twin = quick[drake[0]].options["twin"].as_posix()
+            assert twin.startswith("twins/twin-")
+            assert twin.endswith("-in-drake.toml")
+
+
+def test_engines_that_are_not_installed_are_left_out():
+    names = by_name(design(engines=("mujoco",)))
+    assert not [name for name in names if "bullet" in name or "drake" in name]
+
+
+def test_no_fit_sees_the_held_out_log(quick):
+    fitted = quick["record-twin-1-fitted"].options
+    held_out = quick["record-twin-1-held-out"].options
+    assert fitted["seed"] != held_out["seed"]
+    for parameters in ("paper", "extended"):
+        (log,) = quick[f"fit-twin-1-{parameters}"].words
+        assert log == "stages/record-twin-1-fitted/recording"
+
+
+def test_every_row_of_the_papers_table_is_tried(quick):
+    chosen = design()
     for row in TRANSFER:
-        options = stages[transfer_name(row.variant, row.peg, 0)].options
-        assert options["peg"] == row.peg
-        assert options["tries"] == 20
-        assert ("fixture" in options) == (len(row.cells) == 1)
+        if row.is_on_arm:
+            assert f"try-{SCRATCH}" in quick
+            continue
+        trials = chosen.paper_trials(row.stack, row.peg)
+        assert len(trials) == QUICK.paper_twins
+        for trial in trials:
+            stage = quick[trial.name]
+            assert stage.options.get("peg", "square") == row.peg
+            trained = quick[stage.needs[0]].settings
+            assert trained["stack"] == (row.stack or 0)
+            assert trained["randomise_dynamics"] == (row.stack is None)
 
 
-def test_quick_trains_one_seed_of_each_variant_and_full_five():
-    def count(budget, variant):
-        names = by_name(config(budget))
-        return sum(name.startswith(f"train-{variant}-seed") for name in names)
-
-    for variant in ("stack-0", "stack-4", "randomised"):
-        assert (count(QUICK, variant), count(FULL, variant)) == (1, 5)
-    assert count(FULL, "on-twin") == 1
-
-
-def test_stack_0_and_4_are_trained_in_the_identified_simulation():
-    stages = by_name(config())
-    for name, stack in (("stack-0", 0), ("stack-4", 4)):
-        stage = stages[f"train-{name}-seed-0"]
-        model = stage.options["model"].as_posix()
-        assert model == "stages/fit-medium-extended/fit/model.toml"
-        assert stage.needs == ("fit-medium-extended",)
-        assert stage.settings["stack"] == stack
-
-
-def test_randomised_and_unidentified_know_no_model():
-    stages = by_name(config())
-    for name in ("randomised", "unidentified"):
-        stage = stages[f"train-{name}-seed-0"]
-        assert stage.options["model"] is None
-        assert "model" not in stage.settings
-        assert not stage.needs
-        assert stage.settings["randomise_dynamics"] == (name == "randomised")
-
-
-def test_no_fit_sees_the_held_out_log():
-    stages = by_name(config())
-    for twin in ("medium", "hard"):
-        fitted = stages[f"record-{twin}-fitted"].options
-        held_out = stages[f"record-{twin}-held-out"].options
-        assert fitted["seed"] != held_out["seed"]
-        (log,) = stages[f"fit-{twin}-extended"].words
-        assert log == f"stages/record-{twin}-fitted/recording"
-
-
-def test_stack_0_meets_every_twin_with_and_without_identification():
-    stages = by_name(config())
-    for name, policy in (
-        ("medium-unidentified", "train-unidentified-seed-0"),
-        ("hard-unidentified", "train-unidentified-seed-0"),
-        ("hard-identified-hard", "train-identified-hard-seed-0"),
-    ):
-        stage = stages[f"identified-or-not-{name}-seed-0"]
-        assert stage.words == (f"stages/{policy}/run/policy.safetensors",)
-        assert "tare" not in stage.options  # as the policy was trained
-    bare = stages["identified-or-not-hard-untared-seed-0"]
-    assert bare.needs == ("train-unidentified-seed-0",)
-    assert "--no-tare" in bare.to_json()["options"]
-    assert stages["train-identified-hard-seed-0"].needs == ("fit-hard-extended",)
-
-
-def test_robustness_has_every_disturbance_of_the_paper():
-    settings = [
-        stage.options
-        for name, stage in by_name(config()).items()
-        if name.startswith("robustness-")
+def test_the_script_is_called_a_script(quick):
+    for number in range(QUICK.twins):
+        stage = quick[script_name(f"twin-{number}")]
+        assert stage.options["search"] == "corner"
+    assert not [
+        name
+        for name, stage in quick.items()
+        if stage.options.get("search") and "script" not in name and "search" not in name
     ]
-    alone = [s for s in settings if "search" not in s]
-    shifts = [s["fixture_shift"] for s in alone if "fixture_shift" in s]
-    assert sorted(shifts) == [0.005, 0.01, 0.015, 0.02, 0.025, 0.03]  # 0: the table
-    assert max(s.get("push", 0.0) for s in settings) == 30.0
-    assert 0.02 in [s.get("fixture_speed") for s in settings]
-    assert "below" in [s.get("start") for s in settings]
 
 
-def test_a_moved_hole_is_also_searched_for_and_the_long_logs_are_not_kept():
-    options = by_name(config())["robustness-stack-0-search-20-seed-0"].options
-    assert options["search"] == "corner"
-    assert options["fixture_shift"] == 0.02
-    assert options["keep_logs"] is False
+def test_policies_are_tuned_on_the_arm_and_tried_before_and_after(quick):
+    tune = quick[arm_name("tune", 0)]
+    assert tune.rule == "train_on_twin"
+    assert tune.twin == f"twins/{ARM}.toml"
+    assert tune.needs == ("train-paper-nominal-seed-0",)
+    assert tune.settings["from_policy"].startswith("stages/train-paper-nominal-seed-0/")
+    assert tune.settings["steps"] == QUICK.fine_tune_steps
+    assert tune.settings["updates_per_step"] == 2.0  # an arm's steps are dear
+    assert tune.settings["fixed_goal"] is True
+    assert not {"arm", "plant"} & tune.settings.keys()
+    assert quick[arm_name("before", 0)].needs == tune.needs
+    assert quick[arm_name("after", 0)].needs == (tune.name,)
+    fixtures = {quick[arm_name(w, 0)].options["fixture"] for w in ("before", "after")}
+    assert fixtures == {tuple(tune.settings["fixture"])}
 
 
-def test_trainings_use_one_recipe_and_write_all_settings_down():
-    settings = by_name(config())["train-unidentified-seed-0"].settings
-    default = TrainConfig(plant="bullet", **RECIPE).to_json()
-    assert default["until"] == 1.0
+def test_each_learning_algorithm_has_its_own_settings(quick):
+    seen = set()
+    for learner in LEARNERS:
+        settings = dict(quick[learner_name(learner, 0)].settings)
+        assert settings["steps"] == QUICK.train["steps"]
+        assert not settings["fixed_goal"]
+        seen.add(str(sorted(settings.items())))
+    assert len(seen) == len(LEARNERS)
+
+
+def test_trainings_write_all_settings_down(quick):
+    settings = quick["train-tared-nominal-seed-0"].settings
+    default = TrainConfig(until=1.0, tare=True, **QUICK.train).to_json()
     left_out = ("out", "resume", "threads")
     assert settings == {
         k: v for k, v in default.items() if v is not None and k not in left_out
     }
-    assert "fixture" not in settings  # another one in each episode
 
 
-def test_the_training_on_the_twin_itself_has_one_hole_pose_and_no_simulation():
-    stage = by_name(config())["train-on-twin-seed-0"]
-    settings = stage.settings
-    assert stage.twin == "twins/medium.toml"
-    assert settings["fixed_goal"] is True
-    assert tuple(settings["fixture"]) == (0.6, 0.0, 0.1, 0.0)
-    assert "plant" not in settings
-
-
-def test_the_other_direction_is_planned_where_pybullet_is():
-    name = "transfer-other-direction-square-seed-0"
-    stage = by_name(config(FULL))[name]
-    assert stage.options["twin"].name == "medium-in-bullet.toml"
-    assert name not in by_name(config(FULL, plant="mujoco"))
+def test_robustness_has_every_disturbance_of_the_paper(quick):
+    options = [s.options for name, s in quick.items() if name.startswith("robustness")]
+    for name in ("fixture_shift", "push", "fixture_speed", "start", "search"):
+        assert any(name in given for given in options)
 
 
 def test_a_later_seed_plans_other_trainings():
-    names = by_name(config(seed=7))
-    assert "train-stack-0-seed-7" in names
-    assert "train-stack-0-seed-0" not in names
+    names = by_name(design(seed=7))
+    assert "train-ours-nominal-seed-7" in names
+    assert "train-ours-nominal-seed-0" not in names
 
 
-def test_what_decides_a_result_decides_its_stage():
-    stages = by_name(config())
-    longer = by_name(config(replace(QUICK, train={"steps": 70_000})))
-    name = "train-stack-0-seed-0"
-    assert stages[name].to_json() != longer[name].to_json()
+def test_what_decides_a_result_decides_its_stage(quick):
+    longer = by_name(design(replace(QUICK, train={"steps": 70_000})))
+    name = "train-ours-nominal-seed-0"
+    assert quick[name].to_json() != longer[name].to_json()
 
 
-def test_smoke_runs_every_kind_of_stage():
-    kinds = {stage.rule for stage in plan(config(FULL))}
-    assert {stage.rule for stage in plan(config(SMOKE))} == kinds
+def test_smoke_runs_every_kind_of_stage(quick):
+    kinds = {stage.rule for stage in quick.values()}
+    assert {stage.rule for stage in plan(design(SMOKE))} == kinds
+
+
+def test_full_has_the_sizes_that_were_fixed_before_it_ran():
+    assert (FULL.seeds, FULL.twins) == (10, 20)
+    names = by_name(design(FULL))
+    assert sum(name.startswith("train-") for name in names) >= 300
 
 
 def test_an_unknown_budget_lists_the_known_ones():

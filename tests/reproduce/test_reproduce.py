@@ -1,6 +1,8 @@
 """Everything in one command, as small as it runs, and what it says when it cannot."""
 
 import json
+import tomllib
+from dataclasses import replace
 from io import StringIO
 
 import pytest
@@ -10,17 +12,19 @@ from toy_results import finish
 from dovetail.cli import run
 from dovetail.commands.reproduce import describe_failures
 from dovetail.errors import ConfigError, MissingDependencyError, install_command
-from dovetail.learn.policy import Policy
+from dovetail.learn.policy import RUN_POLICY, Policy
 from dovetail.reproduce import run as runner
-from dovetail.reproduce.budget import Budget
-from dovetail.reproduce.folder import DONE, LOG, stage_folder
+from dovetail.reproduce.budget import SMOKE
+from dovetail.reproduce.design import Design
+from dovetail.reproduce.folder import DONE, LOG, RUN, stage_folder
+from dovetail.reproduce.plan import plan
 from dovetail.reproduce.run import ReproduceConfig, Reproduction, reproduce
-from dovetail.reproduce.workflow import RunSummary, summarise
+from dovetail.reproduce.workflow import RunSummary
 from extras import need
 
-TINY = Budget(
+TINY = replace(
+    SMOKE,
     name="tiny",
-    seeds=1,
     train={
         "steps": 40,  # fewer than learning_starts: nothing is compiled, nor learned
         "net": [8],
@@ -29,33 +33,30 @@ TINY = Budget(
         "max_steps": 20,
         "eval_episodes": 1,
     },
-    sequences=2,
+    fine_tune_steps=40,
+    scratch_steps=40,
     sequence_steps=4,
     evaluations=10,
-    tries=1,
-    shifts=(),
-    searches=(0.02,),
-    search_tries=1,
     search_steps=20,
-    pushes=(),
-    speeds=(0.02,),
 )
 
 
 def config(out, **changes):
-    """In MuJoCo: it is everywhere, and quicker to start."""
-    return ReproduceConfig(
-        out=out, twins=("medium",), plant="mujoco", parameters="paper", **changes
-    )
+    return ReproduceConfig(out=out, **changes)
 
 
 REAL = (
-    *("record-medium-fitted", "record-medium-held-out"),
-    *("fit-medium-paper", "report-fit-medium-paper"),
-    *("train-stack-0-seed-0", "transfer-stack-0-triangle-seed-0"),
-    *("train-on-twin-seed-0", "transfer-on-twin-square-seed-0"),
+    *("record-sampled-0-fitted", "record-sampled-0-held-out"),
+    *("fit-sampled-0-paper", "report-fit-sampled-0-paper"),
+    *("train-paper-nominal-seed-0", "try-paper-nominal-seed-0-on-sampled-0"),
+    *("train-paper-identified-paper-sampled-0", "train-paper-truth-sampled-0"),
+    *("arm-tune-seed-0", "arm-after-seed-0"),
 )
-"""Stages that run: each kind. The others are those of a sitting before."""
+"""Stages that are planned: each kind. The others are there as if they had run."""
+
+
+def plan_some(design):
+    return tuple(stage for stage in plan(design) if stage.name in REAL)
 
 
 @pytest.fixture(scope="module")
@@ -65,21 +66,24 @@ def finished(tmp_path_factory):
         need(module)
     out = StringIO()
     folder = tmp_path_factory.mktemp("reproduce") / "out"
-
-    def begin(root, stages, words, console):
-        for stage in stages:
-            if stage.name not in REAL:
-                finish(root, stage)
-        return summarise(root, stages)
-
+    twins = ("sampled-0",)
+    for stage in plan(Design(budget=TINY, twins=twins, engines=runner._engines())):
+        if stage.name not in REAL:
+            finish(folder, stage)
+    (folder / "stages").rename(folder.parent / "stages")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner, "run_stages", begin)
-        patch.setattr(runner, "write_reproduction", lambda *_: [])
-        reproduce(config(folder), Console(file=out), TINY)
-    for name in ("json", "dovetail"):  # nothing in the folder is executed
-        (folder / f"{name}.py").write_text("raise SystemExit('evil')\n")
-    result = reproduce(config(folder), Console(file=out, width=200), TINY)
-    return result, out.getvalue()
+        patch.setattr(runner, "plan", plan_some)
+        with pytest.MonkeyPatch.context() as first:  # the folder and no stage
+            first.setattr(runner, "run_stages", lambda *_: RunSummary())
+            first.setattr(runner, "write_reproduction", lambda *_: [])
+            folder.rmdir()
+            reproduce(config(folder), Console(file=out), TINY)
+        for made in (folder.parent / "stages").iterdir():
+            made.rename(folder / "stages" / made.name)
+        for name in ("json", "dovetail"):  # nothing in the folder is executed
+            (folder / f"{name}.py").write_text("raise SystemExit('evil')\n")
+        result = reproduce(config(folder), Console(file=out, width=200), TINY)
+        yield result, out.getvalue()
 
 
 @pytest.mark.timeout(1200)
@@ -92,12 +96,8 @@ def test_every_experiment_runs_and_is_in_the_report(finished):
     assert all(path.is_file() for path in result.files)
     results = json.loads((result.root / "results.json").read_text())
     assert not results["missing"]
-    assert len(results["transfer"]) == 7
-    assert all(entry["ours_on_a_twin"] for entry in results["transfer"])
-    assert all(entry["tries"] for entry in results["robustness"])
-    assert all(entry["stack_0"] for entry in results["with_and_without_identification"])
-    (fit,) = results["identification"]
-    assert fit["judged"]["errors_m"].keys() == {"fitting log", "held-out log"}
+    assert all(cell["tries"] for cell in results["cells"])
+    assert len(results["identification"]["paper"]) == 1
     assert "not run" not in (result.root / "report.html").read_text()
 
 
@@ -105,26 +105,29 @@ def test_every_experiment_runs_and_is_in_the_report(finished):
 def test_every_training_is_what_its_row_says(finished):
     result, _ = finished
 
-    def settings(variant):
-        folder = stage_folder(result.root, f"train-{variant}-seed-0") / "run"
-        policy = Policy.load(folder / "policy.safetensors")
+    def facts(stage):
+        policy = Policy.load(stage_folder(result.root, stage) / RUN / RUN_POLICY)
         return policy.metadata["provenance"]
 
-    stack_0, on_twin = settings("stack-0"), settings("on-twin")
-    assert stack_0["steps"] == 40
-    assert stack_0["config"]["model"]["mass_scale"]
-    assert stack_0["config"]["max_steps"] == 20
-    assert on_twin["config"]["arm"].startswith("fri://127.0.0.1:")
-    assert on_twin["config"]["fixed_goal"] is True
+    nominal = facts("train-paper-nominal-seed-0")
+    assert nominal["steps"] == 40
+    assert nominal["config"]["model"] is None
+    truth = facts("train-paper-truth-sampled-0")["config"]["model"]
+    twin = tomllib.loads((result.root / "twins/sampled-0.toml").read_text())
+    assert truth["mass_scale"] == twin["mass_scale"]
+    fitted = facts("train-paper-identified-paper-sampled-0")["config"]["model"]
+    assert fitted["mass_scale"] != twin["mass_scale"]
+    tuned = facts("arm-tune-seed-0")["config"]
+    assert tuned["arm"].startswith("fri://127.0.0.1:")
+    assert tuned["fixed_goal"] is True
 
 
 @pytest.mark.timeout(1200)
 def test_the_same_command_again_does_only_what_is_not_done(finished):
     result, _ = finished
-    times = {
-        path: path.stat().st_mtime_ns for path in result.root.glob(f"stages/*/{DONE}")
-    }
-    redone = stage_folder(result.root, "transfer-stack-0-square-seed-0") / DONE
+    done = [stage_folder(result.root, name) / DONE for name in REAL]
+    times = {path: path.stat().st_mtime_ns for path in done}
+    redone = stage_folder(result.root, "try-paper-nominal-seed-0-on-sampled-0") / DONE
     redone.unlink()
     out = StringIO()
     reproduce(config(result.root), Console(file=out, width=200), TINY)
@@ -134,9 +137,9 @@ def test_the_same_command_again_does_only_what_is_not_done(finished):
 
 
 @pytest.mark.timeout(1200)
-def test_a_killed_training_on_the_twin_goes_on_at_the_same_address(finished):
+def test_a_killed_training_on_the_arm_goes_on_at_the_same_address(finished):
     result, _ = finished
-    name = "train-on-twin-seed-0"
+    name = "arm-tune-seed-0"
     folder = stage_folder(result.root, name)
     (folder / DONE).unlink()
     (folder / "run" / "policy.safetensors").unlink()
@@ -162,8 +165,6 @@ def test_results_of_another_configuration_are_refused(finished, capsys):
     [
         ({"twins": ("softer",)}, "no twin 'softer'; shipped twins: easy, hard, medium"),
         ({"twins": ("hard", "hard")}, "twin 'hard' is given twice"),
-        ({"twins": ()}, "twins is empty"),
-        ({"parameters": "colour"}, "parameter 'colour' is unknown"),
         ({"workers": 0}, "workers is 0; needs at least 1"),
     ],
 )
@@ -185,19 +186,36 @@ def test_a_missing_extra_is_named_before_anything_is_written(tmp_path, monkeypat
     assert not (tmp_path / "out").exists()
 
 
-def test_without_pybullet_it_trains_in_mujoco(monkeypatch):
+def test_twins_of_ones_own_take_the_place_of_those_that_are_drawn(
+    tmp_path, monkeypatch
+):
+    need("snakemake")
+    seen = []
+    monkeypatch.setattr(runner, "plan", plan)
+    monkeypatch.setattr(
+        runner, "run_stages", lambda root, stages, *_: seen.extend(stages)
+    )
+    monkeypatch.setattr(runner, "write_reproduction", lambda *_: [])
+    out = tmp_path / "out"
+    reproduce(config(out, twins=("hard",)), Console(file=StringIO()), TINY)
+    twins = {path.stem for path in (out / "twins").iterdir()}
+    assert twins == {"hard", "hard-in-drake", "medium", "medium-in-drake"}
+    assert "train-ours-truth-hard" in {stage.name for stage in seen}
+
+
+def test_engines_that_are_not_installed_have_no_cells(monkeypatch):
     monkeypatch.setattr(runner.importlib.util, "find_spec", lambda name: None)
-    assert runner.default_plant() == "mujoco"
+    assert runner._engines() == ("mujoco",)
 
 
 def test_failures_are_named_with_their_log_and_the_way_on(tmp_path):
     tally = RunSummary(
-        failed={"train-stack-0-seed-0": "a bolt came off"},
-        left_out={"transfer-stack-0-square-seed-0": "train-stack-0-seed-0"},
+        failed={"train-ours-nominal-seed-0": "a bolt came off"},
+        left_out={"try-ours-nominal-seed-0-on-sampled-0": "train-ours-nominal-seed-0"},
     )
     text = describe_failures(Reproduction(tmp_path, tally, []))
     assert "1 stages failed" in text
-    assert "train-stack-0-seed-0: a bolt came off" in text
-    assert f"log: {tmp_path}/stages/train-stack-0-seed-0/log.txt" in text
-    assert "left out: transfer-stack-0-square-seed-0" in text
+    assert "train-ours-nominal-seed-0: a bolt came off" in text
+    assert f"log: {tmp_path}/stages/train-ours-nominal-seed-0/log.txt" in text
+    assert "left out: try-ours-nominal-seed-0-on-sampled-0" in text
     assert "the same command goes on where it stopped" in text

@@ -17,8 +17,9 @@ from dovetail.errors import ConfigError, DovetailError
 from dovetail.plants.twin import load_twin
 from dovetail.reproduce import workflow
 from dovetail.reproduce.budget import SMOKE
+from dovetail.reproduce.design import Design
 from dovetail.reproduce.folder import is_done, stage_folder, write_twins
-from dovetail.reproduce.plan import PlanConfig, plan
+from dovetail.reproduce.plan import SCRATCH, plan
 from dovetail.reproduce.workflow import last_lines, run_stages, summarise
 from extras import need
 
@@ -120,8 +121,8 @@ def test_nothing_in_the_folder_is_executed(tmp_path, snakefile):
 def test_a_port_of_the_cabinet_that_is_taken_is_named(tmp_path):
     need("snakemake")
     twins = {"medium": load_twin("medium")}
-    config = PlanConfig(budget=SMOKE, twins=tuple(twins), plant="mujoco")
-    stages = [s for s in plan(config) if s.rule == "train_on_twin"]
+    design = Design(budget=SMOKE, twins=tuple(twins))
+    stages = [s for s in plan(design) if s.name == SCRATCH]
     write_twins(tmp_path, twins)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]

@@ -90,7 +90,6 @@ def evaluate(folder, stage, successes):
     poses = 1 if "fixture" in stage.options else 3
     labels = "ABC" if poses == 3 else ["given"]
     content = {
-        "ground": f"twin {stage.options['twin'].stem} (mujoco)",
         "rows": [{"label": label} for label in [*labels, "all"]],
         "tries": tries(successes, poses),
     }

@@ -197,7 +197,8 @@ def amount(effect: Effect, measure: MeasureName) -> str:
     scale = SCALES[measure]
 
     def number(value: float) -> str:
-        return f"{scale.factor * value:+,.{scale.decimals}f}"
+        rounded = round(scale.factor * value, scale.decimals) + 0.0  # no minus zero
+        return f"{rounded:+,.{scale.decimals}f}"
 
     if math.isnan(effect.value):
         return "nothing yet"

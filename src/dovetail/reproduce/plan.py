@@ -14,6 +14,7 @@ from dovetail.identify.fit_folder import MODEL
 from dovetail.learn.config import NOT_COMPARED, TrainConfig
 from dovetail.learn.policy import RUN_POLICY
 from dovetail.options import option_words
+from dovetail.plants.plant import Engine
 from dovetail.reproduce.budget import Budget
 from dovetail.reproduce.design import LAWS, MODELS, Design, Training, Trial
 from dovetail.reproduce.folder import FIT, RECORDING, RUN, TRAIN, stage_path, twin_path
@@ -24,7 +25,7 @@ _STEP = 1.0 / 550.0
 """About how long a training step takes on a core [s], and its share of an episode."""
 _START = 10.0
 """About how long a process takes to start to train [s]."""
-_TRY = {"mujoco": 0.1, "bullet": 0.3, "drake": 3.3}
+_TRY: dict[Engine, float] = {"mujoco": 0.1, "bullet": 0.3, "drake": 3.3}
 """About how long a try takes [s]."""
 _REPLAY = 0.06
 """About how long the simulation of a log takes [s]."""
@@ -260,7 +261,7 @@ def _evaluation(
     policy_of: str,
     twin: str,
     tries: int,
-    engine: str = "mujoco",
+    engine: Engine = "mujoco",
     **options: Any,
 ) -> Stage:
     given = {

@@ -220,7 +220,7 @@ def _cell(
         model=model,
         trained_in=trained_in,
         tried_in=tried_in,
-        measures={k: Measured(v, is_of_twin) for k, v in values.items()},
+        measures={name: Measured(values[name], is_of_twin) for name in names},
         violations=violations,
         stopped=stopped,
         tries=tries,

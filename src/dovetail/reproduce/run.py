@@ -113,8 +113,9 @@ def reproduce(
 def _engines() -> tuple[Engine, ...]:
     """Return the engines that are installed; the cells of others are left out."""
     modules: dict[Engine, str] = {"bullet": "pybullet", "drake": "pydrake"}
-    found = [e for e, module in modules.items() if importlib.util.find_spec(module)]
-    return ("mujoco", *found)
+    found: list[Engine] = ["mujoco"]
+    found += [e for e, module in modules.items() if importlib.util.find_spec(module)]
+    return tuple(found)
 
 
 def _where(config: ReproduceConfig) -> list[str]:
