@@ -8,6 +8,7 @@ Reference:
     Owen 2007, The pigeonhole bootstrap, Ann. Appl. Stat. 1(2), 386-411.
 """
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -35,7 +36,7 @@ class Measured(NamedTuple):
     def mean(self) -> float:
         """Mean over policies and twins; nan without any."""
         known = self.values[~np.isnan(self.values)]
-        return float(known.mean()) if known.size else float("nan")
+        return float(known.mean()) if known.size else math.nan
 
 
 class Effect(NamedTuple):
@@ -69,12 +70,12 @@ def contrast(terms: Sequence[tuple[float, Measured]]) -> Effect:
         values = measured.values[:, known]
         values = values[~np.isnan(values).any(axis=1)]
         if not count or not len(values):
-            return Effect(*[float("nan")] * 3, count)
+            return Effect(math.nan, math.nan, math.nan, count)
         kept.append((weight, values))
         crossed += [] if measured.is_of_twin else [len(values)]
     value = sum(weight * float(values.mean()) for weight, values in kept)
     if min([count, *crossed]) < FEWEST:
-        return Effect(value, float("nan"), float("nan"), count)
+        return Effect(value, math.nan, math.nan, count)
     random = np.random.default_rng(_SEED)
     drawn = random.multinomial(count, [1.0 / count] * count, DRAWS) / count
     sums = np.zeros(DRAWS)

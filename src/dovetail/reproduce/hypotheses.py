@@ -62,93 +62,87 @@ class Hypothesis:
     """Author of the claim."""
 
 
-def _between(
-    question: str,
-    measure: MeasureName,
-    law: str,
-    first: str,
-    second: str,
-    claim: Literal["more", "less", "no worse"],
-    by: Literal["paper", "ours"] = "paper",
-) -> Hypothesis:
-    terms = ((1.0, CellName(law, first)), (-1.0, CellName(law, second)))
-    return Hypothesis(
-        question=question,
-        measure=measure,
-        terms=terms,
-        difference=f"{MODELS[first].label} minus {MODELS[second].label}",
-        law=LAWS[law].label,
-        claim=claim,
-        by=by,
-    )
+class Question(NamedTuple):
+    """A claim about two models, asked of each law."""
 
+    text: str
+    measure: MeasureName
+    first: str
+    second: str
+    claim: Literal["more", "less", "no worse"]
+    by: Literal["paper", "ours"]
 
-def _all() -> tuple[Hypothesis, ...]:
-    found: list[Hypothesis] = []
-    for law in LAWS:
-        found += [
-            _between(
-                "Does identification improve transfer?",
-                *("success", law, "identified", "nominal", "more"),
+    def with_law(self, law: str) -> Hypothesis:
+        """Return the claim about the policies of one law."""
+        first, second = MODELS[self.first].label, MODELS[self.second].label
+        return Hypothesis(
+            question=self.text,
+            measure=self.measure,
+            terms=(
+                (1.0, CellName(law, self.first)),
+                (-1.0, CellName(law, self.second)),
             ),
-            _between(
-                "Do the paper's five parameters alone?",
-                *("success", law, "identified-paper", "nominal", "more"),
-            ),
-            _between(
-                "Is identification at least as good as randomisation?",
-                *("success", law, "identified", "randomised", "no worse"),
-            ),
-            _between(
-                "Does it learn faster than with randomisation?",
-                *("steps", law, "identified", "randomised", "less"),
-            ),
-            _between(
-                "Does it end better than with randomisation?",
-                *("own", law, "identified", "randomised", "more"),
-            ),
-            _between(
-                "Is it quicker on the twins than with randomisation?",
-                *("time", law, "identified", "randomised", "less", "ours"),
-            ),
-            _between(
-                "Does it press less than with randomisation?",
-                *("force", law, "identified", "randomised", "less", "ours"),
-            ),
-            _between(
-                "Does randomisation about the identified model add anything?",
-                *("success", law, "identified-randomised", "identified"),
-                *("more", "ours"),
-            ),
-            _between(
-                "Is the identified model as good as the truth?",
-                *("success", law, "identified", "truth", "no worse", "ours"),
-            ),
-        ]
-    pairs = [("ours", 1.0), ("tared", -1.0)]
-    gains = tuple(
-        term
-        for law, sign in pairs
-        for term in (
-            (sign, CellName(law, "identified")),
-            (-sign, CellName(law, "nominal")),
+            difference=f"{first} minus {second}",
+            law=LAWS[law].label,
+            claim=self.claim,
+            by=self.by,
         )
-    )
-    found.append(
-        Hypothesis(
-            question="Does identification matter less with a tare?",
-            measure="success",
-            terms=gains,
-            difference="that of the first question: without a tare minus with one",
-            law=LAWS["ours"].label,
-            claim="more",
-            by="ours",
-        )
-    )
-    return tuple(found)
 
 
-HYPOTHESES = _all()
+_PAIR = ("identified", "randomised")
+QUESTIONS = (
+    Question(
+        "Does identification improve transfer?",
+        *("success", "identified", "nominal", "more", "paper"),
+    ),
+    Question(
+        "Do the paper's five parameters alone?",
+        *("success", "identified-paper", "nominal", "more", "paper"),
+    ),
+    Question(
+        "Is identification at least as good as randomisation?",
+        *("success", *_PAIR, "no worse", "paper"),
+    ),
+    Question(
+        "Does it learn faster than with randomisation?",
+        *("steps", *_PAIR, "less", "paper"),
+    ),
+    Question(
+        "Does it end better than with randomisation?",
+        *("own", *_PAIR, "more", "paper"),
+    ),
+    Question(
+        "Is it quicker on the twins than with randomisation?",
+        *("time", *_PAIR, "less", "ours"),
+    ),
+    Question(
+        "Does it press less than with randomisation?",
+        *("force", *_PAIR, "less", "ours"),
+    ),
+    Question(
+        "Does randomisation about the identified model add anything?",
+        *("success", "identified-randomised", "identified", "more", "ours"),
+    ),
+    Question(
+        "Is the identified model as good as the truth?",
+        *("success", "identified", "truth", "no worse", "ours"),
+    ),
+)
+TARE_HELPS = Hypothesis(
+    question="Does identification matter less with a tare?",
+    measure="success",
+    terms=(
+        (1.0, CellName("ours", "identified")),
+        (-1.0, CellName("ours", "nominal")),
+        (-1.0, CellName("tared", "identified")),
+        (1.0, CellName("tared", "nominal")),
+    ),
+    difference="that of the first question: without a tare minus with one",
+    law=LAWS["ours"].label,
+    claim="more",
+    by="ours",
+)
+HYPOTHESES = (*(q.with_law(law) for law in LAWS for q in QUESTIONS), TARE_HELPS)
 
 Verdict = Literal["yes", "no", "open"]
 

@@ -113,9 +113,8 @@ def reproduce(
 def _engines() -> tuple[Engine, ...]:
     """Return the engines that are installed; the cells of others are left out."""
     modules: dict[Engine, str] = {"bullet": "pybullet", "drake": "pydrake"}
-    found: list[Engine] = ["mujoco"]
-    found += [e for e, module in modules.items() if importlib.util.find_spec(module)]
-    return tuple(found)
+    find = importlib.util.find_spec
+    return ("mujoco", *(e for e in modules if find(modules[e]) is not None))
 
 
 def _where(config: ReproduceConfig) -> list[str]:
