@@ -1,10 +1,13 @@
 """The report of the experiments: HTML that needs nothing else, Markdown, JSON, PNG."""
 
 import dataclasses
+import hashlib
 import json
 import shlex
+import textwrap
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,8 @@ from dovetail.reproduce.workflow import RunSummary
 from dovetail.zoomable import NOTE
 
 RESULTS, REPORT, WORDS = "results.json", "report.html", "results.md"
+STAMP = "results"
+"""Text in a figure: the digest of results.json."""
 FIGURES = {
     "transfer.png": "Success on the twins",
     "training.png": "Training",
@@ -67,24 +72,27 @@ def write_reproduction(
         LogError: The disk is full or the folder is not writable.
     """
     gathered = gather(root, design)
+    said, shown = sentences(gathered.answers), all_tables(gathered)
+    where = _where(design)
+    content = {
+        "settings": dataclasses.asdict(design),
+        "missing": {**tally.failed, **tally.left_out},
+        "sentences": said,
+        **to_json(gathered),
+        "provenance": where,
+    }
+    lines = json.dumps(finite(content), indent=1, allow_nan=False) + "\n"
     drawn = {
         "transfer.png": draw_transfer(gathered.cells),
         "training.png": draw_training(gathered.curves),
         "learners.png": draw_learners(gathered.learners),
         "robustness.png": draw_robustness(gathered.robustness),
     }
-    files = [write_atomic(root / name, png) for name, png in drawn.items()]
-    where = _where(design)
-    content = {
-        "settings": dataclasses.asdict(design),
-        "missing": {**tally.failed, **tally.left_out},
-        **to_json(gathered),
-        "provenance": where,
-    }
-    lines = json.dumps(finite(content), indent=1, allow_nan=False) + "\n"
+    files = [
+        write_atomic(root / name, stamped(png, lines)) for name, png in drawn.items()
+    ]
     files.append(write_atomic(root / RESULTS, lines))
-    shown = all_tables(gathered)
-    files.append(write_atomic(root / WORDS, in_words(gathered, shown)))
+    files.append(write_atomic(root / WORDS, in_words(said, shown)))
     title = (
         f"The paper's experiments on {len(design.twins)} twins: {design.budget.name}"
     )
@@ -92,7 +100,7 @@ def write_reproduction(
         f"<h1>{text(title)}</h1>",
         *_lead(design, tally, len(stages)),
         _heading("What follows"),
-        *(f"<p>{text(line)}</p>" for line in sentences(gathered.answers)),
+        *(f"<p>{text(line)}</p>" for line in said),
         *(part for one in shown for part in _html(one)),
         *(figure(FIGURES[name], png) for name, png in drawn.items()),
         _note(
@@ -130,11 +138,35 @@ def sentences(answers: Sequence[Answer]) -> list[str]:
     return [f"{what} {'; '.join(each)}." for what, each in found.items()]
 
 
-def in_words(gathered: Gathered, shown: Sequence[Tabular]) -> str:
-    """Return sentences and tables as Markdown."""
-    lines = "\n".join(f"* {line}" for line in sentences(gathered.answers))
+def in_words(said: Sequence[str], shown: Sequence[Tabular]) -> str:
+    """Return sentences and tables as Markdown.
+
+    Args:
+        said: What `sentences` returned.
+        shown: What `all_tables` returned.
+    """
+    lines = "\n".join(
+        textwrap.fill(f"* {line}", 100, subsequent_indent="  ") for line in said
+    )
     parts = ["### What follows", lines, *(one.markdown() for one in shown)]
     return "\n\n".join(parts) + "\n"
+
+
+def stamped(png: bytes, results: str) -> bytes:
+    """Return a figure that carries the digest of the numbers that it shows.
+
+    Args:
+        png: The figure.
+        results: Content of results.json.
+    """
+    from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
+
+    info, buffer = PngInfo(), BytesIO()
+    info.add_text(STAMP, hashlib.sha256(results.encode()).hexdigest())
+    with Image.open(BytesIO(png)) as image:
+        image.save(buffer, "PNG", pnginfo=info)
+    return buffer.getvalue()
 
 
 def command_line(design: Design) -> str:

@@ -1,6 +1,7 @@
 """The tables of the report: our numbers, and the paper's beside them."""
 
 import math
+import textwrap
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from dovetail.evaluation.transfer import Row
 from dovetail.reproduce.design import ENGINES, LAWS, MODELS
-from dovetail.reproduce.hypotheses import SCALES, Answer
+from dovetail.reproduce.hypotheses import Answer, amount
 from dovetail.reproduce.paper import ROBUSTNESS
 from dovetail.reproduce.results import Cell, Gathered, Learned, Tries
 from dovetail.reproduce.workflow import format_time
@@ -35,9 +36,8 @@ class Tabular(NamedTuple):
         """Return it as Markdown."""
         lines = [self.heads, ["---"] * len(self.heads), *self.rows]
         table = "\n".join(f"| {' | '.join(map(str, line))} |" for line in lines)
-        return "\n\n".join(
-            [f"### {self.title}", table, *([self.note] * bool(self.note))]
-        )
+        note = textwrap.fill(self.note, 100)
+        return "\n\n".join(filter(None, (f"### {self.title}", table, note)))
 
 
 def rate(row: Row) -> str:
@@ -47,17 +47,22 @@ def rate(row: Row) -> str:
 
 
 def answer_table(answers: Sequence[Answer]) -> Tabular:
-    """Return what the data say of each question, a column for each law."""
-    laws = [law.label for law in LAWS.values()]
-    rows: dict[tuple[str, ...], dict[str, str]] = {}
-    for found in answers:
-        h = found.hypothesis
-        key = (h.question, h.by, f"{SCALES[h.measure].words}: {h.difference}")
-        rows.setdefault(key, {})[h.law] = found.words
-    lines = [
-        [*key, *(cells.get(law, "") for law in laws)] for key, cells in rows.items()
+    """Return the difference behind each question and the answer, law by law."""
+    asked = dict.fromkeys(found.hypothesis.question for found in answers)
+    rows = [
+        [
+            question,
+            found.hypothesis.by,
+            found.hypothesis.law,
+            amount(found.effect, found.hypothesis.measure),
+            found.verdict,
+        ]
+        for question in asked
+        for found in answers
+        if found.hypothesis.question == question
     ]
-    return Tabular("Answers", ("question", "claim of", "measure", *laws), lines)
+    heads = ("question", "claim of", "law", "difference (95 %)", "answer")
+    return Tabular("Answers", heads, rows)
 
 
 def cell_table(gathered: Gathered, law: str) -> Tabular:
@@ -66,8 +71,8 @@ def cell_table(gathered: Gathered, law: str) -> Tabular:
         _cell_row(cell) for cell in gathered.cells if cell.law == law and cell.tries
     ]
     heads = (
-        *("trained in", "engines", "inserted", "twins, worst to best"),
-        *("twins from 5 to 95 %", "time [s]", "peak force [N]"),
+        *("trained in", "engines", "inserted", "worst to best twin"),
+        *("5 to 95 %", "time [s]", "peak force [N]"),
         *("own simulation", "steps to 90 %", "limits broken", "stopped"),
     )
     if law == "tared" and gathered.script is not None:
