@@ -254,7 +254,7 @@ def test_why_the_arm_ended_a_try_is_said_and_kept(config, monkeypatch, tmp_path)
     text = StringIO()
     found = evaluate(asked, Console(file=text, width=200))
     said = text.getvalue()
-    assert "the arm ended 3 tries itself: motion_ended (3)" in said
+    assert "3 tries ended before their time: motion_ended (3)" in said
     assert "the first: the cable is out" in said
     report = json.loads((found.folder / "report.json").read_text())
     assert {row["stopped_text"] for row in report["tries"]} == {"the cable is out"}

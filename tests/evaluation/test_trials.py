@@ -10,11 +10,13 @@ import pytest
 from dovetail.arms.arm import ArmState, ToolState
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.contact_env import ContactEnv
+from dovetail.envs.free_start import Overlap, OverlapError
 from dovetail.envs.observation import GROUPS, USUAL_GROUPS
 from dovetail.episode import Episode
-from dovetail.errors import ArmError, ConfigError
+from dovetail.errors import ArmError, ConfigError, ReachError
 from dovetail.evaluation import trials
 from dovetail.evaluation.job import TrialJob
+from dovetail.evaluation.transfer import summarise
 from dovetail.evaluation.trials import plan_trials, run_trials
 from dovetail.plants.plant import COLUMN, CYCLE_COLUMNS
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -206,6 +208,29 @@ def test_what_ends_before_it_begins_is_a_missed_try_and_the_next_one_begins(
     assert first.stop.text == "the rounds disagree"
     assert first.course.violations == 7  # no limit is exceeded unseen
     assert second.success
+
+
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (ReachError("too far", 0.0017, 0.0), "reach"),
+        (OverlapError(Overlap(0.004, "peg", "block"), "go up"), "overlap"),
+    ],
+)
+def test_a_start_that_cannot_be_is_a_missed_try_and_the_next_one_begins(error, reason):
+    class Beside(FallingEnv):
+        def reset(self, **options):
+            self.resets = getattr(self, "resets", 0) + 1
+            if self.resets == 1:
+                raise error
+            return super().reset(**options)
+
+    first, second = run(plan_trials(1, 2, 0), Beside)
+    assert (first.stop.reason, first.success, first.course.steps) == (reason, False, 0)
+    assert first.stop.text == str(error)
+    assert second.success
+    row = summarise([first, second], ["A"])[-1]
+    assert row.force.peak == second.force.peak  # forces are of tries that began
 
 
 def test_a_film_that_fails_is_noted_and_the_tries_go_on(tmp_path, monkeypatch):

@@ -124,7 +124,7 @@ def test_the_answers_follow_from_the_cells(page, written):
     assert papers == ["the paper's law", value, "yes"]
     assert ours == ["our law", value, "yes"]
     assert tared == ["our law with a tare", none, "open"]
-    assert f"with our law yes, {value}" in page
+    assert f"With our law: yes, {value}." in page
     less = row(page, "Does identification matter less with a tare?")
     assert less[2:] == [value, "yes"]
     verdicts = [one["verdict"] for one in written[1]["answers"]]

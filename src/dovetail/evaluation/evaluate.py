@@ -171,7 +171,7 @@ def _print(report: Report, said: str, console: Console) -> None:
     stops = [o.stop for o in report.outcomes if o.stop.reason]
     if stopped := Counter(stop.reason for stop in stops):
         reasons = ", ".join(f"{reason} ({n})" for reason, n in stopped.most_common())
-        console.print(f"the arm ended {stopped.total()} tries itself: {reasons}")
+        console.print(f"{stopped.total()} tries ended before their time: {reasons}")
         console.print(f"  the first: {stops[0].text}", soft_wrap=True)
 
 
@@ -185,12 +185,11 @@ def _inspect(
             Renderer(require_contact_env(env).cell).close()
         can_place = require_contact_env(env).places_fixture
         require_place(config, can_place=can_place)
-        pose = fixture_poses(config, policy.metadata)[0].pose()
         if config.search != "none":
             CornerScript().take(require_contact_env(env))
             return env
-        observation, _ = env.reset(seed=config.seed, options={"fixture": pose})
-        policy.require_size(observation, env.action_space.shape or ())
+        seen = np.zeros(env.observation_space.shape or ())
+        policy.require_size(seen, env.action_space.shape or ())
         require_spaces(policy.metadata, env)
     except BaseException:
         env.close()

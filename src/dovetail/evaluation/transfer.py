@@ -133,9 +133,10 @@ def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
     if not outcomes:
         raise ConfigError(f"fixture pose {label} has no try to summarise")
     steps = np.array([o.course.steps for o in outcomes if o.success], dtype=float)
-    peaks = np.array([o.force.peak for o in outcomes])
-    in_contact = np.array([o.force.cycles for o in outcomes])
-    means = np.array([o.force.mean for o in outcomes])
+    forces = [o.force for o in outcomes if o.course.steps] or [outcomes[0].force]
+    peaks = np.array([force.peak for force in forces])
+    in_contact = np.array([force.cycles for force in forces])
+    means = np.array([force.mean for force in forces])
     successes = sum(o.success for o in outcomes)
     return Row(
         label=label,
@@ -150,7 +151,7 @@ def _row(label: str, outcomes: Sequence[Outcome]) -> Row:
             mean=_weighted_mean(means, in_contact),
             peak_p95=float(np.percentile(peaks, 95)),
             peak=float(peaks.max()),
-            step_p95=float(np.percentile([o.force.step for o in outcomes], 95)),
+            step_p95=float(np.percentile([force.step for force in forces], 95)),
         ),
         violations=sum(o.course.violations for o in outcomes),
     )

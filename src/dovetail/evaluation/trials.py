@@ -14,6 +14,7 @@ import gymnasium as gym
 import numpy as np
 
 from dovetail.arms.arm import ArmState
+from dovetail.envs.free_start import OverlapError
 from dovetail.envs.log_facts import (
     SUCCESS,
     describe_cell,
@@ -22,7 +23,7 @@ from dovetail.envs.log_facts import (
 )
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
-from dovetail.errors import ArmError, UnprovenWarning
+from dovetail.errors import ArmError, ReachError, UnprovenWarning
 from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.outcome import (
     ArmStop,
@@ -117,15 +118,8 @@ class TrialRunner:
             observation, info = self._env.reset(
                 seed=job.seed, options={"fixture": fixture}
             )
-        except ArmError as error:
-            if error.reason not in _BEFORE:
-                raise
-            violations = 0
-            if isinstance(error.state, ArmState):
-                violations = self._core.violations.count(error.state.log)
-            nothing = {"success": False, "depth": math.nan}
-            outcome = _outcome(job, [], fixture, 0, violations, nothing)
-            return replace(outcome, stop=ArmStop(reason=error.reason, text=str(error)))
+        except (ArmError, ReachError, OverlapError) as error:
+            return self._not_begun(job, fixture, error)
         self._policy.reset()
         perturbation = info.get("perturbation", {})
         tare = np.round(info.get("tare", np.zeros(6)), 3).tolist()
@@ -165,6 +159,26 @@ class TrialRunner:
             files=TryFiles(log=log, film_error=film_error),
         )
         return replace(outcome, success=False) if stopped else outcome
+
+    def _not_begun(
+        self,
+        job: TrialJob,
+        fixture: Pose,
+        error: ArmError | ReachError | OverlapError,
+    ) -> Outcome:
+        """Return a missed try whose start cannot be; raise what ends all tries."""
+        violations, reason = 0, "reach"
+        if isinstance(error, OverlapError):
+            reason = "overlap"
+        elif isinstance(error, ArmError):
+            reason = error.reason
+            if reason not in _BEFORE:
+                raise error
+            if isinstance(error.state, ArmState):
+                violations = self._core.violations.count(error.state.log)
+        nothing = {"success": False, "depth": math.nan}
+        outcome = _outcome(job, [], fixture, 0, violations, nothing)
+        return replace(outcome, stop=ArmStop(reason=reason, text=str(error)))
 
     def _show(self, film: Film, job: TrialJob) -> str:
         """Write the film of the first try at a pose, if films are wanted.

@@ -5,7 +5,7 @@ import hashlib
 import json
 import shlex
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from io import BytesIO
 from pathlib import Path
@@ -100,7 +100,10 @@ def write_reproduction(
         f"<h1>{text(title)}</h1>",
         *_lead(design, tally, len(stages)),
         _heading("What follows"),
-        *(f"<p>{text(line)}</p>" for line in said),
+        *(
+            f"<p>{text(' '.join((question, *each)))}</p>"
+            for question, each in said.items()
+        ),
         *(part for one in shown for part in _html(one)),
         *(figure(FIGURES[name], png) for name, png in drawn.items()),
         _note(
@@ -128,27 +131,32 @@ def all_tables(gathered: Gathered) -> list[Tabular]:
     ]
 
 
-def sentences(answers: Sequence[Answer]) -> list[str]:
-    """Return a sentence for each question: yes, no or open with each law."""
+def sentences(answers: Sequence[Answer]) -> dict[str, list[str]]:
+    """Return what follows for each question: yes, no or open with each law."""
     found: dict[str, list[str]] = {}
     for one in answers:
         h = one.hypothesis
-        what = f"{h.question} ({SCALES[h.measure].words}, {h.difference})"
-        found.setdefault(what, []).append(f"with {h.law} {one.words}")
-    return [f"{what} {'; '.join(each)}." for what, each in found.items()]
+        what = f"{h.question} {_capital(SCALES[h.measure].words)}: {h.difference}."
+        found.setdefault(what, []).append(f"{_capital(f'with {h.law}')}: {one.words}.")
+    return found
 
 
-def in_words(said: Sequence[str], shown: Sequence[Tabular]) -> str:
+def _capital(words: str) -> str:
+    return words[0].upper() + words[1:]
+
+
+def in_words(said: Mapping[str, Sequence[str]], shown: Sequence[Tabular]) -> str:
     """Return sentences and tables as Markdown.
 
     Args:
         said: What `sentences` returned.
         shown: What `all_tables` returned.
     """
-    lines = "\n".join(
-        textwrap.fill(f"* {line}", 100, subsequent_indent="  ") for line in said
-    )
-    parts = ["### What follows", lines, *(one.markdown() for one in shown)]
+    lines = []
+    for question, each in said.items():
+        lines.append(textwrap.fill(f"* {question}", 100, subsequent_indent="  "))
+        lines += [f"    * {sentence}" for sentence in each]
+    parts = ["### What follows", "\n".join(lines), *(one.markdown() for one in shown)]
     return "\n\n".join(parts) + "\n"
 
 

@@ -211,7 +211,8 @@ def _cell(
             values["time"][at] = np.mean(
                 [o.course.steps if o.success else limit for o in outcomes]
             )
-            values["force"][at] = np.mean([o.force.peak for o in outcomes])
+            begun = [o.force.peak for o in outcomes if o.course.steps]
+            values["force"][at] = np.mean(begun) if begun else math.nan
             violations += sum(o.course.violations for o in outcomes)
             stopped += sum(bool(o.stop.reason) for o in outcomes)
             tries += len(outcomes)
