@@ -1,4 +1,4 @@
-"""The page of the experiments shows the numbers that lie beside it, and no older ones."""
+"""The page of the experiments shows the numbers beside it, and no older ones."""
 
 import importlib.util
 import shutil
