@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -25,10 +26,11 @@ from dovetail.identify.fit_folder import MODEL, SUMMARY, FitFolder
 from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.population import (
     Population,
-    evaluate_population,
     make_population,
 )
+from dovetail.identify.prior import Prior
 from dovetail.identify.recording import Recording
+from dovetail.identify.replay import rms_of
 from dovetail.identify.search import Search, space_of
 from dovetail.identify.warm_start import (
     NO_EFFECT,
@@ -160,8 +162,9 @@ def _fit(config: FitConfig, console: Console) -> FitResult:
     population = make_population(recording, config.plant, workers, config.cluster)
     begin = time.monotonic()
     with closing(population):
-        warm_start = _begin(folder, settings, parameters, population, config)
-        search = _Fit(config, parameters, warm_start, folder, population)
+        prior = Prior(parameters, recording)
+        warm_start = _begin(folder, settings, prior, population, config)
+        search = _Fit(config, prior, warm_start, folder, population)
         search.repeat()
         earlier = folder.generations[-1]["time"] if folder.generations else 0.0
         search.run(budget, begin - earlier, console)
@@ -196,7 +199,8 @@ def _settings(
         "period": recording.period,
         "plant": config.plant,
         "parameters": [
-            [p.name, p.unit, p.low, p.high, p.start] for p in parameters.parameters
+            [p.name, p.unit, p.low, p.high, p.start, p.spread]
+            for p in parameters.parameters
         ],
         "seed": config.seed,
         "warm_start": config.warm_start,
@@ -206,7 +210,7 @@ def _settings(
 def _begin(
     folder: FitFolder,
     settings: dict[str, Any],
-    parameters: ParameterSet,
+    prior: Prior,
     population: Population,
     config: FitConfig,
 ) -> WarmStart:
@@ -214,7 +218,7 @@ def _begin(
     if folder.summary is not None:
         return WarmStart.from_dict(folder.summary["warm_start"])
     plant, warm = config.plant, config.warm_start
-    warm_start = measure_warm_start(parameters, population, plant, warm=warm)
+    warm_start = measure_warm_start(prior, population, plant, warm=warm)
     folder.write_summary(
         {"state": "running", "settings": settings, "warm_start": warm_start.to_dict()}
     )
@@ -228,17 +232,18 @@ class _Fit:
     def __init__(
         self,
         config: FitConfig,
-        parameters: ParameterSet,
+        prior: Prior,
         warm_start: WarmStart,
         folder: FitFolder,
         population: Population,
     ) -> None:
         self._config = config
-        self._parameters = parameters
+        self._prior = prior
+        self._parameters = prior.parameters
         self._active = list(warm_start.active)
         self._folder = folder
         self._population = population
-        space = space_of(parameters, warm_start.active)
+        space = space_of(prior.parameters, warm_start.active)
         self.search = Search(
             space, warm_start.mean, warm_start.covariance, warm_start.start, config.seed
         )
@@ -249,10 +254,16 @@ class _Fit:
         whole[self._active] = vector
         return whole
 
-    def _values(self, vectors: list[Array]) -> list[float]:
+    def _errors(self, vectors: list[Array]) -> list[float]:
+        """Return the RMS error of each vector of the active parameters [m]."""
         engine = self._config.plant
         models = [self._parameters.to_model(self._whole(v), engine) for v in vectors]
-        return evaluate_population(models, self._population)
+        return [rms_of(error) for error in self._population.errors(models)]
+
+    def _values(self, vectors: list[Array]) -> list[float]:
+        """Return what is minimised: error [m] times the factor of the prior."""
+        factors = [self._prior.factor(self._whole(v)) for v in vectors]
+        return (np.array(self._errors(vectors)) * factors).tolist()
 
     def repeat(self) -> None:
         """Repeat the folder's generations to the search."""
@@ -299,12 +310,14 @@ class _Fit:
         The middle of the last generation is a candidate too.
         """
         search = self.search
-        candidates = [
-            (search.best, search.best_vector),
-            (self._values([search.mean])[0], search.mean),
+        vectors = [search.best_vector, search.mean]
+        errors = self._errors(vectors)
+        values = [
+            error * self._prior.factor(self._whole(vector))
+            for error, vector in zip(errors, vectors, strict=True)
         ]
-        error, vector = min(candidates, key=lambda pair: pair[0])
-        return self._whole(vector), error
+        best = int(np.argmin(values))
+        return self._whole(vectors[best]), errors[best]
 
 
 def _warnings(
@@ -368,6 +381,7 @@ def _write(
             "low": p.low,
             "high": p.high,
             "start": p.start,
+            "spread": p.spread,
             "value": float(value),
             "sensitivity_mm": 1e3 * size,
             "has_effect": i in warm_start.active,

@@ -70,7 +70,7 @@ class Fitted:
     def _from(cls, folder: Path, summary: dict[str, Any]) -> Self:
         recording = _load_recording(folder, summary)
         rows, result = summary["parameters"], summary["result"]
-        names = ("name", "unit", "low", "high", "start")
+        names = ("name", "unit", "low", "high", "start", "spread")
         best = np.asarray(summary["history_mm"], dtype=float) / 1e3
         sizes = _generation_sizes(folder)
         done = int(result["evaluations"]) - sum(sizes) + np.cumsum(sizes)

@@ -29,6 +29,8 @@ class Parameter:
     """Bounds of the search."""
     start: float
     """Value at which the search begins: the nominal model's."""
+    spread: float
+    """Standard deviation of an arm's value about `start`, before any log."""
 
 
 DELAY_RANGE = (0.0, 0.1)
@@ -38,22 +40,22 @@ _JOINTS = range(1, 8)
 
 
 def _scalar_and_joints(
-    name: str, unit: str, low: float, high: float, start: float
+    name: str, unit: str, low: float, high: float, start: float, spread: float
 ) -> list[Parameter]:
     """Return one parameter for all joints, and one for each."""
     names = [name, *(f"{name}_{i}" for i in _JOINTS)]
-    return [Parameter(n, unit, low, high, start) for n in names]
+    return [Parameter(n, unit, low, high, start, spread) for n in names]
 
 
 KNOWN: dict[str, Parameter] = {
     p.name: p
     for p in (
-        *(Parameter(f"gravity_{axis}", "m/s2", -2.0, 2.0, 0.0) for axis in "xyz"),
-        *_scalar_and_joints("mass_scale", "1", 0.6, 1.6, 1.0),
-        *_scalar_and_joints("damping", "Nms/rad", 0.0, 4.0, 0.5),
-        *_scalar_and_joints("coulomb", "Nm", 0.0, 4.0, 0.0),
-        *_scalar_and_joints("armature", "kg m2", 0.005, 0.6, 0.1),
-        Parameter("command_delay", "s", 0.0, 0.03, 0.0),
+        *(Parameter(f"gravity_{axis}", "m/s2", -2.0, 2.0, 0.0, 0.5) for axis in "xyz"),
+        *_scalar_and_joints("mass_scale", "1", 0.6, 1.6, 1.0, 0.2),
+        *_scalar_and_joints("damping", "Nms/rad", 0.0, 4.0, 0.5, 0.5),
+        *_scalar_and_joints("coulomb", "Nm", 0.0, 4.0, 0.0, 1.0),
+        *_scalar_and_joints("armature", "kg m2", 0.005, 0.6, 0.1, 0.1),
+        Parameter("command_delay", "s", 0.0, 0.03, 0.0, 0.01),
     )
 }
 """Every parameter by name. `gravity_*` is the true gravity minus the compensated one,
@@ -177,6 +179,11 @@ class ParameterSet:
         """Values at which the search begins, shape (number of parameters,)."""
         return np.array([p.start for p in self.parameters])
 
+    @property
+    def spread(self) -> Array:
+        """Standard deviations about the start, shape (number of parameters,)."""
+        return np.array([p.spread for p in self.parameters])
+
     def to_model(self, vector: Array, engine: str = "mujoco") -> Twin:
         """Return the simulation with these values and without noise.
 
@@ -260,7 +267,8 @@ def _started(parameter: Parameter, motors: Motors) -> Parameter:
     low, high = parameter.low, parameter.high
     if (low, high) == (usual.low, usual.high):
         low, high = min(low, start), max(high, min(2.0 * start, _allowed(stem)[1]))
-    return replace(parameter, low=low, high=high, start=min(max(start, low), high))
+    start, spread = min(max(start, low), high), max(parameter.spread, 0.5 * start)
+    return replace(parameter, low=low, high=high, start=start, spread=spread)
 
 
 def _expand(name: str) -> list[str]:

@@ -19,14 +19,14 @@ from typing import Any, Self
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.identify.parameters import Parameter, ParameterSet
+from dovetail.identify.parameters import Parameter
 from dovetail.identify.population import Population
+from dovetail.identify.prior import Prior
 from dovetail.identify.replay import DIVERGED, rms_of
 from dovetail.identify.search import (
     EDGE,
     EXACT,
     PATIENCE,
-    PRIOR_WIDTH,
     Space,
     space_of,
 )
@@ -94,37 +94,38 @@ class WarmStart:
         )
 
 
-def covariance_of(sensitivity: Array, error: float) -> Array:
+def covariance_of(sensitivity: Array, error: float, spread: Array) -> Array:
     r"""Return the covariance of a generation about a point, in shares of each range.
 
     Directions that move the TCP much get small steps, those that hardly do get the
-    whole `PRIOR_WIDTH`: a generation changes the trajectories by about the error that
-    is there, in every direction.
+    whole spread of the prior: a generation changes the trajectories by about the error
+    that is there, in every direction.
 
-    .. math:: C = (J^T J / (N e^2) + I / \sigma^2)^{-1}
+    .. math:: C = (J^T J / (N e^2) + diag(1 / \sigma^2))^{-1}
 
     Args:
         sensitivity: J, change of the TCP at each cycle over the change of each
             parameter as a share of its range [m], shape (3 N, parameters).
         error: e, RMS of what the sensitivities do not explain [m].
+        spread: Of the prior, as shares of the ranges, shape (parameters,).
 
     Returns:
         Shape (parameters, parameters).
     """
     cycles = len(sensitivity) / 3
     information = sensitivity.T @ sensitivity / (cycles * max(error, EXACT) ** 2)
-    prior = np.eye(sensitivity.shape[1]) / PRIOR_WIDTH**2
+    prior = np.diag(1.0 / spread**2)
     covariance = np.linalg.inv(information + prior)
     return 0.5 * (covariance + covariance.T)
 
 
 def measure_warm_start(
-    parameters: ParameterSet, population: Population, engine: str, *, warm: bool
+    prior: Prior, population: Population, engine: str, *, warm: bool
 ) -> WarmStart:
     """Measure sensitivities, and with `warm` step towards the log.
 
     Args:
-        parameters: What may change.
+        prior: What may change, and how far an arm's values usually are from the start.
         population: Simulates the log.
         engine: Physics engine.
         warm: Begin at the least-squares answer; False begins at the parameters'
@@ -133,7 +134,8 @@ def measure_warm_start(
     Raises:
         ConfigError: The simulation diverges at the start, or nothing has an effect.
     """
-    errors = _Errors(parameters, population, engine)
+    parameters = prior.parameters
+    errors = _Errors(prior, population, engine)
     point = errors.space.to_shares(parameters.start)
     error, jacobian = _linearise(errors, point, STEP)
     sizes = STEP * np.sqrt((jacobian**2).sum(axis=0) / (len(jacobian) / 3))
@@ -145,13 +147,13 @@ def measure_warm_start(
             + "; ".join(describe_sensitivity(p, size) for p, size in pairs)
         )
     before = rms_of(errors.of_models([parameters.nominal(engine)])[0])
-    mean, spread = point[active], np.eye(len(active)) * PRIOR_WIDTH**2
+    mean, spread = point[active], np.diag(errors.spread[active] ** 2)
     if warm:
         point, error, jacobian = _approach(errors, point, error, jacobian, active)
         mean = point[active]
         # So that all directions together move the TCP by the error that is there.
         share = rms_of(error) / len(active) ** 0.5
-        spread = covariance_of(jacobian[:, active], share)
+        spread = covariance_of(jacobian[:, active], share, errors.spread[active])
     sensitivity = tuple(sizes.tolist())
     return WarmStart(
         before, rms_of(error), sensitivity, tuple(active), mean, spread, errors.count
@@ -167,13 +169,14 @@ def describe_sensitivity(p: Parameter, size: float) -> str:
 class _Errors:
     """Errors along the log for points in shares, counted."""
 
-    def __init__(
-        self, parameters: ParameterSet, population: Population, engine: str
-    ) -> None:
-        self._parameters = parameters
+    def __init__(self, prior: Prior, population: Population, engine: str) -> None:
+        self.prior = prior
+        self._parameters = prior.parameters
         self._population = population
         self._engine = engine
-        self.space: Space = space_of(parameters)
+        self.space: Space = space_of(self._parameters)
+        self.centre = self.space.to_shares(self._parameters.start)
+        self.spread = self._parameters.spread / (self.space.high - self.space.low)
         self.count = 0
 
     def of_models(self, models: list[Any]) -> list[Array | None]:
@@ -184,6 +187,10 @@ class _Errors:
         values = [self.space.to_values(p) for p in points]
         models = [self._parameters.to_model(v, self._engine) for v in values]
         return self.of_models(models)
+
+    def value(self, error: Array | None, point: Array) -> float:
+        """Return the median error, times the prior's factor at the point [m]."""
+        return _median(error) * self.prior.factor(self.space.to_values(point))
 
 
 def _linearise(errors: _Errors, point: Array, step: float) -> tuple[Array, Array]:
@@ -228,15 +235,18 @@ def _approach(
         The best point, its error and the last sensitivities.
     """
     for number in range(ROUNDS):
-        best, noise = _median(error), rms_of(error)
+        best, noise = errors.value(error, point), rms_of(error)
+        pull, spread = (point - errors.centre)[active], errors.spread[active]
         trusted = _usual_rows(jacobian[:, active])
         candidates = []
         for share in TRUSTS:
-            change = _step(error, jacobian[:, active], trusted, share * noise)
+            change = _step(
+                error, jacobian[:, active], trusted, share * noise, pull, spread
+            )
             candidates.append(point.copy())
             candidates[-1][active] = np.clip(point[active] + change, EDGE, 1.0 - EDGE)
         found = errors(candidates)
-        values = [_median(e) for e in found]
+        values = [errors.value(*pair) for pair in zip(found, candidates, strict=True)]
         i = int(np.argmin(values))
         better = found[i]
         if better is None or values[i] >= best:
@@ -275,8 +285,12 @@ def _usual_rows(J: Array) -> Array:
     return weights
 
 
-def _step(error: Array, J: Array, trusted: Array, noise: float) -> Array:
+def _step(
+    error: Array, J: Array, trusted: Array, noise: float, pull: Array, spread: Array
+) -> Array:
     """Return the least-squares change, in shares, regularised for a noise level [m].
+
+    `pull` is how far the parameters are from the centre of the prior, `spread` its.
 
     Cycles that it leaves further from the log than most count less (Cauchy's weights,
     with the median for a scale).
@@ -289,5 +303,6 @@ def _step(error: Array, J: Array, trusted: Array, noise: float) -> Array:
         roots = np.repeat(np.sqrt(weights / weights.mean()), 3)
         weighted = J * roots[:, None]
         slope = weighted.T @ (target * roots) / (len(error) * max(noise, EXACT) ** 2)
-        change = -covariance_of(weighted, noise) @ slope
+        slope += pull / spread**2
+        change = -covariance_of(weighted, noise, spread) @ slope
     return change
