@@ -79,7 +79,9 @@ def run_stages(
     try:
         while process.poll() is None:
             time.sleep(_LOOK)
+            began = time.monotonic()
             progress.look()
+            time.sleep(20.0 * (time.monotonic() - began))  # thousands of stages
     except KeyboardInterrupt:
         os.killpg(process.pid, signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
