@@ -6,7 +6,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from dovetail.envs.free_start import OVERLAP_MAX, OverlapError
+from dovetail.envs.free_start import OVERLAP_MAX, WALL_MARGIN, OverlapError, StartError
 from dovetail.envs.registered import make_env
 from dovetail.poses import Pose, quat_about_z, tool_down
 from dovetail.tasks.peg_in_hole.task import PegInHole
@@ -75,7 +75,22 @@ def test_a_start_is_drawn_again_until_it_is_free():
 
 def test_a_task_that_never_draws_free_air_is_an_error():
     env = make_env(type("Hopeless", (Careless,), {"every": 1_000_000}))
-    with pytest.raises(OverlapError, match="Hopeless") as error:
+    with pytest.raises(StartError, match="Hopeless") as error:
         env.reset(seed=0)
-    assert error.value.overlap.depth > 50 * OVERLAP_MAX
+    cause = error.value.__cause__
+    assert isinstance(cause, OverlapError)
+    assert cause.overlap.depth > 50 * OVERLAP_MAX
+    env.close()
+
+
+@pytest.mark.parametrize("place", [(0.6, 0.12, 0.1), (0.72, 0.0, 0.1)])
+def test_a_start_behind_a_wall_or_out_of_reach_is_drawn_again(place):
+    env = gym.make("dovetail/PegInHole-v0")
+    low, high = env.unwrapped.cell.walls
+    hole = Pose(np.array(place), quat_about_z(0.0))
+    for seed in range(30):
+        env.reset(seed=seed, options={"fixture": hole})
+        at = env.unwrapped.state.tool.position
+        assert np.all(at > np.add(low, 0.9 * WALL_MARGIN))
+        assert np.all(at < np.subtract(high, 0.9 * WALL_MARGIN))
     env.close()

@@ -10,10 +10,10 @@ import pytest
 from dovetail.arms.arm import ArmState, ToolState
 from dovetail.envs.config import EnvConfig
 from dovetail.envs.contact_env import ContactEnv
-from dovetail.envs.free_start import Overlap, OverlapError
+from dovetail.envs.free_start import Overlap, OverlapError, StartError
 from dovetail.envs.observation import GROUPS, USUAL_GROUPS
 from dovetail.episode import Episode
-from dovetail.errors import ArmError, ConfigError, ReachError
+from dovetail.errors import ArmError, ConfigError
 from dovetail.evaluation import trials
 from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.transfer import summarise
@@ -211,13 +211,10 @@ def test_what_ends_before_it_begins_is_a_missed_try_and_the_next_one_begins(
 
 
 @pytest.mark.parametrize(
-    ("error", "reason"),
-    [
-        (ReachError("too far", 0.0017, 0.0), "reach"),
-        (OverlapError(Overlap(0.004, "peg", "block"), "go up"), "overlap"),
-    ],
+    "error",
+    [StartError("too far"), OverlapError(Overlap(0.004, "peg", "block"), "go up")],
 )
-def test_a_start_that_cannot_be_is_a_missed_try_and_the_next_one_begins(error, reason):
+def test_a_start_that_cannot_be_is_a_missed_try_and_the_next_one_begins(error):
     class Beside(FallingEnv):
         def reset(self, **options):
             self.resets = getattr(self, "resets", 0) + 1
@@ -226,7 +223,7 @@ def test_a_start_that_cannot_be_is_a_missed_try_and_the_next_one_begins(error, r
             return super().reset(**options)
 
     first, second = run(plan_trials(1, 2, 0), Beside)
-    assert (first.stop.reason, first.success, first.course.steps) == (reason, False, 0)
+    assert (first.stop.reason, first.success, first.course.steps) == ("start", False, 0)
     assert first.stop.text == str(error)
     assert second.success
     row = summarise([first, second], ["A"])[-1]

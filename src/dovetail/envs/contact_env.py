@@ -17,7 +17,7 @@ from dovetail.envs.config import EnvConfig
 from dovetail.envs.contract import read_pose, read_progress, read_reward, require_task
 from dovetail.envs.copying import RebuiltOnCopy
 from dovetail.envs.fixture_velocity import STANDS, FixtureVelocity
-from dovetail.envs.free_start import OVERLAP_MAX, Overlap, OverlapError, StartCheck
+from dovetail.envs.free_start import StartCheck, StartError, require_within
 from dovetail.envs.history_features import HistoryFeatures
 from dovetail.envs.observation import Layout, sight
 from dovetail.envs.pictures import EpisodePictures
@@ -32,7 +32,7 @@ from dovetail.envs.workspace import (
     require_placed,
     require_plausible,
 )
-from dovetail.errors import ConfigError
+from dovetail.errors import ConfigError, DovetailError, ReachError
 from dovetail.poses import Pose
 from dovetail.robots.find import find_robot
 from dovetail.tasks.task import Progress, Task
@@ -264,26 +264,33 @@ class ContactEnv(
     def _find_start(self, fixture: Pose, given: Any) -> Vec7:
         """Return the configuration [rad] to start in, in free air.
 
+        A start that is drawn where none can be is drawn again.
+
         Raises:
-            OverlapError: The given one is not, or none that was drawn.
+            OverlapError: The given one lies in something.
+            StartError: None that was drawn can be; says why the last one cannot.
         """
         if given is not None:
             q = np.asarray(given, dtype=float)
             self._start_check.require_free(q, fixture)
             return q
-        robot, found = self.arm.facts.robot, Overlap(0.0)
+        robot = self.arm.facts.robot
+        refused: DovetailError | None = None
         for _ in range(_DRAWS):
             told = self.task.draw_start(self.np_random, fixture)
             start = read_pose(self.task, "draw_start", told)
-            q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
-            found = self._start_check.overlap(q, fixture)
-            if found.depth <= OVERLAP_MAX:
+            try:
+                require_within(start, self._walls)
+                q = robot.inverse_kinematics(start, robot.posture(self.task.posture))
+                self._start_check.require_free(q, fixture)
                 return q
-        raise OverlapError(
-            found,
-            f"so was each of {_DRAWS} starts that {type(self.task).__name__}.draw_start"
-            " drew: let it draw from free air",
-        )
+            except (StartError, ReachError) as error:
+                refused = error
+        raise StartError(
+            f"none of {_DRAWS} starts that {type(self.task).__name__}.draw_start drew "
+            f"can be; the last: {refused}; move the fixture, or let it draw from free "
+            "air inside the walls"
+        ) from refused
 
     def _without_weight(self, state: ArmState) -> ArmState:
         """Return a state whose wrench is what it is beyond that of the tare."""

@@ -1,5 +1,6 @@
 """Check that a start is in free air: depth of the tool in the things around it."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,10 @@ from dovetail.workcell.workcell import Workcell
 OVERLAP_MAX = 0.0002
 """Depth up to which a start counts as free air [m]: what touches is not in the way."""
 
+WALL_MARGIN = 0.02
+"""Distance of a drawn start from the walls [m]: a tare leads the tool 7.5 mm, and the
+limits slow it down before a wall."""
+
 
 class Overlap(NamedTuple):
     """The deepest overlap of the tool with fixture or table."""
@@ -26,7 +31,11 @@ class Overlap(NamedTuple):
     """Part of the fixture, or the table, that it lies in."""
 
 
-class OverlapError(ConfigError):
+class StartError(ConfigError):
+    """No episode can start here: out of reach, behind a wall, or in something."""
+
+
+class OverlapError(StartError):
     """A start lies inside the fixture or the table."""
 
     def __init__(self, found: Overlap, advice: str) -> None:
@@ -86,3 +95,21 @@ class StartCheck:
         """
         if (found := self.overlap(q, fixture)).depth > OVERLAP_MAX:
             raise OverlapError(found, "give another start, higher above the fixture")
+
+
+def require_within(start: Pose, walls: tuple[Sequence[float], Sequence[float]]) -> None:
+    """Refuse a start so near to a wall that the tool could not be led from it.
+
+    Args:
+        start: The tool's pose.
+        walls: Lowest and highest position of the tool [m].
+
+    Raises:
+        StartError: Names the axis, the position and what is allowed.
+    """
+    for name, at, low, high in zip("xyz", start.position, *walls, strict=True):
+        if not low + WALL_MARGIN <= at <= high - WALL_MARGIN:
+            raise StartError(
+                f"the start has {name} = {at:.4f} m; allowed between the walls: "
+                f"{low + WALL_MARGIN:g} to {high - WALL_MARGIN:g} m"
+            )

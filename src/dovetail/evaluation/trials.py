@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 
 from dovetail.arms.arm import ArmState
-from dovetail.envs.free_start import OverlapError
+from dovetail.envs.free_start import StartError
 from dovetail.envs.log_facts import (
     SUCCESS,
     describe_cell,
@@ -23,7 +23,7 @@ from dovetail.envs.log_facts import (
 )
 from dovetail.envs.unwrapped import require_contact_env
 from dovetail.episode import Episode
-from dovetail.errors import ArmError, ReachError, UnprovenWarning
+from dovetail.errors import ArmError, UnprovenWarning
 from dovetail.evaluation.job import TrialJob
 from dovetail.evaluation.outcome import (
     ArmStop,
@@ -118,7 +118,7 @@ class TrialRunner:
             observation, info = self._env.reset(
                 seed=job.seed, options={"fixture": fixture}
             )
-        except (ArmError, ReachError, OverlapError) as error:
+        except (ArmError, StartError) as error:
             return self._not_begun(job, fixture, error)
         self._policy.reset()
         perturbation = info.get("perturbation", {})
@@ -161,16 +161,11 @@ class TrialRunner:
         return replace(outcome, success=False) if stopped else outcome
 
     def _not_begun(
-        self,
-        job: TrialJob,
-        fixture: Pose,
-        error: ArmError | ReachError | OverlapError,
+        self, job: TrialJob, fixture: Pose, error: ArmError | StartError
     ) -> Outcome:
         """Return a missed try whose start cannot be; raise what ends all tries."""
-        violations, reason = 0, "reach"
-        if isinstance(error, OverlapError):
-            reason = "overlap"
-        elif isinstance(error, ArmError):
+        violations, reason = 0, "start"
+        if isinstance(error, ArmError):
             reason = error.reason
             if reason not in _BEFORE:
                 raise error
