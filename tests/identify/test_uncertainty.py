@@ -20,7 +20,7 @@ SEQUENCES, CYCLES = 10, 60
 
 
 def unit_parameters(count):
-    return [Parameter(f"p{i}", "m", -1.0, 1.0, 0.0) for i in range(count)]
+    return [Parameter(f"p{i}", "m", -1.0, 1.0, 0.0, np.inf) for i in range(count)]
 
 
 def basis(rng, count):

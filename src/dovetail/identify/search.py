@@ -115,7 +115,7 @@ class Search:
     def has_converged(self) -> bool:
         """Say whether more generations will change nothing that matters."""
         size, count = len(self.space.low), self._optimiser.population_size
-        window = 10 + math.ceil(5 * size / count)
+        window = 5 + math.ceil(2.5 * size / count)
         if self.best < EXACT:
             return True
         if len(self.history) > window:
