@@ -144,7 +144,7 @@ def test_the_figures_lie_beside_the_page(made):
 def test_the_console_says_the_verdict_and_every_error(made):
     _, report, text = made
     flat = " ".join(text.split())
-    assert f"{report.verdict.answer}: {report.verdict.sentence}" in flat
+    assert f"{report.verdict.line}: {report.verdict.sentence}" in flat
     assert "held-out log" in flat
     assert "condition number" in flat
 
@@ -153,7 +153,7 @@ def test_the_answer_is_said_once(made):
     _, report, text = made
     html = (made[0] / "report" / "report.html").read_text()
     page = " ".join(re.sub("<[^>]*>", " ", without_scripts(html)).split())
-    answer, sentence = report.verdict.answer, report.verdict.sentence
+    answer, sentence = report.verdict.line, report.verdict.sentence
     for shown in (page, " ".join(text.split())):
         assert not re.search(rf"\b{answer}\b:? *{answer}\b", shown)
         assert re.search(rf"\b{answer}:? {re.escape(sentence)}", shown)
@@ -247,8 +247,6 @@ def judged(held_out, fitting=0.05, delay=0.0, *, standard=True, fits_delay=True)
 def test_go_at_the_limit_and_no_go_above():
     at, above = judged(TRANSFER_LIMIT), judged(1.01 * TRANSFER_LIMIT)
     assert (at.answer, above.answer) == ("go", "no go")
-    assert "so transfer is expected" in at.sentence
-    assert "so transfer is not expected" in above.sentence
     for verdict in (at, above):
         assert f"{1e3 * TRANSFER_LIMIT:g} mm" in verdict.sentence
         assert "docs/identification.md" in verdict.sentence
