@@ -101,12 +101,14 @@ def print_row(row: dict) -> None:
 def print_summary(rows: list[dict], parameters: str) -> None:
     """Print median error and share of truths inside of a parameter set."""
     some = [row for row in rows if row["parameters"] == parameters]
-    every = [e for row in some for e in row["estimates"] if np.isfinite(e["interval"][0])]
+    every = [
+        e for row in some for e in row["estimates"] if np.isfinite(e["interval"][0])
+    ]
     known = [e for e in every if e["verdict"] == "known"]
     after = [1e3 * row["after"] for row in some]
     print(
-        f"{parameters}: {len(some)} twins, held-out error {np.median(after):.2f} mm RMS "
-        f"median, {max(after):.2f} worst; {len(known)} values known, "
+        f"{parameters}: {len(some)} twins, held-out error {np.median(after):.2f} mm "
+        f"RMS median, {max(after):.2f} worst; {len(known)} values known, "
         f"{100 * np.mean([is_inside(e) for e in known]):.1f} % of their truths inside; "
         f"of all {len(every)} bounded ones "
         f"{100 * np.mean([is_inside(e) for e in every]):.1f} %"
@@ -123,7 +125,9 @@ def main() -> None:
     args = parser.parse_args()
     rows = []
     print("| twin | inertia | parameters | before [mm] | held out [mm] ", end="")
-    print("| fit [s] | known | inside | outside |\n|---|---|---|---|---|---|---|---|---|")
+    print(
+        "| fit [s] | known | inside | outside |\n|---|---|---|---|---|---|---|---|---|"
+    )
     for seed in range(args.first, args.first + args.twins):
         for parameters in args.sets:
             rows.append(measure(seed, parameters, args.out / str(seed)))

@@ -186,9 +186,9 @@ class ParameterSet:
 
     def values_in(self, model: Twin) -> Array:
         """Return the values that a model has, shape (number of parameters,)."""
-        fields: dict[str, Any] = vars(model) | dict(
-            zip(("gravity_x", "gravity_y", "gravity_z"), model.gravity_residual)
-        )
+        x, y, z = model.gravity_residual
+        gravity = {"gravity_x": x, "gravity_y": y, "gravity_z": z}
+        fields: dict[str, Any] = vars(model) | gravity
         values = []
         for name in self.names:
             stem, _, joint = name.rpartition("_")

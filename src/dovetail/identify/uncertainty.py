@@ -12,8 +12,13 @@ is the jackknife over sequences of the linearised fit,
 
 with Student's t on G - 1 degrees. It is the cluster-robust estimator CR3, which keeps
 its coverage with as few as ten clusters, where the plain sandwich is too narrow
-(MacKinnon 2023). What it covers is the value that makes this model fit best on motions
-of this kind; where the model lacks an effect, that is not the arm's true value.
+(MacKinnon 2023).
+
+What the model lacks, no sequence shows alone: dry friction that was not fitted, a
+centre of mass elsewhere. Such effects are unknowns beside the fitted values, with the
+spread that they have before any log (`unmodelled.py`), and fitted values have theirs.
+All are jointly Gaussian, and the log says part of them. What it leaves open, the
+expected square of the distance from the arm's own value, is added to the jackknife's.
 """
 
 import math
@@ -184,7 +189,7 @@ def judge(lines: Linearisation, parameters: Sequence[Parameter]) -> Identifiabil
         noise=noise,
     )
     motion = _Motion(grams, slopes[:, live] / unit, prior)
-    motion.add_unmodelled(_with_unmodelled(lines, live, unit), prior)
+    motion.add_unmodelled(_with_unmodelled(lines, live.tolist(), unit), prior)
     quantile = student_t(count - 1)
     estimates = []
     for index, parameter in enumerate(parameters):
@@ -218,7 +223,7 @@ class _Prior(NamedTuple):
 
 
 def _with_unmodelled(
-    lines: Linearisation, live: Array, unit: Array
+    lines: Linearisation, live: list[int], unit: Array
 ) -> tuple[Array, Array]:
     """Return Gram matrix and slope of parameters and effects that were not fitted."""
     size = len(live) + (lines.unmodelled[0].shape[1] if lines.unmodelled else 0)

@@ -1,8 +1,8 @@
 """Twins: plants made to differ from the model on purpose; they play the real robot.
 
 A twin is a TOML file in which every key of `Twin` is present and no other, but
-`identified` and the table [camera], which may be left out. A result on a twin says "twin", never
-"robot".
+`identified` and the table [camera], which may be left out. A result on a twin says
+"twin", never "robot".
 """
 
 import warnings
