@@ -52,6 +52,26 @@ def judged(motion, errors=None):
     return judge(at_optimum(motion, errors), unit_parameters(motion.shape[2]))
 
 
+def with_effects(rng, moved):
+    """A fit that lacks three effects, each of which moves the tool as parameters do."""
+    motion = basis(rng, 2)
+    effects = 0.3 * motion @ rng.normal(size=(2, 3)) + 0.1 * basis(rng, 3)
+    lines = at_optimum(motion, wander(rng) + effects @ rng.normal(size=3))
+    return replace(lines, unmodelled=tuple(effects) if moved else ())
+
+
+@pytest.mark.parametrize(("moved", "least", "most"), [(1, 0.93, 1.0), (0, 0.0, 0.3)])
+def test_effects_that_the_fit_lacks_widen_the_interval(moved, least, most):
+    """The truth is zero; a jackknife alone does not know what all sequences share."""
+    rng, draws, inside = np.random.default_rng(3), 100, 0
+    for _ in range(draws):
+        result = judge(with_effects(rng, moved), unit_parameters(2))
+        for estimate in result.estimates:
+            low, high = estimate.uncertainty.interval
+            inside += low <= 0.0 <= high
+    assert least <= inside / (2 * draws) <= most
+
+
 class CurvedReplay:
     """A simulation whose motion is a known function of gravity's three numbers."""
 

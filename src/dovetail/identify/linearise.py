@@ -9,7 +9,6 @@ import numpy as np
 from dovetail.errors import ConfigError
 from dovetail.identify.parameters import Parameter, ParameterSet
 from dovetail.identify.replay import LogReplay
-from dovetail.identify.unmodelled import unmodelled_motion
 from dovetail.plants.plant import DynamicsConfig, physics_steps
 from dovetail.types import Array
 
@@ -83,14 +82,12 @@ def linearise(
             [(b - a).ravel() / (high - low) for a, b in zip(before, after, strict=True)]
         )
     measured = replay.recording.positions()
-    effects = unmodelled_motion(replay, parameters, vector)
     return Linearisation(
         vector=vector,
         residuals=tuple(
             (s - m).ravel() for s, m in zip(simulated, measured, strict=True)
         ),
         jacobians=tuple(np.column_stack(c) for c in zip(*columns, strict=True)),
-        unmodelled=effects,
     )
 
 

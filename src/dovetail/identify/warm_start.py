@@ -14,7 +14,7 @@ by the median (a GM-estimator, Hampel 1986, chapter 6).
 """
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -236,13 +236,15 @@ def _approach(
     """
     for number in range(ROUNDS):
         best, noise = errors.value(error, point), rms_of(error)
-        pull, spread = (point - errors.centre)[active], errors.spread[active]
+        spread = errors.spread[active]
+        distance = (point - errors.centre)[active]
+        variance = max(_median(error), EXACT) ** 2 / errors.prior.facts
         trusted = _usual_rows(jacobian[:, active])
         candidates = []
         for share in TRUSTS:
-            change = _step(
-                error, jacobian[:, active], trusted, share * noise, pull, spread
-            )
+            level = share * noise
+            pull = _Pull(distance, spread, variance / level**2)
+            change = _step(error, jacobian[:, active], trusted, level, pull)
             candidates.append(point.copy())
             candidates[-1][active] = np.clip(point[active] + change, EDGE, 1.0 - EDGE)
         found = errors(candidates)
@@ -285,12 +287,19 @@ def _usual_rows(J: Array) -> Array:
     return weights
 
 
-def _step(
-    error: Array, J: Array, trusted: Array, noise: float, pull: Array, spread: Array
-) -> Array:
-    """Return the least-squares change, in shares, regularised for a noise level [m].
+class _Pull(NamedTuple):
+    """The prior, as a step feels it; in shares of the ranges."""
 
-    `pull` is how far the parameters are from the centre of the prior, `spread` its.
+    distance: Array
+    """Of the parameters from the prior's centre, shape (parameters,)."""
+    spread: Array
+    """Of the prior, shape (parameters,)."""
+    weight: float
+    """Variance of a fact of the log over that of the noise level [1]."""
+
+
+def _step(error: Array, J: Array, trusted: Array, noise: float, pull: _Pull) -> Array:
+    """Return the least-squares change, in shares, regularised for a noise level [m].
 
     Cycles that it leaves further from the log than most count less (Cauchy's weights,
     with the median for a scale).
@@ -303,6 +312,7 @@ def _step(
         roots = np.repeat(np.sqrt(weights / weights.mean()), 3)
         weighted = J * roots[:, None]
         slope = weighted.T @ (target * roots) / (len(error) * max(noise, EXACT) ** 2)
-        slope += pull / spread**2
-        change = -covariance_of(weighted, noise, spread) @ slope
+        slope += pull.weight * pull.distance / pull.spread**2
+        stiff = pull.spread / np.sqrt(1.0 + pull.weight)
+        change = -covariance_of(weighted, noise, stiff) @ slope
     return change
