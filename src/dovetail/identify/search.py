@@ -15,6 +15,8 @@ from dovetail.errors import MissingDependencyError, install_command
 from dovetail.identify.parameters import ParameterSet
 from dovetail.types import Array
 
+FIRST_WIDTH = 0.2
+"""Standard deviation of the first generation, as a share of each parameter's range."""
 EDGE = 0.02
 """The search begins no nearer to a bound than this, as a share of the range."""
 PATIENCE = 0.01

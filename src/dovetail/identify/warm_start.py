@@ -26,6 +26,7 @@ from dovetail.identify.replay import DIVERGED, rms_of
 from dovetail.identify.search import (
     EDGE,
     EXACT,
+    FIRST_WIDTH,
     PATIENCE,
     Space,
     space_of,
@@ -94,27 +95,29 @@ class WarmStart:
         )
 
 
-def covariance_of(sensitivity: Array, error: float, spread: Array) -> Array:
+def covariance_of(
+    sensitivity: Array, error: float, stiffness: Array | float = 0.0
+) -> Array:
     r"""Return the covariance of a generation about a point, in shares of each range.
 
     Directions that move the TCP much get small steps, those that hardly do get the
-    whole spread of the prior: a generation changes the trajectories by about the error
-    that is there, in every direction.
+    whole `FIRST_WIDTH`: a generation changes the trajectories by about the error that
+    is there, in every direction.
 
-    .. math:: C = (J^T J / (N e^2) + diag(1 / \sigma^2))^{-1}
+    .. math:: C = (J^T J / (N e^2) + I / \sigma^2 + diag(s))^{-1}
 
     Args:
         sensitivity: J, change of the TCP at each cycle over the change of each
             parameter as a share of its range [m], shape (3 N, parameters).
         error: e, RMS of what the sensitivities do not explain [m].
-        spread: Of the prior, as shares of the ranges, shape (parameters,).
+        stiffness: s, what else holds each parameter [1], shape (parameters,).
 
     Returns:
         Shape (parameters, parameters).
     """
     cycles = len(sensitivity) / 3
     information = sensitivity.T @ sensitivity / (cycles * max(error, EXACT) ** 2)
-    prior = np.diag(1.0 / spread**2)
+    prior = np.diag(np.full(sensitivity.shape[1], 1.0 / FIRST_WIDTH**2) + stiffness)
     covariance = np.linalg.inv(information + prior)
     return 0.5 * (covariance + covariance.T)
 
@@ -147,13 +150,13 @@ def measure_warm_start(
             + "; ".join(describe_sensitivity(p, size) for p, size in pairs)
         )
     before = rms_of(errors.of_models([parameters.nominal(engine)])[0])
-    mean, spread = point[active], np.diag(errors.spread[active] ** 2)
+    mean, spread = point[active], np.eye(len(active)) * FIRST_WIDTH**2
     if warm:
         point, error, jacobian = _approach(errors, point, error, jacobian, active)
         mean = point[active]
         # So that all directions together move the TCP by the error that is there.
         share = rms_of(error) / len(active) ** 0.5
-        spread = covariance_of(jacobian[:, active], share, errors.spread[active])
+        spread = covariance_of(jacobian[:, active], share)
     sensitivity = tuple(sizes.tolist())
     return WarmStart(
         before, rms_of(error), sensitivity, tuple(active), mean, spread, errors.count
@@ -312,7 +315,7 @@ def _step(error: Array, J: Array, trusted: Array, noise: float, pull: _Pull) -> 
         roots = np.repeat(np.sqrt(weights / weights.mean()), 3)
         weighted = J * roots[:, None]
         slope = weighted.T @ (target * roots) / (len(error) * max(noise, EXACT) ** 2)
-        slope += pull.weight * pull.distance / pull.spread**2
-        stiff = pull.spread / np.sqrt(1.0 + pull.weight)
-        change = -covariance_of(weighted, noise, stiff) @ slope
+        stiffness = pull.weight / pull.spread**2
+        slope += stiffness * pull.distance
+        change = -covariance_of(weighted, noise, stiffness) @ slope
     return change
