@@ -5,6 +5,7 @@ model on a recording of the twin, and the successes of the policy in 60 tries on
 The go / no-go line of `dovetail identify report` is this table's.
 
     python benchmarks/transfer_threshold.py --out threshold
+    python benchmarks/transfer_threshold.py --out threshold --no-tare --tries 20
 
 What is graded is motion: contact, clearance and noise are the twin's in full at every
 grade. An inertia set cannot be blended, so the masses are: each link's mass goes
@@ -72,11 +73,12 @@ def measure(
     twin: str, kind: str, fraction: float, folder: Path, args: argparse.Namespace
 ) -> dict:
     """Record a graded twin, compare the controller's model with it, try the policy."""
-    done = folder / "row.json"
+    name = "tared" if args.tare else "untared"
+    done = folder / f"{name}.json"
     if done.is_file():
         return json.loads(done.read_text())
     folder.mkdir(parents=True, exist_ok=True)
-    shutil.rmtree(folder / "evaluation", ignore_errors=True)  # of a run cut short
+    shutil.rmtree(folder / name, ignore_errors=True)  # of a run cut short
     quiet, path = Console(quiet=True), folder / "twin.toml"
     between = graded(load_twin(twin), kind, fraction)
     path.write_text(between.to_toml())
@@ -88,7 +90,9 @@ def measure(
         policy=args.policy,
         twin=str(path),
         tries=args.tries,
-        out=folder / "evaluation",
+        tare=args.tare,
+        keep_logs=False,
+        out=folder / name,
     )
     total = evaluate(config, quiet).rows[-1]
     row = {
@@ -110,6 +114,7 @@ def main() -> None:
     parser.add_argument("--policy", default="peg_square")
     parser.add_argument("--grades", type=int, default=len(GRADES), help="so many")
     parser.add_argument("--tries", type=int, default=TriesConfig.tries)
+    parser.add_argument("--no-tare", dest="tare", action="store_false")
     arguments = parser.parse_args()
     rows = []
     for twin, kind, fraction in GRADES[: arguments.grades]:

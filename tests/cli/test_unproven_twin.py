@@ -45,6 +45,15 @@ def test_delay_and_masses_are_named_with_value_range_and_remedy(far):
     assert "shown to hold: 0 to 20 %; identify the arm" in mass
 
 
+def test_masses_of_an_identified_model_are_declared(far, tmp_path):
+    """The remedy, to identify the arm, has been used; a long delay is still said."""
+    file = tmp_path / "model.toml"
+    file.write_text(replace(load_twin(far), identified=True).to_toml())
+    (delay,) = said_of(file)
+    assert "delay" in delay
+    assert load_twin(file).identified
+
+
 @pytest.mark.parametrize("twin", [None, *list_twins()])
 def test_nothing_is_said_of_what_is_inside(twin):
     assert said_of(twin) == []

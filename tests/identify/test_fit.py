@@ -125,7 +125,7 @@ def test_processes_find_what_one_process_finds(cold_result, cold, quiet, tmp_pat
 
 def test_without_a_warm_start_it_begins_at_the_nominal_model(cold_result, cold):
     warm_start = json.loads((cold.out / "fit.json").read_text())["warm_start"]
-    np.testing.assert_allclose(warm_start["mean"], [0.5, 0.4, 0.125])
+    np.testing.assert_allclose(warm_start["mean"], [0.5, 0.5, 0.125])
     assert warm_start["rms_start"] == warm_start["rms_before"] == cold_result.rms_before
 
 

@@ -24,6 +24,7 @@ from dovetail.identify.report import Comparison, write_identification_report
 from dovetail.identify.transfer_limit import (
     DELAY_LIMIT,
     TRANSFER_LIMIT,
+    UNTARED_LIMIT,
     judge_transfer,
 )
 from dovetail.identify.uncertainty import (
@@ -144,7 +145,7 @@ def test_the_figures_lie_beside_the_page(made):
 def test_the_console_says_the_verdict_and_every_error(made):
     _, report, text = made
     flat = " ".join(text.split())
-    assert f"{report.verdict.answer}: {report.verdict.sentence}" in flat
+    assert f"{report.verdict.line}: {report.verdict.sentence}" in flat
     assert "held-out log" in flat
     assert "condition number" in flat
 
@@ -153,9 +154,9 @@ def test_the_answer_is_said_once(made):
     _, report, text = made
     html = (made[0] / "report" / "report.html").read_text()
     page = " ".join(re.sub("<[^>]*>", " ", without_scripts(html)).split())
-    answer, sentence = report.verdict.answer, report.verdict.sentence
+    answer, sentence = report.verdict.line, report.verdict.sentence
     for shown in (page, " ".join(text.split())):
-        assert not re.search(rf"\b{answer}\b:? *{answer}\b", shown)
+        assert shown.count(answer) == 1
         assert re.search(rf"\b{answer}:? {re.escape(sentence)}", shown)
     assert not sentence.startswith(answer)
 
@@ -247,12 +248,33 @@ def judged(held_out, fitting=0.05, delay=0.0, *, standard=True, fits_delay=True)
 def test_go_at_the_limit_and_no_go_above():
     at, above = judged(TRANSFER_LIMIT), judged(1.01 * TRANSFER_LIMIT)
     assert (at.answer, above.answer) == ("go", "no go")
-    assert "so transfer is expected" in at.sentence
-    assert "so transfer is not expected" in above.sentence
     for verdict in (at, above):
         assert f"{1e3 * TRANSFER_LIMIT:g} mm" in verdict.sentence
         assert "docs/identification.md" in verdict.sentence
         assert "so the clearance may be far smaller" in verdict.sentence
+
+
+@pytest.mark.parametrize(
+    ("error", "answers"),
+    [
+        (0.001, ("go", "go")),  # identified
+        (UNTARED_LIMIT, ("go", "go")),
+        (0.045, ("go", "no go")),
+        (0.0617, ("no go", "no go")),  # medium, not identified
+    ],
+)
+def test_the_line_answers_with_a_tare_and_without(error, answers):
+    verdict = judged(error)
+    assert (verdict.answer, verdict.untared) == answers
+    assert verdict.line == f"with a tare: {answers[0]}; without: {answers[1]}"
+
+
+def test_the_model_that_was_not_identified_is_judged_beside():
+    verdict = judge_transfer(
+        1e-3, 1e-3, 0.0, before=0.045, standard=True, fits_delay=True
+    )
+    assert (verdict.answer, verdict.untared) == ("go", "go")
+    assert "has 45.0 mm: with a tare go, without no go" in verdict.sentence
 
 
 def test_a_delay_is_no_go_however_small_the_error():

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dovetail.identify.parameters import ParameterSet
+from dovetail.identify.prior import Prior
 from dovetail.identify.search import EXACT, space_of
 from dovetail.identify.warm_start import measure_warm_start
 
@@ -58,7 +59,9 @@ class Motion:
 
 
 def begin(motion):
-    warm_start = measure_warm_start(PARAMETERS, motion, "mujoco", warm=True)
+    warm_start = measure_warm_start(
+        Prior(PARAMETERS, SEQUENCES), motion, "mujoco", warm=True
+    )
     return warm_start, space_of(PARAMETERS).to_values(warm_start.mean)
 
 

@@ -40,6 +40,14 @@ def test_each_parameter_changes_one_field_of_the_model(name):
     assert len(differ) == 1
 
 
+@pytest.mark.parametrize("name", ["paper", "extended"])
+def test_the_values_in_a_model_are_those_it_was_made_of(name):
+    parameters = ParameterSet.parse(name)
+    vector = 0.7 * parameters.low + 0.3 * parameters.high
+    model = parameters.to_model(vector)
+    np.testing.assert_allclose(parameters.values_in(model), vector)
+
+
 def test_a_joints_own_parameter_leaves_the_other_joints_alone():
     model = ParameterSet.parse("damping_3").to_model(np.array([1.5]))
     assert model.damping == (0.5, 0.5, 1.5, 0.5, 0.5, 0.5, 0.5)

@@ -7,6 +7,7 @@ from dovetail.identify.recorder import RecordConfig, record
 from dovetail.identify.recording import Recording
 from dovetail.identify.replay import DIVERGED, LogReplay
 from dovetail.plants.twin import load_twin
+from dovetail.robots.links import InertiaSet
 from extras import need
 
 
@@ -30,6 +31,18 @@ def test_a_replay_leaves_nothing_behind_for_the_next(replay, planted_file):
     before = replay.run(nominal_model())
     replay.run(load_twin(planted_file))
     np.testing.assert_array_equal(before, replay.run(nominal_model()))
+
+
+def test_other_links_move_the_tool_and_leave_nothing_behind(replay):
+    links = replay.recording.cell.robot.links
+    own = InertiaSet(links.mass, links.com, links.inertia)
+    before = replay.run(nominal_model())
+    np.testing.assert_array_equal(replay.run(nominal_model(), own), before)
+    com = own.com.copy()
+    com[3] += 0.02
+    other = replay.run(nominal_model(), own._replace(com=com))
+    assert np.abs(np.subtract(other, before)).max() > 5e-4
+    np.testing.assert_array_equal(replay.run(nominal_model()), before)
 
 
 def test_the_error_is_the_root_mean_square_over_all_cycles(replay):

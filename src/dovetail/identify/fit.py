@@ -26,11 +26,11 @@ from dovetail.identify.fit_folder import MODEL, SUMMARY, FitFolder
 from dovetail.identify.parameters import ParameterSet
 from dovetail.identify.population import (
     Population,
+    evaluate_population,
     make_population,
 )
 from dovetail.identify.prior import Prior
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import rms_of
 from dovetail.identify.search import Search, space_of
 from dovetail.identify.warm_start import (
     NO_EFFECT,
@@ -162,7 +162,7 @@ def _fit(config: FitConfig, console: Console) -> FitResult:
     population = make_population(recording, config.plant, workers, config.cluster)
     begin = time.monotonic()
     with closing(population):
-        prior = Prior(parameters, recording)
+        prior = Prior(parameters, len(recording.sequences))
         warm_start = _begin(folder, settings, prior, population, config)
         search = _Fit(config, prior, warm_start, folder, population)
         search.repeat()
@@ -258,7 +258,7 @@ class _Fit:
         """Return the RMS error of each vector of the active parameters [m]."""
         engine = self._config.plant
         models = [self._parameters.to_model(self._whole(v), engine) for v in vectors]
-        return [rms_of(error) for error in self._population.errors(models)]
+        return evaluate_population(models, self._population)
 
     def _values(self, vectors: list[Array]) -> list[float]:
         """Return what is minimised: error [m] times the factor of the prior."""
@@ -349,7 +349,7 @@ def _warnings(
 def _describe(model: Twin, recording: Recording, after: float) -> Twin:
     arm = recording.metadata["arm"].partition("?")[0]
     text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
-    return replace(model, description=text)
+    return replace(model, description=text, identified=True)
 
 
 def _write(

@@ -33,6 +33,9 @@ class Linearisation:
     """Simulated minus measured TCP position [m], shape (3 * cycles,), x y z in turn."""
     jacobians: tuple[Array, ...]
     """Its derivative [m per unit], shape (3 * cycles, k)."""
+    unmodelled: tuple[Array, ...] = ()
+    """Motion of one standard deviation of each effect that was not fitted [m], shape
+    (3 * cycles, effects); empty is none."""
 
 
 def linearise(

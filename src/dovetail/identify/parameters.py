@@ -51,7 +51,7 @@ KNOWN: dict[str, Parameter] = {
     p.name: p
     for p in (
         *(Parameter(f"gravity_{axis}", "m/s2", -2.0, 2.0, 0.0, 0.5) for axis in "xyz"),
-        *_scalar_and_joints("mass_scale", "1", 0.6, 1.6, 1.0, 0.2),
+        *_scalar_and_joints("mass_scale", "1", 0.4, 1.6, 1.0, 0.25),
         *_scalar_and_joints("damping", "Nms/rad", 0.0, 4.0, 0.5, 0.5),
         *_scalar_and_joints("coulomb", "Nm", 0.0, 4.0, 0.0, 1.0),
         *_scalar_and_joints("armature", "kg m2", 0.005, 0.6, 0.1, 0.1),
@@ -183,6 +183,18 @@ class ParameterSet:
     def spread(self) -> Array:
         """Standard deviations about the start, shape (number of parameters,)."""
         return np.array([p.spread for p in self.parameters])
+
+    def values_in(self, model: Twin) -> Array:
+        """Return the values that a model has, shape (number of parameters,)."""
+        x, y, z = model.gravity_residual
+        gravity = {"gravity_x": x, "gravity_y": y, "gravity_z": z}
+        fields: dict[str, Any] = vars(model) | gravity
+        values = []
+        for name in self.names:
+            stem, _, joint = name.rpartition("_")
+            value = fields[stem][int(joint) - 1] if joint.isdigit() else fields[name]
+            values.append(np.mean(value))
+        return np.array(values)
 
     def to_model(self, vector: Array, engine: str = "mujoco") -> Twin:
         """Return the simulation with these values and without noise.

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 
 from dovetail.errors import ConfigError, DovetailError, PlantError
 from dovetail.identify.recording import Recording
-from dovetail.identify.replay import LogReplay
+from dovetail.identify.replay import LogReplay, rms_of
 from dovetail.interrupt import left_to_the_parent
 from dovetail.plants.twin import Twin
 from dovetail.types import Array
@@ -34,6 +34,15 @@ class Population(Protocol):
     def close(self) -> None:
         """Release the workers."""
         ...
+
+
+def evaluate_population(models: Sequence[Twin], population: Population) -> list[float]:
+    """Return the RMS error of each model [m], in order.
+
+    Raises:
+        PlantError: Workers die again and again.
+    """
+    return [rms_of(error) for error in population.errors(models)]
 
 
 class Here:

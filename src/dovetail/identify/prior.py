@@ -17,7 +17,6 @@ import numpy as np
 
 from dovetail.identify.excitation import FREQUENCIES
 from dovetail.identify.parameters import ParameterSet
-from dovetail.identify.recording import Recording
 from dovetail.types import Array
 
 FACTS_PER_SEQUENCE = 3 * 2 * len(FREQUENCIES)
@@ -28,10 +27,10 @@ three axes of the position. Its thousands of samples hang together."""
 class Prior:
     """The prior of some parameters, as a factor on the error."""
 
-    def __init__(self, parameters: ParameterSet, recording: Recording) -> None:
+    def __init__(self, parameters: ParameterSet, sequences: int) -> None:
         """Take start and spread of each parameter, and the facts in the log."""
         self.parameters = parameters
-        self.facts = FACTS_PER_SEQUENCE * len(recording.sequences)
+        self.facts = FACTS_PER_SEQUENCE * sequences
 
     def factor(self, vector: Array) -> float:
         """Return what the error of a vector of all parameters is multiplied by."""

@@ -6,6 +6,8 @@ each torque depends on the cycle before, so a replay is one simulation, and popu
 are spread over processes.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from dovetail import _core
@@ -16,8 +18,12 @@ from dovetail.identify.parameters import nominal_model
 from dovetail.identify.recording import Recording, Sequence
 from dovetail.plants.plant import COLUMN
 from dovetail.plants.twin import Twin, make_twin
+from dovetail.robots.links import InertiaSet
 from dovetail.types import Array
+from dovetail.workcell.workcell import Workcell
 
+_OTHER = "lbr"
+"""Name under which a plant takes links that are no published set: not the model's."""
 DIVERGED = 10.0
 """Error of a model whose simulation diverges [m]: worse than anything in reach."""
 
@@ -50,11 +56,12 @@ class LogReplay:
         ]
         self._measured = np.concatenate(recording.positions())
 
-    def run(self, model: Twin) -> list[Array]:
+    def run(self, model: Twin, links: InertiaSet | None = None) -> list[Array]:
         """Play every sequence on a model.
 
         Args:
             model: Dynamics, command delay and noise.
+            links: Bodies of the bare arm's links in place of the model's inertia set.
 
         Returns:
             The TCP at each cycle [m], one array of shape (cycles, 3) per sequence.
@@ -62,7 +69,12 @@ class LogReplay:
         Raises:
             PlantError: The simulation diverged.
         """
-        self._plant.configure(model.on(self.recording.cell.robot).dynamics())
+        cell = self.recording.cell
+        model = model.on(cell.robot)
+        if links is not None:
+            cell, model = _with_links(cell, links), replace(model, inertia=_OTHER)
+        self._plant.cell = cell
+        self._plant.configure(model.dynamics())
         self._plant.attach_channel(
             _core.Channel(
                 delay=model.command_delay,
@@ -109,6 +121,12 @@ class LogReplay:
     def close(self) -> None:
         """Release the engine; harmless when repeated."""
         self._plant.close()
+
+
+def _with_links(cell: Workcell, links: InertiaSet) -> Workcell:
+    """Return the cell with an arm that has these links as its set `_OTHER`."""
+    published = replace(cell.robot.links, inertia_sets={_OTHER: links})
+    return replace(cell, robot=replace(cell.robot, links=published))
 
 
 def rms_of(error: Array | None) -> float:

@@ -127,6 +127,7 @@ def write_identification_report(
         errors[1] if held_out else None,
         errors[0],
         delay_left,
+        before=comparisons[1].errors("before")[0] if held_out else None,
         standard=_is_standard(held_out or fit.recording),
         fits_delay="command_delay" in fit.parameters.names,
     )
@@ -234,7 +235,7 @@ def _content(
     """Return everything that the report says as plain data."""
     return {
         "title": f"Identification of {fit.recording.metadata['arm']}",
-        "verdict": asdict(verdict),
+        "verdict": asdict(verdict) | {"line": verdict.line},
         "errors": {c.log: c.numbers() for c in comparisons},
         "parameters": [e.numbers() for e in result.estimates],
         "condition_number": result.condition_number,
@@ -275,7 +276,7 @@ def _to_html(
     figures: Mapping[str, tuple[str, bytes]],
     drawn: Sequence[str],
 ) -> str:
-    answer, sentence = content["verdict"]["answer"], content["verdict"]["sentence"]
+    answer, sentence = content["verdict"]["line"], content["verdict"]["sentence"]
     logs = [
         [log, *(f"{1e3 * n[key]:.2f}" for key in _ERRORS.values())]
         for log, n in content["errors"].items()
@@ -375,4 +376,4 @@ def _print(
     for estimate in result.estimates:
         if estimate.judgement.verdict != "known":
             console.print(f"- {estimate.judgement.sentence}", soft_wrap=True)
-    console.print(f"{verdict.answer}: {verdict.sentence}", soft_wrap=True)
+    console.print(f"{verdict.line}: {verdict.sentence}", soft_wrap=True)

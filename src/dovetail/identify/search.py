@@ -15,6 +15,8 @@ from dovetail.errors import MissingDependencyError, install_command
 from dovetail.identify.parameters import ParameterSet
 from dovetail.types import Array
 
+FIRST_WIDTH = 0.2
+"""Standard deviation of the first generation, as a share of each parameter's range."""
 EDGE = 0.02
 """The search begins no nearer to a bound than this, as a share of the range."""
 PATIENCE = 0.01
@@ -115,7 +117,7 @@ class Search:
     def has_converged(self) -> bool:
         """Say whether more generations will change nothing that matters."""
         size, count = len(self.space.low), self._optimiser.population_size
-        window = 10 + math.ceil(5 * size / count)
+        window = 5 + math.ceil(2.5 * size / count)
         if self.best < EXACT:
             return True
         if len(self.history) > window:

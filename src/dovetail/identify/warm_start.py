@@ -14,7 +14,7 @@ by the median (a GM-estimator, Hampel 1986, chapter 6).
 """
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from dovetail.identify.replay import DIVERGED, rms_of
 from dovetail.identify.search import (
     EDGE,
     EXACT,
+    FIRST_WIDTH,
     PATIENCE,
     Space,
     space_of,
@@ -94,27 +95,29 @@ class WarmStart:
         )
 
 
-def covariance_of(sensitivity: Array, error: float, spread: Array) -> Array:
+def covariance_of(
+    sensitivity: Array, error: float, stiffness: Array | float = 0.0
+) -> Array:
     r"""Return the covariance of a generation about a point, in shares of each range.
 
     Directions that move the TCP much get small steps, those that hardly do get the
-    whole spread of the prior: a generation changes the trajectories by about the error
-    that is there, in every direction.
+    whole `FIRST_WIDTH`: a generation changes the trajectories by about the error that
+    is there, in every direction.
 
-    .. math:: C = (J^T J / (N e^2) + diag(1 / \sigma^2))^{-1}
+    .. math:: C = (J^T J / (N e^2) + I / \sigma^2 + diag(s))^{-1}
 
     Args:
         sensitivity: J, change of the TCP at each cycle over the change of each
             parameter as a share of its range [m], shape (3 N, parameters).
         error: e, RMS of what the sensitivities do not explain [m].
-        spread: Of the prior, as shares of the ranges, shape (parameters,).
+        stiffness: s, what else holds each parameter [1], shape (parameters,).
 
     Returns:
         Shape (parameters, parameters).
     """
     cycles = len(sensitivity) / 3
     information = sensitivity.T @ sensitivity / (cycles * max(error, EXACT) ** 2)
-    prior = np.diag(1.0 / spread**2)
+    prior = np.diag(np.full(sensitivity.shape[1], 1.0 / FIRST_WIDTH**2) + stiffness)
     covariance = np.linalg.inv(information + prior)
     return 0.5 * (covariance + covariance.T)
 
@@ -147,13 +150,13 @@ def measure_warm_start(
             + "; ".join(describe_sensitivity(p, size) for p, size in pairs)
         )
     before = rms_of(errors.of_models([parameters.nominal(engine)])[0])
-    mean, spread = point[active], np.diag(errors.spread[active] ** 2)
+    mean, spread = point[active], np.eye(len(active)) * FIRST_WIDTH**2
     if warm:
         point, error, jacobian = _approach(errors, point, error, jacobian, active)
         mean = point[active]
         # So that all directions together move the TCP by the error that is there.
         share = rms_of(error) / len(active) ** 0.5
-        spread = covariance_of(jacobian[:, active], share, errors.spread[active])
+        spread = covariance_of(jacobian[:, active], share)
     sensitivity = tuple(sizes.tolist())
     return WarmStart(
         before, rms_of(error), sensitivity, tuple(active), mean, spread, errors.count
@@ -236,13 +239,15 @@ def _approach(
     """
     for number in range(ROUNDS):
         best, noise = errors.value(error, point), rms_of(error)
-        pull, spread = (point - errors.centre)[active], errors.spread[active]
+        spread = errors.spread[active]
+        distance = (point - errors.centre)[active]
+        variance = max(_median(error), EXACT) ** 2 / errors.prior.facts
         trusted = _usual_rows(jacobian[:, active])
         candidates = []
         for share in TRUSTS:
-            change = _step(
-                error, jacobian[:, active], trusted, share * noise, pull, spread
-            )
+            level = share * noise
+            pull = _Pull(distance, spread, variance / level**2)
+            change = _step(error, jacobian[:, active], trusted, level, pull)
             candidates.append(point.copy())
             candidates[-1][active] = np.clip(point[active] + change, EDGE, 1.0 - EDGE)
         found = errors(candidates)
@@ -285,12 +290,19 @@ def _usual_rows(J: Array) -> Array:
     return weights
 
 
-def _step(
-    error: Array, J: Array, trusted: Array, noise: float, pull: Array, spread: Array
-) -> Array:
-    """Return the least-squares change, in shares, regularised for a noise level [m].
+class _Pull(NamedTuple):
+    """The prior, as a step feels it; in shares of the ranges."""
 
-    `pull` is how far the parameters are from the centre of the prior, `spread` its.
+    distance: Array
+    """Of the parameters from the prior's centre, shape (parameters,)."""
+    spread: Array
+    """Of the prior, shape (parameters,)."""
+    weight: float
+    """Variance of a fact of the log over that of the noise level [1]."""
+
+
+def _step(error: Array, J: Array, trusted: Array, noise: float, pull: _Pull) -> Array:
+    """Return the least-squares change, in shares, regularised for a noise level [m].
 
     Cycles that it leaves further from the log than most count less (Cauchy's weights,
     with the median for a scale).
@@ -303,6 +315,7 @@ def _step(
         roots = np.repeat(np.sqrt(weights / weights.mean()), 3)
         weighted = J * roots[:, None]
         slope = weighted.T @ (target * roots) / (len(error) * max(noise, EXACT) ** 2)
-        slope += pull / spread**2
-        change = -covariance_of(weighted, noise, spread) @ slope
+        stiffness = pull.weight / pull.spread**2
+        slope += stiffness * pull.distance
+        change = -covariance_of(weighted, noise, stiffness) @ slope
     return change
