@@ -26,7 +26,9 @@ BEGIN, END = "<!-- results.json: begin -->\n", "<!-- results.json: end -->\n"
 
 
 def section(numbers: Path) -> str:
-    """Return the part of the page that a results.json gives."""
+    """Return the part of the page that a results.json gives; empty without one."""
+    if not (numbers / RESULTS).exists():
+        return ""
     found = json.loads((numbers / RESULTS).read_text())
     tables = [Tabular(**one) for one in found["tables"]]
     parts = [in_words(found["sentences"], tables)]
@@ -36,12 +38,13 @@ def section(numbers: Path) -> str:
 
 def differences(page: Path = PAGE, numbers: Path = NUMBERS) -> list[str]:
     """Return what is older than the numbers: figures, or the page."""
-    digest = hashlib.sha256((numbers / RESULTS).read_bytes()).hexdigest()
     found = []
-    for name in FIGURES:
-        with Image.open(numbers / name) as image:
-            if image.info.get(STAMP) != digest:
-                found.append(f"{name} shows other numbers than {RESULTS}")
+    if numbers.exists():
+        digest = hashlib.sha256((numbers / RESULTS).read_bytes()).hexdigest()
+        for name in FIGURES:
+            with Image.open(numbers / name) as image:
+                if image.info.get(STAMP) != digest:
+                    found.append(f"{name} shows other numbers than {RESULTS}")
     before, _, rest = page.read_text().partition(BEGIN)
     inside, _, after = rest.partition(END)
     if not before or not after or inside != section(numbers):

@@ -19,9 +19,9 @@ RANGES: dict[str, tuple[float, float]] = {
     "torque_noise": (0.0, 0.3),
     "position_noise": (0.0, 3e-5),
     "velocity_noise": (1e-3, 5e-3),
-    "contact_friction": (0.1, 1.0),
+    "contact_friction": (0.1, 0.8),
     "contact_time": (0.008, 0.025),
-    "clearance_offset": (-4e-4, 5e-5),
+    "clearance_offset": (-2e-4, 5e-5),
 }
 """Lowest and highest value of each number, in the units of `Twin`, uniform between. Dry
 friction and armature are those of A1; the ratio of the other joints is that of the

@@ -146,7 +146,7 @@ FULL = Budget(
     paper_twins=6,
     learner_seeds=5,
     failing=6,
-    train={"steps": 40_000},
+    train={"steps": 50_000},
 )
 """A fraction of the design for two cores and eight hours."""
 
