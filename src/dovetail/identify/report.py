@@ -297,7 +297,8 @@ def _to_html(
         f'<p class="note">Condition number {_short(result.condition_number)} (Jacobian '
         f"with columns of unit length). Intervals: jackknife over {result.sequences} "
         "sequences, Student's t, wider by the priors and by what was not fitted: the "
-        "other parameters, centres of mass and inertias of the links. Inflation: how much wider the variance is because "
+        "other parameters, centres of mass and inertias of the links. Inflation: how "
+        "much wider the variance is because "
         f"the other parameters are not known either. {_RULE}.</p>",
         f"<ul>\n{sentences}\n</ul>",
         *(figure(caption, png) for caption, png in figures.values()),
