@@ -296,9 +296,9 @@ def _to_html(
         table(_HEADS, [_cells(e) for e in result.estimates]),
         f'<p class="note">Condition number {_short(result.condition_number)} (Jacobian '
         f"with columns of unit length). Intervals: jackknife over {result.sequences} "
-        "sequences, Student's t. They cover the value that makes this model fit best "
-        "on motions of this kind; where the model lacks an effect of the arm, that is "
-        "not the arm's own value. Inflation: how much wider the variance is because "
+        "sequences, Student's t, wider by the priors and by what was not fitted: the "
+        "other parameters, centres of mass and inertias of the links. Inflation: how "
+        "much wider the variance is because "
         f"the other parameters are not known either. {_RULE}.</p>",
         f"<ul>\n{sentences}\n</ul>",
         *(figure(caption, png) for caption, png in figures.values()),
