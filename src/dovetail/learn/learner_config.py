@@ -46,8 +46,9 @@ class ReturnConfig:
     """Rewards summed up before the critic's own estimate (not ppo, gps). More than 1
     carries the bonus faster from the fixture to the way there."""
     gamma: Annotated[float, Range(0.0, 0.99999, "1")] = 0.97
-    """Discount per 50 ms step (not gps) [1]. It looks as far ahead as an insertion takes: with
-    0.99 the critic has to tell millimetres apart in sums over a whole episode."""
+    """Discount per 50 ms step (not gps) [1]. It looks as far ahead as an insertion
+    takes: with 0.99 the critic has to tell millimetres apart in sums over a whole
+    episode."""
     reward_scale: Annotated[float, Range(1e-6, 1e6, "1")] = 5.0
     """Factor on the reward inside training. What is reported is unscaled."""
     force_weight: Annotated[float, Range(0.0, 1e3, "1/N")] = 0.0
@@ -62,7 +63,7 @@ class GpsConfig:
     """Rollouts of an iteration, each the middle of a local controller (gps)."""
     horizon: Annotated[int, Range(5, 1000, "steps")] = 80
     """Steps of a rollout at most (gps). An episode ends there, or at `max_steps`."""
-    kl_step: Annotated[float, Range(1e-3, 100.0, "nat")] = 1.0
+    kl_step: Annotated[float, Range(1e-3, 100.0, "nat")] = 2.0
     """Largest KL divergence of new actions from old ones, per step (gps) [nat]."""
 
     def require_gps(self, algorithm: str) -> None:

@@ -40,8 +40,7 @@ def expand(
         smooth: Distance below which it is a parabola, shape (states,).
         is_step: 1 for a step that was made, 0 after the end, shape (rollouts, steps).
     """
-    rollouts, steps, actions = u.shape
-    states = x.shape[-1]
+    states, actions = x.shape[-1], u.shape[-1]
     bend = weight / np.sqrt(x**2 + smooth**2)
     diagonal = np.concatenate([bend[:, :-1], np.full(u.shape, ACTION)], axis=2)
     gradient = np.concatenate([bend[:, :-1] * x[:, :-1], ACTION * u], axis=2)

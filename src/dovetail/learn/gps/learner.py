@@ -25,7 +25,7 @@ from dovetail.errors import ConfigError
 from dovetail.learn.gps.cost import WEIGHTS
 from dovetail.learn.gps.improvement import Goal, Network, Rollout, teach
 from dovetail.learn.gps.lqr import Floats, gaussian_divergence
-from dovetail.learn.gps.network import START_STD, GpsPolicy, SearchState, Transitions
+from dovetail.learn.gps.network import START_STD, GpsPolicy, SearchState
 
 LEAST_STD = 0.1
 """Least standard deviation of an action while it learns [1]."""
@@ -33,6 +33,9 @@ MEMORY = 6000
 """Latest transitions that the dynamics are fitted to [1]."""
 KEPT = 4
 """Iterations whose lessons are learned: one alone has too much noise [1]."""
+HOLD = 4.0
+"""KL steps that the network may go at once [1]: this divergence is of what it truly
+does, the controllers' of the network made linear. With 1 it needs more steps."""
 _HALVINGS = 10
 
 
@@ -180,7 +183,7 @@ class GPS(BaseAlgorithm):
     def _hold_back(
         self, before: Any, seen: Floats, acted: Floats, spread: Floats
     ) -> float:
-        """Keep the network within the KL step of what it was.
+        """Keep the network within `HOLD` KL steps of what it was.
 
         Returns:
             The mean divergence at the states of the rollouts [nat].
@@ -189,7 +192,7 @@ class GPS(BaseAlgorithm):
         for _ in range(_HALVINGS):
             moved = policy.actions(seen) - acted
             mean = float(gaussian_divergence(moved, spread, old).mean())
-            if mean <= self.settings.kl_step:
+            if mean <= HOLD * self.settings.kl_step:
                 return mean
             policy.go_back(before, 0.5)
         return mean

@@ -18,7 +18,7 @@ from dovetail.learn.networks import draw
 START_STD = 0.5
 """Standard deviation of the first actions [1]."""
 START_SHARE = 0.1
-"""Share of the usual size of the last layer's first weights: actions begin small [1]."""
+"""Share of the usual size of the last layer's first weights [1]: a small start."""
 
 
 class Transitions(NamedTuple):
