@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 PRIOR = 1.0
-"""Samples that the prior counts for [1]."""
+"""Samples nearby that the prior counts for [1]."""
 RIDGE = 1e-6
 """Share of each input's own spread by which the fit to all is kept regular [1]."""
 
@@ -68,8 +68,15 @@ def fit(inputs: Floats, outputs: Floats, at: Floats, weights: Floats) -> Linear:
     rest = outputs - x @ prior
     pairs = (x[:, :, None] * x[:, None, :]).reshape(len(x), -1)
     size = x.shape[1]
-    left = (weights @ pairs).reshape(-1, size, size)
-    left += PRIOR * moment
+    measured = (weights @ pairs).reshape(-1, size, size)
+    total = weights.sum(1)[:, None]
+    middle = weights @ x[:, :-1] / total
+    near = np.diagonal(measured, axis1=1, axis2=2)[:, :-1] / total - middle**2
+    # The prior is as strong as `PRIOR` samples that lie as far apart as those nearby.
+    strength = np.zeros_like(measured)
+    inner = np.arange(size - 1)
+    strength[:, inner, inner] = PRIOR * np.maximum(near, RIDGE)
+    left = measured + strength
     crossed = (x[:, :, None] * rest[:, None, :]).reshape(len(x), -1)
     right = (weights @ crossed).reshape(-1, size, outputs.shape[1])
     own = np.linalg.solve(left, right)  # (points, inputs + 1, outputs)
@@ -81,9 +88,9 @@ def fit(inputs: Floats, outputs: Floats, at: Floats, weights: Floats) -> Linear:
     many = outputs.shape[1]
     local = (weights @ squares).reshape(-1, many, many)
     cross = np.einsum("pio,piq->poq", own, right)
-    explained = np.einsum("pio,pij,pjq->poq", own, left - PRIOR * moment, own)
+    explained = np.einsum("pio,pij,pjq->poq", own, measured, own)
     local += explained - cross - cross.transpose(0, 2, 1)
-    total = weights.sum(1)[:, None, None] + PRIOR
-    covariance = (local + PRIOR * rest.T @ rest / len(x)) / total
+    local += PRIOR * rest.T @ rest / len(x)
+    covariance = local / (total[..., None] + PRIOR)
     slope = coefficients[:, :-1].transpose(0, 2, 1) / spread
     return Linear(slope, value, covariance)
