@@ -285,7 +285,7 @@ def test_a_checkpoint_holds_all_that_the_search_knows(tiny):
 
 
 @pytest.mark.parametrize(
-    "setting", [{"conditions": 4}, {"horizon": 50}, {"kl_step": 1.0}]
+    "setting", [{"conditions": 4}, {"horizon": 50}, {"kl_step": 3.0}]
 )
 def test_its_settings_are_refused_with_another_algorithm(setting):
     (name,) = setting

@@ -63,7 +63,7 @@ class GpsConfig:
     """Rollouts of an iteration, each the middle of a local controller (gps)."""
     horizon: Annotated[int, Range(5, 1000, "steps")] = 80
     """Steps of a rollout at most (gps). An episode ends there, or at `max_steps`."""
-    kl_step: Annotated[float, Range(1e-3, 100.0, "nat")] = 2.0
+    kl_step: Annotated[float, Range(1e-3, 100.0, "nat")] = 1.0
     """Largest KL divergence of new actions from old ones, per step (gps) [nat]."""
 
     def require_gps(self, algorithm: str) -> None:
