@@ -23,7 +23,7 @@ _NUMBERS = (int, float, int | None, float | None)
 @pytest.mark.parametrize(
     ("field", "value", "words"),
     [
-        ("algorithm", "sarsa", "known: sac, ppo, ddpg, td3, tqc, crossq"),
+        ("algorithm", "sarsa", "known: sac, ppo, ddpg, td3, tqc, crossq, gps"),
         ("steps", 0, "steps is 0; allowed: 1 to"),
         ("gamma", 1.0, "gamma is 1; allowed: 0 to 0.99999"),
         ("net", (), "net is"),

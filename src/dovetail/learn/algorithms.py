@@ -1,4 +1,4 @@
-"""The learning algorithms, built by SBX (JAX) on Stable-Baselines3 from one config."""
+"""The learning algorithms, on Stable-Baselines3, from one config; all but gps SBX's."""
 
 import os
 from collections.abc import Callable
@@ -123,6 +123,8 @@ def make_model(
         MissingDependencyError: The extra `learn` is not installed.
         LogError: A demonstration cannot be learned from; says which, and what to do.
     """
+    if config.algorithm == "gps":
+        return _make_gps(config, env, share)
     logs, script = config.logs, config.script
     demos = load_demonstrations(logs, env.envs[0]) if logs else None
     sbx = import_sbx()
@@ -137,16 +139,11 @@ def make_model(
         "crossq": sbx.CrossQ,
     }[config.algorithm]
 
-    def rate(remaining: float) -> float:
-        falling = falling_rate(actor_rate, config.final_rate, remaining)
-        settling = actor_rate * share(round(config.steps * (1.0 - remaining)))
-        return min(falling, settling)
-
     is_good = config.from_policy is not None or script is not None
     is_careful = is_good and config.algorithm != "ppo"
     actor_rate = (ACTOR_SHARE if is_careful else 1.0) * config.full_rate
     settings: dict[str, Any] = {
-        "learning_rate": rate,
+        "learning_rate": _rate(config, actor_rate, share),
         "gamma": config.gamma,
         "batch_size": config.batch_size,
         "seed": derive_seed(config.seed),
@@ -180,6 +177,36 @@ def make_model(
     if demos is not None:
         fill(model.replay_buffer, demos, config.reward_scale)
     return model
+
+
+def _rate(
+    config: TrainConfig, full: float, share: Callable[[int], float]
+) -> Callable[[float], float]:
+    """Return the learning rate for the share of the training that remains."""
+
+    def rate(remaining: float) -> float:
+        falling = falling_rate(full, config.final_rate, remaining)
+        settling = full * share(round(config.steps * (1.0 - remaining)))
+        return min(falling, settling)
+
+    return rate
+
+
+def _make_gps(config: TrainConfig, env: Any, share: Callable[[int], float]) -> Any:
+    """Build guided policy search."""
+    import_sbx()
+    from dovetail.learn.gps.learner import GPS, GpsSettings
+
+    settings = GpsSettings(
+        conditions=config.conditions,
+        horizon=config.horizon,
+        kl_step=config.kl_step,
+        updates_per_step=config.updates_per_step or 0.0,
+        batch_size=config.batch_size,
+        net=config.net,
+    )
+    rate = _rate(config, config.full_rate, share)
+    return GPS(env, settings, rate, derive_seed(config.seed))
 
 
 def _informed(env: Any, config: TrainConfig) -> Any:

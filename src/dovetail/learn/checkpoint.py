@@ -21,7 +21,7 @@ from dovetail.learn.algorithms import derive_seed
 
 KEPT = 2
 _STATES = (
-    *("actor_state", "kept_state"),
+    *("actor_state", "kept_state", "search_state"),
     *("qf_state", "qf1_state", "qf2_state", "vf_state"),
 )
 _ENTROPY = "ent_coef_state"

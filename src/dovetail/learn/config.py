@@ -72,6 +72,7 @@ class TrainConfig(
         self._require_test()
         self._require_batch()
         self._require_dynamics()
+        self._require_new()
         self._require_teacher()
         self.require_possible(self.num_envs)
         if self.tare:  # a policy must not ask for what it cannot be given
@@ -96,7 +97,7 @@ class TrainConfig(
         return {
             "pretrain": first,
             "until": 1.0 if is_arm else 0.98,
-            "updates_per_step": 2.0 if is_arm else 0.5,
+            "updates_per_step": 2.0 if is_arm or self.algorithm == "gps" else 0.5,
             "learning_rate": 2e-3 if is_quick else 1e-3,
             "teacher_share": 0.2 if asked else 0.5,
         }
@@ -125,6 +126,22 @@ class TrainConfig(
                 f"threads is {self.threads}, but only MuJoCo in this process "
                 f"simulates several environments at once, not {where}: leave "
                 "threads out, or give --plant mujoco"
+            )
+
+    def _require_new(self) -> None:
+        """Refuse a start with which gps does nothing."""
+        starts = {
+            "from_policy": self.from_policy,
+            "demos": self.demos,
+            "teacher": self.has_teacher or self.logs,
+            "script": self.script,
+            "informed": self.informed,
+        }
+        given = [name for name, value in starts.items() if value]
+        if self.algorithm == "gps" and given:
+            raise ConfigError(
+                f"algorithm is gps, which learns from its own rollouts alone: leave "
+                f"{' and '.join(given)} out, or give --algorithm sac"
             )
 
     def _require_teacher(self) -> None:

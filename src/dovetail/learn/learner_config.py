@@ -5,9 +5,9 @@ from typing import Annotated, Literal, Self, get_args
 from pydantic import model_validator
 
 from dovetail.errors import ConfigError
-from dovetail.settings import Range, settings
+from dovetail.settings import Range, defaults_of, names_in, settings
 
-Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq"]
+Algorithm = Literal["sac", "ppo", "ddpg", "td3", "tqc", "crossq", "gps"]
 ALGORITHMS: tuple[Algorithm, ...] = get_args(Algorithm)
 
 
@@ -16,8 +16,8 @@ class GradientConfig:
     """Gradient steps."""
 
     updates_per_step: Annotated[float | None, Range(0.01, 64.0, "1")] = None
-    """Gradient steps per environment step (not ppo): 0.5, on an arm 2. An arm's steps
-    take more time than what is learned from them."""
+    """Gradient steps per environment step (not ppo): 0.5, on an arm or with gps 2. An
+    arm's steps take more time than what is learned from them."""
     learning_rate: Annotated[float | None, Range(1e-7, 1.0, "1")] = None
     """Step size of Adam [1]: 2e-3 for sac, 1e-3 on an arm or from a policy. It is 1e-3
     for the other algorithms, too."""
@@ -30,7 +30,7 @@ class GradientConfig:
     """Gradient steps of the critics for one of the actor (sac)."""
     tau: Annotated[float, Range(1e-6, 1.0, "1")] = 0.01
     """Share by which a target follows its critic per gradient step [1].
-    Not ppo and crossq."""
+    Not ppo, crossq and gps."""
 
     @property
     def full_rate(self) -> float:
@@ -43,27 +43,48 @@ class ReturnConfig:
     """The sum of rewards that it learns."""
 
     n_steps: Annotated[int, Range(1, 100, "steps")] = 3
-    """Rewards summed up before the critic's own estimate (not ppo). More than 1 carries
-    the bonus faster from the fixture to the way there."""
+    """Rewards summed up before the critic's own estimate (not ppo, gps). More than 1
+    carries the bonus faster from the fixture to the way there."""
     gamma: Annotated[float, Range(0.0, 0.99999, "1")] = 0.97
-    """Discount per 50 ms step [1]. It looks as far ahead as an insertion takes: with
-    0.99 the critic has to tell millimetres apart in sums over a whole episode."""
+    """Discount per 50 ms step (not gps) [1]. It looks as far ahead as an insertion
+    takes: with 0.99 the critic has to tell millimetres apart in sums over a whole
+    episode."""
     reward_scale: Annotated[float, Range(1e-6, 1e6, "1")] = 5.0
     """Factor on the reward inside training. What is reported is unscaled."""
     force_weight: Annotated[float, Range(0.0, 1e3, "1/N")] = 0.0
-    """Weight of contact force in the reward [1/N]; 0 is the paper."""
+    """Weight of contact force in the reward [1/N]; 0 is the paper. Not gps."""
 
 
 @settings()
-class LearnerConfig(GradientConfig, ReturnConfig):
+class GpsConfig:
+    """Guided policy search (gps)."""
+
+    conditions: Annotated[int, Range(1, 256, "rollouts")] = 8
+    """Rollouts of an iteration, each the middle of a local controller (gps)."""
+    horizon: Annotated[int, Range(5, 1000, "steps")] = 80
+    """Steps of a rollout at most (gps). An episode ends there, or at `max_steps`."""
+    kl_step: Annotated[float, Range(1e-3, 100.0, "nat")] = 1.0
+    """Largest KL divergence of new actions from old ones, per step (gps) [nat]."""
+
+    def require_gps(self, algorithm: str) -> None:
+        """Refuse a setting of gps that another algorithm would ignore."""
+        usual = defaults_of(GpsConfig)
+        for name in names_in(GpsConfig):
+            if algorithm != "gps" and vars(self)[name] != usual[name]:
+                raise ConfigError(f"{name} is given, which needs --algorithm gps")
+
+
+@settings()
+class LearnerConfig(GradientConfig, ReturnConfig, GpsConfig):
     """Learning algorithm."""
 
     algorithm: Algorithm = "sac"
-    """sac, ppo, ddpg, td3, tqc or crossq, of SBX."""
+    """sac, ppo, ddpg, td3, tqc or crossq, of SBX; or gps, guided policy search."""
     net: tuple[int, ...] = (128, 128)
     """Width of each hidden layer, actor and critic alike."""
     layer_norm: bool = True
-    """Layer normalisation in the critic (not ppo). It diverges on the bonus without."""
+    """Layer normalisation in the critic (not ppo, gps). It diverges on the bonus
+    without."""
     ent_coef: str = "auto_0.1"
     """Entropy coefficient (sac, tqc, crossq), or auto_START. That adapts it."""
     exploration_noise: Annotated[float, Range(0.0, 2.0, "1")] = 0.1
@@ -77,6 +98,7 @@ class LearnerConfig(GradientConfig, ReturnConfig):
         if not self.net or not all(1 <= width <= 8192 for width in self.net):
             raise ConfigError(f"net is {self.net}; allowed: widths of 1 to 8192")
         self.entropy_coefficient()
+        self.require_gps(self.algorithm)
         return self
 
     def entropy_coefficient(self) -> str | float:

@@ -31,7 +31,8 @@ class TeachingConfig:
     """Share of each batch that was shown [1]: 0.5, after `pretrain` 0.2. The teacher
     or `demos` show it; what was learned from them already needs less of them."""
     learning_starts: Annotated[int, Range(0, 1e9, "steps")] = 1000
-    """Random actions before the first gradient step (not ppo). See `from_policy`."""
+    """Random actions before the first gradient step (not ppo, gps).
+    See `from_policy`."""
 
     @property
     def first_updates(self) -> int:

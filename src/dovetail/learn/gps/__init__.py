@@ -1,0 +1,1 @@
+"""Guided policy search by mirror descent: local controllers teach the network."""
