@@ -163,7 +163,7 @@ def test_every_number_of_a_training_has_a_range_with_its_unit():
     others = {*names_in(PolicyEnvConfig), "random_gravity"}
     own = {f.name: f.type for f in fields(TrainConfig) if f.name not in others}
     assert [name for name in own if own[name] in _NUMBERS] == []
-    assert len(own.keys() & ranges_of(TrainConfig).keys()) == 28
+    assert len(own.keys() & ranges_of(TrainConfig).keys()) == 31
     with pytest.raises(ConfigError, match=r"doubt is 0.06 m; allowed: 0 to 0.05 m"):
         TrainConfig(doubt=0.06)
     with pytest.raises(ConfigError, match=r"steps is 1.5; give a whole number: 1 to"):

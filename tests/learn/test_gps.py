@@ -84,7 +84,7 @@ def test_far_from_the_end_the_gain_is_that_of_the_algebraic_riccati_equation(rng
     A = np.eye(STATES) + 0.1 * rng.normal(size=(STATES, STATES))
     B = rng.normal(size=(STATES, ACTIONS))
     Q, R = some_matrix(rng, STATES), some_matrix(rng, ACTIONS)
-    P = Q
+    P, K = Q, np.zeros((ACTIONS, STATES))
     for _ in range(500):
         K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
         P = Q + A.T @ P @ (A - B @ K)

@@ -53,7 +53,7 @@ class GpsSettings(NamedTuple):
 class GPS(BaseAlgorithm):
     """Guided policy search by mirror descent."""
 
-    policy: GpsPolicy
+    policy: Any  # Stable-Baselines3 declares one of PyTorch
     env: Any
 
     def __init__(
@@ -84,8 +84,9 @@ class GPS(BaseAlgorithm):
         self._setup_lr_schedule()
         seed = int(self.seed or 0)
         self.set_random_seed(seed)
-        spaces: Any = self.observation_space, self.action_space
-        self.policy = GpsPolicy(*spaces, self.settings.net, seed)
+        spaces: list[Any] = [self.observation_space, self.action_space]
+        policy = GpsPolicy(spaces[0], spaces[1], self.settings.net, seed)
+        self.policy = policy
         layout = require_contact_env(self.env.envs[0]).scaling
         if "position" not in layout.places:
             raise ConfigError(
@@ -103,8 +104,8 @@ class GPS(BaseAlgorithm):
         each = [WEIGHTS.get(name, (0.0, 1.0)) for name in places for _ in places[name]]
         weight, smooth = np.array(each).T
         self._goal = Goal(weight, smooth, self.settings.kl_step)
-        seen, states = int(spaces[0].shape[0]), len(self._columns)
-        self.policy.search_state = SearchState.start(seen, states, spaces[1].shape[0])
+        seen, actions = (int(space.shape[0]) for space in spaces)
+        policy.search_state = SearchState.start(seen, len(self._columns), actions)
 
     def set_random_seed(self, seed: int | None = None) -> None:
         """Start every random number again."""
@@ -189,6 +190,7 @@ class GPS(BaseAlgorithm):
             The mean divergence at the states of the rollouts [nat].
         """
         policy, old = self.policy, self.policy.search_state.covariance
+        mean = 0.0
         for _ in range(_HALVINGS):
             moved = policy.actions(seen) - acted
             mean = float(gaussian_divergence(moved, spread, old).mean())

@@ -7,12 +7,12 @@ Reference:
     Atkeson, Moore, Schaal 1997, Locally weighted learning.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Floats = NDArray[Any]
 
 PRIOR = 1.0
 """Samples nearby that the prior counts for [1]."""

@@ -9,12 +9,12 @@ Reference:
     approximate mirror descent.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+Floats = NDArray[Any]
 
 TEMPERATURES = (1e-6, 1e6)
 """Range in which the dual variable is looked for."""

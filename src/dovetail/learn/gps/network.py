@@ -24,13 +24,13 @@ START_SHARE = 0.1
 class Transitions(NamedTuple):
     """What the dynamics are fitted to, oldest first."""
 
-    seen: NDArray[np.float32]
+    seen: NDArray[Any]
     """Observations before the action, shape (transitions, observation)."""
-    state: NDArray[np.float64]
+    state: NDArray[Any]
     """States of the local controllers before it, shape (transitions, states)."""
-    action: NDArray[np.float64]
+    action: NDArray[Any]
     """Actions as the arm got them, shape (transitions, actions)."""
-    after: NDArray[np.float64]
+    after: NDArray[Any]
     """States after it, shape (transitions, states)."""
 
     def latest(self, more: Self, count: int) -> "Transitions":
@@ -42,13 +42,13 @@ class Transitions(NamedTuple):
 class Lessons(NamedTuple):
     """What the network is taught: actions of the local controllers."""
 
-    seen: NDArray[np.float32]
+    seen: NDArray[Any]
     """Observations, shape (lessons, observation)."""
-    action: NDArray[np.float32]
+    action: NDArray[Any]
     """Mean action of the controller, shape (lessons, actions)."""
-    precision: NDArray[np.float32]
+    precision: NDArray[Any]
     """How much that matters, shape (lessons, actions, actions)."""
-    iteration: NDArray[np.int64]
+    iteration: NDArray[Any]
     """Number of the iteration that it is of, shape (lessons,)."""
 
     def with_latest(self, more: Self, kept: int) -> "Lessons":
@@ -61,7 +61,7 @@ class Lessons(NamedTuple):
 class SearchState(NamedTuple):
     """All but the network that a search goes on with; part of a checkpoint."""
 
-    covariance: NDArray[np.float64]
+    covariance: NDArray[Any]
     """Of the actions about the network's, shape (actions, actions)."""
     transitions: Transitions
     lessons: Lessons
