@@ -79,6 +79,7 @@ LEARNERS: dict[str, tuple[str, Mapping[str, Any]]] = {
             "reward_scale": 1.0,
         },
     ),
+    "gps": ("guided policy search", {"algorithm": "gps", "num_envs": 8}),
 }
 """Learning algorithms: label, and settings that differ from the defaults."""
 
