@@ -29,6 +29,8 @@ NEEDS = {
     "grpc_round_trip": {"grpc": install_command("rpc")},
     "camera": {"cv2": install_command("camera")},
     "identify_planted": {"cmaes": install_command("identify")},
+    "identify_sampled": {"cmaes": install_command("identify")},
+    "gps_and_sac": {"sbx": install_command("learn")},
     "identify_sysid": {
         "mujoco.sysid:optimize": "pip install 'mujoco[sysid]==3.17.0'",
     },
@@ -75,6 +77,14 @@ TINY = {
     "grpc_round_trip": ("--steps 5 --waits 2", "RemoteArm.step"),
     "hops": ("", "calls in"),
     "identify_planted": ("--seeds 1 --workers 1 --cold --evaluations 2", "gravity"),
+    "gps_and_sac": (
+        "--out out --seeds 0 --steps 600 --every 300 --algorithms gps",
+        "| fixed goals |",
+    ),
+    "identify_sampled": (
+        "--twins 1 --sets paper --sequences 2 --evaluations 5 --out out",
+        "paper: 1 twins",
+    ),
     "identify_sysid": ("", "held-out error"),
     "learner_kills": ("--kills 1", "1 learners killed"),
     "losing_the_client": (

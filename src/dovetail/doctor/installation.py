@@ -29,6 +29,7 @@ EXTRAS = {
     "log": ("pyarrow", "Episode logs as Parquet"),
     "rpc": ("grpc", "arms in other processes"),
     "identify": ("cmaes", "identification"),
+    "reproduce": ("snakemake", "the paper's experiments"),
     "view": ("viser", "the cockpit in the browser"),
     "camera": ("cv2", "cameras"),
     "teach": ("pyspacemouse", "a 3D mouse in the cockpit"),

@@ -15,6 +15,7 @@ import numpy as np
 from rich.console import Console
 
 from dovetail.envs.unwrapped import require_contact_env
+from dovetail.envs.workspace import require_inside
 from dovetail.evaluation.config import (
     EvaluationConfig,
     environment_options,
@@ -183,8 +184,10 @@ def _inspect(
     try:
         if config.video:
             Renderer(require_contact_env(env).cell).close()
-        can_place = require_contact_env(env).places_fixture
-        require_place(config, can_place=can_place)
+        core = require_contact_env(env)
+        require_place(config, can_place=core.places_fixture)
+        for pose in fixture_poses(config, policy.metadata):
+            require_inside(core.task, core.cell, core.arm, pose.pose())
         if config.search != "none":
             CornerScript().take(require_contact_env(env))
             return env

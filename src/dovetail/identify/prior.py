@@ -1,4 +1,4 @@
-r"""What is plausible before any log: a Gaussian about the controller's model.
+r"""Values that are plausible before any log: a Gaussian about the controller's model.
 
 A log leaves directions open in which parameters trade places. Without a prior they end
 anywhere, with masses that no arm has. The best values are those of the highest

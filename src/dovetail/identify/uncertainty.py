@@ -221,7 +221,7 @@ class _Prior(NamedTuple):
     distance: Array
     """Fitted values minus starts [m], shape (k,)."""
     penalty: Array
-    """What it adds to the diagonal of J^T J [1], shape (k,)."""
+    """Addition to the diagonal of J^T J [1], shape (k,)."""
     noise: float
     """Square of the error that one independent fact has [m^2]."""
 

@@ -48,7 +48,7 @@ class Network(NamedTuple):
 
 
 class Goal(NamedTuple):
-    """What the controllers are to do, and how far they may go from the network."""
+    """Goal of the controllers, and how far they may go from the network."""
 
     weight: Floats
     """Weight of each state's distance from 0, shape (states,)."""

@@ -22,7 +22,7 @@ START_SHARE = 0.1
 
 
 class Transitions(NamedTuple):
-    """What the dynamics are fitted to, oldest first."""
+    """Steps that the dynamics are fitted to, oldest first."""
 
     seen: NDArray[Any]
     """Observations before the action, shape (transitions, observation)."""
@@ -40,14 +40,14 @@ class Transitions(NamedTuple):
 
 
 class Lessons(NamedTuple):
-    """What the network is taught: actions of the local controllers."""
+    """Lessons for the network: actions of the local controllers."""
 
     seen: NDArray[Any]
     """Observations, shape (lessons, observation)."""
     action: NDArray[Any]
     """Mean action of the controller, shape (lessons, actions)."""
     precision: NDArray[Any]
-    """How much that matters, shape (lessons, actions, actions)."""
+    """Weight of each lesson, shape (lessons, actions, actions)."""
     iteration: NDArray[Any]
     """Number of the iteration that it is of, shape (lessons,)."""
 
