@@ -1,23 +1,10 @@
 """Pages say what the commands of docs/figures.toml print."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
 
-FILE = Path(__file__).parent.parent / "docs" / "figures.py"
+import docs_scripts
 
-
-def load_script():
-    spec = importlib.util.spec_from_file_location("docs_figures", FILE)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-docs_figures = load_script()
+docs_figures = docs_scripts.load("figures")
 COMMANDS = docs_figures.load()
 QUICK = [command for command in COMMANDS if not command.is_slow]
 

@@ -1,11 +1,8 @@
 """The page of the experiments shows the numbers beside it, and no older ones."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import pytest
 
+import docs_scripts
 from dovetail.reproduce.budget import SMOKE
 from dovetail.reproduce.design import Design
 from dovetail.reproduce.plan import plan
@@ -13,18 +10,7 @@ from dovetail.reproduce.report import RESULTS, stamped, write_reproduction
 from dovetail.reproduce.workflow import RunSummary
 from extras import need
 
-FILE = Path(__file__).parent.parent / "docs" / "measured.py"
-
-
-def load_script():
-    spec = importlib.util.spec_from_file_location("docs_measured", FILE)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-measured = load_script()
+measured = docs_scripts.load("measured")
 
 
 def test_the_page_and_its_figures_are_of_the_numbers_beside_them():

@@ -1,6 +1,5 @@
 """The site's pages, without building it: `make docs` does that."""
 
-import importlib.util
 import json
 import re
 from pathlib import Path
@@ -8,19 +7,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+import docs_scripts
 import dovetail
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 API = {path.name: path.read_text() for path in sorted((DOCS / "api").glob("*.md"))}
 NAV = (ROOT / "mkdocs.yml").read_text().partition("\nnav:\n")[2].partition("\n\n")[0]
-
-
-def load_notebook_script():
-    spec = importlib.util.spec_from_file_location("notebook", DOCS / "notebook.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_every_page_is_in_the_navigation_once_and_every_entry_is_a_page():
@@ -41,12 +34,12 @@ def test_links_of_the_reference_lead_somewhere(page):
 
 
 def test_the_notebook_is_the_tutorial():
-    script = load_notebook_script()
+    script = docs_scripts.load("notebook")
     assert script.NOTEBOOK.read_text() == script.notebook()
 
 
 def test_a_cell_of_the_notebook_runs_what_a_block_of_the_page_does():
-    script = load_notebook_script()
+    script = docs_scripts.load("notebook")
     page = (
         "# Title\n\nText.\n\n```bash\ndovetail a\ndovetail b \\\n  > c\n```\n\n"
         "```text\nprinted\n```\n\n```bash\ndovetail cockpit\n```\n\n"

@@ -42,16 +42,7 @@ def test_delay_and_masses_are_named_with_value_range_and_remedy(far):
     assert "the loop's delay is 15 ms" in delay
     assert "shown to hold: 0 to 10 ms; shorten it" in delay
     assert "the error of a link's mass is 30 %" in mass
-    assert "shown to hold: 0 to 20 %; identify the arm" in mass
-
-
-def test_masses_of_an_identified_model_are_declared(far, tmp_path):
-    """The remedy, to identify the arm, has been used; a long delay is still said."""
-    file = tmp_path / "model.toml"
-    file.write_text(replace(load_twin(far), identified=True).to_toml())
-    (delay,) = said_of(file)
-    assert "delay" in delay
-    assert load_twin(file).identified
+    assert "shown to hold: 0 to 20 %; give a robot" in mass
 
 
 @pytest.mark.parametrize("twin", [None, *list_twins()])

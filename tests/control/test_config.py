@@ -17,7 +17,7 @@ from facts import about
 TASK = "XYZ:force A:pose BC:hold"
 SAID = {
     "delay": r"the loop's delay is .* ms, .* shown to hold: 0 to 10 ms; shorten it",
-    "mass_error": "the error of a link's mass is .* %, .* 0 to 20 %; identify the arm",
+    "mass_error": "the error of a link's mass is .* %, .* 0 to 20 %; give a robot",
     "payload_error": "the payload's error is .* kg, .* 0 to 1 kg; give the tool's true",
 }
 

@@ -59,7 +59,6 @@ CHANGES = {
     "contact_friction": (0.1, False, True),
     "contact_time": (0.02, False, True),
     "clearance_offset": (0.0002, False, True),
-    "identified": (True, False, False),
     "camera": (TwinCamera(bias=0.002, focal_error=0.01), False, False),
 }
 """Field: another value, and whether it shows in free air and in the hole."""

@@ -24,7 +24,7 @@ _WORDS = {
 }
 _REMEDY = {
     "delay": "shorten it, or keep the arm away from people and expect stops",
-    "mass_error": "identify the arm (dovetail identify)",
+    "mass_error": "give a robot with its true masses (docs/your-own-robot.md)",
     "payload_error": "give the tool's true load data",
 }
 

@@ -34,7 +34,7 @@ EXTRAS = {
     "camera": ("cv2", "cameras"),
     "teach": ("pyspacemouse", "a 3D mouse in the cockpit"),
     "film": ("moviepy", "Gymnasium's RecordVideo, and its window"),
-    "cluster": ("ray", "fits and experiments on several machines"),
+    "cluster": ("ray", "fits on several machines"),
 }
 """Optional packages by the extra that brings them, and what for."""
 

@@ -349,7 +349,7 @@ def _warnings(
 def _describe(model: Twin, recording: Recording, after: float) -> Twin:
     arm = recording.metadata["arm"].partition("?")[0]
     text = f"identified from {arm}, {1e3 * after:.2f} mm RMS left on the fitting log"
-    return replace(model, description=text, identified=True)
+    return replace(model, description=text)
 
 
 def _write(

@@ -1,8 +1,8 @@
 """Twins: plants made to differ from the model on purpose; they play the real robot.
 
 A twin is a TOML file in which every key of `Twin` is present and no other, but
-`identified` and the table [camera], which may be left out. A result on a twin says
-"twin", never "robot".
+the table [camera], which may be left out. A result on a twin says "twin", never
+"robot".
 """
 
 import warnings
@@ -44,8 +44,6 @@ class Twin(TwinRun, TwinArm, TwinChannel, TwinContact):
 
     clearance_offset: Annotated[float, Range(-0.005, 0.005, "m")]
     """True clearance minus the task's, per side [m]."""
-    identified: bool = False
-    """It is a model fitted to an arm: its masses are what was found, no error."""
     camera: TwinCamera | None = None
     """Errors of its camera; None if the twin's file gives none."""
 
@@ -85,16 +83,13 @@ class Twin(TwinRun, TwinArm, TwinChannel, TwinContact):
     def unproven(self) -> dict[str, str]:
         """Say by field what lies outside that for which the limits were shown to hold.
 
-        Masses of an identified model are declared by it: to identify the arm is what
-        one would do about them.
-
         Returns:
             A sentence with value, allowed range and remedy for each such field.
         """
         error = max(abs(scale - 1.0) for scale in self.mass_scale)
         said = {
             "command_delay": unproven(delay=self.command_delay),
-            "mass_scale": [] if self.identified else unproven(mass_error=error),
+            "mass_scale": unproven(mass_error=error),
         }
         return {name: texts[0] for name, texts in said.items() if texts}
 
@@ -123,7 +118,7 @@ def _items(config: "Twin | TwinCamera") -> Iterator[tuple[str, Any]]:
     """Yield each number and text with its unit beside it, as TOML."""
     ranges = ranges_of(type(config))
     for name, value in values_of(config).items():
-        if name == "camera" or value is False:
+        if name == "camera":
             continue
         item = tomlkit.item(value)
         if name in ranges and ranges[name].unit != "1":

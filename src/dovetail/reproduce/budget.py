@@ -61,7 +61,7 @@ class Budget(IdentificationBudget, RobustnessBudget, ArmBudget):
     twins: int
     """Twins that are drawn; each has one policy of every model that is its own."""
     bullet_seeds: int
-    """Seeds of the decisive cells trained in PyBullet; on as many twins twice over."""
+    """Seeds of the decisive cells trained in PyBullet, for twice as many twins."""
     drake_twins: int
     """Twins that are also simulated by Drake."""
     drake_seeds: int

@@ -6,7 +6,7 @@ to one twin, and are tried on that one alone.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from dovetail.plants.plant import Engine
@@ -129,7 +129,6 @@ class Design:
     """Engines that are installed."""
     seed: int = 0
     """First training seed; the others follow from it."""
-    learners: tuple[str, ...] = field(default=("sac", "standard", "ppo", "ddpg"))
 
     def trainings(
         self, law: str, model: str, engine: Engine = "mujoco"

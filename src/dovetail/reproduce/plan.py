@@ -18,6 +18,7 @@ from dovetail.plants.plant import Engine
 from dovetail.reproduce.budget import Budget
 from dovetail.reproduce.design import LAWS, MODELS, Design, Training, Trial
 from dovetail.reproduce.folder import FIT, RECORDING, RUN, TRAIN, stage_path, twin_path
+from dovetail.reproduce.paper import TRANSFER
 from dovetail.tasks.options import gather_options
 from dovetail.tasks.peg_in_hole.task import PegInHole
 
@@ -136,17 +137,11 @@ def plan(design: Design) -> tuple[Stage, ...]:
         for trials in design.trials(law, model, trained_in, tried_in):
             add(_training(design, trials[0].training))
             add(*(_trying(design, trial) for trial in trials))
-    for stack, peg in PAPER_ROWS:
-        for trial in design.paper_trials(stack, peg):
+    for row in TRANSFER:
+        for trial in () if row.is_on_arm else design.paper_trials(row.stack, row.peg):
             add(_training(design, trial.training), _trying(design, trial))
     add(*_script(design), *_learners(design), *_on_arm(design), *_robustness(design))
     return tuple(stages.values())
-
-
-PAPER_ROWS = tuple(
-    (stack, peg) for peg in ("square", "triangle") for stack in (0, 4, None)
-)
-"""Stack and peg of the rows of the paper's table that come from simulations."""
 
 
 def fit_name(twin: str, parameters: str) -> str:

@@ -78,7 +78,7 @@ def write_reproduction(
         "settings": dataclasses.asdict(design),
         "missing": {**tally.failed, **tally.left_out},
         "sentences": said,
-        **to_json(gathered),
+        **to_json(gathered, shown),
         "provenance": where,
     }
     lines = json.dumps(finite(content), indent=1, allow_nan=False) + "\n"
@@ -186,8 +186,8 @@ def command_line(design: Design) -> str:
     return shlex.join(words)
 
 
-def to_json(gathered: Gathered) -> dict[str, Any]:
-    """Return every number of the report."""
+def to_json(gathered: Gathered, shown: Sequence[Tabular]) -> dict[str, Any]:
+    """Return every number of the report, its tables included."""
     return {
         "answers": [
             {
@@ -202,7 +202,7 @@ def to_json(gathered: Gathered) -> dict[str, Any]:
             for found in gathered.answers
         ],
         "cells": [_cell(cell) for cell in gathered.cells],
-        "tables": [one._asdict() for one in all_tables(gathered)],
+        "tables": [one._asdict() for one in shown],
         "learners": [found._replace(runs=[])._asdict() for found in gathered.learners],
         "identification": gathered.fits,
     }
