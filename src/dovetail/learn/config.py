@@ -133,7 +133,7 @@ class TrainConfig(
         starts = {
             "from_policy": self.from_policy,
             "demos": self.demos,
-            "teacher": self.has_teacher or self.logs,
+            "teacher": self.teacher != "none",
             "script": self.script,
             "informed": self.informed,
         }
