@@ -69,14 +69,15 @@ class BulletPlant:
 
         Raises:
             MissingDependencyError: PyBullet is not installed.
-            ConfigError: A part is a prism.
+            ConfigError: A part has a prism or another convex mesh.
         """
         shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
-        if prism := next((s.name for s in shapes if s.kind == "prism"), None):
+        kinds = ("prism", "convex")
+        if mesh := next((s for s in shapes if s.kind in kinds), None):
             raise ConfigError(
-                f"plant 'bullet' cannot build the prism {prism!r} of {cell.name}: a "
-                "convex mesh carries a 1 mm margin in PyBullet, more than a clearance; "
-                "use plant 'mujoco', or boxes and cylinders"
+                f"plant 'bullet' cannot build the {mesh.kind} {mesh.name!r} of "
+                f"{cell.name}: a convex mesh carries a 1 mm margin in PyBullet, more "
+                "than a clearance; use plant 'mujoco', or boxes and cylinders"
             )
         self._bullet = _import_pybullet()
         from dovetail import _core

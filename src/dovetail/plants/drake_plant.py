@@ -371,7 +371,7 @@ class _World:
             elif part.kind == "cylinder":
                 shape = drake.Cylinder(part.size[0], 2.0 * part.size[1])
             else:
-                shape = drake.Convex(_prism(part).T, part.name)
+                shape = drake.Convex(part.vertices().T, part.name)
             place = self._pose(Pose(part.position, part.quat_wxyz))
             if frame is not None:
                 place = frame.multiply(place)
@@ -434,11 +434,3 @@ class _World:
         link = self._plant.EvalBodyPoseInWorld(self._own, self._link)
         pose = link.multiply(self._tool)
         return Pose(pose.translation(), quat_from_matrix(pose.rotation().matrix()))
-
-
-def _prism(part: Primitive) -> Array:
-    """Return the corners of a triangular prism, shape (6, 3)."""
-    radius, half = part.size
-    angles = 2.0 * np.pi * np.arange(3) / 3.0
-    base = radius * np.column_stack([np.cos(angles), np.sin(angles)])
-    return np.vstack([np.column_stack([base, np.full(3, z)]) for z in (-half, half)])

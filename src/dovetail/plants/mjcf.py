@@ -1,6 +1,5 @@
 """Write robot, tool, fixture and table as one MuJoCo model (MJCF)."""
 
-import math
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -65,7 +64,7 @@ def build_mjcf(robot: Robot, cell: Workcell, *, visual_meshes: bool = False) -> 
     assets, world = root.find("asset"), root.find("worldbody")
     assert assets is not None
     assert world is not None
-    _add_prisms(assets, cell)
+    _add_convex(assets, cell)
     looks.add_assets(assets)
     _add_part(world, TABLE.primitives[0], "world")
     fixture = ET.SubElement(
@@ -96,16 +95,10 @@ class _Looks:
                 add_mesh(assets, name, one)
 
 
-def _add_prisms(assets: ET.Element, cell: Workcell) -> None:
+def _add_convex(assets: ET.Element, cell: Workcell) -> None:
     shapes = [*cell.tool_primitives(), *cell.fixture.primitives]
-    for part in (part for part in shapes if part.kind == "prism"):
-        radius, half = part.size
-        corners = [
-            (radius * math.cos(a), radius * math.sin(a), z)
-            for z in (-half, half)
-            for a in (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
-        ]
-        vertices = "  ".join(_numbers(corner) for corner in corners)
+    for part in (part for part in shapes if part.kind in ("prism", "convex")):
+        vertices = "  ".join(_numbers(corner) for corner in part.vertices())
         ET.SubElement(assets, "mesh", name=part.name, vertex=vertices)
 
 
@@ -175,8 +168,7 @@ def _add_part(body: ET.Element, part: Primitive, group: str) -> None:
     shape = {
         "box": {"type": "box", "size": _numbers(part.size)},
         "cylinder": {"type": "cylinder", "size": _numbers(part.size)},
-        "prism": {"type": "mesh", "mesh": part.name},
-    }[part.kind]
+    }.get(part.kind, {"type": "mesh", "mesh": part.name})
     facts = {"class": group, "name": part.name, "rgba": _numbers(part.rgba)}
     place = {"pos": _numbers(part.position), "quat": _numbers(part.quat_wxyz)}
     ET.SubElement(body, "geom", facts | shape | place)

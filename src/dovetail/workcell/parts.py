@@ -10,23 +10,27 @@ import numpy as np
 from dovetail.errors import ConfigError
 from dovetail.poses import Pose, matrix_from_quat, quat_about_z, quat_multiply
 from dovetail.types import Array, Mat33, Vec3, Vec4
+from dovetail.workcell.hull import solid_of, thickness
 
 IDENTITY: Vec4 = np.array([1.0, 0.0, 0.0, 0.0])
 """No rotation (wxyz)."""
-_SIZES = {"box": 3, "cylinder": 2, "prism": 2}
+_SIZES = {"box": 3, "cylinder": 2, "prism": 2, "convex": 12}
+"""Numbers in the size of each kind; a convex may have more, three for a corner."""
+_THIN = 1e-6
+"""Least thickness of a convex [m]."""
 
 
 class Primitive(NamedTuple):
     """One collision shape in the frame of its part."""
 
     name: str
-    kind: Literal["box", "cylinder", "prism"]
+    kind: Literal["box", "cylinder", "prism", "convex"]
     size: tuple[float, ...]
     """box: half extents x y z; cylinder: radius, half height; prism: circumradius of
     the triangle, half height [m]. Cylinder and prism stand along z, a corner of the
-    prism on x."""
+    prism on x. convex, the hull of points: x y z of each, one after the other [m]."""
     position: Vec3
-    """Centre [m]."""
+    """Centre [m]; of a convex the place of its 0 0 0."""
     quat_wxyz: Vec4 = IDENTITY
     rgba: tuple[float, float, float, float] = (0.45, 0.60, 0.75, 1.0)
     mass: float = 0.0
@@ -39,8 +43,35 @@ class Primitive(NamedTuple):
             quat_wxyz=quat_multiply(quat_wxyz, self.quat_wxyz),
         )
 
+    def vertices(self) -> Array:
+        """Return the corners of a convex or a prism in its own frame, (corners, 3)."""
+        if self.kind == "convex":
+            return np.array(self.size).reshape(-1, 3)
+        radius, half = self.size
+        turns = (0.0, 2.0 * math.pi / 3.0, -2.0 * math.pi / 3.0)
+        return np.array(
+            [
+                (radius * math.cos(angle), radius * math.sin(angle), z)
+                for z in (-half, half)
+                for angle in turns
+            ]
+        )
+
+    def centre(self) -> Vec3:
+        """Return the centre of mass in the part's frame [m]."""
+        if self.kind != "convex":
+            return self.position
+        R = exact_rotation(self.quat_wxyz)
+        return self.position + R @ solid_of(self.size).centre
+
     def corners(self) -> Array:
-        """Return the corners of the box around it in the part's frame, shape (8, 3)."""
+        """Return corners around it in the part's frame, shape (corners, 3).
+
+        Those of a convex, else the eight of the box around it.
+        """
+        if self.kind == "convex":
+            R = matrix_from_quat(self.quat_wxyz)
+            return self.position + self.vertices() @ R.T
         across = self.size[:2] if self.kind == "box" else (self.size[0],) * 2
         half = np.array([*across, self.size[-1]])
         signs = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
@@ -100,11 +131,8 @@ class Part:
                     f"shape {name!r} of part {self.name} is a {kind!r}; known: "
                     f"{', '.join(_SIZES)}"
                 )
-            if len(size) != _SIZES[kind] or not all(0.0 < s < 10.0 for s in size):
-                raise ConfigError(
-                    f"shape {name!r} of part {self.name}, a {kind}, has the size "
-                    f"{size} m; give {_SIZES[kind]} numbers above 0 and below 10"
-                )
+            if wrong := _wrong_size(kind, size):
+                raise ConfigError(f"shape {name!r} of part {self.name}, a {wrong}")
             if not 0.0 <= mass < math.inf:
                 raise ConfigError(
                     f"shape {name!r} of part {self.name} has a mass of {mass} kg; "
@@ -122,9 +150,33 @@ class Part:
         return float(pose.position[2] + (self.corners @ up).min())
 
 
+def _wrong_size(kind: str, size: tuple[float, ...]) -> str:
+    """Return why no engine can build a shape of this size; empty where one can."""
+    if kind != "convex":
+        if len(size) == _SIZES[kind] and all(0.0 < s < 10.0 for s in size):
+            return ""
+        needed = f"{_SIZES[kind]} numbers above 0 and below 10"
+        return f"{kind}, has the size {size} m; give {needed}"
+    if len(size) % 3 or len(size) < _SIZES[kind]:
+        return (
+            f"convex, has {len(size)} numbers; give x y z of each corner, at least "
+            "four corners"
+        )
+    if not all(-10.0 < s < 10.0 for s in size):
+        return "convex, has a corner beyond 10 m; give numbers between -10 and 10 m"
+    if (thin := thickness(np.array(size).reshape(-1, 3))) < _THIN:
+        return (
+            f"convex, is {1e3 * thin:g} mm thick; give corners that are not in one "
+            f"plane: at least {1e3 * _THIN:g} mm"
+        )
+    return ""
+
+
 def unit_inertia(primitive: Primitive) -> Mat33:
     """Return the inertia about the own centre per mass [m2], axes of the part."""
-    if primitive.kind == "box":
+    if primitive.kind == "convex":
+        own = solid_of(primitive.size).inertia
+    elif primitive.kind == "box":
         x, y, z = (2.0 * s for s in primitive.size)
         own = np.diag([y * y + z * z, x * x + z * z, x * x + y * y]) / 12.0
     else:

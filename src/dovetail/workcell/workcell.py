@@ -87,10 +87,10 @@ class Workcell:
         """Return mass, centre and inertia of tool and part, in the flange frame."""
         parts = self.tool_primitives()
         total = sum(part.mass for part in parts)
-        com: Vec3 = sum((p.mass * p.position for p in parts), start=np.zeros(3)) / total
+        com: Vec3 = sum((p.mass * p.centre() for p in parts), start=np.zeros(3)) / total
         inertia = np.zeros((3, 3))
         for part in parts:
-            d = part.position - com
+            d = part.centre() - com
             own = unit_inertia(part) + (d @ d) * np.eye(3) - np.outer(d, d)
             inertia += part.mass * own
         return Payload(mass=total, com=com, inertia=inertia)
