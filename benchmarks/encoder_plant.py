@@ -132,6 +132,10 @@ class EncoderPlant:
         """Put the fixture at a pose at once, the arm's motion untouched."""
         self.plant.move_fixture(fixture)
 
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on."""
+        self.plant.grasp(offset)
+
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
         self.plant.push(force)

@@ -110,6 +110,8 @@ def inverse(pose: Pose) -> Pose:
     return Pose(-matrix_from_quat(back) @ pose.position, back)
 
 
+UNMOVED = Pose(np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+"""The pose of a frame that lies in its parent's own."""
 TOOL_DOWN: Vec4 = np.array([0.0, 1.0, 0.0, 0.0])
 """Tool rotation (wxyz) with its z axis down and zero yaw: half a turn about x."""
 

@@ -35,6 +35,11 @@ class LightPlant:
         self.is_braked = False
         self.q, self.dq, self.fixture = np.array(q, dtype=float), np.zeros(7), fixture
 
+    grasped = None
+
+    def grasp(self, offset):
+        self.grasped = offset
+
     def move_fixture(self, fixture):
         self.cell.require_reachable(fixture)
         self.fixture = fixture

@@ -102,6 +102,18 @@ def test_fixture_moves_the_fixture_alone(cabinet, line, client):
     assert client.state is ACTIVE
 
 
+def test_a_grasp_holds_from_the_next_place_on(cabinet, line, client):
+    client.wait_for(ACTIVE)
+    offset = {"position": [0.002, 0.0, -0.001], "quat_wxyz": [1.0, 0.0, 0.0, 0.0]}
+    assert line.ask(do="grasp", offset=offset)["ok"]
+    plant = cabinet.controller.body.plant
+    assert plant.grasped is None
+    assert line.ask(**PLACE)["ok"]
+    assert plant.grasped.position.tolist() == offset["position"]
+    far = {**offset, "position": [0.1, 0.0, 0.0]}
+    assert not line.ask(do="grasp", offset=far)["ok"]
+
+
 def test_a_fixture_cannot_move_faster_than_is_said(line, client):
     client.wait_for(ACTIVE)
     answer = line.ask(do="fixture", fixture=WHERE, velocity=[0.0, 2.0, 0.0])
@@ -132,7 +144,7 @@ def test_push_fault_io_truth_pause_resume_and_stop_are_served(line, client):
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
-        ({}, "do is None; known: place, fixture, push, io, fault, pause"),
+        ({}, "do is None; known: place, fixture, grasp, push, io, fault, pause"),
         ({"do": "fly"}, "do is 'fly'; known: place"),
         ({"do": ["place"]}, "known: place"),
         ({**PLACE, "q": [0.0] * 6}, "place: q is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]; give"),

@@ -150,6 +150,14 @@ class SimulatedArm(Arm, Protocol):
         """Put the fixture at a pose; it then moves at a velocity [m/s], world axes."""
         ...
 
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on.
+
+        Args:
+            offset: The part's frame in the TCP's. The controller does not know of it.
+        """
+        ...
+
 
 def require_simulated(arm: Arm) -> SimulatedArm:
     """Return the arm as one that can be pushed and its fixture moved.

@@ -69,6 +69,10 @@ class CabinetControl:
         more = {} if velocity is None else {"velocity": list(map(float, velocity))}
         return self.request("fixture", fixture=_pose(fixture), **more)
 
+    def grasp(self, offset: Pose) -> dict[str, Any]:
+        """Displace the held part in the fingers, from the next `place` on."""
+        return self.request("grasp", offset=_pose(offset))
+
     def push(self, force: Vec3, duration: float) -> dict[str, Any]:
         """Push the TCP with a force [N], world axes, for a duration [s]."""
         return self.request("push", force=list(map(float, force)), duration=duration)

@@ -420,6 +420,20 @@ class FriArm:
         """Have it put the fixture at a pose and move it on at a velocity [m/s]."""
         self._require_control().move_fixture(fixture, velocity)
 
+    def grasp(self, offset: Pose) -> None:
+        """Have it displace the held part in the fingers, from the next reset on.
+
+        Raises:
+            ArmError: A reset drives the arm: the part stays as it is held.
+        """
+        if self._address.reset != "place":
+            raise ArmError(
+                "a reset that drives the arm leaves the part as it is held: give "
+                "reset=place in the address, or leave grasp_error out",
+                "no_control",
+            )
+        self._require_control().grasp(offset)
+
     def _require_control(self) -> CabinetControl:
         if self._control is None:
             raise ArmError(

@@ -143,6 +143,14 @@ class LocalArm:
         self.plant.move_fixture(fixture)
         self.disturbance.slide(fixture, velocity)
 
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on.
+
+        Args:
+            offset: The part's frame in the TCP's. The controller does not know of it.
+        """
+        self.plant.grasp(offset)
+
     def stop(self) -> None:
         """Do nothing: between two steps nothing moves."""
 

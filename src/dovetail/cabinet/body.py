@@ -59,6 +59,7 @@ class ArmBody:
         self._push_force = np.zeros(3)
         self._push_left = 0.0
         self._fixture: Pose | None = None
+        self._grasp: Pose | None = None  # for the next `place`
         self._fixture_velocity = np.zeros(3)
         self._settle()
 
@@ -89,6 +90,9 @@ class ArmBody:
         Raises:
             ConfigError: The fixture is out of reach, or q is not seven finite numbers.
         """
+        if self._grasp is not None:
+            self.plant.grasp(self._grasp)
+            self._grasp = None
         self.plant.reset(q, fixture)
         self.failure = ""
         self._push_left = 0.0
@@ -108,6 +112,14 @@ class ArmBody:
         self.plant.move_fixture(fixture)
         self._fixture = fixture
         self._fixture_velocity = np.zeros(3) if velocity is None else velocity
+
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next `place` on.
+
+        Args:
+            offset: The part's frame in the TCP's.
+        """
+        self._grasp = offset
 
     def push(self, force: Vec3, duration: float) -> None:
         """Push the TCP with a force [N], world axes, for a duration [s]."""

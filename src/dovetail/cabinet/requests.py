@@ -11,6 +11,8 @@ from dovetail.errors import ConfigError, DovetailError
 from dovetail.poses import Pose
 from dovetail.types import Array
 
+GRASP_MAX = 0.02
+"""Largest displacement of the held part [m]: a finger's width."""
 MAX_FIXTURE_SPEED = 1.0
 """Fastest that a fixture may move [m/s]."""
 
@@ -80,6 +82,7 @@ class RequestDesk:
         self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
             "place": self._place,
             "fixture": self._fixture,
+            "grasp": self._grasp,
             "push": self._push,
             "io": self._io,
             "fault": self._fault,
@@ -129,6 +132,16 @@ class RequestDesk:
                     f"{MAX_FIXTURE_SPEED:g} m/s"
                 )
         self._controller.body.move_fixture(fixture, velocity)
+        return {}
+
+    def _grasp(self, request: dict[str, Any]) -> dict[str, Any]:
+        offset = pose(request, "offset")
+        if not (far := float(np.linalg.norm(offset.position))) <= GRASP_MAX:
+            raise ConfigError(
+                f"offset is {far:g} m long; allowed is 0 to {GRASP_MAX:g} m: further, "
+                "the part is not between the fingers"
+            )
+        self._controller.body.grasp(offset)
         return {}
 
     def _push(self, request: dict[str, Any]) -> dict[str, Any]:

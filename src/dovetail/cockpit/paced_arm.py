@@ -182,6 +182,10 @@ class PacedArm:
         """Put the fixture at a pose; it then moves at a velocity [m/s], world axes."""
         require_simulated(self._arm).move_fixture(fixture, velocity)
 
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on."""
+        require_simulated(self._arm).grasp(offset)
+
     def seed(self, seed: int) -> None:
         """Start a simulation's noise again."""
         self._arm.seed(seed)

@@ -154,6 +154,17 @@ class EpisodeConfig:
 
 
 @settings()
+class GraspConfig:
+    """Displacement of the held part in the fingers, of simulated arms."""
+
+    grasp_error: Annotated[float | None, Range(0.0, 0.01, "m")] = None
+    """Largest displacement along each axis of the tool, drawn for each episode [m].
+    A policy sees it only through contact. Left out, it is the task's own."""
+    grasp_turn: Annotated[float | None, Range(0.0, 0.2, "rad")] = None
+    """The same about each axis [rad]."""
+
+
+@settings()
 class EnvOptions(
     ActionConfig,
     ApproachConfig,
@@ -162,6 +173,7 @@ class EnvOptions(
     ObservationConfig,
     PlantConfig,
     EpisodeConfig,
+    GraspConfig,
 ):
     """Settings of an environment that a command line gives."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dovetail import _core
-from dovetail.arms.arm import Arm, ArmState, require_simulated
+from dovetail.arms.arm import Arm, ArmState, ToolState, require_simulated
 from dovetail.control.period import POLICY_PERIOD
 from dovetail.control.task_spec import FORCE, TaskSpec
 from dovetail.envs.arm_setup import build_arm
@@ -33,8 +33,9 @@ from dovetail.envs.workspace import (
     require_plausible,
 )
 from dovetail.errors import ConfigError, DovetailError, ReachError
-from dovetail.poses import Pose
+from dovetail.poses import UNMOVED, Pose, compose
 from dovetail.robots.find import find_robot
+from dovetail.tasks.grasp import Grasp
 from dovetail.tasks.task import Progress, Task
 from dovetail.trackers.find import TrackerContext, find_tracker
 from dovetail.trackers.tracker import Tracker, close_tracker
@@ -131,6 +132,8 @@ class ContactEnv(
     """Newest state of the arm."""
     fixture: Pose
     """The fixture's true pose in this episode."""
+    grasp: Pose = UNMOVED
+    """The held part's frame in the TCP's in this episode, as a simulation has it."""
     believed: Pose
     """Believed pose of the fixture: the tracker's last, moved on until now."""
     steps: int  # of the episode so far
@@ -206,6 +209,11 @@ class ContactEnv(
         self._seeds = np.random.default_rng()
         self._seen = self._true = b"", b""
         self._velocity, self._followed = FixtureVelocity(), STANDS
+        error, turn = self.config.grasp_error, self.config.grasp_turn
+        own = self.task.grasp
+        self._grasp_range = Grasp(
+            own.error if error is None else error, own.turn if turn is None else turn
+        )
         self._is_force = np.array([m == FORCE for m in self.axes.modes[:3]])
         self._begun: NDArray[np.float32] | None = None
         self._start_check = StartCheck(self.cell)
@@ -240,6 +248,7 @@ class ContactEnv(
             require_placed(self.task, self.cell, self.arm)
         require_inside(self.task, self.cell, self.arm, fixture)
         q = self._find_start(fixture, options.get("start"))
+        self._draw_grasp()
         self.fixture = fixture
         self.slide_fixture(np.zeros(3))
         if seed is not None:
@@ -260,6 +269,13 @@ class ContactEnv(
         self._pictures.begin(self.state)
         info = {**self._info(raw), "tare": self.commands.tare.copy()}
         return self._history.reset(self._recall.reset(self.scaling.scale(raw))), info
+
+    def _draw_grasp(self) -> None:
+        """Displace the held part for the next episode, where a simulation can."""
+        grasp = self._grasp_range.draw(self.np_random)
+        if grasp is not self.grasp and self.arm.facts.traits.is_simulated:
+            require_simulated(self.arm).grasp(grasp)
+            self.grasp = grasp
 
     def _find_start(self, fixture: Pose, given: Any) -> Vec7:
         """Return the configuration [rad] to start in, in free air.
@@ -445,13 +461,19 @@ class ContactEnv(
             self._true = true
             self._true_goal = goal if true == seen else self.task.goal(self.fixture)
         self._by_sight = self._by_truth = sight(self.state, goal)
-        if self._true_goal is not goal:
-            self._by_truth = sight(self.state, self._true_goal)
+        if self._true_goal is not goal or self.grasp is not UNMOVED:
+            self._by_truth = sight(self._with_part(self.state), self._true_goal)
         return self.scaling.read(self._by_sight)
+
+    def _with_part(self, state: ArmState) -> ArmState:
+        """Return a state whose tool frame is the held part's own."""
+        tool = state.tool
+        part = compose(Pose(tool.position, tool.quat_wxyz), self.grasp)
+        return state._replace(tool=ToolState(*part, tool.velocity))
 
     def _info(self, raw: Array) -> dict[str, Any]:
         state, true = self.state, self._by_truth
-        told = self.task.judge(true.position_error, true.goal, state)
+        told = self.task.judge(true.position_error, true.goal, true.state)
         if type(told) is not Progress or not math.isfinite(told.depth):
             told = read_progress(self.task, told)
         depth, success = told

@@ -32,7 +32,7 @@ from dovetail.plants.plant import (
     physics_steps,
     require_configuration,
 )
-from dovetail.poses import Pose, quat_from_matrix
+from dovetail.poses import UNMOVED, Pose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
 from dovetail.workcell.workcell import TABLE, Workcell
@@ -90,6 +90,7 @@ class BulletPlant:
         self._body = -1
         self._fixture: list[int] = []
         self._push = np.zeros(3)
+        self._grasp = UNMOVED
         self._time = 0.0
         self._q = self._dq = np.zeros(7)
         self._force = self._peak = np.zeros(3)
@@ -166,7 +167,7 @@ class BulletPlant:
         self._fixture = world.add_fixed(self.cell.fixture.primitives, fixture)
         self._body = world.add_arm(
             self.robot,
-            self.cell.tool_primitives(),
+            self.cell.tool_primitives(self._grasp),
             (self._mass, self._com, self._body_inertia),
             self.dynamics.contact_friction,
         )
@@ -191,6 +192,14 @@ class BulletPlant:
         self.cell.require_reachable(fixture)
         world = BulletWorld(self._bullet, self._client)
         world.move_fixed(self._fixture, self.cell.fixture.primitives, fixture)
+
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on.
+
+        Args:
+            offset: The part's frame in the TCP's, which stays where it is.
+        """
+        self._grasp = offset
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""

@@ -23,7 +23,7 @@ from dovetail.plants.plant import (
     physics_steps,
     require_configuration,
 )
-from dovetail.poses import Pose, quat_from_matrix
+from dovetail.poses import UNMOVED, Pose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
 from dovetail.workcell.parts import Primitive
@@ -78,6 +78,7 @@ class DrakePlant:
         self._q = self._dq = np.zeros(7)
         self._push = self._force = self._peak = np.zeros(3)
         self._time = 0.0
+        self._grasp = UNMOVED
         self.configure(dynamics or DynamicsConfig.of_robot(cell.robot))
 
     def configure(self, dynamics: DynamicsConfig) -> None:
@@ -115,7 +116,9 @@ class DrakePlant:
     def _world_of(self, step: float) -> "_World":
         """Return the world with a physics step; the plant's is fixed in Drake."""
         if step not in self._worlds:
-            self._worlds[step] = _World(self._drake, self.cell, self.dynamics, step)
+            self._worlds[step] = _World(
+                self._drake, self.cell, self.dynamics, step, self._grasp
+            )
         return self._worlds[step]
 
     def move_fixture(self, fixture: Pose) -> None:
@@ -127,6 +130,17 @@ class DrakePlant:
         self.cell.require_reachable(fixture)
         self._fixture = fixture
         self._ready().place(fixture)
+
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on.
+
+        The worlds are built anew: shapes have their place from the beginning.
+
+        Args:
+            offset: The part's frame in the TCP's, which stays where it is.
+        """
+        self._grasp = offset
+        self.configure(self.dynamics)
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
@@ -241,7 +255,12 @@ class _World:
     """A MultibodyPlant of one physics step, with its state."""
 
     def __init__(
-        self, drake: Any, cell: Workcell, dynamics: DynamicsConfig, step: float
+        self,
+        drake: Any,
+        cell: Workcell,
+        dynamics: DynamicsConfig,
+        step: float,
+        grasp: Pose,
     ) -> None:
         self._drake, self.step = drake, step
         self._armature = np.array(dynamics.armature)
@@ -254,7 +273,7 @@ class _World:
         gravity = np.add(GRAVITY, dynamics.gravity_residual)
         plant.mutable_gravity_field().set_gravity_vector(gravity)
         self._plant = plant
-        self._add_arm(cell, dynamics)
+        self._add_arm(cell, dynamics, grasp)
         friction = dynamics.contact_friction
         self._add_shapes(
             plant.world_body(), "table", TABLE.primitives, self._rigid(friction)
@@ -277,7 +296,7 @@ class _World:
         w, x, y, z = pose.quat_wxyz / np.linalg.norm(pose.quat_wxyz)
         return drake.RigidTransform(drake.Quaternion(w, x, y, z), pose.position)
 
-    def _add_arm(self, cell: Workcell, dynamics: DynamicsConfig) -> None:
+    def _add_arm(self, cell: Workcell, dynamics: DynamicsConfig, grasp: Pose) -> None:
         drake, plant = self._drake, self._plant
         robot = cell.loaded_robot(dynamics.inertia)
         links, scale = robot.links, np.array(dynamics.mass_scale)
@@ -324,7 +343,7 @@ class _World:
         drake.AddCompliantHydroelasticProperties(0.01, modulus, soft)
         self._add_contact(soft, dynamics.contact_friction, dynamics.contact_time)
         self._tool_ids = self._add_shapes(
-            parent, "tool", cell.tool_primitives(), soft, flange
+            parent, "tool", cell.tool_primitives(grasp), soft, flange
         )
         self._tool = self._transform(*robot.geometry.tool_in_link())
 

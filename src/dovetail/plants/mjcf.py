@@ -120,12 +120,7 @@ def _add_tool(link: ET.Element, robot: Robot, cell: Workcell, looks: _Looks) -> 
     at = robot.geometry
     hidden = {part.name for part in cell.tool.primitives} if looks.tool else set()
     for part in cell.tool_primitives():
-        T_flange = np.eye(4)
-        T_flange[:3, :3], T_flange[:3, 3] = at.flange_rotation, at.flange_position
-        position = (T_flange @ [*part.position, 1.0])[:3]
-        quat = quat_from_matrix(at.flange_rotation)
-        quat = quat_multiply(quat, part.quat_wxyz)
-        placed = part._replace(position=position, quat_wxyz=quat)
+        placed = in_last_link(part, robot)
         _add_part(link, placed, "hidden" if part.name in hidden else "tool")
     for name, one in looks.tool.items():
         placed = one.seen_from(at.flange_position, at.flange_rotation)
@@ -134,6 +129,16 @@ def _add_tool(link: ET.Element, robot: Robot, cell: Workcell, looks: _Looks) -> 
     flange = ET.SubElement(link, "body", pose, name="flange")
     tool = _pose(at.tool_position, at.tool_rotation)
     ET.SubElement(flange, "site", tool, name="tcp", size="0.003")
+
+
+def in_last_link(part: Primitive, robot: Robot) -> Primitive:
+    """Return a shape that is given in the flange frame in that of the last link."""
+    at = robot.geometry
+    T_flange = np.eye(4)
+    T_flange[:3, :3], T_flange[:3, 3] = at.flange_rotation, at.flange_position
+    position = (T_flange @ [*part.position, 1.0])[:3]
+    quat = quat_multiply(quat_from_matrix(at.flange_rotation), part.quat_wxyz)
+    return part._replace(position=position, quat_wxyz=quat)
 
 
 def _add_inertial(body: ET.Element, robot: Robot, i: int) -> None:

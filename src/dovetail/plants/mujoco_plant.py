@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from dovetail.errors import PlantError
-from dovetail.plants.mjcf import build_mjcf
+from dovetail.plants.mjcf import build_mjcf, in_last_link
 from dovetail.plants.plant import (
     CYCLE_COLUMNS,
     DynamicsConfig,
     physics_steps,
     require_configuration,
 )
-from dovetail.poses import Pose, quat_from_matrix
+from dovetail.poses import Pose, compose, quat_from_matrix
 from dovetail.robots.robot import GRAVITY, Robot
 from dovetail.types import Array, Vec3, Vec7
 from dovetail.workcell.workcell import Workcell
@@ -183,6 +183,24 @@ class MujocoPlant:
         self.cell.require_reachable(fixture)
         self.data.mocap_pos[0] = fixture.position
         self.data.mocap_quat[0] = fixture.quat_wxyz
+
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on.
+
+        Args:
+            offset: The part's frame in the TCP's, which stays where it is.
+        """
+        self.drop_cycles()
+        model = self.model
+        for shape in self.cell.held_primitives(offset):
+            placed = in_last_link(shape, self.robot)
+            pose, i = Pose(placed.position, placed.quat_wxyz), model.geom(shape.name).id
+            if (mesh := model.geom_dataid[i]) >= 0:  # MuJoCo has moved its origin
+                pose = compose(pose, Pose(model.mesh_pos[mesh], model.mesh_quat[mesh]))
+            model.geom_pos[i], model.geom_quat[i] = pose
+            model.geom_sameframe[i] = 0  # not the body's own frame
+        self._mujoco.mj_setConst(model, self.data)  # the boxes of the mid-phase
+        self._is_ready = False
 
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""

@@ -164,6 +164,14 @@ class Plant(Protocol):
         """
         ...
 
+    def grasp(self, offset: Pose) -> None:
+        """Displace the held part in the fingers, from the next reset on.
+
+        Args:
+            offset: The part's frame in the TCP's, which stays where it is.
+        """
+        ...
+
     def push(self, force: Vec3) -> None:
         """Push the TCP with a force [N], world axes, until the next push or `reset`."""
         ...

@@ -12,6 +12,7 @@ import numpy as np
 from dovetail.poses import Pose, matrix_from_quat
 from dovetail.robots.robot import Robot
 from dovetail.tasks.fixture_pose import FixturePose
+from dovetail.tasks.grasp import Grasp
 from dovetail.tasks.reward import RewardConfig, distance_reward
 from dovetail.types import Array, Vec3, Vec4
 from dovetail.workcell.parts import Part
@@ -81,6 +82,8 @@ class Task(ABC):
     trial_poses: ClassVar[tuple[FixturePose, ...]]
     """Poses of the fixture when a policy is tried; a place that a user gives takes the
     facing of the first one."""
+    grasp: ClassVar[Grasp] = Grasp()
+    """Largest displacement of the held part in the fingers."""
     recording_pose: ClassVar[FixturePose | None] = None
     """Pose of the fixture while an arm is identified; None is the first trial pose."""
 

@@ -13,7 +13,7 @@ from typing import Self
 import numpy as np
 
 from dovetail.errors import ConfigError
-from dovetail.poses import Pose, matrix_from_quat
+from dovetail.poses import UNMOVED, Pose, matrix_from_quat
 from dovetail.robots.robot import Payload, Robot
 from dovetail.types import Vec3
 from dovetail.workcell.parts import Part, Primitive, unit_inertia
@@ -77,11 +77,20 @@ class Workcell:
         _ = cell.fixture  # refuses what cannot be
         return cell
 
-    def tool_primitives(self) -> list[Primitive]:
-        """Return tool and held part in the flange frame."""
-        tcp = np.array([0.0, 0.0, self.tool.length])
-        held = (part.moved(tcp, self.tool.rotation) for part in self.held.primitives)
-        return [*self.tool.primitives, *held]
+    def tool_primitives(self, grasp: Pose = UNMOVED) -> list[Primitive]:
+        """Return tool and held part in the flange frame.
+
+        Args:
+            grasp: The held part's frame in the TCP's: it may have slipped.
+        """
+        return [*self.tool.primitives, *self.held_primitives(grasp)]
+
+    def held_primitives(self, grasp: Pose = UNMOVED) -> list[Primitive]:
+        """Return the held part in the flange frame; see `tool_primitives`."""
+        tcp, shapes = np.array([0.0, 0.0, self.tool.length]), self.held.primitives
+        if grasp is not UNMOVED:
+            shapes = tuple(shape.moved(*grasp) for shape in shapes)
+        return [shape.moved(tcp, self.tool.rotation) for shape in shapes]
 
     def payload(self) -> Payload:
         """Return mass, centre and inertia of tool and part, in the flange frame."""
