@@ -1,0 +1,1 @@
+"""Mesh a gear with another that stands beside its shaft."""
