@@ -1,0 +1,1 @@
+"""Push a connector, held a little wrong, into its port."""
