@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 
 from dovetail.errors import ConfigError
+from dovetail.evaluation.config import EvaluationConfig, environment_options
+from dovetail.learn.policy import Policy, find_policy
 from dovetail.poses import UNMOVED, rotation_error
 from dovetail.tasks.grasp import Grasp
 
@@ -61,3 +63,19 @@ def test_ranges_are_kept():
         make(grasp_error=0.5)
     with pytest.raises(ConfigError):
         make(grasp_turn=-0.1)
+
+
+def test_an_evaluation_may_hold_the_part_otherwise_than_the_training(tmp_path):
+    config = EvaluationConfig(
+        policy="peg_square",
+        plant="mujoco",
+        tries=1,
+        max_steps=2,
+        grasp_error=0.002,
+        out=tmp_path / "out",
+    )
+    options = environment_options(
+        config, Policy.load(find_policy("peg_square")).metadata
+    )
+    assert options["grasp_error"] == 0.002
+    assert "grasp_turn" not in options

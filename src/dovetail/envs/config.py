@@ -25,6 +25,8 @@ FORCE_DAMPING = 40.0
 """Damping of force axes [1/s]."""
 ENDLESS = 1_000_000
 """Actions of an episode that only success or its user ends."""
+GRASP_ERROR, GRASP_TURN = Range(0.0, 0.01, "m"), Range(0.0, 0.2, "rad")
+"""Ranges of a held part's displacement in the fingers."""
 SCRIPTS = ("corner",)
 """Scripts that an action may correct."""
 
@@ -157,10 +159,10 @@ class EpisodeConfig:
 class GraspConfig:
     """Displacement of the held part in the fingers, of simulated arms."""
 
-    grasp_error: Annotated[float | None, Range(0.0, 0.01, "m")] = None
+    grasp_error: Annotated[float | None, GRASP_ERROR] = None
     """Largest displacement along each axis of the tool, drawn for each episode [m].
     A policy sees it only through contact. Left out, it is the task's own."""
-    grasp_turn: Annotated[float | None, Range(0.0, 0.2, "rad")] = None
+    grasp_turn: Annotated[float | None, GRASP_TURN] = None
     """The same about each axis [rad]."""
 
 

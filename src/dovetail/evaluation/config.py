@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from dovetail.arms.address import SCHEMES, parse_address
 from dovetail.arms.arm_address import ArmAddress
 from dovetail.control.limits import DeclaredErrors
 from dovetail.control.period import DEFAULT_PERIOD, require_period
+from dovetail.envs.config import GRASP_ERROR, GRASP_TURN
 from dovetail.envs.registered import task_class
 from dovetail.errors import ConfigError
 from dovetail.evaluation.perturbation import Perturbation
@@ -42,6 +43,11 @@ class TriedTaskConfig:
     """Measure before each try the weight that gravity compensation misses. It is taken
     off what the policy commands. Default as the policy was trained, or else on every
     arm but the nominal simulation, which misses none."""
+    grasp_error: Annotated[float | None, GRASP_ERROR] = None
+    """Largest displacement of the held part in the fingers [m].
+    Default the policy's."""
+    grasp_turn: Annotated[float | None, GRASP_TURN] = None
+    """Largest turn of it about each axis [rad]; default the policy's."""
 
 
 @settings()
@@ -166,7 +172,7 @@ def _episode(config: EvaluationConfig) -> dict[str, Any]:
             f"fall_back is {config.fall_back:g} s, but with --search {search} "
             "the search acts from the start; give one of the two"
         )
-    names = ("fall_back", "max_steps", "tare")
+    names = ("fall_back", "max_steps", "tare", "grasp_error", "grasp_turn")
     return {n: vars(config)[n] for n in names if vars(config)[n] is not None}
 
 
