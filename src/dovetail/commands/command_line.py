@@ -155,7 +155,8 @@ class _Page:
             own = {n: flat.pop(n) for n in of_task if n in flat}
             if own:
                 own = {n: value for n, value in own.items() if value is not None}
-                flat["task_options"] = own
+                assert self._task is not None
+                flat["task_options"] = self._task.whole(own)
             return kind, flat
 
         return make
