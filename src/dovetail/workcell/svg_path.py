@@ -20,6 +20,7 @@ _TOKEN = re.compile(
 )
 _NUMBERS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}
 """Numbers that a command takes."""
+_MOST = 1e6
 _FLAGS = re.compile(r"\s*,?\s*([01])")
 
 
@@ -97,6 +98,8 @@ class _Path:
             if match is None or number is None:
                 raise self._wrong(f"lacks a number for {kind}")
             found.append(float(number))
+            if not abs(found[-1]) <= _MOST:
+                raise self._wrong(f"has the number {number}; allowed: to {_MOST:g}")
             self._at = match.end()
         return found
 

@@ -15,12 +15,11 @@ from dovetail.robots.robot import GRAVITY
 from dovetail.tasks.fixture_pose import FixturePose
 from dovetail.tasks.insert.overlap import deepest_overlap
 from dovetail.tasks.opening import IntoOpening
-from dovetail.tasks.peg_in_hole.starts import (
+from dovetail.tasks.starts import (
     RandomisationConfig,
     sample_hole,
     sample_start,
 )
-from dovetail.tasks.peg_in_hole.task import PegInHole
 from dovetail.tasks.task import Outline
 from dovetail.types import Vec3
 from dovetail.workcell.part_file import Pair, read_pair
@@ -41,7 +40,8 @@ LENGTH_MAX = 0.110
 """Longest part between flange and TCP [m]: with it the fingers are 17 mm long."""
 _SLACK = 0.002  # [m] above the floor that is deep enough, at most a tenth of the depth
 _OVERLAP = 1e-5  # [m] of two parts in one another, beyond rounding
-_TABLE_GAP = 0.005  # [m] between the lowest fixture that is drawn and the table
+BELOW_MAX = 0.075
+"""Most that a fixture reaches below its mouth [m]: mouths are 80 to 120 mm high."""
 
 
 class _Facts(NamedTuple):
@@ -61,9 +61,9 @@ class _Facts(NamedTuple):
 class Insert(IntoOpening):
     """Insert a part into its fixture, both described by a file.
 
-    XYZ are accelerations, the turn about the vertical is a pose, as in `PegInHole`,
-    whose places and starts these are: starts are turned by at most 0.2 rad from the
-    fixture, so a part that fits in several turns goes in by the nearest.
+    XYZ are accelerations, the turn about the vertical is a pose. Starts are turned by
+    at most 0.2 rad from the fixture, so a part that fits in several turns goes in by
+    the nearest.
     """
 
     axes: str = "XYZ:force A:pose BC:hold"
@@ -74,12 +74,16 @@ class Insert(IntoOpening):
     clearance: float = field(init=False)
     """Gap on each side [m]: the file's."""
     randomisation: RandomisationConfig = field(init=False)
-    """Ranges of starts and fixtures: free of this fixture, above the table."""
+    """Ranges of starts and fixtures: the peg's, free of this fixture."""
 
-    trial_poses: ClassVar[tuple[FixturePose, ...]] = PegInHole.trial_poses
-    """The peg's: x, y, z and theta all differ."""
-    recording_pose: ClassVar[FixturePose | None] = PegInHole.recording_pose
-    """The peg's: in the middle of the walls, and low."""
+    trial_poses: ClassVar[tuple[FixturePose, ...]] = (
+        FixturePose("A", 0.56, -0.045, 0.085, -0.15),
+        FixturePose("B", 0.60, 0.045, 0.10, 0.10),
+        FixturePose("C", 0.64, -0.01, 0.115, 0.20),
+    )
+    """Poses of the fixture when a policy is tried: x, y, z and theta all differ."""
+    recording_pose: ClassVar[FixturePose] = FixturePose("aside", 0.60, 0.0, 0.09, 0.0)
+    """In the middle of the walls, and low."""
 
     def __post_init__(self) -> None:
         """Read the part, and refuse one that cannot be held or inserted."""
@@ -171,11 +175,20 @@ def _facts(text: str) -> _Facts:
     if (found := deepest_overlap(fixture, pair.held, end)) and found.depth > _OVERLAP:
         raise ConfigError(
             f"part {pair.name!r}: where it should stand in the end, its shape "
-            f"{found.other!r} is {1e3 * found.depth:.3f} mm inside {found.one!r} of the "
-            "fixture: make the held part smaller, or the opening larger",
+            f"{found.other!r} is {1e3 * found.depth:.3f} mm inside the fixture's "
+            f"{found.one!r}: make the held part smaller, or the opening larger",
             name="part",
         )
     top = max(float(fixture.corners[:, 2].max()), 0.0)
+    if (below := -float(fixture.corners[:, 2].min())) > BELOW_MAX:
+        raise ConfigError(
+            f"part {pair.name!r}: the fixture reaches {1e3 * below:.4g} mm below its "
+            f"mouth; allowed: up to {1e3 * BELOW_MAX:g} mm, over the table",
+            name="part",
+            value=below,
+            unit="m",
+            allowed=(0.0, BELOW_MAX),
+        )
     _require_held(pair, length, grip, top)
     return _Facts(pair, length, grip, _starts(pair, fixture, top))
 
@@ -185,31 +198,28 @@ def _require_held(pair: Pair, length: float, grip: float, top: float) -> None:
     mass = sum(shape.mass for shape in pair.held.primitives)
     shortest = pair.depth + top + GRIP
     ranges = (
-        ("weighs", mass, 0.0, PAYLOAD_MAX, 1.0, "kg", "lower density, or hollow it"),
-        ("is long", length, shortest, LENGTH_MAX, 1e3, "mm", "change its length"),
-        ("is wide", grip, 1e-3, WIDTH_MAX, 1e3, "mm", "fingers close along x: turn it"),
+        (mass, 0.0, PAYLOAD_MAX, 1.0, "kg", "lower its density, or hollow it"),
+        (length, shortest, LENGTH_MAX, 1e3, "mm long", "change its length"),
+        (grip, 1e-3, WIDTH_MAX, 1e3, "mm wide", "turn it: fingers close along x"),
     )
-    for what, value, low, high, scale, unit, remedy in ranges:
+    for value, low, high, scale, unit, remedy in ranges:
         if not low <= value <= high:
             span = f"{scale * low:.4g} to {scale * high:.4g} {unit}"
             raise ConfigError(
-                f"part {pair.name!r}: the held part {what} {scale * value:.4g} {unit} "
-                f"between the fingers of a WSG 50; allowed: {span}; {remedy}",
+                f"part {pair.name!r}: the held part is {scale * value:.4g} {unit}; a "
+                f"WSG 50 holds {span} until it is inserted; {remedy}",
                 name="part",
                 value=value,
-                unit=unit if scale == 1.0 else "m",
+                unit="kg" if scale == 1.0 else "m",
                 allowed=(low, high),
             )
 
 
 def _starts(pair: Pair, fixture: Part, top: float) -> RandomisationConfig:
-    """Return the peg's starts, in free air about this fixture, above the table."""
+    """Return the peg's starts, in free air about this fixture."""
     usual = RandomisationConfig()
-    x, y, z = usual.hole_centre
-    lowest = _TABLE_GAP - float(fixture.corners[:, 2].min()) + usual.hole_range[2]
     return replace(
         usual,
-        hole_centre=(x, y, max(z, lowest)),
         block_half=float(np.abs(fixture.corners[:, :2]).max()),
         peg_radius=float(np.hypot(*pair.held.corners[:, :2].T).max()),
         gap=usual.gap + top,
